@@ -1,0 +1,170 @@
+"""What fleet.yml means, resolved: frozen nouns that the rest of the exporter reads.
+
+Profiles are already merged and patterns compiled; nobody behind this file sees YAML or pydantic.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from types import MappingProxyType
+
+NO_LABELS: Mapping[str, str] = MappingProxyType({})
+
+
+class Source(str, Enum):
+    """Which of a robot's topics is the truth about its components."""
+
+    AGG = "agg"
+    RAW = "raw"
+    BOTH = "both"  # the tree from the aggregate, changes of level from raw
+    AUTO = "auto"  # the aggregate if there is one, else raw; decided once for a robot
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of the state; beyond them only the surplus is refused, and counted."""
+
+    robots: int = 2000
+    components: int = 500  # of one robot
+    values: int = 200  # of one component
+    label_length: int = 256  # characters
+    series: int = 1_000_000  # of the whole exporter
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """A bound for a value, exported as component_value_threshold for the rules to compare with."""
+
+    bound: str  # "low" or "high"
+    severity: str  # "warning" or "critical"
+    value: float
+
+
+@dataclass(frozen=True)
+class ValueRule:
+    """How one key-value is read; the first rule whose patterns match is the one."""
+
+    component: re.Pattern[str] | None = None  # searched in the component's name; None = all
+    key: re.Pattern[str] | None = None  # fullmatch on the key; None = all
+    keep: bool = True
+    unit: str | None = None  # replaces the unit found in the strings
+    enum: Mapping[str, float] | None = None  # the string as said (case ignored) -> number
+    scale: float = 1.0  # to the base unit of `metric`
+    offset: float = 0.0
+    metric: str | None = None  # promoted: a gauge of this full name instead of component_value
+    thresholds: tuple[Threshold, ...] = ()
+
+
+@dataclass(frozen=True)
+class ComponentRule:
+    """What is special about the components whose name matches; the first match is the one."""
+
+    pattern: re.Pattern[str]  # searched in the component's name
+    ignore: bool = False
+    stale_after: float | None = None  # seconds
+    confirm_after: float | None = None  # seconds
+    levels: Mapping[int, int] = field(default_factory=dict)  # level said -> level counted
+    planned_stale: bool = False  # its STALE pages nobody
+
+
+@dataclass(frozen=True)
+class Check:
+    """A named set of components, as a Nagios service was in the thesis (`-N Motor`)."""
+
+    name: str
+    patterns: tuple[re.Pattern[str], ...] = ()  # any searched in "group/component"; () = all
+    expect: int | None = None  # fewer than this many found is CRITICAL
+
+
+@dataclass(frozen=True)
+class Profile:
+    """How a kind of robot is judged. Times are seconds."""
+
+    name: str = "default"
+    stale_after: float = 10.0
+    confirm_after: float = 10.0
+    forget_after: float = 86_400.0
+    stale_is_critical: bool = False
+    checks: tuple[Check, ...] = (Check("all"),)  # "all" is always the first
+    components: tuple[ComponentRule, ...] = ()
+    values: tuple[ValueRule, ...] = ()
+
+
+@dataclass(frozen=True)
+class Robot:
+    """One robot that fleet.yml declares, or that discovery made from a pattern."""
+
+    name: str
+    domain_id: int = 0
+    namespace: str = ""  # "/robot_1"; "" for a robot in the root namespace
+    topic_agg: str | None = None  # absolute name, resolved from namespace or topic
+    topic_raw: str | None = None
+    source: Source = Source.AUTO
+    profile: Profile = field(default_factory=Profile)
+    address: str | None = None  # host name or IP address for host checks
+    labels: Mapping[str, str] = NO_LABELS  # site, uplink, robot_group, team, kind, ...
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """Robots found by their topics: every topic that `pattern` matches is a robot."""
+
+    pattern: re.Pattern[str]  # fullmatch on the topic; named group "robot"
+    template: str  # as written, "/{robot}/diagnostics_agg"
+    domain_ids: tuple[int, ...] = (0,)
+    source: Source = Source.AUTO
+    include: tuple[re.Pattern[str], ...] = ()  # fullmatch on the robot's name; () = all
+    exclude: tuple[re.Pattern[str], ...] = ()
+    profile: Profile = field(default_factory=Profile)
+    address: str | None = None  # "{robot}.lan"
+    labels: Mapping[str, str] = NO_LABELS
+
+
+@dataclass(frozen=True)
+class Shared:
+    """One topic on which several robots publish, told apart by what a status says of itself."""
+
+    topic: str
+    raw: bool  # partial arrays (/diagnostics) or complete ones (/diagnostics_agg)
+    domain_id: int = 0
+    by: str = "hardware_id"  # or "name"
+    pattern: re.Pattern[str] | None = None  # named groups "robot" and, for names, "component"
+    profile: Profile = field(default_factory=Profile)
+    labels: Mapping[str, str] = NO_LABELS
+
+
+@dataclass(frozen=True)
+class Maintenance:
+    """A planned downtime: which robots, and a window that `config.windows` can judge."""
+
+    name: str
+    selector: Mapping[str, str]  # label -> value, or /regular expression/; includes "robot"
+    comment: str
+    start: float | None = None  # Unix time of a window that happens once
+    end: float | None = None
+    weekly: tuple[tuple[int, int, int], ...] = ()  # (weekday 0 = Monday, from, to) in minutes
+    time_zone: str = "UTC"
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """All that fleet.yml and its folders say."""
+
+    name: str
+    robots: tuple[Robot, ...] = ()
+    discoveries: tuple[Discovery, ...] = ()
+    shared: tuple[Shared, ...] = ()
+    profiles: Mapping[str, Profile] = field(default_factory=dict)
+    maintenance: tuple[Maintenance, ...] = ()
+    limits: Limits = Limits()
+
+    @property
+    def domain_ids(self) -> tuple[int, ...]:
+        """Every DDS domain that has to be joined, in ascending order."""
+        found = {robot.domain_id for robot in self.robots}
+        found.update(domain for each in self.discoveries for domain in each.domain_ids)
+        found.update(each.domain_id for each in self.shared)
+        return tuple(sorted(found))

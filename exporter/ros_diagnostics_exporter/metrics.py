@@ -1,0 +1,308 @@
+"""THE table of every family that the exporter serves: name, type, help, labels.
+
+The exposition renders from it, docs/metrics.md is generated from it, and the tests compare rules
+and dashboards with it. Naming follows https://prometheus.io/docs/practices/naming/.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+PREFIX = "ros_diagnostics_"
+
+ROBOT = ("fleet", "robot")
+COMPONENT = (*ROBOT, "group", "component")
+
+
+class Family(NamedTuple):
+    """One metric family; ``labels`` in the order in which they are rendered.
+
+    ``name`` is the full name, for a counter with its ``_total``. ``open`` families carry, beyond
+    ``labels``, those that fleet.yml gives a robot.
+    """
+
+    name: str
+    type: str
+    help: str
+    labels: tuple[str, ...]
+    open: bool = False
+
+
+def _family(name: str, kind: str, help_: str, labels: tuple[str, ...], **more: bool) -> Family:
+    return Family(PREFIX + name, kind, help_, labels, **more)
+
+
+ROBOT_INFO = _family(
+    "robot_info",
+    "gauge",
+    "Inventory: 1 for every known robot, also one declared and never seen.",
+    (*ROBOT, "ros_namespace", "domain_id", "topic", "profile", "address"),
+    open=True,
+)
+ROBOT_UP = _family(
+    "robot_up", "gauge", "1 while messages arrive, 0 while silent or never seen.", ROBOT
+)
+ROBOT_SILENT_REASON = _family(
+    "robot_silent_reason",
+    "gauge",
+    "Why a robot is not up: the reason that holds is 1.",
+    (*ROBOT, "reason"),
+)
+ROBOT_LAST_MESSAGE = _family(
+    "robot_last_message_timestamp_seconds",
+    "gauge",
+    "When the last message was received (Unix time); 0 = never.",
+    ROBOT,
+)
+ROBOT_STALE_AFTER = _family(
+    "robot_stale_after_seconds",
+    "gauge",
+    "Silence after which the robot counts as silent, from the config.",
+    ROBOT,
+)
+ROBOT_CONFIRM_AFTER = _family(
+    "robot_confirm_after_seconds",
+    "gauge",
+    "Time in a problem after which it is confirmed, from the config.",
+    ROBOT,
+)
+ROBOT_STALE_IS_CRITICAL = _family(
+    "robot_stale_is_critical", "gauge", "1 where the config counts STALE as CRITICAL.", ROBOT
+)
+ROBOT_MAINTENANCE = _family(
+    "robot_maintenance", "gauge", "1 during a planned downtime, from the config.", ROBOT
+)
+ROBOT_MESSAGES = _family("robot_messages_total", "counter", "Diagnostic arrays received.", ROBOT)
+ROBOT_MESSAGE_BYTES = _family(
+    "robot_message_bytes_total", "counter", "Serialized bytes of the arrays received.", ROBOT
+)
+ROBOT_PUBLISHERS = _family(
+    "robot_publishers", "gauge", "DDS publishers now matched on the robot's topics.", ROBOT
+)
+ROBOT_CLOCK_OFFSET = _family(
+    "robot_clock_offset_seconds",
+    "gauge",
+    "Receive time minus header.stamp of the last array that had one; transport delay included.",
+    ROBOT,
+)
+ROBOT_REJECTED = _family(
+    "robot_rejected_total",
+    "counter",
+    "What was received and not taken in, by reason.",
+    (*ROBOT, "reason"),
+)
+CHECK_COMPONENTS = _family(
+    "check_components",
+    "gauge",
+    "Components that match the check and stand at the level (ok, warn, error, stale).",
+    (*ROBOT, "check", "level"),
+)
+CHECK_EXPECTED = _family(
+    "check_expected_components",
+    "gauge",
+    "How many components the config expects the check to find.",
+    (*ROBOT, "check"),
+)
+COMPONENT_LEVEL = _family(
+    "component_level",
+    "gauge",
+    "0 OK, 1 WARN, 2 ERROR, 3 STALE, after the config's overrides; leaves only.",
+    COMPONENT,
+)
+COMPONENT_BEFORE_STALE = _family(
+    "component_level_before_stale",
+    "gauge",
+    "The level before the component became STALE; only while it is.",
+    COMPONENT,
+)
+COMPONENT_SINCE = _family(
+    "component_since_timestamp_seconds",
+    "gauge",
+    "When the current level began (Unix time).",
+    COMPONENT,
+)
+COMPONENT_PROBLEM_SINCE = _family(
+    "component_problem_since_timestamp_seconds",
+    "gauge",
+    "When the component left OK (Unix time); absent while it is OK.",
+    COMPONENT,
+)
+COMPONENT_CHANGES = _family(
+    "component_changes_total", "counter", "Changes of level, counted per message.", COMPONENT
+)
+COMPONENT_FLAP_RATIO = _family(
+    "component_flap_ratio",
+    "gauge",
+    "Weighted share of changes over the last 21 states, as Nagios computes it; absent at 0.",
+    COMPONENT,
+)
+COMPONENT_STALE_AFTER = _family(
+    "component_stale_after_seconds",
+    "gauge",
+    "The component's own staleness threshold, only where it differs from the robot's.",
+    COMPONENT,
+)
+COMPONENT_CONFIRM_AFTER = _family(
+    "component_confirm_after_seconds",
+    "gauge",
+    "The component's own confirmation time, only where it differs from the robot's.",
+    COMPONENT,
+)
+COMPONENT_PLANNED_STALE = _family(
+    "component_planned_stale",
+    "gauge",
+    "1 for components whose STALE the config plans and that should page nobody.",
+    COMPONENT,
+)
+COMPONENT_MESSAGE = _family(
+    "component_message_info",
+    "gauge",
+    "1 with the status' message, while the level is not OK.",
+    (*COMPONENT, "message"),
+)
+COMPONENT_INFO = _family(
+    "component_info", "gauge", "1 with the status' hardware_id.", (*COMPONENT, "hardware_id")
+)
+COMPONENT_VALUE = _family(
+    "component_value",
+    "gauge",
+    "A key-value that is a number, in the unit the driver gave; absent while STALE.",
+    (*COMPONENT, "key", "unit"),
+)
+COMPONENT_VALUE_THRESHOLD = _family(
+    "component_value_threshold",
+    "gauge",
+    "The config's bound (low, high) for a value, by severity (warning, critical).",
+    (*COMPONENT, "key", "unit", "bound", "severity"),
+)
+GROUP_LEVEL = _family(
+    "group_level",
+    "gauge",
+    "A parent's level as the robot's own aggregator reported it.",
+    (*ROBOT, "group"),
+)
+
+FLEET_FAMILIES = (
+    ROBOT_INFO,
+    ROBOT_UP,
+    ROBOT_SILENT_REASON,
+    ROBOT_LAST_MESSAGE,
+    ROBOT_STALE_AFTER,
+    ROBOT_CONFIRM_AFTER,
+    ROBOT_STALE_IS_CRITICAL,
+    ROBOT_MAINTENANCE,
+    ROBOT_MESSAGES,
+    ROBOT_MESSAGE_BYTES,
+    ROBOT_PUBLISHERS,
+    ROBOT_CLOCK_OFFSET,
+    ROBOT_REJECTED,
+    CHECK_COMPONENTS,
+    CHECK_EXPECTED,
+    COMPONENT_LEVEL,
+    COMPONENT_BEFORE_STALE,
+    COMPONENT_SINCE,
+    COMPONENT_PROBLEM_SINCE,
+    COMPONENT_CHANGES,
+    COMPONENT_FLAP_RATIO,
+    COMPONENT_STALE_AFTER,
+    COMPONENT_CONFIRM_AFTER,
+    COMPONENT_PLANNED_STALE,
+    COMPONENT_MESSAGE,
+    COMPONENT_INFO,
+    COMPONENT_VALUE,
+    COMPONENT_VALUE_THRESHOLD,
+    GROUP_LEVEL,
+)
+
+FLEET = ("fleet",)
+EXPORTER_BUILD_INFO = _family(
+    "exporter_build_info",
+    "gauge",
+    "1 with the versions of the exporter, Python and the ROS middleware.",
+    (*FLEET, "version", "python_version", "ros_distro", "rmw"),
+)
+EXPORTER_CONFIG_OK = _family(
+    "exporter_config_last_reload_successful",
+    "gauge",
+    "1 if the last attempt to read the config succeeded.",
+    FLEET,
+)
+EXPORTER_CONFIG_TIME = _family(
+    "exporter_config_last_reload_success_timestamp_seconds",
+    "gauge",
+    "When the config was last read successfully (Unix time).",
+    FLEET,
+)
+EXPORTER_ROBOTS = _family("exporter_robots", "gauge", "Robots known.", FLEET)
+EXPORTER_SERIES = _family(
+    "exporter_series", "gauge", "Series served at the last scrape, by family.", (*FLEET, "family")
+)
+EXPORTER_SERIES_LIMIT = _family(
+    "exporter_series_limit", "gauge", "The config's bound of all series.", FLEET
+)
+EXPORTER_REJECTED = _family(
+    "exporter_rejected_total",
+    "counter",
+    "What belongs to no known robot and was not taken in, by reason.",
+    (*FLEET, "reason"),
+)
+EXPORTER_DECODE = _family(
+    "exporter_decode_seconds_total", "counter", "CPU time spent on decoding messages.", FLEET
+)
+EXPORTER_INGEST = _family(
+    "exporter_ingest_seconds_total",
+    "counter",
+    "CPU time spent on taking decoded messages into the state.",
+    FLEET,
+)
+EXPORTER_SCRAPES = _family("exporter_scrapes_total", "counter", "Scrapes answered.", FLEET)
+EXPORTER_SCRAPE_DURATION = _family(
+    "exporter_last_scrape_duration_seconds",
+    "gauge",
+    "Time that rendering the last scrape before this one took.",
+    FLEET,
+)
+EXPORTER_DOMAIN_UP = _family(
+    "exporter_domain_up",
+    "gauge",
+    "1 where the DDS domain is joined.",
+    (*FLEET, "domain_id"),
+)
+EXPORTER_DISCOVERY_TIME = _family(
+    "exporter_discovery_last_run_timestamp_seconds",
+    "gauge",
+    "When the ROS graph was last looked at (Unix time).",
+    FLEET,
+)
+EXPORTER_STORAGE_OK = _family(
+    "exporter_storage_last_write_successful",
+    "gauge",
+    "1 if the last attempt to write the state file succeeded; only with --storage.path.",
+    FLEET,
+)
+EXPORTER_STORAGE_TIME = _family(
+    "exporter_storage_last_write_success_timestamp_seconds",
+    "gauge",
+    "When the state file was last written (Unix time); only with --storage.path.",
+    FLEET,
+)
+
+EXPORTER_FAMILIES = (
+    EXPORTER_BUILD_INFO,
+    EXPORTER_CONFIG_OK,
+    EXPORTER_CONFIG_TIME,
+    EXPORTER_ROBOTS,
+    EXPORTER_SERIES,
+    EXPORTER_SERIES_LIMIT,
+    EXPORTER_REJECTED,
+    EXPORTER_DECODE,
+    EXPORTER_INGEST,
+    EXPORTER_SCRAPES,
+    EXPORTER_SCRAPE_DURATION,
+    EXPORTER_DOMAIN_UP,
+    EXPORTER_DISCOVERY_TIME,
+    EXPORTER_STORAGE_OK,
+    EXPORTER_STORAGE_TIME,
+)
+
+ALL_FAMILIES = FLEET_FAMILIES + EXPORTER_FAMILIES
