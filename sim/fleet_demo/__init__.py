@@ -1,1 +1,4 @@
-"""The demo: the whole road from a virtual robot to an email, on one machine, from real parts."""
+"""The whole road on one machine: virtual robots to email. What `./run demo` and the tests share.
+
+It starts the other programs and reads what they serve; it imports none of them.
+"""

@@ -1,0 +1,67 @@
+"""What all tests share: a ROS domain and ports of their own, programs that end with the test."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from fleet_demo import domains, ports
+from fleet_demo.processes import Process
+
+# For rclpy in the test process itself; programs get the same from `dds_environment`. Each process
+# that uses ROS writes a log file: they go where the system tidies up.
+_environment = domains.environment(0)
+_environment["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / f"ros-log-of-tests-{os.getuid()}")
+os.environ.clear()
+os.environ.update(_environment)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--all", action="store_true", help="also run the tests marked slow")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("--all"):
+        return
+    reason = pytest.mark.skip(reason="slow: ./run test --all runs it")
+    for item in items:
+        if item.get_closest_marker("slow"):
+            item.add_marker(reason)
+
+
+@pytest.fixture
+def ros_domain() -> Iterator[int]:
+    """A ROS domain id that nobody else on this machine uses during the test."""
+    with domains.lease() as domain_id:
+        yield domain_id
+
+
+@pytest.fixture
+def dds_environment(ros_domain: int) -> dict[str, str]:
+    """The environment of a program that talks ROS in this test's domain, on this machine only."""
+    return domains.environment(ros_domain)
+
+
+@pytest.fixture
+def free_port() -> Callable[[], int]:
+    """A function: each call returns another free TCP port of 127.0.0.1."""
+    return ports.free_port
+
+
+@pytest.fixture
+def start_process(tmp_path: Path) -> Iterator[Callable[..., Process]]:
+    """A function (name, argv, env): starts a program that ends with the test."""
+    started: list[Process] = []
+
+    def start(name: str, argv: list[str | Path], env: dict[str, str] | None = None) -> Process:
+        process = Process(name, argv, env, tmp_path / f"{name}-{len(started)}.log")
+        started.append(process)
+        return process.start()
+
+    yield start
+    for process in reversed(started):
+        process.stop()

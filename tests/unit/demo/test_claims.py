@@ -1,0 +1,76 @@
+"""Processes that run at the same time never get the same domain or port."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from fleet_demo import domains, ports
+
+HOLD_A_LEASE = (
+    "import sys; from fleet_demo import domains; lease = domains.lease();"
+    "print(lease.__enter__(), flush=True); sys.stdin.read()"
+)
+
+
+def test_leases_that_overlap_differ():
+    with domains.lease() as first, domains.lease() as second:
+        assert first != second
+        assert {first, second} <= set(domains.DOMAINS)
+
+
+def test_a_lease_ends_with_the_process_that_was_killed():
+    argv = [sys.executable, "-c", HOLD_A_LEASE]
+    with subprocess.Popen(argv, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        taken = int(other.stdout.readline())
+        held = domains.claim(f"ros-domain/{taken}")
+        other.kill()
+        other.wait()
+        freed = domains.claim(f"ros-domain/{taken}")
+
+    assert held is None
+    assert freed is not None
+    freed.close()
+
+
+def test_a_domain_in_which_somebody_without_a_lease_talks_is_passed_over(monkeypatch):
+    with domains.lease() as domain_id:
+        pass
+    monkeypatch.setattr(domains, "DOMAINS", range(domain_id, domain_id + 1))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as participant:
+        participant.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        participant.bind(("", 7400 + 250 * domain_id))
+
+        with pytest.raises(RuntimeError, match="in use"), domains.lease():
+            pass
+
+
+def test_the_environment_keeps_ros_on_this_machine(monkeypatch):
+    monkeypatch.setenv("ROS_DISCOVERY_SERVER", "10.0.0.1:11811")
+
+    environment = domains.environment(7)
+
+    assert environment["ROS_DOMAIN_ID"] == "7"
+    assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert "ROS_DISCOVERY_SERVER" not in environment
+
+
+def test_ports_are_free_and_all_different():
+    found = [ports.free_port() for _ in range(50)]
+
+    assert len(set(found)) == 50
+    for port in found:
+        with socket.create_server(("127.0.0.1", port)):
+            pass
+
+
+def test_a_port_on_which_somebody_listens_is_passed_over(monkeypatch):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        monkeypatch.setattr(ports, "PORTS", range(port, port + 1))
+
+        with pytest.raises(RuntimeError, match="in use"):
+            ports.free_port()

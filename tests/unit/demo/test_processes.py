@@ -1,0 +1,100 @@
+"""A program that we start ends when we say so, and never outlives us."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fleet_demo.processes import Process
+from fleet_demo.waiting import until
+
+STUBBORN = (
+    "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN);"
+    "print('ready', flush=True); time.sleep(600)"
+)
+
+
+POLITE = (
+    "import signal, sys; signal.signal(signal.SIGTERM, lambda *_: sys.exit(7));"
+    "print('ready', flush=True); signal.pause()"
+)
+START_AN_ORPHAN = (
+    "import sys; from pathlib import Path; from fleet_demo.processes import Process;"
+    "argv = [sys.executable, '-c', sys.argv[1]];"
+    "process = Process('orphan', argv, None, Path(sys.argv[2])).start();"
+    "process.wait_for_output('ready'); print(process.pid, flush=True); sys.stdin.read()"
+)
+
+
+def gone(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return True
+    return state == "Z"
+
+
+def test_stop_asks_first(start_process):
+    process = start_process("polite", [sys.executable, "-c", POLITE])
+    process.wait_for_output("ready")
+
+    assert process.stop() == 7
+    assert not process.alive
+
+
+def test_stop_kills_what_does_not_listen(start_process):
+    process = start_process("stubborn", [sys.executable, "-c", STUBBORN])
+    process.wait_for_output("ready")
+
+    assert process.stop(grace=0.1) == -signal.SIGKILL
+
+
+def test_stop_ends_the_children_too(start_process):
+    process = start_process("parent", ["sh", "-c", "sleep 600 & echo child=$!; wait"])
+    child = int(process.wait_for_output(r"child=(\d+)")[1])
+
+    process.stop()
+
+    until(lambda: gone(child), "the end of the child")
+
+
+def test_the_program_dies_with_the_process_that_started_it(tmp_path):
+    argv = [sys.executable, "-c", START_AN_ORPHAN, STUBBORN, str(tmp_path / "log")]
+    with subprocess.Popen(argv, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as parent:
+        orphan = int(parent.stdout.readline())
+        assert not gone(orphan)
+        os.kill(parent.pid, signal.SIGKILL)
+
+    until(lambda: gone(orphan), "the end of the orphan")
+
+
+def test_waiting_for_output_ends_with_the_program(start_process):
+    process = start_process("short", ["sh", "-c", "echo no such file; exit 3"])
+
+    with pytest.raises(RuntimeError, match=r"short ended with 3; its last output:\nno such file"):
+        process.wait_for_output("never")
+
+
+def test_waiting_for_output_says_what_came_instead(start_process):
+    process = start_process("slow", ["sh", "-c", "echo still loading; sleep 600"])
+    process.wait_for_output("loading")
+
+    with pytest.raises(TimeoutError, match=r"(?s)'ready' from slow is running.*still loading"):
+        process.wait_for_output("ready", seconds=0.1)
+
+
+def test_a_second_start_keeps_the_first_output(tmp_path):
+    process = Process("twice", ["echo", "hello"], None, tmp_path / "log")
+
+    for _ in range(2):
+        process.start()
+        until(lambda: not process.alive, "its end")
+
+    assert re.findall("hello", process.output()) == ["hello", "hello"]
+    assert process.exit_code == 0
