@@ -1,0 +1,137 @@
+"""What happened: levels changed, robots fell silent, the config was read; kept for a while.
+
+Owns the shape of an event, the bounded memory behind /api/v1/events and, if asked for, the log of
+JSON lines on disk. Knows no clock: whoever reports an event says when it was.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import logging.handlers
+import threading
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+KINDS = ("level", "robot", "config")
+REMEMBERED = 10_000  # events in memory; some 5 MB
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Event:
+    """One thing that happened, at Unix time ``time``.
+
+    ``kind`` is ``level`` (a component changed), ``robot`` (it fell silent, returned, appeared or
+    was forgotten) or ``config`` (read or refused). ``before`` and ``after`` are words, for levels
+    OK, WARN, ERROR, STALE; "" where they do not apply.
+    """
+
+    time: float
+    kind: str
+    robot: str = ""
+    group: str = ""
+    component: str = ""
+    before: str = ""
+    after: str = ""
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which events a reader asks for; None asks for all. ``since`` <= time < ``until``."""
+
+    kind: str | None = None
+    robot: str | None = None
+    component: str | None = None
+    level: str | None = None  # the level, or word, after the change
+    since: float | None = None
+    until: float | None = None
+    limit: int = 100
+
+    def matches(self, event: Event) -> bool:
+        """Whether ``event`` is one of those asked for, the limit apart."""
+        pairs = (
+            (self.kind, event.kind),
+            (self.robot, event.robot),
+            (self.component, event.component),
+            (self.level, event.after),
+        )
+        return (
+            all(want is None or want == have for want, have in pairs)
+            and (self.since is None or event.time >= self.since)
+            and (self.until is None or event.time < self.until)
+        )
+
+
+class EventLog:
+    """The last events, newest first, and their log on disk if there is one. Safe from any thread.
+
+    Args:
+        path: The file to append JSON lines to, one event each; None keeps no log.
+        max_bytes: Size at which the file is renamed to ``<path>.1`` and a new one begun.
+        backups: How many of the renamed files stay.
+
+    Raises:
+        OSError: The file cannot be opened for appending.
+    """
+
+    def __init__(
+        self, path: Path | None = None, max_bytes: int = 10_000_000, backups: int = 5
+    ) -> None:
+        self._lock = threading.Lock()
+        self._events: deque[Event] = deque(maxlen=REMEMBERED)
+        self._file = None if path is None else _Lines(path, max_bytes, backups)
+
+    def record(self, event: Event) -> None:
+        """Remember the event; a disk that refuses its line is logged, and costs no more."""
+        with self._lock:
+            self._events.append(event)
+        if self._file is not None:
+            self._file.write(json.dumps(_filled(event), ensure_ascii=False))
+
+    def find(self, wanted: Wanted) -> list[dict[str, Any]]:
+        """The events asked for as JSON objects, newest first, fields that do not apply left out."""
+        with self._lock:
+            events = list(self._events)
+        return [_filled(event) for event in islice(_newest(events, wanted), wanted.limit)]
+
+    def close(self) -> None:
+        """Close the log on disk."""
+        if self._file is not None:
+            self._file.close()
+
+
+def _newest(events: list[Event], wanted: Wanted) -> Iterator[Event]:
+    return (event for event in reversed(events) if wanted.matches(event))
+
+
+def _filled(event: Event) -> dict[str, Any]:
+    return {key: value for key, value in asdict(event).items() if value != ""}
+
+
+class _Lines(logging.handlers.RotatingFileHandler):
+    """A rotated file of lines: the standard library's handler, which knows how to rotate."""
+
+    def __init__(self, path: Path, max_bytes: int, backups: int) -> None:
+        super().__init__(path, maxBytes=max_bytes, backupCount=backups, encoding="utf-8")
+        self._failed = False
+        self._failing = False  # told once, until a line succeeds again
+
+    def write(self, line: str) -> None:
+        self.handle(logging.LogRecord(__name__, logging.INFO, __file__, 0, line, None, None))
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._failed = False
+        super().emit(record)
+        self._failing = self._failed
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: ARG002, N802 - as the base
+        self._failed = True
+        if not self._failing:
+            _log.exception("the event log %s cannot be written; events go on", self.baseFilename)

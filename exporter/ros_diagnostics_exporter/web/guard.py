@@ -1,0 +1,111 @@
+"""The protocol that stands between a client and the application: time-outs and a full house.
+
+uvicorn has a time-out for idle connections, but none for a request that arrives byte by byte, nor
+for a client that does not read its answer, and no bound of connections. This adds the three. It
+leans on attributes of uvicorn's H11Protocol (cycle, conn, connections, app_state), hence the upper
+bound of uvicorn's version in pyproject.toml.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import enum
+from typing import Any, cast
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+MAX_CONNECTIONS = 1000
+MAX_HEADER_BYTES = 16 * 1024
+
+
+class Phase(enum.Enum):
+    """What a connection is waiting for."""
+
+    REQUEST = "the client has not sent all of its request"
+    ANSWER = "the application makes the answer"
+    READING = "the client has not read all of its answer"
+    IDLE = "kept alive for a next request"
+
+
+# Seconds. A request's time runs from its first byte (the first one's from the connection).
+TIMEOUTS = {Phase.REQUEST: 10.0, Phase.ANSWER: 60.0, Phase.READING: 60.0, Phase.IDLE: 120.0}
+
+
+class GuardedProtocol(H11Protocol):
+    """One client's connection, which no phase may hold for longer than its time-out."""
+
+    transport: asyncio.Transport
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        # A request finds its connection here, so that an answer nobody reads can be dropped.
+        self.app_state = {**self.app_state, "connection": self}
+        self.phase = Phase.REQUEST
+        self.since = 0.0
+        self._timer: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin to wait for the first request; in a full house somebody has to go."""
+        super().connection_made(transport)
+        self._enter(Phase.REQUEST)
+        if len(self.connections) > MAX_CONNECTIONS:
+            self._make_room()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the timer with the connection."""
+        super().connection_lost(exc)
+        self._stop_timer()
+
+    def data_received(self, data: bytes) -> None:
+        """Hand the bytes on and see what the connection is waiting for now."""
+        super().data_received(data)
+        self._look()
+
+    def on_response_complete(self) -> None:
+        """See whether the client has read the answer, and whether it has asked again."""
+        super().on_response_complete()
+        self._look()
+
+    def abort(self) -> None:
+        """Drop the connection with whatever is still to be sent on it."""
+        self.transport.abort()
+
+    def _look(self) -> None:
+        phase = self._judge()
+        if phase is not self.phase:
+            self._enter(phase)
+
+    def _judge(self) -> Phase:
+        if self.cycle is None:
+            return Phase.REQUEST
+        if not self.cycle.response_complete:
+            return Phase.ANSWER
+        if self.transport.get_write_buffer_size() > 0:
+            return Phase.READING
+        # Between requests h11 holds no bytes and is ready for the next; anything else is a request
+        # half received, or the rest of a body that the answer did not wait for.
+        ready = self.conn.our_state == self.conn.their_state and not self.conn.trailing_data[0]
+        return Phase.IDLE if ready else Phase.REQUEST
+
+    def _enter(self, phase: Phase) -> None:
+        self.phase = phase
+        self.since = self.loop.time()
+        self._stop_timer()
+        self._timer = self.loop.call_later(TIMEOUTS[phase], self._too_long)
+
+    def _stop_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _too_long(self) -> None:
+        if self._judge() is self.phase:
+            self.abort()
+        else:
+            self._look()
+
+    def _make_room(self) -> None:
+        """Drop the connection that has waited longest for a request; the newest if none waits."""
+        others = cast("set[GuardedProtocol]", self.connections)
+        waiting = [each for each in others if each.phase in (Phase.REQUEST, Phase.IDLE)]
+        min(waiting, key=lambda each: each.since, default=self).abort()

@@ -1,0 +1,132 @@
+"""The server: sockets, a thread with an event loop of its own, and a clean end.
+
+Threads are bounded: one for the event loop and four for what the doors do. There is no access log.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+import threading
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, cast
+
+import uvicorn
+from starlette.applications import Starlette
+
+from .app import build
+from .doors import Doors
+from .guard import MAX_HEADER_BYTES, TIMEOUTS, GuardedProtocol, Phase
+from .listen import BACKLOG, bind_all, name_of
+
+THREADS = 4
+GRACE = 3  # seconds for answers under way when the server stops
+
+
+class Server:
+    """Serves the doors over HTTP from a thread of its own; started once, stopped once.
+
+    Args:
+        doors: What is served.
+        listen: Addresses, ``host:port``; without a host all interfaces, port 0 picks a free one.
+        telemetry_path: Where the metrics are.
+        web_config: A file in the format of Prometheus' exporter-toolkit (TLS, basic auth).
+        lifecycle: Whether /-/reload and /-/forget are open.
+
+    Attributes:
+        addresses: What is really listened on, once started.
+    """
+
+    def __init__(
+        self,
+        doors: Doors,
+        listen: Sequence[str],
+        telemetry_path: str = "/metrics",
+        web_config: Path | None = None,
+        lifecycle: bool = False,
+    ) -> None:
+        if web_config is not None:
+            raise ValueError("--web.config.file is not supported yet")
+        self.addresses: tuple[str, ...] = ()
+        self._listen = tuple(listen)
+        self._executor = ThreadPoolExecutor(THREADS, thread_name_prefix="web")
+        app = build(doors, self._executor, telemetry_path, lifecycle)
+        self._uvicorn = _Uvicorn(_settings(app))
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Listen on all addresses and serve; returns when requests are answered.
+
+        Raises:
+            ListenError: An address cannot be listened on; none is then.
+        """
+        sockets = bind_all(self._listen)
+        self.addresses = tuple(name_of(each) for each in sockets)
+        self._thread = threading.Thread(target=self._run, args=(sockets,), name="web-server")
+        self._thread.start()
+        self._uvicorn.ready.wait()
+
+    def stop(self) -> None:
+        """Take no more connections, finish the answers under way (3 s at most) and end."""
+        if self._thread is None:
+            return
+        self._uvicorn.should_exit = True
+        self._thread.join()
+        self._executor.shutdown(cancel_futures=True)
+
+    def _run(self, sockets: list[socket.socket]) -> None:
+        loop = _Loop()
+        try:
+            loop.run_until_complete(self._uvicorn.serve(sockets))
+        finally:
+            self._uvicorn.ready.set()
+            loop.close()
+
+
+class _Uvicorn(uvicorn.Server):
+    """Says when it is ready, and leaves no connection behind."""
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self.ready = threading.Event()
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self.ready.set()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().shutdown(sockets)
+        for connection in list(self.server_state.connections):
+            cast(GuardedProtocol, connection).abort()
+        await asyncio.sleep(0)  # lets the loop close them
+
+
+class _Loop(asyncio.SelectorEventLoop):
+    """The standard loop with a time-out for TLS handshakes that is a request's, not a minute."""
+
+    async def create_server(self, *args: Any, **kwargs: Any) -> asyncio.Server:
+        if kwargs.get("ssl") is not None:
+            kwargs["ssl_handshake_timeout"] = TIMEOUTS[Phase.REQUEST]
+        return await super().create_server(*args, **kwargs)
+
+
+def _settings(app: Starlette) -> uvicorn.Config:
+    # uvicorn warns of every malformed request; whoever sends those must not fill the log.
+    logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
+    return uvicorn.Config(
+        app,
+        http=GuardedProtocol,
+        ws="none",
+        lifespan="off",
+        log_config=None,
+        access_log=False,
+        proxy_headers=False,
+        server_header=False,
+        backlog=BACKLOG,
+        timeout_keep_alive=int(TIMEOUTS[Phase.IDLE]),
+        timeout_graceful_shutdown=GRACE,
+        h11_max_incomplete_event_size=MAX_HEADER_BYTES,
+    )

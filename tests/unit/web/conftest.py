@@ -1,0 +1,90 @@
+"""A server on simple functions: the web is tested without ROS and without the state."""
+
+from __future__ import annotations
+
+import http.client
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from ros_diagnostics_exporter.web.doors import Doors
+from ros_diagnostics_exporter.web.server import Server
+
+Serve = Callable[..., Server]
+
+
+def fleet() -> dict[str, Any]:
+    return {"fleet": "hall", "time": 1.0, "version": "1", "robots": []}
+
+
+def no_targets(job: str) -> list[dict[str, Any]]:
+    raise LookupError(job)
+
+
+DOORS = Doors(
+    metrics=lambda openmetrics: b"openmetrics\n" if openmetrics else b"text\n",
+    fleet=fleet,
+    events=lambda _wanted: [],
+    targets=no_targets,
+    ready=lambda: None,
+    reload=lambda: None,
+    forget=lambda _robot, _component: 1,
+)
+
+
+@pytest.fixture
+def serve() -> Iterator[Serve]:
+    """Starts servers: the doors' fields to replace, and the server's options as keywords."""
+    started = []
+
+    def start(listen: str = "127.0.0.1:0", **given: Any) -> Server:
+        options = {name: given.pop(name) for name in list(given) if name not in vars(DOORS)}
+        server = Server(replace(DOORS, **given), listen=[listen], **options)
+        server.start()
+        started.append(server)
+        return server
+
+    yield start
+    for server in started:
+        server.stop()
+
+
+def wait_until(condition: Callable[[], object], seconds: float = 20.0) -> None:
+    """Returns when ``condition`` holds; fails when it does not in time."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        threading.Event().wait(0.01)
+
+
+class Answer:
+    """What a server said: status, headers and body, read to the end."""
+
+    def __init__(self, response: http.client.HTTPResponse) -> None:
+        self.status = response.status
+        self.headers = response.headers
+        self.body = response.read()
+
+    @property
+    def text(self) -> str:
+        return self.body.decode()
+
+
+def ask(server: Server, path: str, method: str = "GET", **headers: str) -> Answer:
+    """One request on a connection of its own; header names with _ for -."""
+    host, _, port = server.addresses[0].rpartition(":")
+    with closing(http.client.HTTPConnection(host.strip("[]"), int(port), timeout=20)) as client:
+        client.request(method, path, headers={k.replace("_", "-"): v for k, v in headers.items()})
+        return Answer(client.getresponse())
+
+
+def connect(server: Server) -> socket.socket:
+    """A bare connection, for clients that misbehave."""
+    host, _, port = server.addresses[0].rpartition(":")
+    return socket.create_connection((host, int(port)), timeout=20)

@@ -1,0 +1,156 @@
+from __future__ import annotations
+
+import gzip
+import socket
+import threading
+
+import pytest
+
+from ros_diagnostics_exporter.web.listen import ListenError, parse_address
+from ros_diagnostics_exporter.web.server import Server
+
+from .conftest import DOORS, ask, wait_until
+
+PROMETHEUS = (
+    "application/openmetrics-text;version=1.0.0;q=0.5,"
+    "application/openmetrics-text;version=0.0.1;q=0.4,text/plain;version=0.0.4;q=0.3,*/*;q=0.2"
+)
+
+
+@pytest.mark.parametrize(
+    ("accept", "kind", "body"),
+    [
+        ("", "text/plain; version=0.0.4; charset=utf-8", b"text\n"),
+        ("*/*", "text/plain; version=0.0.4; charset=utf-8", b"text\n"),
+        (
+            PROMETHEUS,
+            "application/openmetrics-text; version=1.0.0; charset=utf-8",
+            b"openmetrics\n",
+        ),
+        (
+            "application/openmetrics-text;q=0.1, text/plain",
+            "text/plain; version=0.0.4; charset=utf-8",
+            b"text\n",
+        ),
+        (
+            "application/openmetrics-text;q=0",
+            "text/plain; version=0.0.4; charset=utf-8",
+            b"text\n",
+        ),
+        ("text/html;q=nonsense", "text/plain; version=0.0.4; charset=utf-8", b"text\n"),
+    ],
+)
+def test_the_format_is_the_one_the_client_likes_best(serve, accept, kind, body):
+    answer = ask(serve(), "/metrics", Accept=accept)
+    assert (answer.status, answer.headers["Content-Type"], answer.body) == (200, kind, body)
+
+
+@pytest.mark.parametrize(
+    ("accepted", "packed"),
+    [("gzip", True), ("br, gzip;q=0.5", True), ("*", True), ("gzip;q=0", False), ("br", False)],
+)
+def test_the_exposition_is_gzipped_for_clients_that_take_it(serve, accepted, packed):
+    answer = ask(serve(), "/metrics", Accept_Encoding=accepted)
+    assert (answer.headers["Content-Encoding"] == "gzip") is packed
+    assert (gzip.decompress(answer.body) if packed else answer.body) == b"text\n"
+    assert "Accept-Encoding" in answer.headers["Vary"]
+
+
+def test_head_says_what_get_would_without_the_body(serve):
+    answer = ask(serve(), "/metrics", "HEAD")
+    assert (answer.status, answer.body, answer.headers["Content-Length"]) == (200, b"", "5")
+
+
+def test_the_metrics_can_be_moved_to_another_path(serve):
+    server = serve(telemetry_path="/probe")
+    assert ask(server, "/probe").body == b"text\n"
+    assert ask(server, "/metrics").status == 404
+
+
+def test_metrics_at_the_root_leave_no_room_for_the_landing_page(serve):
+    assert ask(serve(telemetry_path="/"), "/").body == b"text\n"
+
+
+def test_not_ready_says_why(serve):
+    assert ask(serve(), "/-/ready").status == 200
+    answer = ask(serve(ready=lambda: "domain 7 is not joined"), "/-/ready")
+    assert (answer.status, answer.text) == (503, "not ready: domain 7 is not joined\n")
+    assert ask(serve(ready=lambda: "not yet"), "/-/healthy").status == 200
+
+
+def test_an_error_in_a_door_is_answered_500_and_logged(serve, caplog):
+    def broken(openmetrics: bool) -> bytes:
+        raise RuntimeError("the state is on fire")
+
+    server = serve(metrics=broken)
+    assert ask(server, "/metrics").status == 500
+    wait_until(lambda: "the state is on fire" in caplog.text)
+    assert ask(server, "/-/healthy").status == 200
+
+
+def test_scrapes_at_the_same_time_share_one_rendering(serve):
+    entered, release, calls = threading.Event(), threading.Event(), []
+
+    def slow(openmetrics: bool) -> bytes:
+        calls.append(openmetrics)
+        entered.set()
+        assert release.wait(20)
+        return b"slow\n"
+
+    server = serve(metrics=slow)
+    answers = []
+    clients = [
+        threading.Thread(target=lambda: answers.append(ask(server, "/metrics").body))
+        for _ in range(8)
+    ]
+    for client in clients:
+        client.start()
+    assert entered.wait(20)
+    # All eight are connected and asked before the rendering is let go.
+    wait_until(lambda: len(server._uvicorn.server_state.tasks) == len(clients))
+    release.set()
+    for client in clients:
+        client.join(20)
+    assert answers == [b"slow\n"] * 8
+    assert calls == [False]
+
+
+def test_a_taken_port_is_named_with_the_way_out(serve):
+    taken = serve().addresses[0]
+    with pytest.raises(ListenError, match=f"cannot listen on {taken}: Address already in use") as e:
+        Server(DOORS, listen=["127.0.0.1:0", taken]).start()
+    assert "--web.listen-address" in str(e.value)
+
+
+def test_an_unknown_host_is_named():
+    with pytest.raises(ListenError, match=r"cannot listen on no-such-host\.invalid:0: "):
+        Server(DOORS, listen=["no-such-host.invalid:0"]).start()
+
+
+@pytest.mark.parametrize("address", ["9100", "localhost", "localhost:", "a:http", ":65536", ":-1"])
+def test_an_address_without_a_port_is_refused(address):
+    with pytest.raises(ListenError, match="no port"):
+        parse_address(address)
+
+
+def test_an_ipv6_host_needs_its_brackets():
+    assert parse_address("[::1]:9100") == ("::1", 9100)
+    assert parse_address(":9100") == ("", 9100)
+    with pytest.raises(ListenError, match=r"\[host\]:port"):
+        parse_address("::1:9100")
+
+
+@pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="no IPv6 on this machine")
+def test_without_a_host_both_families_are_listened_on(serve):
+    port = serve(":0").addresses[0].rpartition(":")[2]
+    for host in ("127.0.0.1", "::1"):
+        socket.create_connection((host, int(port)), timeout=20).close()
+
+
+def test_a_stopped_server_gives_its_port_back_and_leaves_no_thread(serve):
+    before = threading.active_count()
+    server = serve()
+    ask(server, "/metrics")
+    server.stop()
+    assert threading.active_count() == before
+    serve(server.addresses[0])
