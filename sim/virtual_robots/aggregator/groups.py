@@ -1,0 +1,154 @@
+"""AnalyzerGroup: analyzers below a path, made by walking over a node's parameters.
+
+Owns the walk (and with it the real one's habit of letting a failed analyzer's type and path spill
+over to the next parameter), and the state of a group.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from virtual_robots.aggregator.analyzers import (
+    Analyzer,
+    DiscardAnalyzer,
+    GenericAnalyzer,
+    IgnoreAnalyzer,
+    build_generic,
+)
+from virtual_robots.aggregator.items import MESSAGE_OF_LEVEL, Item, listed, missing_item
+from virtual_robots.aggregator.parameters import Parameters
+from virtual_robots.diagnostics import ERROR, OK, STALE, Status
+
+PACKAGE = "diagnostic_aggregator/"
+LOAD_FAILED = "Pluginlib exception loading analyzer"
+INIT_FAILED = "Analyzer init failed"
+
+
+@dataclass
+class AnalyzerGroup:
+    """Analyzers below ``path``; ``stale_is_error`` is the roll-up of releases before 4.2.7."""
+
+    path: str
+    stale_is_error: bool = False
+    analyzers: list[Analyzer] = field(default_factory=list)
+    failures: list[Item] = field(default_factory=list)
+    _matched: dict[str, list[Analyzer]] = field(default_factory=dict)
+
+    @property
+    def nice_name(self) -> str:
+        """A group calls itself by its full path, unlike an analyzer."""
+        return self.path
+
+    def match(self, name: str) -> bool:
+        """Whether any analyzer below takes the name; remembered, because it never changes."""
+        if name not in self._matched:
+            self._matched[name] = [a for a in self.analyzers if a.match(name)]
+        return bool(self._matched[name])
+
+    def analyze(self, item: Item) -> bool:
+        """Hand the item to every analyzer that takes its name."""
+        taken = [analyzer.analyze(item) for analyzer in self._matched[item.status.name]]
+        return any(taken)
+
+    def report(self, now: float) -> list[Status]:
+        """The rows of all below, then the group's own (none at an empty path), then failures."""
+        if not self.analyzers:
+            # The failures are not told then: this is what the real one does.
+            name = self.path if self.path not in {"", "/"} else "/AnalyzerGroup"
+            return [Status(ERROR, name, "No analyzers")]
+        output: list[Status] = []
+        children: list[tuple[str, Status]] = []
+        for analyzer in self.analyzers:
+            rows = analyzer.report(now)
+            output += rows
+            children += [(analyzer.nice_name, r) for r in rows if r.name == analyzer.path]
+        if self.path not in {"", "/"}:
+            output.append(self._parent(children))
+        return output + [listed(item, self.path, stale=True) for item in self.failures]
+
+    def _parent(self, children: list[tuple[str, Status]]) -> Status:
+        level = rolled_up([row.level for _, row in children], stale_is_error=self.stale_is_error)
+        values = tuple((nice_name, row.message) for nice_name, row in children)
+        return Status(level, self.path, MESSAGE_OF_LEVEL[level], "", values)
+
+
+def rolled_up(levels: list[int], *, stale_is_error: bool) -> int:
+    """The level of a group over its children's (OK without any).
+
+    4.2.7: the worst of OK, WARN, ERROR if that is not OK; else STALE if anything is. Before: any
+    STALE beside something else is an ERROR.
+    """
+    worst = max((level for level in levels if level != STALE), default=OK)
+    if STALE not in levels:
+        return worst
+    if stale_is_error:
+        return STALE if set(levels) == {STALE} else ERROR
+    return worst or STALE
+
+
+def build_group(
+    path: str, breadcrumb: str, parameters: Parameters, now: float, *, stale_is_error: bool
+) -> tuple[AnalyzerGroup, bool]:
+    """A group from the parameters below ``breadcrumb``; the flag says if all of it was made.
+
+    The real one keeps the type and the path that it saw last until an analyzer was made of them,
+    so a type that cannot be loaded is tried, and fails, again at each parameter that follows.
+    """
+    group = AnalyzerGroup(path, stale_is_error)
+    kind = below = ""
+    for name, full_name in parameters.under(breadcrumb).items():
+        owner = _owner(name)
+        if name == f"{owner}.type":
+            kind = parameters.printed(full_name)
+        if name == f"{owner}.path":
+            below = parameters.printed(full_name)
+        if not kind or not below:
+            continue
+        if kind.removeprefix(PACKAGE) not in KINDS or not kind.startswith(PACKAGE):
+            group.failures.append(missing_item(owner, now, LOAD_FAILED))
+            continue
+        below = f"{path}/{below}" if kind.endswith("Group") else path
+        inner = f"{breadcrumb}.{owner}" if breadcrumb else owner
+        analyzer = _build(kind, below, inner, parameters, now, stale_is_error=stale_is_error)
+        if analyzer is None:
+            group.failures.append(missing_item(owner, now, INIT_FAILED))
+            continue
+        group.analyzers.append(analyzer)
+        kind = below = ""
+    complete = not group.failures and (bool(group.analyzers) or not path)
+    return group, complete
+
+
+def _owner(name: str) -> str:
+    """The analyzer that a parameter belongs to: `motor`, or `analyzers.motor` inside a group."""
+    start = len("analyzers.") if name.startswith("analyzers.") else 0
+    end = name.find(".", start)
+    return name if end < 0 else name[:end]
+
+
+KINDS: dict[str, type[GenericAnalyzer | IgnoreAnalyzer | AnalyzerGroup]] = {
+    "GenericAnalyzer": GenericAnalyzer,
+    "DiscardAnalyzer": DiscardAnalyzer,
+    "IgnoreAnalyzer": IgnoreAnalyzer,
+    "AnalyzerGroup": AnalyzerGroup,
+}
+
+
+def _build(
+    kind: str,
+    path: str,
+    breadcrumb: str,
+    parameters: Parameters,
+    now: float,
+    *,
+    stale_is_error: bool,
+) -> Analyzer | None:
+    made = KINDS[kind.removeprefix(PACKAGE)]
+    if issubclass(made, AnalyzerGroup):
+        group, complete = build_group(
+            path, breadcrumb, parameters, now, stale_is_error=stale_is_error
+        )
+        return group if complete else None
+    if issubclass(made, GenericAnalyzer):
+        return build_generic(made, path, breadcrumb, parameters, now)
+    return made()

@@ -1,0 +1,22 @@
+"""The nouns of diagnostic_msgs as this package uses them: levels, a status.
+
+Imports nothing of ours and nothing of ROS, so that everything but the transport runs without it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+OK, WARN, ERROR, STALE = 0, 1, 2, 3
+
+LEVEL_NAMES = {"ok": OK, "warn": WARN, "error": ERROR, "stale": STALE}
+
+
+class Status(NamedTuple):
+    """One diagnostic_msgs/DiagnosticStatus; ``level`` is the byte on the wire (0..255)."""
+
+    level: int
+    name: str
+    message: str = ""
+    hardware_id: str = ""
+    values: tuple[tuple[str, str], ...] = ()
