@@ -1,0 +1,163 @@
+"""One component of one robot, alive: its variables move, its faults take their course.
+
+Knows its model and time; it does not know its robot, nor ROS.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from random import Random
+from typing import NamedTuple
+
+from virtual_robots.diagnostics import ERROR, LEVEL_NAMES, OK, STALE, WARN, Status
+from virtual_robots.models import (
+    Battery,
+    ComponentModel,
+    Count,
+    FaultModel,
+    Linear,
+    Variable,
+    Walk,
+)
+
+STARTING_UP = "Node starting up"
+
+
+class Fault(NamedTuple):
+    """What is wrong with a component since ``since`` (seconds).
+
+    ``what`` is a level's name, `silent` (it reports nothing), `flap` (ERROR and OK in turns of
+    ``period`` seconds) or a fault of the component's kind. ``message`` replaces the kind's own.
+    """
+
+    what: str
+    since: float
+    message: str = ""
+    period: float = 2.0
+
+
+class UnknownFaultError(ValueError):
+    """A fault that the component does not know; the text lists those that it does."""
+
+
+@dataclass
+class Component:
+    """A component with a name of its own; ``rng`` is its share of the robot's seed."""
+
+    model: ComponentModel
+    name: str
+    hardware_id: str
+    rng: Random
+    fault: Fault | None = None
+
+    def __post_init__(self) -> None:
+        self.variables = {name: _start(v) for name, v in self.model.variables.items()}
+        self._charging = False
+        self._drive_from = 0.0
+        self._formats = [(key, text, "{" in text) for key, text in self.model.values.items()]
+
+    def inject(self, fault: Fault | None) -> None:
+        """Begin a fault, or end it (None). Raises UnknownFaultError."""
+        if fault is not None and fault.what not in self.known_faults():
+            known = ", ".join(self.known_faults())
+            raise UnknownFaultError(f"{self.name} has no fault {fault.what!r}, only {known}")
+        self.fault = fault
+        if (course := self._course()) and course.drive:
+            self._drive_from = self.variables[course.drive]
+
+    def known_faults(self) -> tuple[str, ...]:
+        """The names that inject takes."""
+        return (*LEVEL_NAMES, "silent", "flap", *self.model.faults)
+
+    def advance(self, now: float, elapsed: float) -> None:
+        """Let ``elapsed`` seconds pass for the variables, up to ``now``."""
+        for name, model in self.model.variables.items():
+            self.variables[name] = self._moved(name, model, elapsed)
+        course = self._course()
+        if self.fault and course and course.drive:
+            share = min(1.0, (now - self.fault.since) / course.over) if course.over else 1.0
+            self.variables[course.drive] = self._drive_from + share * (course.to - self._drive_from)
+
+    def status(self, now: float) -> Status | None:
+        """What the component reports at ``now``; None while it is silent."""
+        if self.fault and self.fault.what == "silent":
+            return None
+        level, message = self._judge(now)
+        values = tuple(
+            (key, text.format_map(self.variables) if is_format else text)
+            for key, text, is_format in self._formats
+        )
+        return Status(level, self.name, message, self.hardware_id, values)
+
+    def starting_up(self) -> Status:
+        """What diagnostic_updater says of a task before its first run."""
+        return Status(OK, self.name, STARTING_UP)
+
+    def _course(self) -> FaultModel | None:
+        return self.model.faults.get(self.fault.what) if self.fault else None
+
+    def _judge(self, now: float) -> tuple[int, str]:
+        if self.fault and (told := self._told(self.fault, now)):
+            return told
+        for rule in self.model.rules:
+            value = self.variables[rule.variable]
+            if (rule.above is not None and value > rule.above) or (
+                rule.below is not None and value < rule.below
+            ):
+                message = self.fault.message if self.fault and self.fault.message else rule.message
+                return LEVEL_NAMES[rule.level], message
+        return OK, self._ok_message()
+
+    def _told(self, fault: Fault, now: float) -> tuple[int, str] | None:
+        """Level and message of a fault that sets them itself; None of one that has a course."""
+        course = self._course()
+        if course and not course.level:
+            return None
+        if fault.what == "flap":
+            faulty = int((now - fault.since) / fault.period) % 2 == 0
+            level = ERROR if faulty else OK
+        else:
+            level = LEVEL_NAMES[course.level if course and course.level else fault.what]
+        if level == OK:
+            return OK, self._ok_message()
+        own = course.message if course else ""
+        return level, fault.message or own or self._message_of(level)
+
+    def _message_of(self, level: int) -> str:
+        return {WARN: self.model.warn, ERROR: self.model.error, STALE: "Stale"}[level]
+
+    def _ok_message(self) -> str:
+        return self.model.message.format_map(self.variables)
+
+    def _moved(self, name: str, model: Variable, elapsed: float) -> float:
+        value = self.variables[name]
+        if isinstance(model, Walk):
+            return self._walked(value, model, elapsed)
+        if isinstance(model, Battery):
+            return self._charged(value, model, elapsed)
+        if isinstance(model, Linear):
+            share = self.variables[model.follows] / 100
+            return model.at_0 + share * (model.at_100 - model.at_0)
+        return value + model.count * elapsed
+
+    def _walked(self, value: float, model: Walk, elapsed: float) -> float:
+        """A random step; from beyond its bounds (after a fault) a tenth of the way back."""
+        bound = min(max(value, model.low), model.high)
+        if value != bound:
+            return value + (bound - value) * min(1.0, 0.1 * elapsed)
+        value += (self.rng.random() * 2 - 1) * model.walk * elapsed
+        return min(max(value, model.low), model.high)
+
+    def _charged(self, value: float, model: Battery, elapsed: float) -> float:
+        if value <= model.dock_at:
+            self._charging = True
+        elif value >= model.leave_at:
+            self._charging = False
+        rate = model.charge if self._charging else -model.drain
+        return min(100.0, max(0.0, value + rate * elapsed / 3600))
+
+
+def _start(model: Variable) -> float:
+    if isinstance(model, Linear):
+        return model.at_100
+    return model.start if isinstance(model, (Walk, Battery, Count)) else 0.0

@@ -1,0 +1,139 @@
+"""What a kind of robot is: the nouns of a kind file, frozen.
+
+Knows no time and no randomness; components.py brings a model to life.
+"""
+
+from __future__ import annotations
+
+import string
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints, model_validator
+
+from virtual_robots.diagnostics import LEVEL_NAMES
+from virtual_robots.documents import Document
+
+LevelName = Literal["ok", "warn", "error", "stale"]
+Name = Annotated[str, StringConstraints(min_length=1)]
+RESERVED = frozenset({*LEVEL_NAMES, "silent", "flap"})
+
+
+class Walk(Document):
+    """A quantity that drifts between ``low`` and ``high`` by at most ``walk`` a second."""
+
+    walk: float = Field(ge=0)
+    start: float
+    low: float
+    high: float
+
+    @model_validator(mode="after")
+    def _start_lies_between(self) -> Walk:
+        if not self.low <= self.start <= self.high:
+            raise ValueError(f"start {self.start} must lie between low and high")
+        return self
+
+
+class Battery(Document):
+    """A charge in percent: it drains, is charged from ``dock_at`` up to ``leave_at``, drains again.
+
+    ``drain`` and ``charge`` in percent an hour. ``start`` may be a range, drawn for each robot.
+    """
+
+    battery: Literal[True]
+    start: float = Field(ge=0, le=100)
+    drain: float = Field(ge=0)
+    charge: float = Field(ge=0)
+    dock_at: float = Field(ge=-1, le=100)
+    leave_at: float = Field(ge=0, le=100)
+
+
+class Linear(Document):
+    """A quantity that follows another one: ``at_0`` and ``at_100`` are its ends."""
+
+    follows: Name
+    at_0: float
+    at_100: float
+
+
+class Count(Document):
+    """A quantity that grows by ``rate`` a second."""
+
+    count: float
+    start: float = 0
+
+
+Variable = Walk | Battery | Linear | Count
+
+
+class Rule(Document):
+    """A level and a message while a variable is above or below a bound."""
+
+    variable: Name = Field(alias="if")
+    above: float | None = None
+    below: float | None = None
+    level: LevelName
+    message: str
+
+    @model_validator(mode="after")
+    def _has_one_bound(self) -> Rule:
+        if (self.above is None) == (self.below is None):
+            raise ValueError("needs 'above' or 'below', and not both")
+        return self
+
+
+class FaultModel(Document):
+    """A fault by name: it drives a variable ``to`` a value ``over`` seconds, or sets a level."""
+
+    drive: Name | None = None
+    to: float = 0
+    over: float = Field(default=0, ge=0)
+    level: LevelName | None = None
+    message: str = ""
+
+    @model_validator(mode="after")
+    def _does_something(self) -> FaultModel:
+        if (self.drive is None) == (self.level is None):
+            raise ValueError("needs 'drive' (with 'to' and 'over') or 'level' (with 'message')")
+        return self
+
+
+class ComponentModel(Document):
+    """One or ``count`` components; ``{n}`` in name and hardware_id is the number.
+
+    ``message``, and the texts in ``values``, may use the variables, as in ``{temperature:.1f}``.
+    ``warn`` and ``error`` are the messages of a fault that brings none of its own.
+    """
+
+    name: Name
+    count: int = Field(default=1, ge=0)
+    hardware_id: str = ""
+    message: str = "OK"
+    warn: str = "Warning"
+    error: str = "Error"
+    variables: dict[str, Variable] = Field(default_factory=dict)
+    values: dict[str, str] = Field(default_factory=dict)
+    rules: tuple[Rule, ...] = ()
+    faults: dict[str, FaultModel] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _names_are_known(self) -> ComponentModel:
+        known = set(self.variables)
+        used = {rule.variable for rule in self.rules}
+        used |= {fault.drive for fault in self.faults.values() if fault.drive}
+        used |= {v.follows for v in self.variables.values() if isinstance(v, Linear)}
+        for template in (self.message, *self.values.values()):
+            used |= {name for _, name, _, _ in string.Formatter().parse(template) if name}
+        if used - known:
+            raise ValueError(f"{self.name}: no variable {', '.join(sorted(used - known))}")
+        if taken := RESERVED & set(self.faults):
+            raise ValueError(f"{self.name}: a fault cannot be called {', '.join(sorted(taken))}")
+        return self
+
+
+class KindModel(Document):
+    """A kind of robot; ``analyzers`` is the diagnostics.yaml beside this file."""
+
+    description: str = ""
+    components: tuple[ComponentModel, ...]
+    analyzers: Name
+    period: float = Field(default=1.0, gt=0)

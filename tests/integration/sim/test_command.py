@@ -1,0 +1,93 @@
+"""`virtual-robots` over real DDS."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from fleet_demo.processes import Process
+from fleet_demo.waiting import until
+
+pytestmark = pytest.mark.integration
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def level(message: Any, name: str) -> int | None:
+    return next((s.level[0] for s in message.status if s.name == name), None)
+
+
+def test_robots_are_heard_raw_and_aggregated(
+    virtual_robots: Callable[..., Process], listener: Any
+) -> None:
+    for robot in ("robot_1", "robot_2"):
+        listener.listen(f"/{robot}/diagnostics")
+        listener.listen(f"/{robot}/diagnostics_agg")
+        listener.listen(f"/{robot}/diagnostics_toplevel_state", "DiagnosticStatus")
+    virtual_robots("--robots", "2", "--seed", "1")
+    for robot in ("robot_1", "robot_2"):
+        raw = listener.until(lambda r=robot: listener.of(f"/{r}/diagnostics"), "raw")[0]
+        assert len(raw.status) == 10
+        assert raw.header.stamp.sec > 1_700_000_000
+        full = listener.until(
+            lambda r=robot: [
+                m for m in listener.of(f"/{r}/diagnostics_agg") if len(m.status) == 15
+            ],
+            "a full tree",
+        )[0]
+        assert {s.level for s in full.status} == {b"\0"}
+        top = listener.until(
+            lambda r=robot: listener.of(f"/{r}/diagnostics_toplevel_state"), "a top-level state"
+        )[-1]
+        assert top.name == "toplevel_state"
+
+
+def test_a_fault_is_injected_and_repaired_by_command(
+    virtual_robots: Callable[..., Process], command: Command, listener: Any
+) -> None:
+    listener.listen("/robot_1/diagnostics_agg")
+    virtual_robots("--robots", "1")
+    name = "/Motor/Motor 2"
+
+    def latest_is(expected: int) -> bool:
+        heard = listener.of("/robot_1/diagnostics_agg")
+        return bool(heard) and level(heard[-1], name) == expected
+
+    listener.until(lambda: latest_is(0), "an OK motor")
+    done = command("fault", "robot_1", "Motor 2", "error", "--message", "Over temperature")
+    assert (done.returncode, done.stderr) == (0, "")
+    listener.until(lambda: latest_is(2), "a faulty motor")
+    status = next(s for s in listener.heard[-1][1].status if s.name == name)
+    assert status.message == "Over temperature"
+    assert command("fault", "robot_1", "Motor 2", "ok").returncode == 0
+    listener.until(lambda: latest_is(0), "a repaired motor")
+
+
+def test_a_fault_for_nobody_is_refused_with_what_there_is(
+    virtual_robots: Callable[..., Process], command: Command
+) -> None:
+    virtual_robots("--robots", "1")
+    done = command("fault", "robot_9", "Motor 2", "error")
+    assert done.returncode == 1
+    assert done.stderr == "virtual-robots: there is no robot 'robot_9', only robot_1\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_it_cleanly(
+    virtual_robots: Callable[..., Process], number: signal.Signals
+) -> None:
+    process = virtual_robots("--robots", "3")
+    process.signal(number)
+    until(lambda: not process.alive, "the end", seconds=10)
+    assert process.exit_code == 0
+    assert "Traceback" not in process.output()
+
+
+def test_a_domain_that_dds_does_not_have_is_refused_at_once(command: Command) -> None:
+    done = command("--domain-id", "233")
+    assert done.returncode == 2
+    assert done.stderr == "domain id 233 must be between 0 and 232\n"

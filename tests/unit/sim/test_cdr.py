@@ -1,0 +1,54 @@
+"""Hand-made serialized messages are what ROS itself reads."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from virtual_robots.cdr import encode_array, encode_status
+from virtual_robots.diagnostics import Status
+
+serialization = pytest.importorskip("rclpy.serialization", reason="needs ROS 2's message types")
+messages = pytest.importorskip("diagnostic_msgs.msg", reason="needs ROS 2's message types")
+
+# ROS strings hold no zero byte; a lone surrogate is not UTF-8.
+texts = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\0"), max_size=9)
+pairs = st.lists(st.tuples(texts, texts), max_size=4).map(tuple)
+statuses = st.builds(Status, st.integers(0, 255), texts, texts, texts, pairs)
+
+
+def read(message: object) -> Status:
+    values = tuple((v.key, v.value) for v in message.values)
+    return Status(message.level[0], message.name, message.message, message.hardware_id, values)
+
+
+@settings(deadline=None)
+@given(st.lists(statuses, max_size=5), st.integers(0, 2**31 - 1), st.integers(0, 999_999), texts)
+def test_ros_reads_an_encoded_array_as_it_was(
+    given_statuses: list[Status], seconds: int, microseconds: int, frame_id: str
+) -> None:
+    data = encode_array(given_statuses, seconds + microseconds / 1e6, frame_id)
+    array = serialization.deserialize_message(data, messages.DiagnosticArray)
+    assert [read(status) for status in array.status] == given_statuses
+    assert array.header.stamp.sec + array.header.stamp.nanosec / 1e9 == pytest.approx(
+        seconds + microseconds / 1e6, abs=1e-6
+    )
+    assert array.header.frame_id == frame_id
+
+
+@settings(deadline=None)
+@given(statuses)
+def test_ros_reads_an_encoded_status_as_it_was(status: Status) -> None:
+    data = encode_status(status)
+    assert read(serialization.deserialize_message(data, messages.DiagnosticStatus)) == status
+
+
+def test_an_encoded_array_is_as_long_as_the_one_that_ros_makes() -> None:
+    status = Status(1, "Motor 1", "warm", "mc-01", (("Temperature", "81.5"),))
+    ros_status = messages.DiagnosticStatus(
+        level=b"\1", name="Motor 1", message="warm", hardware_id="mc-01",
+        values=[messages.KeyValue(key="Temperature", value="81.5")],
+    )  # fmt: skip
+    array = messages.DiagnosticArray(status=[ros_status] * 3)
+    assert len(encode_array([status] * 3, 0.0)) == len(serialization.serialize_message(array))
