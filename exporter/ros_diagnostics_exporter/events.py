@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import logging
 import logging.handlers
+import queue
 import threading
 from collections import deque
 from collections.abc import Iterator
@@ -17,8 +18,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-KINDS = ("level", "robot", "config")
+KINDS = ("level", "silent", "heard", "known", "forgotten", "config")
 REMEMBERED = 10_000  # events in memory; some 5 MB
+WAITING = 10_000  # lines that may wait for the disk
 
 _log = logging.getLogger(__name__)
 
@@ -27,9 +29,10 @@ _log = logging.getLogger(__name__)
 class Event:
     """One thing that happened, at Unix time ``time``.
 
-    ``kind`` is ``level`` (a component changed), ``robot`` (it fell silent, returned, appeared or
-    was forgotten) or ``config`` (read or refused). ``before`` and ``after`` are words, for levels
-    OK, WARN, ERROR, STALE; "" where they do not apply.
+    ``kind`` is ``level`` (a component changed), ``silent`` and ``heard`` (a robot fell silent, or
+    returned), ``known`` and ``forgotten`` (a robot or component came into the fleet, or left it),
+    or ``config`` (read, or refused). ``before`` and ``after`` are the words of levels, OK, WARN,
+    ERROR, STALE; "" where they do not apply.
     """
 
     time: float
@@ -49,7 +52,7 @@ class Wanted:
     kind: str | None = None
     robot: str | None = None
     component: str | None = None
-    level: str | None = None  # the level, or word, after the change
+    level: str | None = None  # after the change
     since: float | None = None
     until: float | None = None
     limit: int = 100
@@ -86,7 +89,7 @@ class EventLog:
     ) -> None:
         self._lock = threading.Lock()
         self._events: deque[Event] = deque(maxlen=REMEMBERED)
-        self._file = None if path is None else _Lines(path, max_bytes, backups)
+        self._file = None if path is None else _Writer(path, max_bytes, backups)
 
     def record(self, event: Event) -> None:
         """Remember the event; a disk that refuses its line is logged, and costs no more."""
@@ -102,7 +105,7 @@ class EventLog:
         return [_filled(event) for event in islice(_newest(events, wanted), wanted.limit)]
 
     def close(self) -> None:
-        """Close the log on disk."""
+        """Write what waits and close the log on disk."""
         if self._file is not None:
             self._file.close()
 
@@ -115,11 +118,43 @@ def _filled(event: Event) -> dict[str, Any]:
     return {key: value for key, value in asdict(event).items() if value != ""}
 
 
+class _Writer:
+    """Writes lines in a thread of its own, so that a slow disk delays nobody who reports."""
+
+    def __init__(self, path: Path, max_bytes: int, backups: int) -> None:
+        self._file = _Lines(path, max_bytes, backups)
+        self._queue: queue.Queue[str | None] = queue.Queue(WAITING)
+        self._dropped = 0
+        self._thread = threading.Thread(target=self._run, name="event-log")
+        self._thread.start()
+
+    def write(self, line: str) -> None:
+        try:
+            self._queue.put_nowait(line)
+        except queue.Full:
+            self._dropped += 1
+
+    def close(self) -> None:
+        self._queue.put(None)
+        self._thread.join()
+        self._file.close()
+
+    def _run(self) -> None:
+        told = 0
+        while (line := self._queue.get()) is not None:
+            self._file.write(line)
+            if self._dropped > told and self._queue.empty():
+                told = self._dropped
+                _log.error("the event log's disk is too slow; %d lines are lost so far", told)
+
+
 class _Lines(logging.handlers.RotatingFileHandler):
     """A rotated file of lines: the standard library's handler, which knows how to rotate."""
 
     def __init__(self, path: Path, max_bytes: int, backups: int) -> None:
-        super().__init__(path, maxBytes=max_bytes, backupCount=backups, encoding="utf-8")
+        super().__init__(
+            path, maxBytes=max_bytes, backupCount=backups, encoding="utf-8", errors="replace"
+        )
         self._failed = False
         self._failing = False  # told once, until a line succeeds again
 
@@ -130,6 +165,12 @@ class _Lines(logging.handlers.RotatingFileHandler):
         self._failed = False
         super().emit(record)
         self._failing = self._failed
+
+    def close(self) -> None:
+        try:
+            super().close()
+        except OSError as error:  # what could not be written before cannot be written now
+            _log.error("the event log %s cannot be closed: %s", self.baseFilename, error)
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: ARG002, N802 - as the base
         self._failed = True

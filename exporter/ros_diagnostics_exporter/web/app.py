@@ -1,46 +1,37 @@
-"""The application behind the port: which path is answered by what."""
+"""The application behind the port: which path is answered by what, and with which headers."""
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable
-from concurrent.futures import Executor
-from typing import Any
+from dataclasses import dataclass
 
 from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, PlainTextResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
+from .api import FLEET_AGE, Api, RefusedError, refuse
+from .calls import BusyError, Calls
 from .doors import Doors
+from .headers import SecurityHeaders
+from .openapi import describe
 from .pages import landing
 from .scrape import Scrape
 
-CLOSED = "the lifecycle API is not enabled; start the exporter with --web.enable-lifecycle\n"
 
+@dataclass(frozen=True)
+class Pages:
+    """Endpoints for people, and for the supervision of the exporter itself."""
 
-class Endpoints:
-    """Answers to all but the scrape.
-
-    Args:
-        doors: What is asked; in ``executor``, beside the event loop.
-        executor: Where the doors are called.
-        telemetry_path: Where the landing page finds the metrics.
-        lifecycle: Whether what changes something is open.
-    """
-
-    def __init__(
-        self, doors: Doors, executor: Executor, telemetry_path: str, lifecycle: bool
-    ) -> None:
-        self._doors = doors
-        self._executor = executor
-        self._telemetry_path = telemetry_path
-        self._lifecycle = lifecycle
+    doors: Doors
+    calls: Calls
+    telemetry_path: str
 
     async def landing(self, _request: Request) -> Response:
         """The fleet at a glance."""
-        fleet = await self._call(self._doors.fleet)
-        return HTMLResponse(landing(fleet, self._telemetry_path))
+        fleet = await self.calls.share(FLEET_AGE, self.doors.fleet)
+        return HTMLResponse(await self.calls.run(landing, fleet, self.telemetry_path))
 
     async def healthy(self, _request: Request) -> Response:
         """200 as long as the process answers at all."""
@@ -48,34 +39,55 @@ class Endpoints:
 
     async def ready(self, _request: Request) -> Response:
         """200 when messages are subscribed to, else 503 and why not."""
-        why_not = await self._call(self._doors.ready)
+        why_not = await self.calls.run(self.doors.ready)
         if why_not is None:
             return PlainTextResponse("ready\n")
         return PlainTextResponse(f"not ready: {why_not}\n", status_code=503)
 
-    async def reload(self, _request: Request) -> Response:
-        """Read the config again; 400 with every error when it is refused."""
-        if not self._lifecycle:
-            return PlainTextResponse(CLOSED, status_code=403)
-        try:
-            await self._call(self._doors.reload)
-        except ValueError as error:
-            return PlainTextResponse(f"{error}\n", status_code=400)
-        return PlainTextResponse("reloaded\n")
-
-    async def _call(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self._executor, function, *arguments)
+    async def openapi(self, _request: Request) -> Response:
+        """The description of all this."""
+        return JSONResponse(describe(self.telemetry_path))
 
 
-def build(doors: Doors, executor: Executor, telemetry_path: str, lifecycle: bool) -> Starlette:
-    """The application; ``executor`` runs what the doors do, beside the event loop."""
-    answer = Endpoints(doors, executor, telemetry_path, lifecycle)
+def build(
+    doors: Doors, scrapes: Calls, others: Calls, telemetry_path: str, lifecycle: bool
+) -> Starlette:
+    """The application.
+
+    Args:
+        doors: What is served.
+        scrapes: The threads that render metrics, and nothing else, so that nothing delays them.
+        others: The threads for all other requests.
+        telemetry_path: Where the metrics are; first, so that it may be "/".
+        lifecycle: Whether /-/reload and /-/forget are open.
+    """
+    pages = Pages(doors, others, telemetry_path)
+    api = Api(doors, others, lifecycle)
+    changing = ["POST", "PUT"]
     routes = [
-        Route(telemetry_path, Scrape(doors.metrics, executor), methods=["GET"]),
-        Route("/-/healthy", answer.healthy),
-        Route("/-/ready", answer.ready),
-        Route("/-/reload", answer.reload, methods=["POST", "PUT"]),
-        Route("/", answer.landing),
+        Route(telemetry_path, Scrape(doors.metrics, scrapes), methods=["GET"]),
+        Route("/", pages.landing),
+        Route("/-/healthy", pages.healthy),
+        Route("/-/ready", pages.ready),
+        Route("/-/reload", api.reload, methods=changing),
+        Route("/-/forget", api.forget, methods=changing),
+        Route("/api/v1/fleet", api.fleet),
+        Route("/api/v1/events", api.events),
+        Route("/api/v1/openapi.json", pages.openapi),
+        Route("/sd/{job}", api.targets),
     ]
-    return Starlette(routes=routes)
+    errors = {RefusedError: refuse, BusyError: _busy, HTTPException: _http_error}
+    return Starlette(
+        routes=routes, exception_handlers=errors, middleware=[Middleware(SecurityHeaders)]
+    )
+
+
+async def _busy(_request: Request, _error: Exception) -> Response:
+    return JSONResponse({"error": "too many requests wait"}, 503, {"Retry-After": "1"})
+
+
+async def _http_error(_request: Request, error: Exception) -> Response:
+    """No such path, or no such method there."""
+    if not isinstance(error, HTTPException):
+        raise error
+    return JSONResponse({"error": error.detail}, error.status_code, error.headers)

@@ -2,17 +2,136 @@
 
 from __future__ import annotations
 
+import time
+from collections import Counter
+from collections.abc import Iterator
 from html import escape
 from typing import Any
 
 from ros_diagnostics_exporter import __version__
 
+# State of a robot -> (rank, word). The ranks are those of the recording rules: STALE is level 3,
+# but milder than an ERROR.
+RANKS = {"UNKNOWN": 4, "CRITICAL": 3, "STALE": 2, "WARNING": 1, "OK": 0, "PENDING": -1}
+_OF_LEVEL = {"OK": "OK", "WARN": "WARNING", "ERROR": "CRITICAL", "STALE": "STALE"}
+SHOWN = 200  # robots with problems, and as many components of one; the API has them all
+
+STYLE = """
+:root { color-scheme: light dark; --line: #8884; }
+body { font: 16px/1.45 system-ui, sans-serif; margin: 0 auto; max-width: 60rem; padding: 1rem; }
+h1 { font-size: 1.4rem; margin: 0; overflow-wrap: anywhere; }
+h2 { font-size: 1.1rem; margin: 1.6rem 0 .4rem; }
+nav { margin: .6rem 0; } nav a { margin-right: 1rem; white-space: nowrap; }
+.sum { display: flex; flex-wrap: wrap; gap: .5rem; padding: 0; list-style: none; }
+.sum li { border: 1px solid var(--line); border-radius: .5rem; padding: .3rem .8rem; }
+.sum b { font-size: 1.3rem; margin-right: .3rem; }
+article { border: 1px solid var(--line); border-left-width: .5rem; border-radius: .3rem;
+  margin: .5rem 0; padding: .4rem .8rem; overflow-wrap: anywhere; }
+article ul { margin: .2rem 0; padding-left: 1.1rem; }
+.UNKNOWN { border-left-color: #7c4dcc; } .CRITICAL { border-left-color: #d4213d; }
+.STALE { border-left-color: #8a6d3b; } .WARNING { border-left-color: #e0a100; }
+.OK { border-left-color: #2e8b57; } .PENDING { border-left-color: #888; }
+.word { font-weight: 600; } .dim { opacity: .75; }
+.all { columns: 12rem; padding: 0; list-style: none; overflow-wrap: anywhere; }
+"""
+
+
+def state_of(robot: dict[str, Any]) -> str:
+    """A robot's state in one word: UNKNOWN is silent, PENDING was never seen."""
+    if not robot["up"]:
+        return "PENDING" if robot["silent_reason"] == "never_seen" else "UNKNOWN"
+    words = (_OF_LEVEL[component["level"]] for component in robot["components"])
+    return max(words, key=RANKS.__getitem__, default="OK")
+
 
 def landing(fleet: dict[str, Any], telemetry_path: str) -> str:
     """The page for ``fleet``, which is what /api/v1/fleet answers; all of it is escaped."""
-    rows = "".join(f"<li>{escape(robot['robot'])}</li>" for robot in fleet["robots"])
-    return (
-        "<!doctype html><title>ROS diagnostics exporter</title>"
-        f"<h1>{escape(fleet['fleet'])}</h1><p>ROS diagnostics exporter {__version__}</p>"
-        f'<p><a href="{escape(telemetry_path)}">Metrics</a></p><ul>{rows}</ul>'
-    )
+    states = [(state_of(robot), robot) for robot in fleet["robots"]]
+    states.sort(key=lambda each: (-RANKS[each[0]], each[1]["robot"]))
+    return "".join(_page(fleet, states, telemetry_path))
+
+
+def _page(
+    fleet: dict[str, Any], states: list[tuple[str, dict[str, Any]]], telemetry_path: str
+) -> Iterator[str]:
+    title = f"{fleet['fleet']}: ROS diagnostics"
+    yield '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+    yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
+    yield '<meta http-equiv="refresh" content="10">'
+    yield f"<title>{escape(title)}</title><style>{STYLE}</style></head><body>"
+    yield f"<h1>{escape(title)}</h1><p class=dim>ros-diagnostics-exporter {escape(__version__)}, "
+    yield f"{_moment(fleet['time'])}</p>"
+    # Relative links: the page may stand behind a proxy that puts a path before it.
+    yield f'<nav><a href="{escape(telemetry_path.lstrip("/"))}">Metrics</a> '
+    yield '<a href="api/v1/fleet">Fleet (JSON)</a> <a href="api/v1/events">Events (JSON)</a> '
+    yield '<a href="-/ready">Ready</a> <a href="api/v1/openapi.json">OpenAPI</a></nav>'
+    yield from _summary(Counter(state for state, _ in states))
+    yield from _problems([each for each in states if each[0] not in {"OK", "PENDING"}], fleet)
+    yield from _all(states)
+    yield "</body></html>\n"
+
+
+def _summary(count: Counter[str]) -> Iterator[str]:
+    yield "<ul class=sum>"
+    for state in RANKS:
+        if count[state] or state == "OK":
+            yield f"<li><b>{count[state]}</b>{state}</li>"
+    yield "</ul>"
+
+
+def _problems(states: list[tuple[str, dict[str, Any]]], fleet: dict[str, Any]) -> Iterator[str]:
+    yield f"<h2>Robots with problems: {len(states)}</h2>"
+    if not states:
+        yield "<p>None.</p>"
+    for state, robot in states[:SHOWN]:
+        yield f'<article class="{state}"><span class=word>{escape(robot["robot"])}</span> {state}'
+        if not robot["up"]:
+            yield f" ({escape(robot['silent_reason'] or 'silent')})"
+        if robot["maintenance"]:
+            yield " <span class=dim>in maintenance</span>"
+        yield from _faults(robot, fleet["time"])
+        yield "</article>"
+    yield from _rest(len(states) - SHOWN, "robots with problems")
+
+
+def _faults(robot: dict[str, Any], now: float) -> Iterator[str]:
+    faults = [each for each in robot["components"] if each["level"] != "OK"]
+    if not robot["up"]:
+        # All of a silent robot is stale: that says nothing more than that it is silent.
+        faults = [each for each in faults if each["level_before_stale"] in {"WARN", "ERROR"}]
+    faults.sort(key=lambda each: (-RANKS[_OF_LEVEL[each["level"]]], each["component"]))
+    yield "<ul>"
+    for each in faults[:SHOWN]:
+        before = each["level_before_stale"]
+        was = f" (was {escape(before)})" if before else ""
+        yield f"<li>{escape(each['component'])}: <span class=word>{escape(each['level'])}</span>"
+        yield f"{was} {escape(each['message'])} <span class=dim>{_ago(each['since'], now)}</span>"
+        yield "</li>"
+    yield "</ul>"
+    yield from _rest(len(faults) - SHOWN, "components")
+
+
+def _all(states: list[tuple[str, dict[str, Any]]]) -> Iterator[str]:
+    yield f"<h2>All robots: {len(states)}</h2><ul class=all>"
+    for state, robot in sorted(states, key=lambda each: each[1]["robot"]):
+        yield f"<li>{escape(robot['robot'])} <span class=dim>{state}</span></li>"
+    yield "</ul>"
+
+
+def _rest(number: int, what: str) -> Iterator[str]:
+    if number > 0:
+        yield f'<p>and {number} more {what}: <a href="api/v1/fleet">Fleet (JSON)</a></p>'
+
+
+def _moment(unix: float) -> str:
+    return time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(unix))
+
+
+def _ago(since: float | None, now: float) -> str:
+    if since is None:
+        return ""
+    seconds = max(0, int(now - since))
+    for size, unit in ((86_400, "d"), (3_600, "h"), (60, "min")):
+        if seconds >= size:
+            return f"for {seconds // size} {unit}"
+    return f"for {seconds} s"

@@ -6,18 +6,16 @@ exposition in memory (29 MB for 1,000 robots), so there may only be so many of t
 
 from __future__ import annotations
 
-import asyncio
 import math
 import time
 import zlib
 from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.responses import PlainTextResponse
 from starlette.types import Receive, Scope, Send
 
+from .calls import BusyError, Calls
 from .guard import GuardedProtocol
 
 TEXT = "text/plain; version=0.0.4; charset=utf-8"
@@ -26,11 +24,6 @@ MAX_ANSWERS = 16  # on their way at once
 CHUNK = 256 * 1024  # bytes handed to a connection at once
 YOUNG = 1.0  # seconds for which an answer is not judged by its speed
 GZIP_LEVEL = 1  # 29 MB: 55 ms at level 1, 153 ms at level 6, for little less
-
-
-_TOO_MANY = PlainTextResponse(
-    "too many scrapes at once\n", status_code=503, headers={"Retry-After": "1"}
-)
 
 
 def parse_accept(header: str) -> dict[str, float]:
@@ -90,21 +83,19 @@ class Scrape:
 
     Args:
         metrics: Renders the exposition; True asks for OpenMetrics.
-        executor: Where rendering and compressing are done, beside the event loop.
+        calls: How it is asked, and where compressing is done.
     """
 
-    def __init__(self, metrics: Callable[[bool], bytes], executor: Executor) -> None:
+    def __init__(self, metrics: Callable[[bool], bytes], calls: Calls) -> None:
         self._metrics = metrics
-        self._executor = executor
-        self._making: dict[tuple[bool, bool], asyncio.Future[bytes]] = {}
+        self._calls = calls
         self._answers: set[_Answer] = set()
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send the exposition; 503 when too many answers are on their way."""
+    async def __call__(self, scope: Scope, _receive: Receive, send: Send) -> None:
+        """Send the exposition; BusyError when too many answers are on their way."""
         answer = _Answer(scope["state"]["connection"])
         if not self._admit(answer):
-            await _TOO_MANY(scope, receive, send)
-            return
+            raise BusyError
         try:
             await self._answer(Headers(scope=scope), answer, send)
         finally:
@@ -113,7 +104,7 @@ class Scrape:
     async def _answer(self, asked: Headers, answer: _Answer, send: Send) -> None:
         openmetrics = wants_openmetrics(asked.get("accept", ""))
         gzip = wants_gzip(asked.get("accept-encoding", ""))
-        body = await self._make(openmetrics, gzip)
+        body = await self._calls.share(0, self._render, openmetrics, gzip)
         headers = MutableHeaders(
             {
                 "Content-Type": OPENMETRICS if openmetrics else TEXT,
@@ -143,15 +134,6 @@ class Scrape:
             slowest.connection.abort()
         self._answers.add(answer)
         return True
-
-    async def _make(self, openmetrics: bool, gzip: bool) -> bytes:
-        key = (openmetrics, gzip)
-        if key not in self._making:
-            loop = asyncio.get_running_loop()
-            made = loop.run_in_executor(self._executor, self._render, openmetrics, gzip)
-            made.add_done_callback(lambda _: self._making.pop(key))
-            self._making[key] = made
-        return await asyncio.shield(self._making[key])
 
     def _render(self, openmetrics: bool, gzip: bool) -> bytes:
         body = self._metrics(openmetrics)

@@ -1,6 +1,7 @@
 """The server: sockets, a thread with an event loop of its own, and a clean end.
 
-Threads are bounded: one for the event loop and four for what the doors do. There is no access log.
+Threads are bounded: one for the event loop, two that render metrics and two for all other requests.
+There is no access log.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ import logging
 import socket
 import threading
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, cast
 
@@ -18,11 +18,11 @@ import uvicorn
 from starlette.applications import Starlette
 
 from .app import build
+from .calls import Calls
 from .doors import Doors
 from .guard import MAX_HEADER_BYTES, TIMEOUTS, GuardedProtocol, Phase
 from .listen import BACKLOG, bind_all, name_of
 
-THREADS = 4
 GRACE = 3  # seconds for answers under way when the server stops
 
 
@@ -52,8 +52,9 @@ class Server:
             raise ValueError("--web.config.file is not supported yet")
         self.addresses: tuple[str, ...] = ()
         self._listen = tuple(listen)
-        self._executor = ThreadPoolExecutor(THREADS, thread_name_prefix="web")
-        app = build(doors, self._executor, telemetry_path, lifecycle)
+        self._scrapes = Calls("web-scrape", threads=2, waiting=100)
+        self._others = Calls("web", threads=2, waiting=50)
+        app = build(doors, self._scrapes, self._others, telemetry_path, lifecycle)
         self._uvicorn = _Uvicorn(_settings(app))
         self._thread: threading.Thread | None = None
 
@@ -75,7 +76,8 @@ class Server:
             return
         self._uvicorn.should_exit = True
         self._thread.join()
-        self._executor.shutdown(cancel_futures=True)
+        self._scrapes.close()
+        self._others.close()
 
     def _run(self, sockets: list[socket.socket]) -> None:
         loop = _Loop()

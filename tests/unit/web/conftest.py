@@ -19,8 +19,48 @@ from ros_diagnostics_exporter.web.server import Server
 Serve = Callable[..., Server]
 
 
-def fleet() -> dict[str, Any]:
-    return {"fleet": "hall", "time": 1.0, "version": "1", "robots": []}
+def component(name: str, level: str, **changed: Any) -> dict[str, Any]:
+    """A component as /api/v1/fleet shows it."""
+    return {
+        "component": name,
+        "group": "/Motor",
+        "hardware_id": "m-1",
+        "level": level,
+        "reported_level": level,
+        "level_before_stale": "OK" if level == "STALE" else None,
+        "message": f"{name} says {level}",
+        "since": 1_000.0,
+        "problem_since": None if level == "OK" else 1_000.0,
+        "changes": 3,
+        "flap_ratio": 0.25,
+        "values": [{"key": "Level", "value": "12.3 V", "number": 12.3, "unit": "V"}],
+        **changed,
+    }
+
+
+def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, Any]:
+    """A robot as /api/v1/fleet shows it."""
+    return {
+        "robot": name,
+        "up": True,
+        "silent_reason": None,
+        "last_message": 1_060.0,
+        "labels": {"site": "hall"},
+        "address": None,
+        "domain_id": 7,
+        "namespace": f"/{name}",
+        "topic": f"/{name}/diagnostics_agg",
+        "profile": "default",
+        "maintenance": False,
+        "groups": [{"group": "/Motor", "level": "OK", "message": "OK"}],
+        "components": list(components),
+        **changed,
+    }
+
+
+def fleet(*robots: dict[str, Any]) -> dict[str, Any]:
+    """A fleet as /api/v1/fleet shows it, looked at a minute after Unix time 1,000."""
+    return {"fleet": "hall", "time": 1_060.0, "version": "1", "robots": list(robots)}
 
 
 def no_targets(job: str) -> list[dict[str, Any]]:

@@ -1,0 +1,160 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from ros_diagnostics_exporter.events import Event, EventLog
+
+from .conftest import ask, component, fleet, robot
+
+MOTOR = component("Motor 1", "ERROR")
+
+
+def test_the_fleet_is_what_the_door_says(serve):
+    said = fleet(robot("robot_1", MOTOR), robot("robot_2"))
+    answer = ask(serve(fleet=lambda: said), "/api/v1/fleet")
+    assert answer.headers["Content-Type"] == "application/json"
+    assert json.loads(answer.body) == said
+
+
+def test_the_fleet_can_be_asked_for_some_robots(serve):
+    said = fleet(robot("a"), robot("b"), robot("c d"))
+    server = serve(fleet=lambda: said)
+    wanted = {"robot=b": ["b"], "robot=a&robot=c%20d": ["a", "c d"], "robot=x": []}
+    for query, names in wanted.items():
+        found = json.loads(ask(server, f"/api/v1/fleet?{query}").body)
+        assert [each["robot"] for each in found["robots"]] == names
+        assert found["fleet"] == "hall"
+
+
+def test_numbers_that_json_does_not_know_are_null_and_strings_of_any_kind_arrive(serve):
+    odd = component("Übermotor\n\ud800", "OK", flap_ratio=float("nan"))
+    odd["values"] = [{"key": "R", "value": "inf", "number": float("inf"), "unit": None}]
+    answer = ask(serve(fleet=lambda: fleet(robot("r", odd))), "/api/v1/fleet")
+    found = json.loads(answer.body)["robots"][0]["components"][0]
+    assert (found["component"], found["flap_ratio"]) == ("Übermotor\n?", None)
+    assert found["values"][0]["number"] is None
+
+
+def test_a_look_at_the_fleet_serves_all_who_ask_within_a_second(serve):
+    looks = []
+
+    def look():
+        looks.append(1)
+        return fleet(robot("a"))
+
+    server = serve(fleet=look)
+    for path in ("/api/v1/fleet", "/api/v1/fleet?robot=a", "/"):
+        assert ask(server, path).status == 200
+    assert len(looks) <= 2  # one, or two if this took longer than a second
+
+
+def test_a_look_that_failed_is_not_kept(serve):
+    looks = iter([RuntimeError("no"), fleet()])
+
+    def look():
+        found = next(looks)
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    server = serve(fleet=look)
+    assert ask(server, "/api/v1/fleet").status == 500
+    assert ask(server, "/api/v1/fleet").status == 200
+
+
+def test_events_are_filtered_and_newest_first(serve):
+    log = EventLog()
+    log.record(Event(1.0, "level", "a", "/Motor", "Motor 1", "OK", "ERROR", "hot"))
+    log.record(Event(2.0, "silent", "b"))
+    log.record(Event(3.0, "level", "a", "/Motor", "Motor 1", "ERROR", "OK", "fine"))
+    server = serve(events=log.find)
+
+    def times(query: str) -> list[float]:
+        answer = ask(server, f"/api/v1/events{query}")
+        assert answer.status == 200, answer.text
+        return [event["time"] for event in json.loads(answer.body)["events"]]
+
+    assert times("") == [3.0, 2.0, 1.0]
+    assert times("?kind=silent") == [2.0]
+    assert times("?robot=a&level=ERROR") == [1.0]
+    assert times("?component=Motor%201&limit=1") == [3.0]
+    assert times("?since=2&until=3") == [2.0]
+
+
+@pytest.mark.parametrize(
+    "query",
+    ["kind=x", "level=warn", "since=now", "until=nan", "limit=0", "limit=1.5", "limit=1_0", "x=1"],
+)
+def test_a_wrong_filter_is_refused_by_name(serve, query):
+    answer = ask(serve(), f"/api/v1/events?{query}")
+    assert answer.status == 400
+    assert query.split("=")[0] in json.loads(answer.body)["error"]
+
+
+def test_targets_of_a_job_are_passed_on_and_an_unknown_job_is_not_found(serve):
+    group = {"targets": ["10.0.0.1:9100"], "labels": {"robot": "a"}}
+
+    def targets(job: str):
+        if job != "node":
+            raise LookupError(f"no job {job}")
+        return [group]
+
+    server = serve(targets=targets)
+    assert json.loads(ask(server, "/sd/node").body) == [group]
+    assert ask(server, "/sd/node").headers["Content-Type"] == "application/json"
+    answer = ask(server, "/sd/nodes")
+    assert (answer.status, json.loads(answer.body)) == (404, {"error": "no job nodes"})
+
+
+def test_nothing_changes_the_state_unless_the_lifecycle_is_enabled(serve):
+    called = []
+    server = serve(reload=lambda: called.append("reload"), forget=lambda *a: called.append(a))
+    for path in ("/-/reload", "/-/forget?robot=a"):
+        assert ask(server, path, "POST").status == 403
+        assert ask(server, path).status == 405
+    assert called == []
+
+
+def test_reload_says_every_error_of_the_config(serve):
+    def refuse():
+        raise ValueError("fleet.yml:3: robots[0].name: missing\nfleet.yml:9: x: unknown key")
+
+    server = serve(reload=refuse, lifecycle=True)
+    answer = ask(server, "/-/reload", "POST")
+    assert answer.status == 400
+    assert json.loads(answer.body)["error"].count("fleet.yml:") == 2
+    assert ask(serve(lifecycle=True), "/-/reload", "PUT").status == 200
+
+
+def test_forget_names_what_goes(serve):
+    gone = []
+
+    def forget(name, part):
+        if name != "a":
+            raise KeyError(f"no robot {name!r}")
+        gone.append((name, part))
+        return 10
+
+    server = serve(forget=forget, lifecycle=True)
+    answer = ask(server, "/-/forget?robot=a&component=Motor%201", "POST")
+    assert json.loads(answer.body) == {"forgotten": 10}
+    assert ask(server, "/-/forget?robot=a", "POST").status == 200
+    assert gone == [("a", "Motor 1"), ("a", None)]
+    assert json.loads(ask(server, "/-/forget?robot=x", "POST").body) == {"error": "no robot 'x'"}
+    assert ask(server, "/-/forget", "POST").status == 400
+
+
+@pytest.mark.parametrize(
+    ("site", "status"), [("cross-site", 403), ("same-site", 403), ("none", 200)]
+)
+def test_a_page_of_another_site_cannot_reload(serve, site, status):
+    assert ask(serve(lifecycle=True), "/-/reload", "POST", Sec_Fetch_Site=site).status == status
+
+
+def test_unknown_paths_and_methods_are_answered_as_json(serve):
+    server = serve()
+    answer = ask(server, "/nothing/here")
+    assert (answer.status, json.loads(answer.body)) == (404, {"error": "Not Found"})
+    assert ask(server, "/metrics", "DELETE").status == 405

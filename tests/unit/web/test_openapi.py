@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from schemathesis import GenerationMode
+
+from ros_diagnostics_exporter.events import Event, EventLog
+from ros_diagnostics_exporter.web.openapi import describe
+from ros_diagnostics_exporter.web.server import Server
+
+from .conftest import DOORS, component, fleet, robot
+
+LOG = EventLog()
+LOG.record(Event(1.0, "level", "a", "/Motor", "Motor 1", "OK", "ERROR", "hot"))
+LOG.record(Event(2.0, "config"))
+SILENT = {"up": False, "silent_reason": "never_seen", "last_message": None, "topic": None}
+
+
+def _targets(job: str) -> list[dict]:
+    if job not in {"node", "ping", "ssh", "http", "tcp"}:
+        raise LookupError(f"no job {job}")
+    return [{"targets": ["10.0.0.1"], "labels": {"robot": "a"}}]
+
+
+@pytest.fixture(scope="module")
+def server():
+    doors = {
+        **vars(DOORS),
+        "fleet": lambda: fleet(
+            robot("a", component("Motor 1", "STALE"), component("Cam 1", "OK")),
+            robot("b", **SILENT),
+        ),
+        "events": LOG.find,
+        "targets": _targets,
+    }
+    server = Server(type(DOORS)(**doors), listen=["127.0.0.1:0"], lifecycle=True)
+    server.start()
+    yield server
+    server.stop()
+
+
+OPERATIONS = [
+    found.ok()
+    for found in schemathesis.openapi.from_dict(describe("/metrics")).get_all_operations()
+]
+
+
+@pytest.mark.parametrize("operation", OPERATIONS, ids=lambda each: each.label)
+def test_the_server_does_what_its_description_says(operation, server):
+    """Right and wrong requests are made from the description; statuses and bodies must fit it."""
+    wrong_and_right = st.one_of(
+        operation.as_strategy(generation_mode=mode) for mode in GenerationMode
+    )
+
+    @given(case=wrong_and_right)
+    @settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
+    def check(case):
+        case.call_and_validate(base_url=f"http://{server.addresses[0]}")
+
+    check()
+
+
+def test_the_description_follows_the_telemetry_path():
+    assert "/m" in describe("/m")["paths"]
+    assert "/metrics" not in describe("/m")["paths"]
+    assert describe("/")["paths"]["/"]["get"]["operationId"] == "metrics"
