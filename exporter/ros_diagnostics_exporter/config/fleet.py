@@ -9,9 +9,12 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from pathlib import Path
 from types import MappingProxyType
 
-NO_LABELS: Mapping[str, str] = MappingProxyType({})
+
+def _no_labels() -> Mapping[str, str]:
+    return MappingProxyType({})
 
 
 class Source(str, Enum):
@@ -87,6 +90,7 @@ class Profile:
     stale_after: float = 10.0
     confirm_after: float = 10.0
     forget_after: float = 86_400.0
+    flap_interval: float = 15.0  # between two of the 21 states that flap detection looks at
     stale_is_critical: bool = False
     checks: tuple[Check, ...] = (Check("all"),)  # "all" is always the first
     components: tuple[ComponentRule, ...] = ()
@@ -105,22 +109,25 @@ class Robot:
     source: Source = Source.AUTO
     profile: Profile = field(default_factory=Profile)
     address: str | None = None  # host name or IP address for host checks
-    labels: Mapping[str, str] = NO_LABELS  # site, uplink, robot_group, team, kind, ...
+    labels: Mapping[str, str] = field(
+        default_factory=_no_labels
+    )  # site, uplink, robot_group, team, kind, ...
 
 
 @dataclass(frozen=True)
 class Discovery:
     """Robots found by their topics: every topic that `pattern` matches is a robot."""
 
-    pattern: re.Pattern[str]  # fullmatch on the topic; named group "robot"
-    template: str  # as written, "/{robot}/diagnostics_agg"
+    pattern: re.Pattern[str]  # fullmatch on the topic; named group "robot" if `name` needs it
+    template: str  # as written: "/{robot}/diagnostics_agg", or the message type
     domain_ids: tuple[int, ...] = (0,)
     source: Source = Source.AUTO
     include: tuple[re.Pattern[str], ...] = ()  # fullmatch on the robot's name; () = all
     exclude: tuple[re.Pattern[str], ...] = ()
     profile: Profile = field(default_factory=Profile)
-    address: str | None = None  # "{robot}.lan"
-    labels: Mapping[str, str] = NO_LABELS
+    address: str | None = None  # "{robot}.lan", "10.0.0.{domain_id}"
+    labels: Mapping[str, str] = field(default_factory=_no_labels)
+    name: str = "{robot}"  # the robot's name, of {robot} as matched and {domain_id}
 
 
 @dataclass(frozen=True)
@@ -133,7 +140,7 @@ class Shared:
     by: str = "hardware_id"  # or "name"
     pattern: re.Pattern[str] | None = None  # named groups "robot" and, for names, "component"
     profile: Profile = field(default_factory=Profile)
-    labels: Mapping[str, str] = NO_LABELS
+    labels: Mapping[str, str] = field(default_factory=_no_labels)
 
 
 @dataclass(frozen=True)
@@ -141,11 +148,13 @@ class Maintenance:
     """A planned downtime: which robots, and a window that `config.windows` can judge."""
 
     name: str
-    selector: Mapping[str, str]  # label -> value, or /regular expression/; includes "robot"
+    selector: Mapping[str, tuple[re.Pattern[str], ...]]  # label -> any of these, fullmatch
     comment: str
-    start: float | None = None  # Unix time of a window that happens once
-    end: float | None = None
-    weekly: tuple[tuple[int, int, int], ...] = ()  # (weekday 0 = Monday, from, to) in minutes
+    start: float | None = None  # Unix time; None = since ever
+    end: float | None = None  # exclusive; None = for ever
+    # (weekday 0 = Monday, from, to) in minutes of that day's clock, above 1440 on the day after;
+    # () = all the time between start and end
+    weekly: tuple[tuple[int, int, int], ...] = ()
     time_zone: str = "UTC"
 
 
@@ -160,6 +169,8 @@ class Fleet:
     profiles: Mapping[str, Profile] = field(default_factory=dict)
     maintenance: tuple[Maintenance, ...] = ()
     limits: Limits = Limits()
+    warnings: tuple[str, ...] = field(default=(), compare=False)  # usable, but worth a word
+    sources: tuple[Path, ...] = field(default=(), compare=False)  # see `load.sources`
 
     @property
     def domain_ids(self) -> tuple[int, ...]:

@@ -1,0 +1,37 @@
+"""Which rule of a profile applies to a component, to a value; which checks hold a component.
+
+Called once for a component or a key when it is first seen, not for every message. What robots say
+is cut before it is searched: see `patterns`.
+"""
+
+from __future__ import annotations
+
+from ros_diagnostics_exporter.config.fleet import Check, ComponentRule, Profile, ValueRule
+
+SEARCHED = 512  # characters of a robot's string; what is beyond cannot match
+
+
+def component_rule(profile: Profile, name: str) -> ComponentRule | None:
+    """The first rule whose pattern is found in the component's name."""
+    name = name[:SEARCHED]
+    return next((rule for rule in profile.components if rule.pattern.search(name)), None)
+
+
+def value_rule(profile: Profile, component: str, key: str) -> ValueRule | None:
+    """The first rule that holds for the component and matches the whole key.
+
+    Drivers of both updaters write keys like ``Received packets:``; a rule need not.
+    """
+    component, key = component[:SEARCHED], key[:SEARCHED]
+    for rule in profile.values:
+        if rule.component is not None and not rule.component.search(component):
+            continue
+        if rule.key is None or rule.key.fullmatch(key) or rule.key.fullmatch(key.rstrip(": ")):
+            return rule
+    return None
+
+
+def check_matches(check: Check, group: str, component: str) -> bool:
+    """Whether the check holds the component; patterns are searched in ``group/component``."""
+    path = f"{group[:SEARCHED]}/{component[:SEARCHED]}"
+    return not check.patterns or any(pattern.search(path) for pattern in check.patterns)

@@ -1,0 +1,133 @@
+"""Checked entries -> the Fleet, with profiles merged, topics named and templates compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+from ros_diagnostics_exporter.config.advice import advice
+from ros_diagnostics_exporter.config.conflicts import refuse_conflicts
+from ros_diagnostics_exporter.config.downtimes import downtimes
+from ros_diagnostics_exporter.config.errors import Problem
+from ros_diagnostics_exporter.config.fleet import (
+    Discovery,
+    Fleet,
+    Limits,
+    Profile,
+    Robot,
+    Shared,
+    Source,
+)
+from ros_diagnostics_exporter.config.model_robot import DiscoveryEntry, RobotEntry, SharedEntry
+from ros_diagnostics_exporter.config.profiles import DEFAULT, resolved
+from ros_diagnostics_exporter.config.templates import INNERMOST, ROBOT, topic_pattern
+from ros_diagnostics_exporter.config.translate import meant
+from ros_diagnostics_exporter.config.validate import Checked, Placed
+
+AGGREGATED = "_agg"  # what the name of an aggregate's topic ends in
+RAW_NAME = "diagnostics"
+
+
+def resolve(checked: Checked, problems: list[Problem]) -> Fleet | None:
+    """All that the entries mean together; None where fleet.yml's own keys are not usable.
+
+    What is wrong goes to `problems`; then the Fleet is not to be used.
+    """
+    top = checked.fleet
+    named = checked.profile_names()
+    profiles = resolved(
+        checked.profiles,
+        named,
+        stale_is_critical=bool(top and top.stale_is_critical),
+        problems=problems,
+    )
+    choice = _Choice(profiles, named, problems)
+    robots = tuple(_robot(placed, choice) for placed in checked.robots)
+    discoveries = tuple(_discovery(placed, choice) for placed in checked.discovery)
+    shared = tuple(_shared(placed, choice) for placed in checked.shared)
+    maintenance = downtimes(checked.maintenance, problems)
+    refuse_conflicts(checked, robots, shared, problems)
+    if top is None:
+        return None
+    fleet = Fleet(
+        name=top.fleet,
+        robots=robots,
+        discoveries=discoveries,
+        shared=shared,
+        profiles=MappingProxyType(profiles),
+        maintenance=maintenance,
+        limits=Limits(**top.limits.model_dump(exclude_none=True)) if top.limits else Limits(),
+    )
+    return replace(fleet, warnings=advice(checked, fleet))
+
+
+class _Choice:
+    """The profile for an entry that names one; a name that is nowhere in the file is told."""
+
+    def __init__(
+        self, profiles: Mapping[str, Profile], named: frozenset[str], problems: list[Problem]
+    ) -> None:
+        self._profiles = profiles
+        self._known = named | {DEFAULT}
+        self._problems = problems
+
+    def profile(
+        self, placed: Placed[RobotEntry] | Placed[DiscoveryEntry] | Placed[SharedEntry]
+    ) -> Profile:
+        name = placed.entry.profile or DEFAULT
+        if name not in self._known:
+            what, remedy = f"there is no profile {name!r}", meant(name, sorted(self._known))
+            self._problems.append(placed.problem("profile", what=what, remedy=remedy))
+        return self._profiles.get(name) or self._profiles[DEFAULT]
+
+
+def _robot(placed: Placed[RobotEntry], choice: _Choice) -> Robot:
+    entry = placed.entry
+    source = Source(entry.source or "auto")
+    topic = entry.topic or f"{entry.namespace or ''}/{RAW_NAME}"
+    if entry.topic is None and source is Source.AGG:
+        topic += AGGREGATED
+    raw = topic if source is Source.RAW else topic.removesuffix(AGGREGATED)
+    aggregate = topic if source is Source.AGG else raw + AGGREGATED
+    return Robot(
+        name=entry.name,
+        domain_id=entry.domain_id or 0,
+        namespace=topic.rpartition("/")[0],
+        topic_agg=None if source is Source.RAW else aggregate,
+        topic_raw=None if source is Source.AGG else raw,
+        source=source,
+        profile=choice.profile(placed),
+        address=entry.address,
+        labels=MappingProxyType(entry.labels or {}),
+    )
+
+
+def _discovery(placed: Placed[DiscoveryEntry], choice: _Choice) -> Discovery:
+    entry = placed.entry
+    return Discovery(
+        pattern=INNERMOST if entry.topic is None else topic_pattern(entry.topic),
+        template=entry.topic or str(entry.type),
+        domain_ids=entry.domain_ids or (0,),
+        source=Source(entry.source or "auto"),
+        include=entry.include or (),
+        exclude=entry.exclude or (),
+        profile=choice.profile(placed),
+        address=entry.address,
+        labels=MappingProxyType(entry.labels or {}),
+        name=entry.name or ROBOT,
+    )
+
+
+def _shared(placed: Placed[SharedEntry], choice: _Choice) -> Shared:
+    entry = placed.entry
+    aggregated = entry.source == "agg" if entry.source else entry.topic.endswith(AGGREGATED)
+    return Shared(
+        topic=entry.topic,
+        raw=not aggregated,
+        domain_id=entry.domain_id or 0,
+        by=entry.by or "hardware_id",
+        pattern=entry.pattern,
+        profile=choice.profile(placed),
+        labels=MappingProxyType(entry.labels or {}),
+    )

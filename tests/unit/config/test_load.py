@@ -1,0 +1,133 @@
+"""What a good fleet.yml becomes."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from ros_diagnostics_exporter.config.errors import ConfigError
+from ros_diagnostics_exporter.config.fleet import Source
+from ros_diagnostics_exporter.config.load import load, sources
+
+DEMO = """
+    fleet: demo
+    profiles:
+      default: {stale_after: 5s, confirm_after: 10s}
+    robots:
+      - {name: robot_1, namespace: /robot_1, domain_id: 7, labels: {site: hall}}
+    discovery:
+      - {topic: "/{robot}/diagnostics_agg", domain_ids: [7]}
+"""
+
+
+def test_minimal_file_is_a_fleet_with_the_default_profile(fleet_of):
+    fleet = fleet_of("fleet: demo")
+    assert fleet.name == "demo"
+    assert (fleet.robots, fleet.discoveries, fleet.shared, fleet.maintenance) == ((),) * 4
+    assert [*fleet.profiles] == ["default"]
+    assert (fleet.profiles["default"].stale_after, fleet.domain_ids) == (10.0, ())
+
+
+def test_robot_has_its_topics_profile_and_labels(fleet_of):
+    robot = fleet_of(DEMO).robots[0]
+    assert (robot.name, robot.domain_id, robot.namespace) == ("robot_1", 7, "/robot_1")
+    assert robot.topic_agg == "/robot_1/diagnostics_agg"
+    assert robot.topic_raw == "/robot_1/diagnostics"
+    assert (robot.profile.stale_after, robot.profile.confirm_after) == (5.0, 10.0)
+    assert dict(robot.labels) == {"site": "hall"}
+
+
+@pytest.mark.parametrize(
+    ("said", "agg", "raw", "namespace"),
+    [
+        ("", "/diagnostics_agg", "/diagnostics", ""),
+        ("namespace: /", "/diagnostics_agg", "/diagnostics", ""),
+        ("namespace: /a/b", "/a/b/diagnostics_agg", "/a/b/diagnostics", "/a/b"),
+        ("source: agg", "/diagnostics_agg", None, ""),
+        ("source: raw", None, "/diagnostics", ""),
+        ("topic: /a/diagnostics_agg", "/a/diagnostics_agg", "/a/diagnostics", "/a"),
+        ("topic: /a/health, source: both", "/a/health_agg", "/a/health", "/a"),
+        ("topic: /a/health, source: agg", "/a/health", None, "/a"),
+        ("topic: /a/health_agg, source: raw", None, "/a/health_agg", "/a"),
+    ],
+)
+def test_topics_follow_from_namespace_topic_and_source(fleet_of, said, agg, raw, namespace):
+    robot = fleet_of(f"fleet: demo\nrobots: [{{name: r, {said}}}]").robots[0]
+    assert (robot.topic_agg, robot.topic_raw, robot.namespace) == (agg, raw, namespace)
+
+
+def test_discovery_matches_topics_and_names_the_robot(fleet_of):
+    discovery = fleet_of(DEMO).discoveries[0]
+    assert discovery.pattern.fullmatch("/robot_9/diagnostics_agg")["robot"] == "robot_9"
+    assert not discovery.pattern.fullmatch("/hall/robot_9/diagnostics_agg")
+    assert not discovery.pattern.fullmatch("/diagnostics_agg")
+    assert (discovery.domain_ids, discovery.source) == ((7,), Source.AUTO)
+
+
+def test_domains_of_all_entries_are_joined(fleet_of):
+    fleet = fleet_of("""
+        fleet: demo
+        robots: [{name: a, domain_id: 9}]
+        discovery: [{topic: "/{robot}/diagnostics", domain_ids: [3, "10-12"]}]
+        shared: [{topic: /diagnostics}]
+    """)
+    assert fleet.domain_ids == (0, 3, 9, 10, 11, 12)
+
+
+def test_key_without_a_value_counts_as_not_given(fleet_of):
+    fleet = fleet_of("""
+        fleet: demo
+        robots:
+        profiles: {default: }
+        limits:
+    """)
+    assert (fleet.robots, fleet.limits.components) == ((), 500)
+
+
+def test_two_loads_of_one_file_are_equal(fleet_of):
+    assert fleet_of(DEMO) == fleet_of(DEMO)
+
+
+def test_missing_file_is_told(tmp_path):
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path / "fleet.yml")
+    assert str(caught.value) == (
+        f"{tmp_path}/fleet.yml: cannot be read (No such file or directory); "
+        "name a file that exists and that this user may read"
+    )
+
+
+def test_folder_in_place_of_the_file_is_told(tmp_path):
+    with pytest.raises(ConfigError, match=r"cannot be read \(Is a directory\)"):
+        load(tmp_path)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+def test_unreadable_file_is_told(tmp_path):
+    path = tmp_path / "fleet.yml"
+    path.write_text("fleet: demo")
+    path.chmod(0)
+    with pytest.raises(ConfigError, match=r"cannot be read \(Permission denied\)"):
+        load(path)
+
+
+def test_huge_file_is_refused_before_it_is_parsed(tmp_path):
+    path = tmp_path / "fleet.yml"
+    path.write_bytes(b"#" * 9_000_000)
+    with pytest.raises(ConfigError, match="is larger than 8388608 bytes"):
+        load(path)
+
+
+def test_file_that_never_ends_is_refused():
+    with pytest.raises(ConfigError, match="is larger than"):
+        load(Path("/dev/zero"))
+
+
+def test_sources_are_the_same_for_a_fleet_a_path_and_a_broken_file(fleet_of, tmp_path):
+    path = tmp_path / "fleet.yml"
+    expected = (path, tmp_path / "robots.d", tmp_path / "maintenance.d")
+    assert sources(fleet_of(DEMO)) == sources(path) == expected
+    path.write_text("fleet: [")
+    assert sources(path) == (path,)
+    path.write_text("fleet: 3")
+    assert sources(path) == expected

@@ -1,0 +1,12 @@
+"""The names that the config keeps free agree with the table of the metrics."""
+
+from ros_diagnostics_exporter import metrics
+from ros_diagnostics_exporter.config.reserved import RESERVED_LABELS, RESERVED_METRIC_PREFIXES
+
+
+def test_every_label_of_robot_info_and_of_components_is_reserved():
+    assert {*metrics.ROBOT_INFO.labels, *metrics.COMPONENT} <= RESERVED_LABELS
+
+
+def test_no_family_of_ours_can_be_a_promoted_metric():
+    assert all(each.name.startswith(RESERVED_METRIC_PREFIXES) for each in metrics.ALL_FAMILIES)
