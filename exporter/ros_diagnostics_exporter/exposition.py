@@ -1,0 +1,70 @@
+"""State -> text, from cached prefixes: nothing unchanged is rendered again.
+
+Each robot keeps, for each family, the bytes of its samples; a version number of the state tells
+which of them are out of date. A scrape renders those and joins the rest. The samples are the same
+in both formats, only the headers differ
+(https://prometheus.io/docs/instrumenting/exposition_formats/, OpenMetrics 1.0).
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Iterable
+
+from ros_diagnostics_exporter import metrics
+from ros_diagnostics_exporter.metrics import Family
+from ros_diagnostics_exporter.sample_text import RobotText
+from ros_diagnostics_exporter.state.fleet import State
+
+
+class Exposition:
+    """The fleet's families as text."""
+
+    def __init__(self, state: State) -> None:
+        self._state = state
+        self._texts: dict[str, RobotText] = {}
+        self._lock = threading.Lock()
+        self.series: Counter[str] = Counter()  # by family, at the last scrape
+
+    def render(self, *, openmetrics: bool = False) -> bytes:
+        """All samples of all robots; without OpenMetrics' closing ``# EOF``."""
+        with self._lock:
+            texts = list(self._update())
+            promoted = sorted({name for text in texts for name in text.promoted})
+            families = (*metrics.FLEET_FAMILIES, *map(_promoted_family, promoted))
+            parts: list[bytes] = []
+            series: Counter[str] = Counter()
+            for family in families:
+                chunks = [chunk for text in texts if (chunk := text.chunks.get(family.name))]
+                if chunks:
+                    parts.append(header(family, openmetrics=openmetrics))
+                    parts.extend(chunks)
+                    series[family.name] = sum(chunk.count(b"\n") for chunk in chunks)
+            self.series = series
+            return b"".join(parts)
+
+    def _update(self) -> Iterable[RobotText]:
+        """Bring every robot's text up to date, holding the state for one robot at a time."""
+        known: dict[str, RobotText] = {}
+        for robot in self._state.each():
+            name = robot.settings.name
+            text = self._texts.get(name)
+            if text is None or text.robot is not robot:
+                text = RobotText(self._state.fleet.name, robot)
+            with self._state.lock:
+                text.update()
+            known[name] = text
+        self._texts = known
+        return known.values()
+
+
+def header(family: Family, *, openmetrics: bool) -> bytes:
+    """The HELP and TYPE lines; OpenMetrics names a counter without its ``_total``."""
+    name = family.name.removesuffix("_total") if openmetrics else family.name
+    help_ = family.help.replace("\\", r"\\").replace("\n", r"\n")
+    return f"# HELP {name} {help_}\n# TYPE {name} {family.type}\n".encode()
+
+
+def _promoted_family(name: str) -> Family:
+    return Family(name, "gauge", "A key-value that the config promotes.", ())

@@ -1,0 +1,116 @@
+"""State -> the JSON of /api/v1/fleet and of Prometheus' HTTP service discovery."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.config.fleet import Robot as Settings
+from ros_diagnostics_exporter.diagnostics import Instant, Level
+from ros_diagnostics_exporter.state.component import Component
+from ros_diagnostics_exporter.state.fleet import State
+from ros_diagnostics_exporter.state.robot import Robot
+
+# job -> what is asked of a robot with an address; "" = the bare address (ping probes)
+PORTS = {"node": ":9100", "ping": "", "ssh": ":22", "http": ":80", "tcp": ""}
+
+
+def fleet_snapshot(state: State, now: Instant) -> dict[str, Any]:
+    """The whole fleet, each robot read under the state's lock; times are Unix time."""
+    robots = []
+    for robot in state.each():
+        with state.lock:
+            robots.append(_robot(robot))
+    return {
+        "fleet": state.fleet.name,
+        "time": now.wall,
+        "version": __version__,
+        "robots": robots,
+    }
+
+
+def targets(state: State, job: str) -> list[dict[str, Any]]:
+    """Prometheus' http_sd list of the robots that have an address.
+
+    Raises:
+        LookupError: there is no such job.
+    """
+    if job not in PORTS:
+        raise LookupError(f"no job {job!r}; there are {', '.join(sorted(PORTS))}")
+    return [
+        {
+            "targets": [_host(settings.address) + PORTS[job]],
+            "labels": {
+                **settings.labels,
+                "fleet": state.fleet.name,
+                "robot": settings.name,
+            },
+        }
+        for robot in state.each()
+        if (settings := robot.settings).address is not None
+    ]
+
+
+def _host(address: str | None) -> str:
+    address = address or ""
+    return f"[{address}]" if address.count(":") > 1 and not address.startswith("[") else address
+
+
+def _robot(robot: Robot) -> dict[str, Any]:
+    settings: Settings = robot.settings
+    return {
+        "robot": settings.name,
+        "up": robot.up,
+        "silent_reason": robot.silent_reason,
+        "last_message": robot.last_wall or None,
+        "labels": dict(settings.labels),
+        "address": settings.address,
+        "domain_id": settings.domain_id,
+        "namespace": settings.namespace,
+        "topic": settings.topic_agg or settings.topic_raw,
+        "profile": settings.profile.name,
+        "maintenance": robot.maintenance,
+        "groups": [
+            {"group": path, "level": Level(level).name, "message": message}
+            for path, (level, message) in robot.groups.items()
+        ],
+        "components": [
+            _component(component) for component in robot.components.values() if component.level >= 0
+        ],
+    }
+
+
+def _component(component: Component) -> dict[str, Any]:
+    before = component.before_stale
+    pairs = component.last.values if component.last is not None else ()
+    numbers = {value.key: value for value in component.values.all}
+    values = []
+    for key, text in pairs:
+        value = numbers.get(key.strip().rstrip(":").rstrip())
+        values.append(
+            {
+                "key": key,
+                "value": text,
+                "number": None if value is None else _finite(value.number),
+                "unit": "" if value is None else value.unit,
+            }
+        )
+    return {
+        "component": component.name,
+        "group": component.group,
+        "hardware_id": component.hardware_id,
+        "level": Level(component.level).name,
+        "reported_level": Level(component.reported).name,
+        "level_before_stale": None if before is None else Level(before).name,
+        "message": component.message,
+        "since": component.since,
+        "problem_since": component.problem_since,
+        "changes": component.changes,
+        "flap_ratio": 0.0 if component.flaps is None else component.flaps.ratio,
+        "values": values,
+    }
+
+
+def _finite(number: float) -> float | None:
+    """JSON knows no NaN and no infinity; the string beside it still tells."""
+    return number if abs(number) < float("inf") else None

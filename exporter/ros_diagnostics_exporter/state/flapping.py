@@ -1,0 +1,62 @@
+"""Nagios' flap detection: how restless a component has been over its last 21 states."""
+
+from __future__ import annotations
+
+SLOTS = 21
+_LOW_CURVE = 0.75
+_HIGH_CURVE = 1.25
+
+
+def flap_ratio(slots: list[int]) -> float:
+    """Weighted share (0..1) of changes between neighbouring states, the oldest first.
+
+    The newest of the 20 possible changes weighs 1.25, the oldest 0.75: the formula of Nagios'
+    check_for_service_flapping (base/flapping.c). ``slots`` holds 21 states.
+    """
+    changes = 0.0
+    for position in range(1, SLOTS):
+        if slots[position] != slots[position - 1]:
+            weight = (position - 1) * (_HIGH_CURVE - _LOW_CURVE) / (SLOTS - 2)
+            changes += weight + _LOW_CURVE
+    return changes / (SLOTS - 1)
+
+
+class FlapHistory:
+    """The last 21 states of one component.
+
+    A state is recorded at every change, so that no change is ever missed, and otherwise once an
+    interval, so that a component that has come to rest is calm again after 21 intervals.
+    """
+
+    __slots__ = ("_last", "ratio", "slots")
+
+    def __init__(self, level: int, mono: float) -> None:
+        self.slots = [level] * SLOTS
+        self.ratio = 0.0
+        self._last = mono
+
+    def restore(self, slots: list[int], mono: float) -> None:
+        """Go on from the states that a former process recorded."""
+        self.slots = list(slots)
+        self.ratio = flap_ratio(self.slots)
+        self._last = mono
+
+    def rest(self, mono: float, interval: float) -> bool:
+        """Record what the time since the last record adds; True if the ratio changed."""
+        steps = int((mono - self._last) / interval)
+        if steps <= 0:
+            return False
+        self._last += steps * interval
+        if self.ratio == 0.0:
+            return False
+        steps = min(steps, SLOTS)
+        self.slots = self.slots[steps:] + [self.slots[-1]] * steps
+        self.ratio = flap_ratio(self.slots)
+        return True
+
+    def change(self, level: int, mono: float, interval: float) -> None:
+        """Record a change to another level."""
+        self.rest(mono, interval)
+        self._last = mono
+        self.slots = [*self.slots[1:], level]
+        self.ratio = flap_ratio(self.slots)

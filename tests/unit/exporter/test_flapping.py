@@ -1,0 +1,58 @@
+"""The flap ratio is Nagios' formula, on slots that miss no change."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ros_diagnostics_exporter.state.flapping import SLOTS, FlapHistory, flap_ratio
+
+
+def nagios(history: list[int]) -> float:
+    """check_for_service_flapping of Nagios Core 4 (base/flapping.c), in percent."""
+    curved_changes = 0.0
+    last = history[0]
+    for x in range(1, 21):
+        if last != history[x]:
+            curved_changes += ((x - 1) * (1.25 - 0.75)) / (21 - 2) + 0.75
+        last = history[x]
+    return curved_changes * 100.0 / (21 - 1)
+
+
+@given(st.lists(st.integers(0, 3), min_size=SLOTS, max_size=SLOTS))
+def test_the_ratio_is_nagios_percentage(history):
+    assert abs(flap_ratio(history) * 100 - nagios(history)) < 1e-9
+
+
+def test_a_steady_component_is_calm_and_one_that_changes_at_every_slot_is_at_one():
+    assert flap_ratio([2] * SLOTS) == 0.0
+    assert abs(flap_ratio([0, 2] * 10 + [0]) - 1.0) < 1e-9
+
+
+@given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 60)), max_size=60))
+def test_the_slots_are_every_change_and_the_rests_between(changes):
+    """Against a plain replay: each change is a slot, each full interval of rest one more."""
+    level, mono = 0, 100.0
+    flaps = FlapHistory(level, mono)
+    slots, last = [0] * SLOTS, mono
+    for new, pause in changes:
+        mono += pause
+        if new == level:
+            continue
+        flaps.change(new, mono, 15.0)
+        while last + 15.0 <= mono:
+            slots.append(level)
+            last += 15.0
+        slots.append(new)
+        last, level = mono, new
+
+    assert flaps.slots == slots[-SLOTS:]
+
+
+def test_a_component_at_rest_is_calm_after_21_intervals():
+    flaps = FlapHistory(0, 0.0)
+    flaps.change(2, 10.0, 15.0)
+    assert flaps.ratio > 0
+
+    assert flaps.rest(10.0 + 21 * 15.0, 15.0)
+    assert flaps.ratio == 0.0

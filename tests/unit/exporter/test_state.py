@@ -1,0 +1,502 @@
+"""What is known about a robot, told as stories on a time line of seconds."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from recordings import CASES, aggregated, raw
+from ros_diagnostics_exporter.config.fleet import (
+    Check,
+    ComponentRule,
+    Discovery,
+    Fleet,
+    Limits,
+    Robot,
+    Source,
+)
+from ros_diagnostics_exporter.diagnostics import Status
+from ros_diagnostics_exporter.state.fleet import Topic
+from ros_diagnostics_exporter.state.network import Endpoint
+from stories import ERROR, OK, STALE, WALL, WARN, Story, tree
+
+MOTOR, HOT = Status(OK, "Motor 1", "OK", "mc-01"), Status(ERROR, "Motor 1", "Hot", "mc-01")
+LASER = Status(OK, "Laser 1", "OK")
+
+
+# -- history ----------------------------------------------------------
+
+
+def test_a_fault_has_a_begin_a_course_and_an_end():
+    story = Story()
+    story.raw(MOTOR)
+    story.at(1)
+    story.raw(MOTOR._replace(level=WARN))
+    story.at(2)
+    story.raw(HOT)
+
+    motor = story.component("Motor 1")
+    assert (motor.level, motor.since, motor.problem_since) == (ERROR, WALL + 2, WALL + 1)
+    assert motor.changes == 2
+
+    story.at(3)
+    story.raw(MOTOR)
+    assert (motor.level, motor.since, motor.problem_since) == (OK, WALL + 3, None)
+    assert motor.changes == 3
+
+
+def test_a_repeated_level_changes_nothing():
+    story = Story()
+    story.raw_every(1, 5, HOT)
+
+    motor = story.component("Motor 1")
+    assert (motor.since, motor.problem_since, motor.changes) == (WALL, WALL, 0)
+
+
+def test_stale_keeps_the_begin_of_the_problem_and_the_level_before():
+    story = Story(stale_after=5.0)
+    story.raw_every(1, 3, HOT)
+    story.at(20)
+
+    motor = story.component("Motor 1")
+    assert (motor.level, motor.before_stale, motor.problem_since) == (STALE, ERROR, WALL)
+    assert story.sample("component_level_before_stale", component="Motor 1") == ERROR
+
+    story.raw(MOTOR)
+    assert (motor.level, motor.before_stale, motor.problem_since) == (OK, None, None)
+    assert story.sample("component_level_before_stale", component="Motor 1") is None
+
+
+def test_a_fault_shorter_than_a_scrape_leaves_its_two_changes():
+    story = Story()
+    story.raw(MOTOR)
+    story.samples()
+    story.raw(HOT)
+    story.raw(MOTOR)
+
+    assert story.sample("component_changes_total", component="Motor 1") == 2
+
+
+def test_a_level_beyond_stale_is_an_error_and_counted():
+    story = Story()
+    story.raw(MOTOR._replace(level=255))
+
+    assert story.level("Motor 1") == ERROR
+    assert story.sample("robot_rejected_total", reason="bad_level") == 1
+
+
+def test_the_config_turns_an_error_into_a_warning_and_leaves_out_what_it_ignores():
+    rules = (
+        ComponentRule(re.compile("^Motor"), levels={ERROR: WARN}),
+        ComponentRule(re.compile("^Laser"), ignore=True),
+    )
+    story = Story(components=rules)
+    story.raw(HOT, LASER)
+
+    motor = story.component("Motor 1")
+    assert (motor.level, motor.reported) == (WARN, ERROR)
+    assert [each.name for each in story.robot.components.values()] == ["Motor 1"]
+
+
+def test_every_change_is_an_event():
+    story = Story()
+    story.raw(MOTOR)
+    story.at(1)
+    story.raw(HOT)
+
+    event = story.events[-1]
+    assert (event.kind, event.robot, event.component) == ("level", "r", "Motor 1")
+    assert (event.before, event.after, event.message) == ("OK", "ERROR", "Hot")
+
+
+def test_a_message_is_renewed_with_the_level_or_when_more_than_its_digits_change():
+    story = Story()
+    for text in ("Hot: 91 C", "Hot: 92 C"):
+        story.raw(HOT._replace(message=text))
+    assert story.component("Motor 1").message == "Hot: 91 C"
+
+    story.raw(HOT._replace(message="Hot: 93 C, fan dead"))
+    assert story.component("Motor 1").message == "Hot: 93 C, fan dead"
+
+
+# -- silence ----------------------------------------------------------
+
+
+def test_a_silent_robot_is_not_up_and_all_of_it_is_stale():
+    story = Story(Source.AGG, stale_after=5.0)
+    story.agg(*tree(Motor=[MOTOR], Laser=[LASER]))
+    story.at(4.9)
+    assert story.sample("robot_up") == 1
+
+    story.at(5.5)
+    assert story.sample("robot_up") == 0
+    assert (story.level("Motor 1"), story.level("Laser 1")) == (STALE, STALE)
+    assert story.events[-1].after in ("STALE", "silent")
+
+
+def test_a_robot_never_seen_is_down_and_says_so():
+    story = Story()
+    story.at(100)
+
+    assert story.sample("robot_up") == 0
+    assert story.sample("robot_last_message_timestamp_seconds") == 0
+    assert story.sample("robot_silent_reason", reason="never_seen") == 1
+
+
+def test_a_component_of_a_raw_topic_is_late_after_three_of_its_own_gaps():
+    story = Story(stale_after=60.0)
+    slow, fast = Status(OK, "slow"), Status(OK, "fast")
+    for second in range(31):
+        story.at(second)
+        story.raw(*([slow, fast] if second % 10 == 0 else [fast]))
+    for second in range(31, 59):
+        story.at(second)
+        story.raw(Status(OK, "other"))
+        assert story.level("fast") == (OK if second <= 35 else STALE)
+        assert story.level("slow") == OK
+    story.at(61)
+    story.raw(Status(OK, "other"))
+    story.at(62)
+    assert story.level("slow") == STALE
+
+
+def test_a_component_heard_once_is_given_time_for_a_slow_period():
+    story = Story(stale_after=10.0)
+    story.raw(Status(OK, "every minute"))
+    story.raw_every(1, 80, Status(OK, "fast"))
+    assert story.level("every minute") == OK
+
+    story.raw_every(1, 100, Status(OK, "fast"))
+    assert story.level("every minute") == STALE
+
+
+def test_the_return_of_a_dead_driver_does_not_blunt_the_watch():
+    story = Story(stale_after=1000.0)
+    alive = Status(OK, "alive")
+    story.raw_every(1, 10, MOTOR, alive)
+    story.raw_every(1, 500, alive)
+    assert story.level("Motor 1") == STALE
+
+    story.raw_every(1, 515, MOTOR, alive)
+    story.raw_every(1, 550, alive)
+    assert story.level("Motor 1") == STALE
+
+
+def test_a_component_has_its_own_threshold_from_the_config():
+    rules = (ComponentRule(re.compile("Motor"), stale_after=3.0),)
+    story = Story(stale_after=60.0, components=rules)
+    story.raw(MOTOR, LASER)
+    story.at(4)
+
+    assert (story.level("Motor 1"), story.level("Laser 1")) == (STALE, OK)
+
+
+def test_an_aggregator_that_repeats_a_stale_item_for_ever_does_not_keep_it_alive():
+    story = Story(Source.AGG)
+    story.agg(*tree(Motor=[HOT]))
+    for second in range(1, 30):
+        story.at(second)
+        story.agg(*tree(Motor=[HOT._replace(level=STALE)]))
+
+    motor = story.component("Motor 1")
+    assert (motor.level, motor.before_stale, motor.message) == (STALE, ERROR, "Hot")
+    assert story.sample("robot_up") == 1
+
+
+def test_a_component_that_vanishes_from_the_aggregate_is_stale_at_once():
+    story = Story(Source.AGG)
+    story.agg(*tree(Motor=[HOT], Laser=[LASER]))
+    story.at(1)
+    story.agg(*tree(Laser=[LASER]))
+
+    assert (story.level("Motor 1"), story.level("Laser 1")) == (STALE, OK)
+    assert story.component("Motor 1").before_stale == ERROR
+
+
+def test_an_aggregator_restart_is_no_change_of_any_component():
+    story = Story(Source.AGG)
+    story.agg(*tree(Motor=[MOTOR]))
+    story.at(1)
+    story.agg(Status(STALE, "/Motor", "Stale"))
+    assert story.level("Motor 1") == OK
+
+    story.at(2)
+    story.agg(*tree(Motor=[MOTOR]))
+    assert story.component("Motor 1").changes == 0
+
+
+def test_after_an_aggregator_restart_a_component_that_stays_away_becomes_stale():
+    story = Story(Source.AGG, stale_after=5.0)
+    story.agg(*tree(Motor=[HOT]))
+    for second in range(1, 8):
+        story.at(second)
+        story.agg(Status(STALE, "/Motor", "Stale"))
+
+    assert (story.level("Motor 1"), story.component("Motor 1").before_stale) == (STALE, ERROR)
+
+
+def test_time_is_the_receivers_never_the_stamps():
+    story = Story(stale_after=5.0)
+    story.raw(MOTOR, stamp=WALL - 3600)
+    story.at(4)
+
+    assert story.sample("robot_up") == 1
+    assert story.sample("robot_clock_offset_seconds") == 3600
+
+
+# -- identity ----------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_raw_or_aggregated_the_components_of_a_recording_are_the_same(case):
+    """Names, and the level at the end where every component is still sent."""
+    if not aggregated(case) or not raw(case):
+        pytest.skip("the real aggregator published nothing, or got nothing")
+    seen_raw, seen_agg = Story(Source.RAW), Story(Source.AGG)
+    for story, arrays, take in (
+        (seen_raw, raw(case), "raw"),
+        (seen_agg, aggregated(case), "agg"),
+    ):
+        for t, array in arrays:
+            story.at(t + 1)
+            getattr(story, take)(*array.statuses)
+
+    names = {each.name for each in seen_agg.robot.components.values()}
+    raw_names = {each.name for each in seen_raw.robot.components.values()}
+    made_up = {"Motor 9", "GPS fix", "GPS/antenna"} if case == "expected_missing" else set()
+    dropped = {"Cam 1"} if case == "discard_ignore_other" else set()
+    assert names - made_up == raw_names - dropped
+
+
+def test_one_name_with_two_hardware_ids_in_one_array_is_two_components():
+    story = Story()
+    left, right = MOTOR._replace(hardware_id="left"), HOT._replace(hardware_id="right")
+    story.raw(left, right)
+    story.raw(right)
+
+    assert story.level("Motor 1 [left]") == OK
+    assert story.level("Motor 1 [right]") == ERROR
+    assert len(story.robot.components) == 2
+
+
+def test_an_id_that_is_filled_in_later_is_information_only():
+    """A node that starts says "Node starting up" with an empty hardware_id."""
+    story = Story()
+    story.raw(Status(OK, "Motor 1", "Node starting up"))
+    story.raw(MOTOR)
+
+    (motor,) = story.robot.components.values()
+    assert motor.hardware_id == "mc-01"
+    assert story.sample("component_info", hardware_id="mc-01") == 1
+
+
+def test_the_last_of_two_equal_names_in_one_array_counts():
+    story = Story()
+    story.raw(HOT, MOTOR)
+
+    assert (story.level("Motor 1"), story.component("Motor 1").changes) == (OK, 0)
+
+
+def test_the_group_of_a_raw_component_is_its_node():
+    story = Story()
+    story.raw(Status(OK, "mavros: endpoint 1: /dev/ttyUSB0:57600"), Status(OK, "/arms/motor"))
+
+    groups = {each.name: each.group for each in story.robot.components.values()}
+    assert groups == {"mavros: endpoint 1: /dev/ttyUSB0:57600": "mavros", "/arms/motor": ""}
+
+
+def test_a_source_of_auto_takes_the_aggregate_and_holds_it():
+    story = Story(Source.AUTO)
+    story.raw(MOTOR)
+    story.at(1)
+    story.agg(*tree(Motor=[MOTOR]))
+    story.at(9)
+    story.raw(HOT)
+
+    assert story.robot.source is Source.AGG
+    assert (story.level("Motor 1"), story.component("Motor 1").group) == (OK, "/Motor")
+
+
+def test_a_source_of_auto_takes_raw_where_no_aggregate_comes():
+    story = Story(Source.AUTO)
+    story.raw_every(1, 7, HOT)
+    story.agg(*tree(Motor=[MOTOR]))
+
+    assert story.robot.source is Source.RAW
+    assert story.level("Motor 1") == ERROR
+
+
+def test_with_both_the_aggregate_gives_the_group_and_raw_the_changes():
+    story = Story(Source.BOTH)
+    story.raw(MOTOR)
+    story.agg(*tree(Motor=[MOTOR]))
+    story.raw(HOT)
+    story.raw(MOTOR)
+    story.agg(*tree(Motor=[MOTOR]))
+
+    motor = story.component("Motor 1")
+    assert (motor.group, motor.changes, motor.level) == ("/Motor", 2, OK)
+
+
+# -- forgetting ----------------------------------------------------------
+
+
+def test_absence_never_ends_a_fault_but_what_was_ok_is_forgotten():
+    story = Story(forget_after=100.0, stale_after=5.0)
+    story.raw_every(1, 5, HOT, LASER)
+    story.at(200)
+
+    assert [each.name for each in story.robot.components.values()] == ["Motor 1"]
+
+
+def test_forget_takes_out_what_a_person_names():
+    story = Story()
+    story.raw(HOT, LASER)
+
+    assert story.state.forget("r", "Motor 1", story.now) == 1
+    assert story.state.forget("r", "no such", story.now) == 0
+    assert story.state.forget("no such", None, story.now) == 0
+    assert [each.name for each in story.robot.components.values()] == ["Laser 1"]
+
+
+# -- fleet ----------------------------------------------------------
+
+
+def discovering(**more) -> Story:
+    discovery = Discovery(
+        re.compile(r"/(?P<robot>[^/]+)/diagnostics_agg"), "/{robot}/diagnostics_agg", **more
+    )
+    return Story(fleet=Fleet("f", discoveries=(discovery,)))
+
+
+def test_a_robot_is_discovered_by_its_topic_and_wants_both_of_its_topics():
+    story = discovering()
+    story.state.graph(0, {"/r/diagnostics_agg": Endpoint(1)}, story.now)
+
+    assert story.state.wanted(0) == [
+        Topic(0, "/r/diagnostics_agg"),
+        Topic(0, "/r/diagnostics"),
+    ]
+    story.agg(*tree(Motor=[MOTOR]))
+    assert story.sample("robot_up", robot="r") == 1
+    assert story.state.wanted(0) == [Topic(0, "/r/diagnostics_agg")]
+
+
+def test_a_topic_without_publisher_is_no_robot():
+    story = discovering()
+    story.state.graph(0, {"/r/diagnostics_agg": Endpoint(0)}, story.now)
+
+    assert not story.state.robots
+
+
+def test_an_excluded_robot_is_not_discovered():
+    story = discovering(exclude=(re.compile("r.*"),))
+    story.state.graph(0, {"/r/diagnostics_agg": Endpoint(1)}, story.now)
+
+    assert not story.state.robots
+
+
+def test_the_reason_of_silence_follows_the_graph():
+    story = Story(stale_after=5.0)
+    topic = "/r/diagnostics"
+    reasons = []
+    for endpoint in (
+        Endpoint(1),
+        Endpoint(1, wrong_type="std_msgs/msg/String"),
+        Endpoint(1, incompatible_qos=True),
+    ):
+        story.state.graph(0, {topic: endpoint}, story.now)
+        reasons.append(story.robot.silent_reason)
+    story.state.graph(0, {topic: Endpoint(1)}, story.now)
+    story.raw(MOTOR)
+    reasons.append(story.robot.silent_reason)
+    story.at(10)
+    story.state.graph(0, {}, story.now)
+    reasons.append(story.robot.silent_reason)
+    story.state.undecodable(Topic(0, topic), story.now, "bad bytes")
+    reasons.append(story.robot.silent_reason)
+    story.state.domain_failed(0)
+    reasons.append(story.robot.silent_reason)
+
+    assert reasons == [
+        "mute",
+        "wrong_type",
+        "incompatible_qos",
+        None,
+        "publisher_gone",
+        "undecodable",
+        "domain_unreachable",
+    ]
+    shown = {
+        dict(labels)["reason"]: v for labels, v in story.samples()["robot_silent_reason"].items()
+    }
+    assert shown == {"domain_unreachable": 1}
+
+
+# -- checks and bounds -------------------------------------------------------------------------------
+
+
+def test_checks_count_their_components_by_level():
+    checks = (Check("all"), Check("motors", (re.compile("motor", re.IGNORECASE),), expect=2))
+    story = Story(checks=checks)
+    story.raw(HOT, LASER, Status(WARN, "Motor 2"))
+
+    assert story.sample("check_components", check="all", level="ok") == 1
+    assert story.sample("check_components", check="motors", level="ok") == 0
+    assert story.sample("check_components", check="motors", level="warn") == 1
+    assert story.sample("check_components", check="motors", level="error") == 1
+    assert story.sample("check_expected_components", check="motors") == 2
+    assert story.sample("check_expected_components", check="all") is None
+
+
+def bounded_story(**limits) -> Story:
+    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
+    return Story(fleet=Fleet("f", (robot,), limits=Limits(**limits)))
+
+
+def test_too_many_components_lose_only_the_surplus_and_never_the_known():
+    story = bounded_story(components=3)
+    story.raw(*(Status(OK, f"c{n}") for n in range(3)))
+    story.raw(*(Status(ERROR, f"x{n}") for n in range(5)), Status(WARN, "c1"))
+
+    assert sorted(each.name for each in story.robot.components.values()) == ["c0", "c1", "c2"]
+    assert story.level("c1") == WARN
+    assert story.sample("robot_rejected_total", reason="component_limit") == 5
+
+
+def test_too_many_values_lose_only_the_surplus():
+    story = bounded_story(values=2)
+    story.raw(Status(OK, "c", values=(("a", "1"), ("b", "2"), ("c", "3"))))
+
+    assert story.sample("component_value", key="b") == 2
+    assert story.sample("component_value", key="c") is None
+    assert story.sample("robot_rejected_total", reason="value_limit") == 1
+
+
+def test_the_budget_of_series_is_kept_and_given_back():
+    story = bounded_story(series=20)
+    story.raw(*(Status(OK, f"c{n}") for n in range(5)))
+    assert len(story.robot.components) == 3
+    assert story.sample("robot_rejected_total", reason="series_limit") == 2
+
+    story.state.forget("r", "c0", story.now)
+    story.raw(Status(OK, "c4"))
+    assert story.level("c4") == OK
+
+
+def test_long_names_are_cut_and_stay_different():
+    story = bounded_story(label_length=64)
+    story.raw(Status(OK, "x" * 1000 + "a"), Status(ERROR, "x" * 1000 + "b"))
+
+    names = {each.name for each in story.robot.components.values()}
+    assert len(names) == 2
+    assert all(len(name) == 64 for name in names)
+
+
+def test_more_robots_than_the_limit_are_refused_and_counted():
+    fleet = Fleet("f", tuple(Robot(f"r{n}") for n in range(3)), limits=Limits(robots=2))
+    story = Story(fleet=fleet)
+
+    assert len(story.state.robots) == 2
+    assert story.state.rejected["robot_limit"] == 1
