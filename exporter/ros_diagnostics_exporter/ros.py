@@ -1,0 +1,286 @@
+"""The only file that knows ROS: contexts, subscriptions, the graph; bytes -> Array.
+
+One rclpy context, node and thread for each DDS domain. Arrays are received as bytes, decoded here
+and handed on; once a second each domain looks at its graph and asks which topics are wanted.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ros_diagnostics_exporter.diagnostics import Array, Instant, Status
+
+try:
+    import rclpy
+    from diagnostic_msgs.msg import DiagnosticArray
+    from rclpy.context import Context
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.node import Node
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+    from rclpy.serialization import deserialize_message
+    from rclpy.subscription import Subscription
+except ImportError as error:  # said by check_ros with the way out, before anything is started
+    _IMPORT_ERROR: ImportError | None = error
+else:
+    _IMPORT_ERROR = None
+
+log = logging.getLogger(__name__)
+
+TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+NODE_NAME = "ros_diagnostics_exporter"
+# Whole fleets publish at the same moment of the second; a shallow queue loses such bursts
+# (ros/diagnostics#195).
+DEPTH = 1000
+LOG_INTERVAL = 60.0  # seconds between two lines about the same trouble
+
+
+class RosMissingError(Exception):
+    """rclpy or diagnostic_msgs cannot be imported; the text says what to do."""
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """What the graph shows of one topic."""
+
+    publishers: int
+    types: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Handlers:
+    """What the listener is handed; all are called from its threads.
+
+    ``receive`` takes an array, ``undecodable`` an error's text, ``graph`` all topics of a domain
+    with their publishers, ``wanted`` answers with the topics to be subscribed, ``failed`` hears
+    that a domain could not be joined.
+    """
+
+    receive: Callable[[int, str, Array, Instant], None]
+    undecodable: Callable[[int, str, str, Instant], None]
+    graph: Callable[[int, Mapping[str, TopicInfo], Instant], None]
+    wanted: Callable[[int], list[str]]
+    failed: Callable[[int, str], None]
+
+
+def check_ros() -> None:
+    """Raise RosMissingError, with the way out, where ROS cannot be imported."""
+    if _IMPORT_ERROR is not None:
+        raise RosMissingError(
+            f"ROS 2 was not found ({_IMPORT_ERROR}): source it (source /opt/ros/jazzy/setup.bash), "
+            "or install it with this package: pip install 'ros-diagnostics-exporter[ros]'"
+        )
+
+
+def describe_ros() -> tuple[str, str]:
+    """(distribution, middleware) as the environment names them."""
+    check_ros()
+    return os.environ.get("ROS_DISTRO", "jazzy"), rclpy.get_rmw_implementation_identifier()
+
+
+def decode(data: bytes) -> Array:
+    """One serialized DiagnosticArray.
+
+    Raises:
+        ValueError: the bytes are no such message.
+    """
+    try:
+        message = deserialize_message(data, DiagnosticArray)
+    except Exception as error:  # rclpy raises RMWError, which it does not export
+        raise ValueError(f"{type(error).__name__}: {error}") from error
+    stamp = message.header.stamp
+    return Array(
+        stamp.sec + stamp.nanosec * 1e-9,
+        tuple(
+            Status(
+                status.level[0] if status.level else 255,
+                status.name,
+                status.message,
+                status.hardware_id,
+                tuple([(pair.key, pair.value) for pair in status.values]),
+            )
+            for status in message.status
+        ),
+        len(data),
+    )
+
+
+def read_clocks() -> Instant:
+    """Both clocks, now."""
+    return Instant(time.monotonic(), time.time())
+
+
+class Listener:
+    """Joins the domains and keeps their subscriptions in step with what is wanted."""
+
+    def __init__(self, handlers: Handlers, poll_interval: float = 1.0) -> None:
+        check_ros()
+        self._handlers = handlers
+        self._poll_interval = poll_interval
+        self._domains: dict[int, _Domain] = {}
+        self.decode_seconds = 0.0
+        self.ingest_seconds = 0.0
+
+    def join(self, domain_ids: tuple[int, ...]) -> None:
+        """Be in exactly these domains; one that cannot be joined is told to ``failed``."""
+        for domain_id in sorted(self._domains.keys() - set(domain_ids)):
+            self._domains.pop(domain_id).stop()
+        for domain_id in domain_ids:
+            if domain_id in self._domains:
+                continue
+            self._join_one(domain_id)
+
+    def _join_one(self, domain_id: int) -> None:
+        try:
+            self._domains[domain_id] = _Domain(domain_id, self, self._handlers)
+        except Exception as error:  # whatever the middleware raises; other domains go on
+            log.exception("cannot join DDS domain %d", domain_id)
+            self._handlers.failed(domain_id, str(error))
+
+    @property
+    def domain_ids(self) -> tuple[int, ...]:
+        """The domains that are joined."""
+        return tuple(sorted(self._domains))
+
+    @property
+    def last_look(self) -> float:
+        """Unix time of the oldest of the domains' last looks at their graph; 0 before that."""
+        return min((domain.last_look for domain in self._domains.values()), default=0.0)
+
+    @property
+    def poll_interval(self) -> float:
+        """Seconds between two looks at a domain's graph."""
+        return self._poll_interval
+
+    def stop(self) -> None:
+        """Leave all domains."""
+        for domain in self._domains.values():
+            domain.ask_to_stop()
+        self.join(())
+
+
+class _Domain:
+    """One DDS domain: a context, a quiet node, a thread that spins it."""
+
+    def __init__(self, domain_id: int, listener: Listener, handlers: Handlers) -> None:
+        self._domain_id = domain_id
+        self._listener = listener
+        self._handlers = handlers
+        self._subscriptions: dict[str, Subscription] = {}
+        self._reliable: dict[str, bool] = {}
+        self._logged: dict[str, float] = {}
+        self._stopping = False
+        self.last_look = 0.0
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain_id)
+        # A guest that leaves no traces: no parameter services, no /rosout, no parameter events.
+        self._node: Node = rclpy.create_node(
+            NODE_NAME,
+            context=self._context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._node.create_timer(listener.poll_interval, self._look)
+        self._thread = threading.Thread(
+            target=self._spin, name=f"ros-domain-{domain_id}", daemon=True
+        )
+        self._thread.start()
+
+    def ask_to_stop(self) -> None:
+        self._stopping = True
+        self._executor.wake()
+
+    def stop(self) -> None:
+        self.ask_to_stop()
+        self._thread.join(timeout=5.0)
+        self._executor.shutdown(timeout_sec=1.0)
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def _spin(self) -> None:
+        self._look()
+        while not self._stopping and self._spin_once():
+            pass
+
+    def _spin_once(self) -> bool:
+        """Wait for one event and deal with it; False when the context has ended."""
+        try:
+            self._executor.spin_once(timeout_sec=1.0)
+        except ExternalShutdownException:
+            return False
+        except Exception:  # a fault of ours with one robot must not silence the whole domain
+            log.exception("domain %d: an error while receiving; going on", self._domain_id)
+        return True
+
+    # -- the graph ---------------------------------------------------------------------------
+
+    def _look(self) -> None:
+        """Tell what the graph shows, and subscribe what is wanted."""
+        node, now = self._node, read_clocks()
+        topics: dict[str, TopicInfo] = {
+            name: TopicInfo(node.count_publishers(name), tuple(types))
+            for name, types in node.get_topic_names_and_types()
+            if TYPE in types or name in self._subscriptions
+        }
+        self._handlers.graph(self._domain_id, topics, now)
+        wanted = self._handlers.wanted(self._domain_id)
+        for topic in self._subscriptions.keys() - set(wanted):
+            node.destroy_subscription(self._subscriptions.pop(topic))
+        for topic in wanted:
+            self._subscribe(topic)
+        self.last_look = now.wall
+
+    def _subscribe(self, topic: str) -> None:
+        """Subscribe, reliably unless a publisher offers only best effort."""
+        offers = self._node.get_publishers_info_by_topic(topic)
+        reliable = not any(
+            offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers
+        )
+        if topic in self._subscriptions:
+            if reliable or not self._reliable[topic]:
+                return
+            self._node.destroy_subscription(self._subscriptions.pop(topic))
+        self._reliable[topic] = reliable
+        self._subscriptions[topic] = self._node.create_subscription(
+            DiagnosticArray,
+            topic,
+            lambda data: self._receive(topic, data),
+            QoSProfile(
+                history=HistoryPolicy.KEEP_LAST,
+                depth=DEPTH,
+                reliability=ReliabilityPolicy.RELIABLE
+                if reliable
+                else ReliabilityPolicy.BEST_EFFORT,
+                durability=DurabilityPolicy.VOLATILE,
+            ),
+            raw=True,
+        )
+
+    # -- messages ----------------------------------------------------------------------------
+
+    def _receive(self, topic: str, data: Any) -> None:
+        now = read_clocks()
+        begin = time.thread_time()
+        try:
+            array = decode(data)
+        except ValueError as error:
+            self._log_seldom(topic, "domain %d, %s: undecodable message dropped: %s", error)
+            self._handlers.undecodable(self._domain_id, topic, str(error), now)
+            return
+        decoded = time.thread_time()
+        self._handlers.receive(self._domain_id, topic, array, now)
+        self._listener.decode_seconds += decoded - begin
+        self._listener.ingest_seconds += time.thread_time() - decoded
+
+    def _log_seldom(self, topic: str, text: str, error: Exception) -> None:
+        now = time.monotonic()
+        if now - self._logged.get(topic, -LOG_INTERVAL) >= LOG_INTERVAL:
+            self._logged[topic] = now
+            log.warning(text, self._domain_id, topic, error)

@@ -1,0 +1,159 @@
+"""The running exporter: state, listener, texts and state file wired together.
+
+Owns no rule of its own: it hands each room the functions of the others. Together with cli.py the
+only file that knows both ROS and the web's doors.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from ros_diagnostics_exporter import ros, snapshot
+from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.diagnostics import Array, Instant
+from ros_diagnostics_exporter.events import Event, EventLog
+from ros_diagnostics_exporter.exposition import Exposition
+from ros_diagnostics_exporter.own_metrics import Facts, OwnMetrics
+from ros_diagnostics_exporter.state.fleet import State, Topic
+from ros_diagnostics_exporter.state.network import Endpoint
+from ros_diagnostics_exporter.storage import Storage
+from ros_diagnostics_exporter.web.doors import Doors
+
+log = logging.getLogger(__name__)
+
+
+class Service:
+    """One exporter: made, started, ticked, stopped."""
+
+    TICK = 0.25  # seconds between two calls of tick
+
+    def __init__(self, fleet: Fleet, config_file: Path, storage_path: Path | None) -> None:
+        now = ros.read_clocks()
+        self.events = EventLog()
+        self.state = State(fleet, now, self.events.record)
+        self.storage = None if storage_path is None else Storage(storage_path)
+        self._config_file = config_file
+        self._config_time = now.wall
+        self._config_successful = True
+        self._distribution, self._rmw = ros.describe_ros()
+        self._exposition = Exposition(self.state)
+        self._own = OwnMetrics(self._facts)
+        self._scrapes = 0
+        self._scrape_seconds = 0.0
+        self._failed_domains: set[int] = set()
+        self._listener = ros.Listener(
+            ros.Handlers(
+                receive=self._receive,
+                undecodable=self._undecodable,
+                graph=self._graph,
+                wanted=self._wanted,
+                failed=self._failed,
+            )
+        )
+        if self.storage is not None:
+            self.storage.load(self.state, now)
+
+    def start(self) -> None:
+        """Join the fleet's domains and listen."""
+        self._listener.join(self.state.fleet.domain_ids)
+
+    def tick(self) -> None:
+        """Let time pass; to be called every ``TICK`` seconds."""
+        now = ros.read_clocks()
+        self.state.tick(now)
+        if self.storage is not None:
+            self.storage.save(self.state, now)
+
+    def stop(self) -> None:
+        """Leave the domains, and write the state a last time."""
+        self._listener.stop()
+        if self.storage is not None:
+            self.storage.save(self.state, ros.read_clocks(), at_once=True)
+        self.events.close()
+
+    def doors(self) -> Doors:
+        """What the web is handed."""
+        return Doors(
+            metrics=self.render,
+            fleet=lambda: snapshot.fleet_snapshot(self.state, ros.read_clocks()),
+            events=self.events.find,
+            targets=lambda job: snapshot.targets(self.state, job),
+            ready=self._ready,
+            reload=self._reload,
+            forget=self._forget,
+        )
+
+    def render(self, openmetrics: bool) -> bytes:
+        """The whole exposition."""
+        begin = time.perf_counter()
+        text = self._exposition.render(openmetrics=openmetrics)
+        own = self._own.render(openmetrics=openmetrics)
+        self._scrapes += 1
+        self._scrape_seconds = time.perf_counter() - begin
+        return text + own
+
+    # -- handed to the listener ----------------------------------------------------------------
+
+    def _receive(self, domain_id: int, topic: str, array: Array, now: Instant) -> None:
+        self.state.receive(Topic(domain_id, topic), array, now)
+
+    def _undecodable(self, domain_id: int, topic: str, error: str, now: Instant) -> None:
+        self.state.undecodable(Topic(domain_id, topic), now, error)
+
+    def _graph(self, domain_id: int, topics: Mapping[str, ros.TopicInfo], now: Instant) -> None:
+        endpoints = {
+            name: Endpoint(
+                info.publishers,
+                "" if ros.TYPE in info.types else ", ".join(info.types),
+            )
+            for name, info in topics.items()
+        }
+        self.state.graph(domain_id, endpoints, now)
+
+    def _wanted(self, domain_id: int) -> list[str]:
+        return [topic.name for topic in self.state.wanted(domain_id)]
+
+    def _failed(self, domain_id: int, error: str) -> None:
+        self._failed_domains.add(domain_id)
+        self.state.domain_failed(domain_id)
+        self.events.record(
+            Event(ros.read_clocks().wall, "config", message=f"domain {domain_id}: {error}")
+        )
+
+    # -- handed to the web -----------------------------------------------------------------------
+
+    def _ready(self) -> str | None:
+        return None if self._listener.last_look else "the ROS graph has not been looked at yet"
+
+    def _reload(self) -> None:
+        raise ValueError("this exporter reads its config at the start only; restart it")
+
+    def _forget(self, robot: str, component: str | None) -> int:
+        return self.state.forget(robot, component, ros.read_clocks())
+
+    def _facts(self) -> Facts:
+        joined = self._listener.domain_ids
+        domains = {domain_id: domain_id in joined for domain_id in self.state.fleet.domain_ids}
+        storage = self.storage
+        return Facts(
+            fleet=self.state.fleet.name,
+            ros_distro=self._distribution,
+            rmw=self._rmw,
+            config_successful=self._config_successful,
+            config_time=self._config_time,
+            robots=len(self.state.robots),
+            series=dict(self._exposition.series),
+            series_limit=self.state.fleet.limits.series,
+            rejected=dict(self.state.rejected),
+            decode_seconds=self._listener.decode_seconds,
+            ingest_seconds=self._listener.ingest_seconds,
+            scrapes=self._scrapes,
+            scrape_seconds=self._scrape_seconds,
+            domains=domains,
+            discovery_time=self._listener.last_look,
+            storage_successful=None if storage is None else storage.successful,
+            storage_time=0.0 if storage is None else storage.written_at,
+        )
