@@ -25,7 +25,7 @@ MOTOR, HOT = Status(OK, "Motor 1", "OK", "mc-01"), Status(ERROR, "Motor 1", "Hot
 LASER = Status(OK, "Laser 1", "OK")
 
 
-# -- history ----------------------------------------------------------
+# -- history --------------------------------------------------
 
 
 def test_a_fault_has_a_begin_a_course_and_an_end():
@@ -120,7 +120,7 @@ def test_a_message_is_renewed_with_the_level_or_when_more_than_its_digits_change
     assert story.component("Motor 1").message == "Hot: 93 C, fan dead"
 
 
-# -- silence ----------------------------------------------------------
+# -- silence --------------------------------------------------
 
 
 def test_a_silent_robot_is_not_up_and_all_of_it_is_stale():
@@ -245,7 +245,7 @@ def test_time_is_the_receivers_never_the_stamps():
     assert story.sample("robot_clock_offset_seconds") == 3600
 
 
-# -- identity ----------------------------------------------------------
+# -- identity --------------------------------------------------
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -339,7 +339,7 @@ def test_with_both_the_aggregate_gives_the_group_and_raw_the_changes():
     assert (motor.group, motor.changes, motor.level) == ("/Motor", 2, OK)
 
 
-# -- forgetting ----------------------------------------------------------
+# -- forgetting --------------------------------------------------
 
 
 def test_absence_never_ends_a_fault_but_what_was_ok_is_forgotten():
@@ -360,7 +360,7 @@ def test_forget_takes_out_what_a_person_names():
     assert [each.name for each in story.robot.components.values()] == ["Laser 1"]
 
 
-# -- fleet ----------------------------------------------------------
+# -- fleet --------------------------------------------------
 
 
 def discovering(**more) -> Story:
@@ -434,7 +434,7 @@ def test_the_reason_of_silence_follows_the_graph():
     assert shown == {"domain_unreachable": 1}
 
 
-# -- checks and bounds -------------------------------------------------------------------------------
+# -- checks and bounds --------------------------------------------------
 
 
 def test_checks_count_their_components_by_level():
