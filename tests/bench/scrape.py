@@ -117,9 +117,8 @@ def main() -> None:
         return _cpu(exposition.render, 1)
 
     every = min(changed() for _ in range(5))
-    print(
-        f"{robots} robots, {text.count(b'{')} samples, {len(text) / 1e6:.1f} MB   ms CPU   times less"
-    )
+    size = f"{text.count(b'{')} samples, {len(text) / 1e6:.1f} MB"
+    print(f"{robots} robots, {size}   ms CPU   times less")
     for what, cost in (
         ("prometheus_client.generate_latest", yardstick),
         ("ours, nothing changed", unchanged),
