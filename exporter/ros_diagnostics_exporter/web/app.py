@@ -12,12 +12,14 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 
 from .api import FLEET_AGE, Api, RefusedError, refuse
+from .auth import Logins
 from .calls import BusyError, Calls
 from .doors import Doors
-from .headers import SecurityHeaders
+from .gate import Gate
 from .openapi import describe
 from .pages import landing
 from .scrape import Scrape
+from .settings import Settings
 
 
 @dataclass(frozen=True)
@@ -49,23 +51,43 @@ class Pages:
         return JSONResponse(describe(self.telemetry_path))
 
 
+@dataclass(frozen=True)
+class Threads:
+    """The threads behind the application, of a kind each, so that no kind delays another."""
+
+    scrapes: Calls
+    others: Calls
+    logins: Logins
+
+    def close(self) -> None:
+        """Wait for the calls under way."""
+        self.scrapes.close()
+        self.others.close()
+        self.logins.close()
+
+
+def start_threads() -> Threads:
+    """Two threads render metrics, two answer everything else, one checks logins."""
+    return Threads(Calls("web-scrape", 2, 100), Calls("web", 2, 50), Logins())
+
+
 def build(
-    doors: Doors, scrapes: Calls, others: Calls, telemetry_path: str, lifecycle: bool
+    doors: Doors, threads: Threads, settings: Settings, telemetry_path: str, lifecycle: bool
 ) -> Starlette:
     """The application.
 
     Args:
         doors: What is served.
-        scrapes: The threads that render metrics, and nothing else, so that nothing delays them.
-        others: The threads for all other requests.
+        threads: Where the doors are called, beside the event loop.
+        settings: Who may ask.
         telemetry_path: Where the metrics are; first, so that it may be "/".
         lifecycle: Whether /-/reload and /-/forget are open.
     """
-    pages = Pages(doors, others, telemetry_path)
-    api = Api(doors, others, lifecycle)
+    pages = Pages(doors, threads.others, telemetry_path)
+    api = Api(doors, threads.others, lifecycle)
     changing = ["POST", "PUT"]
     routes = [
-        Route(telemetry_path, Scrape(doors.metrics, scrapes), methods=["GET"]),
+        Route(telemetry_path, Scrape(doors.metrics, threads.scrapes), methods=["GET"]),
         Route("/", pages.landing),
         Route("/-/healthy", pages.healthy),
         Route("/-/ready", pages.ready),
@@ -77,9 +99,8 @@ def build(
         Route("/sd/{job}", api.targets),
     ]
     errors = {RefusedError: refuse, BusyError: _busy, HTTPException: _http_error}
-    return Starlette(
-        routes=routes, exception_handlers=errors, middleware=[Middleware(SecurityHeaders)]
-    )
+    gate = Middleware(Gate, settings=settings, logins=threads.logins)
+    return Starlette(routes=routes, exception_handlers=errors, middleware=[gate])
 
 
 async def _busy(_request: Request, _error: Exception) -> Response:

@@ -14,7 +14,7 @@ from typing import Any, cast
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-MAX_CONNECTIONS = 1000
+MAX_CONNECTIONS = 500  # half of the 1,024 files that a process may open by default
 MAX_HEADER_BYTES = 16 * 1024
 
 
@@ -108,4 +108,6 @@ class GuardedProtocol(H11Protocol):
         """Drop the connection that has waited longest for a request; the newest if none waits."""
         others = cast("set[GuardedProtocol]", self.connections)
         waiting = [each for each in others if each.phase in (Phase.REQUEST, Phase.IDLE)]
-        min(waiting, key=lambda each: each.since, default=self).abort()
+        chosen = min(waiting, key=lambda each: each.since, default=self)
+        others.discard(chosen)  # now: the loop may take in many more before it closes this one
+        chosen.abort()

@@ -1,27 +1,30 @@
 """The server: sockets, a thread with an event loop of its own, and a clean end.
 
-Threads are bounded: one for the event loop, two that render metrics and two for all other requests.
-There is no access log.
+Threads are bounded: one for the event loop, and those of app.start_threads. No access log is kept.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import resource
 import socket
+import ssl
 import threading
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
 import uvicorn
 from starlette.applications import Starlette
 
-from .app import build
-from .calls import Calls
+from .app import build, start_threads
 from .doors import Doors
 from .guard import MAX_HEADER_BYTES, TIMEOUTS, GuardedProtocol, Phase
 from .listen import BACKLOG, bind_all, name_of
+from .settings import Settings
+from .tls import follow
 
 GRACE = 3  # seconds for answers under way when the server stops
 
@@ -36,6 +39,9 @@ class Server:
         web_config: A file in the format of Prometheus' exporter-toolkit (TLS, basic auth).
         lifecycle: Whether /-/reload and /-/forget are open.
 
+    Raises:
+        WebConfigError: The web_config cannot be used.
+
     Attributes:
         addresses: What is really listened on, once started.
     """
@@ -48,14 +54,12 @@ class Server:
         web_config: Path | None = None,
         lifecycle: bool = False,
     ) -> None:
-        if web_config is not None:
-            raise ValueError("--web.config.file is not supported yet")
         self.addresses: tuple[str, ...] = ()
         self._listen = tuple(listen)
-        self._scrapes = Calls("web-scrape", threads=2, waiting=100)
-        self._others = Calls("web", threads=2, waiting=50)
-        app = build(doors, self._scrapes, self._others, telemetry_path, lifecycle)
-        self._uvicorn = _Uvicorn(_settings(app))
+        settings = Settings(web_config)
+        self._threads = start_threads()
+        app = build(doors, self._threads, settings, telemetry_path, lifecycle)
+        self._uvicorn = _Uvicorn(_configure(app, settings))
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
@@ -64,6 +68,7 @@ class Server:
         Raises:
             ListenError: An address cannot be listened on; none is then.
         """
+        _allow_many_files()
         sockets = bind_all(self._listen)
         self.addresses = tuple(name_of(each) for each in sockets)
         self._thread = threading.Thread(target=self._run, args=(sockets,), name="web-server")
@@ -76,8 +81,7 @@ class Server:
             return
         self._uvicorn.should_exit = True
         self._thread.join()
-        self._scrapes.close()
-        self._others.close()
+        self._threads.close()
 
     def _run(self, sockets: list[socket.socket]) -> None:
         loop = _Loop()
@@ -115,10 +119,16 @@ class _Loop(asyncio.SelectorEventLoop):
         return await super().create_server(*args, **kwargs)
 
 
-def _settings(app: Starlette) -> uvicorn.Config:
+def _allow_many_files() -> None:
+    """Raise the soft limit of open files to the hard one, as Go's runtime does for its servers."""
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+
+
+def _configure(app: Starlette, settings: Settings) -> uvicorn.Config:
     # uvicorn warns of every malformed request; whoever sends those must not fill the log.
     logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
-    return uvicorn.Config(
+    config = uvicorn.Config(
         app,
         http=GuardedProtocol,
         ws="none",
@@ -128,7 +138,18 @@ def _settings(app: Starlette) -> uvicorn.Config:
         proxy_headers=False,
         server_header=False,
         backlog=BACKLOG,
-        timeout_keep_alive=int(TIMEOUTS[Phase.IDLE]),
+        timeout_keep_alive=int(TIMEOUTS[Phase.IDLE]) + 1,  # the guard's own comes before it
         timeout_graceful_shutdown=GRACE,
         h11_max_incomplete_event_size=MAX_HEADER_BYTES,
     )
+    config.load()
+    if settings.context is not None:
+        config.ssl = follow(partial(_current_context, settings))
+    return config
+
+
+def _current_context(settings: Settings) -> ssl.SSLContext:
+    settings.refresh()
+    if settings.context is None:
+        raise RuntimeError("TLS cannot be switched off while it is served")
+    return settings.context

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import http.client
 import socket
+import ssl
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
+import trustme
 
 from ros_diagnostics_exporter.web.doors import Doors
 from ros_diagnostics_exporter.web.server import Server
@@ -103,6 +106,36 @@ def wait_until(condition: Callable[[], object], seconds: float = 20.0) -> None:
         threading.Event().wait(0.01)
 
 
+@pytest.fixture(scope="session")
+def plain() -> Iterator[Server]:
+    """A server on the doors as they are, for tests that do not change it."""
+    server = Server(DOORS, listen=["127.0.0.1:0"])
+    server.start()
+    yield server
+    server.stop()
+
+
+@pytest.fixture(scope="session")
+def ca() -> trustme.CA:
+    return trustme.CA()
+
+
+def renew(ca: trustme.CA, folder: Path) -> None:
+    """A fresh certificate for 127.0.0.1: server.crt and server.key in ``folder``."""
+    issued = ca.issue_cert("127.0.0.1")
+    issued.private_key_pem.write_to_path(folder / "server.key")
+    (folder / "server.crt").write_bytes(b"".join(each.bytes() for each in issued.cert_chain_pems))
+
+
+@pytest.fixture
+def tls_config(tmp_path: Path, ca: trustme.CA) -> Path:
+    """A web config with TLS and nothing else."""
+    renew(ca, tmp_path)
+    path = tmp_path / "web.yml"
+    path.write_text("tls_server_config: {cert_file: server.crt, key_file: server.key}")
+    return path
+
+
 class Answer:
     """What a server said: status, headers and body, read to the end."""
 
@@ -116,10 +149,21 @@ class Answer:
         return self.body.decode()
 
 
-def ask(server: Server, path: str, method: str = "GET", **headers: str) -> Answer:
+def ask(
+    server: Server,
+    path: str,
+    method: str = "GET",
+    tls: ssl.SSLContext | None = None,
+    **headers: str,
+) -> Answer:
     """One request on a connection of its own; header names with _ for -."""
     host, _, port = server.addresses[0].rpartition(":")
-    with closing(http.client.HTTPConnection(host.strip("[]"), int(port), timeout=20)) as client:
+    client: http.client.HTTPConnection
+    if tls is None:
+        client = http.client.HTTPConnection(host.strip("[]"), int(port), timeout=20)
+    else:
+        client = http.client.HTTPSConnection(host, int(port), timeout=20, context=tls)
+    with closing(client):
         client.request(method, path, headers={k.replace("_", "-"): v for k, v in headers.items()})
         return Answer(client.getresponse())
 

@@ -1,0 +1,178 @@
+from __future__ import annotations
+
+import base64
+import threading
+
+import bcrypt
+import pytest
+
+from ros_diagnostics_exporter.web import auth
+from ros_diagnostics_exporter.web.auth import Bucket
+from ros_diagnostics_exporter.web.server import Server
+
+from .conftest import DOORS, ask, wait_until
+
+PASSWORD = "häslo: with colon"
+
+
+def hashed(password: str) -> str:
+    return bcrypt.hashpw(password.encode(), bcrypt.gensalt(rounds=4)).decode()
+
+
+def basic(user: str, password: str) -> str:
+    return "Basic " + base64.b64encode(f"{user}:{password}".encode()).decode()
+
+
+@pytest.fixture
+def web_config(tmp_path):
+    path = tmp_path / "web.yml"
+    path.write_text(f"basic_auth_users:\n  alice: {hashed(PASSWORD)}\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def closed(tmp_path_factory):
+    """A server that wants alice's password."""
+    path = tmp_path_factory.mktemp("closed") / "web.yml"
+    path.write_text(f"basic_auth_users: {{alice: {hashed(PASSWORD)}}}")
+    server = Server(DOORS, listen=["127.0.0.1:0"], web_config=path)
+    server.start()
+    yield server
+    server.stop()
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "",
+        basic("alice", "wrong"),
+        basic("bob", PASSWORD),
+        basic("alice", ""),
+        basic("", ""),
+        basic("alice", PASSWORD + "\0"),
+        basic("alice", PASSWORD).replace("Basic", "Bearer"),
+        "Basic",
+        "Basic ###",
+        "Basic " + base64.b64encode(b"alice").decode(),
+    ],
+)
+def test_without_the_right_login_no_path_is_answered(closed, header):
+    for path in ("/metrics", "/", "/-/healthy", "/no/such/path"):
+        answer = ask(closed, path, Authorization=header)
+        assert answer.status == 401
+        assert answer.headers["WWW-Authenticate"].startswith("Basic realm=")
+        assert answer.body == b"Unauthorized\n"
+
+
+def test_the_right_login_is_let_in_and_computed_once(serve, web_config, monkeypatch):
+    computed = []
+    real = bcrypt.checkpw
+
+    def count(*arguments):
+        computed.append(arguments)
+        return real(*arguments)
+
+    monkeypatch.setattr(auth.bcrypt, "checkpw", count)
+    server = serve(web_config=web_config)
+    for _ in range(3):
+        assert ask(server, "/metrics", Authorization=basic("alice", PASSWORD)).status == 200
+    assert len(computed) == 1
+    for _ in range(2):
+        assert ask(server, "/metrics", Authorization=basic("alice", "wrong")).status == 401
+    assert len(computed) == 3
+
+
+def test_an_unknown_name_costs_as_much_as_a_known_one():
+    known = {"alice": bcrypt.hashpw(b"x", bcrypt.gensalt(rounds=5)).decode()}
+    assert auth._nobody(known)[:7] == "$2b$05$"
+    assert bcrypt.checkpw(b"anything", auth._nobody(known).encode()) is False
+
+
+def test_a_long_password_is_compared_as_bcrypt_does(serve, tmp_path):
+    path = tmp_path / "web.yml"
+    path.write_text(f"basic_auth_users: {{alice: {hashed('x' * 72)}}}")
+    server = serve(web_config=path)
+    assert ask(server, "/", Authorization=basic("alice", "x" * 5000)).status == 200
+    assert ask(server, "/", Authorization=basic("alice", "x" * 71)).status == 401
+
+
+def test_a_changed_password_holds_at_once_and_a_broken_file_changes_nothing(
+    serve, web_config, caplog
+):
+    server = serve(web_config=web_config)
+    old, new = basic("alice", PASSWORD), basic("alice", "fresh")
+    assert ask(server, "/", Authorization=old).status == 200
+
+    web_config.write_text(f"basic_auth_users: {{alice: {hashed('fresh')}}}")
+    assert ask(server, "/", Authorization=old).status == 401
+    assert ask(server, "/", Authorization=new).status == 200
+
+    web_config.write_text("basic_auth_users: {alice: plain text}")
+    assert ask(server, "/", Authorization=new).status == 200
+    assert ask(server, "/", Authorization=old).status == 401
+    assert caplog.text.count("is not a bcrypt hash") == 1
+
+    web_config.unlink()
+    assert ask(server, "/").status == 401
+
+
+def test_a_flood_of_wrong_logins_is_bounded_and_a_known_client_is_not_delayed(
+    serve, web_config, monkeypatch
+):
+    release, entered = threading.Event(), threading.Event()
+
+    def slow(password, _hash):
+        if password == b"wrong":
+            entered.set()
+            assert release.wait(20)
+            return False
+        return True
+
+    server = serve(web_config=web_config)
+    assert ask(server, "/metrics", Authorization=basic("alice", PASSWORD)).status == 200
+    monkeypatch.setattr(auth.bcrypt, "checkpw", slow)
+    statuses = []
+    flood = [
+        threading.Thread(
+            target=lambda: statuses.append(
+                ask(server, "/", Authorization=basic("alice", "wrong")).status
+            )
+        )
+        for _ in range(30)
+    ]
+    for each in flood:
+        each.start()
+    assert entered.wait(20)
+    wait_until(lambda: len(statuses) == 10)
+    assert ask(server, "/metrics", Authorization=basic("alice", PASSWORD)).status == 200
+    release.set()
+    for each in flood:
+        each.join(20)
+    assert sorted(statuses) == [401] * 20 + [503] * 10
+
+
+def test_headers_of_the_file_take_the_place_of_the_defaults(serve, tmp_path):
+    path = tmp_path / "web.yml"
+    path.write_text(
+        "http_server_config: {headers: {X-Frame-Options: sameorigin,"
+        " Strict-Transport-Security: max-age=1}}"
+    )
+    headers = ask(serve(web_config=path), "/metrics").headers
+    assert headers["X-Frame-Options"] == "sameorigin"
+    assert headers["Strict-Transport-Security"] == "max-age=1"
+    assert headers["X-Content-Type-Options"] == "nosniff"
+
+
+def test_a_rate_limit_refuses_what_is_above_it(serve, tmp_path):
+    path = tmp_path / "web.yml"
+    path.write_text("rate_limit: {interval: 1h, burst: 2}")
+    server = serve(web_config=path)
+    assert [ask(server, "/-/healthy").status for _ in range(4)] == [200, 200, 429, 429]
+
+
+def test_a_bucket_fills_again_up_to_its_burst():
+    bucket = Bucket()
+    assert [bucket.take(1.0, 2, 100.0) for _ in range(3)] == [True, True, False]
+    assert [bucket.take(1.0, 2, 101.0) for _ in range(2)] == [True, False]
+    assert [bucket.take(1.0, 2, 900.0) for _ in range(3)] == [True, True, False]
+    assert all(bucket.take(0.0, 0, 900.0) for _ in range(5))

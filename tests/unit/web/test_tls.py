@@ -1,0 +1,139 @@
+from __future__ import annotations
+
+import ssl
+
+import pytest
+import trustme
+
+from ros_diagnostics_exporter.web.settings import Settings
+from ros_diagnostics_exporter.web.webconfig import WebConfigError
+
+from .conftest import ask, connect, renew
+
+
+@pytest.fixture
+def web_config(tmp_path, ca):
+    """Writes a web config with TLS; a server certificate for 127.0.0.1 lies beside it."""
+
+    def write(*more: str):
+        renew(ca, tmp_path)
+        ca.cert_pem.write_to_path(tmp_path / "ca.crt")
+        path = tmp_path / "web.yml"
+        lines = ["cert_file: server.crt", "key_file: server.key", *more]
+        path.write_text("tls_server_config:\n" + "".join(f"  {line}\n" for line in lines))
+        return path
+
+    return write
+
+
+CLIENTS = ("client_auth_type: RequireAndVerifyClientCert", "client_ca_file: ca.crt")
+
+
+def client(ca, certificate=None) -> ssl.SSLContext:
+    context = ssl.create_default_context()
+    ca.configure_trust(context)
+    if certificate is not None:
+        certificate.configure_cert(context)
+    return context
+
+
+def serial(server, context) -> str:
+    with context.wrap_socket(connect(server), server_hostname="127.0.0.1") as sock:
+        return sock.getpeercert()["serialNumber"]
+
+
+def refused(server, context) -> bool:
+    """Whether the server ends the connection; with TLS 1.3 the client sees that when it reads."""
+    try:
+        ask(server, "/metrics", tls=context)
+    except (ssl.SSLError, ConnectionError):
+        return True
+    return False
+
+
+def test_metrics_are_served_over_tls_and_plain_http_is_not(serve, web_config, ca):
+    server = serve(web_config=web_config())
+    assert ask(server, "/metrics", tls=client(ca)).body == b"text\n"
+    plain = connect(server)
+    plain.sendall(b"GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n")
+    assert not plain.recv(1000).startswith(b"HTTP/")
+    plain.close()
+
+
+def test_a_client_that_does_not_know_the_ca_goes_away(serve, web_config):
+    with pytest.raises(ssl.SSLCertVerificationError):
+        ask(serve(web_config=web_config()), "/metrics", tls=ssl.create_default_context())
+
+
+def test_the_minimum_version_is_kept(serve, web_config, ca):
+    server = serve(web_config=web_config("min_version: TLS13"))
+    old = client(ca)
+    old.maximum_version = ssl.TLSVersion.TLSv1_2
+    assert refused(server, old)
+    assert not refused(server, client(ca))
+
+
+def test_only_clients_with_a_certificate_of_the_ca_are_let_in(serve, web_config, ca):
+    server = serve(web_config=web_config(*CLIENTS))
+    assert refused(server, client(ca))
+    assert refused(server, client(ca, trustme.CA().issue_cert("stranger")))
+    assert not refused(server, client(ca, ca.issue_cert("prometheus.example")))
+
+
+def test_only_clients_with_an_allowed_name_are_let_in(serve, web_config, ca):
+    names = "client_allowed_sans: [prometheus.example]"
+    server = serve(web_config=web_config(*CLIENTS, names))
+    assert refused(server, client(ca, ca.issue_cert("grafana.example")))
+    assert not refused(server, client(ca, ca.issue_cert("prometheus.example")))
+
+
+def test_a_renewed_certificate_is_served_to_the_next_client(serve, web_config, ca, caplog):
+    path = web_config()
+    server = serve(web_config=path)
+    before = serial(server, client(ca))
+    assert serial(server, client(ca)) == before
+    renew(ca, path.parent)
+    assert serial(server, client(ca)) != before
+
+    after = serial(server, client(ca))
+    (path.parent / "server.key").write_text("half a key")
+    assert serial(server, client(ca)) == after
+    assert caplog.text.count("server.key") == 1
+
+
+def test_tls_cannot_be_switched_off_while_it_is_served(serve, web_config, ca, caplog):
+    path = web_config()
+    server = serve(web_config=path)
+    path.write_text("")
+    assert ask(server, "/metrics", tls=client(ca)).status == 200
+    assert "cannot be switched on or off" in caplog.text
+
+
+@pytest.mark.parametrize("missing", ["server.crt", "server.key", "ca.crt"])
+def test_a_file_that_is_not_there_is_named_at_the_start(web_config, missing):
+    path = web_config(*CLIENTS)
+    (path.parent / missing).unlink()
+    with pytest.raises(WebConfigError, match=missing):
+        Settings(path)
+
+
+def test_an_encrypted_key_is_refused_instead_of_asking_on_the_terminal(web_config, ca):
+    from cryptography.hazmat.primitives import serialization as s
+
+    path = web_config()
+    key = s.load_pem_private_key((path.parent / "server.key").read_bytes(), None)
+    secret = s.BestAvailableEncryption(b"passphrase")
+    pem = key.private_bytes(s.Encoding.PEM, s.PrivateFormat.PKCS8, secret)
+    (path.parent / "server.key").write_bytes(pem)
+    with pytest.raises(WebConfigError, match="the key is encrypted"):
+        Settings(path)
+
+
+def test_the_listed_cipher_is_the_one_that_is_used(serve, web_config, ca):
+    server = serve(
+        web_config=web_config(
+            "max_version: TLS12", "cipher_suites: [TLS_ECDHE_ECDSA_WITH_AES_256_GCM_SHA384]"
+        )
+    )
+    with client(ca).wrap_socket(connect(server), server_hostname="127.0.0.1") as sock:
+        assert sock.cipher()[:2] == ("ECDHE-ECDSA-AES256-GCM-SHA384", "TLSv1.2")

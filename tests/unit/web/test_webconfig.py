@@ -1,0 +1,99 @@
+from __future__ import annotations
+
+import pytest
+
+from ros_diagnostics_exporter.web.webconfig import WebConfig, WebConfigError, read
+
+HASH = "$2y$10$mDwo.lAisC94iLAyP81MCesa29IzH37oigHC/42V2pdJlUprsJPze"
+TLS = "tls_server_config: {cert_file: a.crt, key_file: keys/a.key"
+
+
+@pytest.fixture
+def web_config(tmp_path):
+    def write(text: str):
+        path = tmp_path / "web.yml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_an_empty_file_sets_nothing(web_config):
+    assert read(web_config("# later\n")) == WebConfig()
+
+
+def test_a_file_as_prometheus_takes_it(web_config, tmp_path):
+    said = read(
+        web_config(
+            f"""
+tls_server_config:
+  cert_file: server.crt
+  key_file: /etc/keys/server.key
+  client_auth_type: RequireAndVerifyClientCert
+  client_ca_file: ca.crt
+  client_allowed_sans: [prometheus.example]
+  min_version: TLS13
+  max_version: TLS13
+  cipher_suites: [TLS_ECDHE_RSA_WITH_AES_128_GCM_SHA256]
+  prefer_server_cipher_suites: false
+http_server_config:
+  http2: false
+  headers: {{Strict-Transport-Security: max-age=60, X-Frame-Options: sameorigin}}
+basic_auth_users: {{alice: {HASH}}}
+rate_limit: {{interval: 500ms, burst: 20}}
+"""
+        )
+    )
+    tls = said.tls_server_config
+    assert tls is not None
+    assert [str(path) for path in tls.files] == [
+        str(tmp_path / "server.crt"),
+        "/etc/keys/server.key",
+        str(tmp_path / "ca.crt"),
+    ]
+    assert tls.cipher_suites == ("ECDHE-RSA-AES128-GCM-SHA256",)
+    assert said.http_server_config.headers.x_frame_options == "sameorigin"
+    assert said.basic_auth_users == {"alice": HASH}
+    assert (said.rate_limit.interval, said.rate_limit.burst) == (0.5, 20)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("users: {}", "users: unknown key"),
+        (TLS + ", ca: x}", "tls_server_config.ca: unknown key"),
+        ("tls_server_config: {cert_file: a}", "tls_server_config.key_file: Field required"),
+        (TLS + ", cert: PEM}", "cert: PEM text is not read here; write cert_file"),
+        (TLS + ", curve_preferences: [X25519]}", "curve_preferences cannot be set"),
+        (TLS + ", min_version: TLS10}", "TLS10 is not served, RFC 8996"),
+        (TLS + ", min_version: TLS13, max_version: TLS12}", "min_version is above max_version"),
+        (TLS + ", client_auth_type: RequestClientCert}", "without verifying them"),
+        (TLS + ", client_auth_type: RequireAndVerifyClientCert}", "need each other"),
+        (TLS + ", client_ca_file: ca.crt}", "need each other"),
+        (TLS + ", client_allowed_sans: [a]}", "RequireAndVerifyClientCert"),
+        (TLS + ", cipher_suites: [TLS_RSA_WITH_RC4_128_SHA]}", "unknown cipher suite"),
+        ("basic_auth_users: {alice: hunter2}", "basic_auth_users.alice: is not a bcrypt hash"),
+        ("rate_limit: {interval: soon, burst: 1}", "'soon' is no duration"),
+        ("rate_limit: {interval: 1s}", "burst must be at least 1"),
+        ("http_server_config: {headers: {X-Frame-Options: allow}}", "X-Frame-Options"),
+        ("- a list", "Input should be a valid dictionary"),
+        ("a: [", "while parsing"),
+    ],
+)
+def test_what_may_not_be_said_is_named_with_file_and_key(web_config, text, complaint):
+    path = web_config(text)
+    with pytest.raises(WebConfigError) as error:
+        read(path)
+    assert complaint in str(error.value)
+    assert all(line.startswith(f"{path}: ") for line in str(error.value).splitlines())
+
+
+def test_a_password_written_in_the_place_of_its_hash_is_not_repeated(web_config):
+    with pytest.raises(WebConfigError) as error:
+        read(web_config("basic_auth_users: {alice: hunter2}"))
+    assert "hunter2" not in str(error.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(WebConfigError, match=r"web\.yml"):
+        read(tmp_path / "web.yml")
