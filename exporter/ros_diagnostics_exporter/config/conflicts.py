@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from ros_diagnostics_exporter.config.errors import Problem
 from ros_diagnostics_exporter.config.fleet import Limits, Robot, Shared
 from ros_diagnostics_exporter.config.model_robot import RobotEntry
+from ros_diagnostics_exporter.config.scalars import shown
 from ros_diagnostics_exporter.config.validate import Checked, Placed
 
 
@@ -36,7 +37,7 @@ def _same_names(robots: list[Placed[RobotEntry]]) -> Iterator[Problem]:
         name = placed.entry.name
         other = first.setdefault(name, placed)
         if other is not placed:
-            what = f"the name {name!r} is taken by the robot in {other.place()}"
+            what = f"the name {shown(name)} is taken by the robot in {other.place()}"
             yield placed.problem("name", what=what, remedy="give each robot a name of its own")
 
 
@@ -58,4 +59,4 @@ def _same_topics(
                 remedy = "give it a namespace or domain_id of its own, or list the topic in shared"
                 yield entry.problem(what=what, remedy=remedy)
                 break
-            claims[claim] = f"that of robot {robot.name!r} in {entry.place()}"
+            claims[claim] = f"that of robot {shown(robot.name)} in {entry.place()}"

@@ -10,6 +10,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 
+def printable(text: str) -> str:
+    """`text` with line ends, control and invisible characters escaped."""
+    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)
+
+
 class WrongValueError(ValueError):
     """One value is not acceptable: ``what`` is wrong with it, and what would be right."""
 
@@ -31,7 +36,7 @@ class Problem(NamedTuple):
     def __str__(self) -> str:
         place = str(self.file) if self.line is None else f"{self.file}:{self.line}"
         key = f"{self.key}: " if self.key else ""
-        return f"{place}: {key}{self.what}; {self.remedy}"
+        return printable(f"{place}: {key}{self.what}; {self.remedy}")
 
 
 class ConfigError(ValueError):

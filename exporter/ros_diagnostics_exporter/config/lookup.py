@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from ros_diagnostics_exporter.config.fleet import Check, ComponentRule, Profile, ValueRule
 
-SEARCHED = 512  # characters of a robot's string; what is beyond cannot match
+SEARCHED = 256  # characters of a robot's string; what is beyond cannot match
 
 
 def component_rule(profile: Profile, name: str) -> ComponentRule | None:

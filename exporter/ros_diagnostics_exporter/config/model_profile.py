@@ -33,7 +33,9 @@ def _short_check(value: Any) -> Any:
     return {"match": value} if isinstance(value, str | list) else value
 
 
-Check = Annotated[CheckEntry, BeforeValidator(_short_check)]
+Check = Annotated[
+    CheckEntry, BeforeValidator(_short_check, json_schema_input_type=Words | CheckEntry)
+]
 
 
 class ComponentEntry(Entry):
@@ -133,8 +135,11 @@ class ValueEntry(Entry):
             raise WrongValueError(
                 "scale is 0, which makes every value the same", "use another factor"
             )
-        if self.enum is not None and not self.enum:
-            raise WrongValueError("enum names no words", "give it words with numbers, or remove it")
+        if self.enum is not None:
+            words = {word.strip().lower() for word in self.enum}
+            if not self.enum or len(words) < len(self.enum):
+                what = "enum names a word twice, as case is ignored" if words else "enum is empty"
+                raise WrongValueError(what, "give each word one number, or remove enum")
         return self
 
 

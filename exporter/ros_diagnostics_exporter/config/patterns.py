@@ -7,6 +7,7 @@ time on a hostile string are refused here, and lookups cut what they search (see
 from __future__ import annotations
 
 import re
+import sys
 from typing import Annotated, Any
 
 from pydantic import PlainValidator, WithJsonSchema
@@ -15,10 +16,16 @@ from ros_diagnostics_exporter.config.errors import WrongValueError
 from ros_diagnostics_exporter.config.scalars import shown, text
 
 MAX_PATTERN = 500  # characters
-_REPEAT = re.compile(r"[*+]|\{\d*,\}")  # a repetition without an upper bound
+MAX_REPEATS = 3  # without a bound; with four, 256 hostile characters take 15 s, with three 0.8 s
 _TOKEN = re.compile(
-    r"\\.|\[\^?\]?(?:\\.|[^\]\\])*\]|\(|\)|[*+?]\??|\{\d*(?:,\d*)?\}\??|.", re.DOTALL
+    r"\\."  # an escaped sign
+    r"|\[\^?\]?(?:\\.|[^\]\\])*\]"  # a set of signs
+    r"|\(\?[^:=!<>)]*[:=!<>)]?|\(|\)"  # the begin of a group, (?i), the end of a group
+    r"|\{\d*(?:,\d*)?\}|.",
+    re.DOTALL,
 )
+_COUNT = re.compile(r"\{(\d*)(,?)(\d*)\}")
+_MANY = 8  # so many repetitions, or so many lengths to choose from, are as bad as no bound
 
 
 def expression(source: Any) -> re.Pattern[str]:
@@ -37,34 +44,60 @@ def expression(source: Any) -> re.Pattern[str]:
             f"{shown(found)} is not a regular expression ({reason}{place})",
             "mend it, or write plain text without regex:",
         ) from None
-    if _runs_away(found):
-        raise WrongValueError(
-            f"{shown(found)} repeats a group that repeats itself, which can take for ever",
-            "repeat only once, as (ab)+ in place of (a*b*)+",
-        )
+    danger = "uses (?x)" if compiled.flags & re.VERBOSE else _danger(found)
+    if danger:
+        remedy = "write it without: a robot's text could make it search for ever"
+        raise WrongValueError(f"{shown(found)} {danger}", remedy)
     return compiled
 
 
-def _runs_away(source: str) -> bool:
-    """Whether an unbounded repetition stands inside a group that is itself repeated unboundedly.
+def _danger(source: str) -> str | None:
+    """What makes a valid expression take exponential or too much time on a hostile string.
 
-    That is the shape of exponential backtracking, `(a+)+`. Refuses some harmless ones as well.
+    Exponential is a repeated group of which one text can be read in several ways, `(a+)+`: here a
+    repeated group with a repetition, an option or alternatives in it. That refuses some harmless
+    ones as well. Many repetitions side by side, `.*.*.*.*`, take a high power of the length.
     """
-    inside = [False]  # for each open group: has it an unbounded repetition so far?
-    closed = False  # ... and had the group that was closed just now?
+    choice = [False]  # for each open group: can one text be read in several ways in it?
+    closed = False  # ... and in the group that was closed just now?
+    repeats = 0
     for part in _TOKEN.findall(source):
-        if part == "(":
-            inside.append(False)
-        elif part == ")":
-            closed = inside.pop()
-            inside[-1] = inside[-1] or closed
+        if part == ")":
+            closed = choice.pop()
+            choice[-1] = choice[-1] or closed
             continue
-        elif _REPEAT.match(part):
-            if closed:
-                return True
-            inside[-1] = True
+        if closed and _times(part) >= _MANY:
+            return "repeats a group that can match one text in several ways"
         closed = False
-    return False
+        if part.startswith("(") and not part.endswith(")"):
+            choice.append(False)
+        elif _lengths(part) >= _MANY:
+            repeats += 1
+            choice[-1] = True
+        elif part in ("|", "?"):
+            choice[-1] = True
+    return f"has more than {MAX_REPEATS} repetitions" if repeats > MAX_REPEATS else None
+
+
+def _times(part: str) -> int:
+    """How often at most this part of an expression repeats what is before it."""
+    if part in ("*", "+"):
+        return sys.maxsize
+    count = _COUNT.fullmatch(part)
+    if count is None:
+        return 1
+    least, comma, most = count.groups()
+    if comma and not most:
+        return sys.maxsize
+    return int(most or least or 1)
+
+
+def _lengths(part: str) -> int:
+    """In how many different numbers this part of an expression repeats what is before it."""
+    count = _COUNT.fullmatch(part)
+    if count is None:
+        return _times(part)
+    return _times(part) - int(count[1] or 0) if count[2] else 1
 
 
 def _plain_or_expression(value: Any, plain: Any) -> re.Pattern[str]:
@@ -91,7 +124,12 @@ def word(value: Any) -> re.Pattern[str]:
 
 
 def wildcard(value: Any) -> re.Pattern[str]:
-    """A whole text in which `*` stands for anything; or {regex: ...}; both for fullmatch."""
+    """A whole text in which `*` stands for anything; or {regex: ...}; both for fullmatch.
+
+    A whole number is taken as it would be written, as for the value of a label.
+    """
+    if isinstance(value, int) and not isinstance(value, bool):
+        value = str(value)
     return _plain_or_expression(value, _from_wildcard)
 
 
@@ -120,27 +158,27 @@ def wildcards(value: Any) -> tuple[re.Pattern[str], ...]:
     return _listed(value, wildcard)
 
 
-_REGEX = {
+_REGEX: dict[str, Any] = {
     "type": "object",
     "properties": {"regex": {"type": "string", "maxLength": MAX_PATTERN}},
     "required": ["regex"],
     "additionalProperties": False,
 }
-_ONE = [{"type": "string", "minLength": 1, "maxLength": MAX_PATTERN}, _REGEX]
-_MANY = [*_ONE, {"type": "array", "minItems": 1, "items": {"anyOf": _ONE}}]
+_WORD = [{"type": "string", "minLength": 1, "maxLength": MAX_PATTERN}, _REGEX]
+_TEXT = [*_WORD, {"type": "integer"}]
+
+
+def _one_or_more(one: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [*one, {"type": "array", "minItems": 1, "items": {"anyOf": one}}]
+
 
 Words = Annotated[
     tuple[re.Pattern[str], ...],
     PlainValidator(words),
-    WithJsonSchema({"title": "words", "anyOf": _MANY}),
+    WithJsonSchema({"title": "words", "anyOf": _one_or_more(_WORD)}),
 ]
 Wildcards = Annotated[
     tuple[re.Pattern[str], ...],
     PlainValidator(wildcards),
-    WithJsonSchema({"title": "texts with *", "anyOf": _MANY}),
-]
-Wildcard = Annotated[
-    re.Pattern[str],
-    PlainValidator(wildcard),
-    WithJsonSchema({"title": "text with *", "anyOf": _ONE}),
+    WithJsonSchema({"title": "texts with *", "anyOf": _one_or_more(_TEXT)}),
 ]

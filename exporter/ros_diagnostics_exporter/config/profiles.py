@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.config.model_profile import (
     ProfileEntry,
     ValueEntry,
 )
+from ros_diagnostics_exporter.config.scalars import shown
 from ros_diagnostics_exporter.config.translate import meant
 from ros_diagnostics_exporter.config.validate import Placed
 
@@ -92,7 +93,7 @@ class _Family:
             return self.profile(wanted, above)
         if wanted not in self._known:
             self._tell(
-                placed, f"there is no profile {wanted!r}", meant(wanted, sorted(self._known))
+                placed, f"there is no profile {shown(wanted)}", meant(wanted, sorted(self._known))
             )
             return None
         return self._base if wanted == DEFAULT else None
@@ -137,7 +138,8 @@ def _checks(
             checks[name] = Check(name, entry.match or (), entry.expect)
         elif checks.pop(name, None) is None:
             what = "is removed (null), but no profile that is extended has it"
-            problems.append(placed.problem(*where, what=what, remedy=meant(name, checks)))
+            remedy = meant(name, [each for each in checks if each != ALL])
+            problems.append(placed.problem(*where, what=what, remedy=remedy))
     return tuple(checks.values())
 
 

@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.config.model_robot import DiscoveryEntry, RobotEntry, SharedEntry
 from ros_diagnostics_exporter.config.profiles import DEFAULT, resolved
+from ros_diagnostics_exporter.config.scalars import shown
 from ros_diagnostics_exporter.config.templates import INNERMOST, ROBOT, topic_pattern
 from ros_diagnostics_exporter.config.translate import meant
 from ros_diagnostics_exporter.config.validate import Checked, Placed
@@ -77,7 +78,7 @@ class _Choice:
     ) -> Profile:
         name = placed.entry.profile or DEFAULT
         if name not in self._known:
-            what, remedy = f"there is no profile {name!r}", meant(name, sorted(self._known))
+            what, remedy = f"there is no profile {shown(name)}", meant(name, sorted(self._known))
             self._problems.append(placed.problem("profile", what=what, remedy=remedy))
         return self._profiles.get(name) or self._profiles[DEFAULT]
 

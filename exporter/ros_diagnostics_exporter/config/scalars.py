@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from pydantic import PlainValidator, WithJsonSchema
 
-from ros_diagnostics_exporter.config.errors import WrongValueError
+from ros_diagnostics_exporter.config.errors import WrongValueError, printable
 from ros_diagnostics_exporter.config.reserved import RESERVED_LABEL_PREFIXES, RESERVED_LABELS
 
 MAX_DOMAIN_ID = 232  # above it, rclpy ends the whole process (ports would exceed 65535)
@@ -32,14 +32,18 @@ _LABEL = r"[A-Za-z_][A-Za-z0-9_]*"
 def shown(value: object) -> str:
     """A value as an error quotes it: as in the file, on one line, not too long to take in."""
     found = "nothing" if value is None else json.dumps(value, ensure_ascii=False, default=str)
-    found = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in found)
+    found = printable(found)
     return found if len(found) <= 60 else found[:57] + "..."
 
 
 def text(value: Any) -> str:
-    """`value` if it is text."""
+    """`value` if it is text that can be written as UTF-8."""
     if not isinstance(value, str):
         raise WrongValueError(f"{shown(value)} is not text", "put it in quotes")
+    if re.search("[\ud800-\udfff]", value):  # PyYAML without libyaml lets them pass
+        raise WrongValueError(
+            f"{shown(value)} has half of a character", "remove the escape \\ud..."
+        )
     return value
 
 

@@ -52,7 +52,7 @@ def split(value: Any) -> re.Pattern[str]:
         made = expression(value["regex"])
         groups = set(made.groupindex)
         if "robot" not in groups or groups - {"robot", "component"}:
-            what = f"{shown(made.pattern)} has other named groups than robot and component"
+            what = f"{shown(made.pattern)} has not the named groups that are looked for"
             raise WrongValueError(
                 what, "name the robot's part (?P<robot>...), the rest (?P<component>...)"
             )

@@ -18,7 +18,7 @@ _DAY = "(?:Mon|Tue|Wed|Thu|Fri|Sat|Sun)"
 _DAYS = rf"{_DAY}(?:-{_DAY})?(?:,{_DAY}(?:-{_DAY})?)*|daily"
 _CLOCK = r"(?:[01]\d|2[0-3]):[0-5]\d|24:00"
 _WEEKLY = re.compile(rf"({_DAYS}) ({_CLOCK})-({_CLOCK})", re.ASCII)
-_MOMENT = r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d)?(?: ?(?:Z|[+-]\d\d:\d\d))?)?"
+_MOMENT = r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d)?(?:Z|[+-]\d\d:\d\d)?)?"
 
 Weekly = tuple[int, int, int]
 
@@ -62,10 +62,10 @@ def moment(value: Any) -> datetime:
     if not re.fullmatch(_MOMENT, found, re.ASCII):
         raise WrongValueError(f"{shown(found)} is not a date and time", remedy)
     try:
-        # Python 3.10 knows neither "Z" nor a blank before the offset.
-        return datetime.fromisoformat(found.replace("Z", "+00:00").replace(" +", "+"))
-    except ValueError as error:
-        raise WrongValueError(f"{shown(found)} is not a date and time ({error})", remedy) from None
+        # Python 3.10 does not know "Z".
+        return datetime.fromisoformat(found.replace("Z", "+00:00"))
+    except ValueError:
+        raise WrongValueError(f"{shown(found)} is not in the calendar", remedy) from None
 
 
 def time_zone(value: Any) -> str:

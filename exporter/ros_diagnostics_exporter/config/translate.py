@@ -56,7 +56,7 @@ def _about_value(error: ErrorDetails) -> tuple[str, str]:
     kind, value, context = error["type"], shown(error["input"]), error.get("ctx", {})
     if kind == "literal_error":
         allowed = re.findall(r"'([^']+)'", context["expected"])
-        return f"{value} is not one of the words", meant(str(error["input"]), allowed)
+        return f"{value} is not one of the words", _one_of(allowed)
     if kind in _KINDS:
         noun, remedy = _KINDS[kind]
         return f"{value} is not {noun}", remedy
@@ -73,7 +73,11 @@ def meant(word: str, known: Iterable[str]) -> str:
     if close:
         best = next(each for each in words if each.lower() == close[0])
         return f"did you mean {best}?"
-    return f"use one of {', '.join(words)}" if words else "remove it"
+    return _one_of(words) if words else "remove it"
+
+
+def _one_of(words: list[str]) -> str:
+    return f"use {words[0]}" if len(words) == 1 else f"use one of {', '.join(words)}"
 
 
 def _keys(model: Any, where: Where) -> list[str]:

@@ -16,7 +16,8 @@ from ros_diagnostics_exporter.config.model_base import Entry
 from ros_diagnostics_exporter.config.model_profile import ProfileEntry
 from ros_diagnostics_exporter.config.model_robot import DiscoveryEntry, RobotEntry, SharedEntry
 from ros_diagnostics_exporter.config.translate import told
-from ros_diagnostics_exporter.config.yamlfile import Document, KeyPath
+from ros_diagnostics_exporter.config.yamlfile import Document
+from ros_diagnostics_exporter.config.yamltree import KeyPath
 
 T = TypeVar("T", bound=Entry)
 

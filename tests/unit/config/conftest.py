@@ -10,13 +10,13 @@ from ros_diagnostics_exporter.config.load import load
 
 @pytest.fixture
 def fleet_of(tmp_path):
-    """Loads a text (indented as the test is) as fleet.yml of a folder of its own."""
+    """Loads a text (indented as the test is) as fleet.yml, with other files beside it."""
 
-    def loaded(text, **files):
-        for name, content in files.items():
-            path = tmp_path / name.replace("__", "/")
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.with_suffix(".yml").write_text(dedent(content), encoding="utf-8")
+    def loaded(text, **beside):
+        for name, content in beside.items():
+            path = tmp_path / name
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(dedent(content), encoding="utf-8")
         path = tmp_path / "fleet.yml"
         path.write_text(dedent(text), encoding="utf-8")
         return load(path)
@@ -28,9 +28,9 @@ def fleet_of(tmp_path):
 def errors_of(fleet_of, tmp_path):
     """The lines of the error that a text gets, without the folder."""
 
-    def lines(text, **files):
+    def lines(text, **beside):
         with pytest.raises(ConfigError) as caught:
-            fleet_of(text, **files)
+            fleet_of(text, **beside)
         return str(caught.value).replace(f"{tmp_path}/", "").splitlines()
 
     return lines

@@ -102,13 +102,22 @@ def test_folder_in_place_of_the_file_is_told(tmp_path):
         load(tmp_path)
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
-def test_unreadable_file_is_told(tmp_path):
+@pytest.fixture
+def unreadable(tmp_path):
+    """For a while, a user who may not read fleet.yml."""
     path = tmp_path / "fleet.yml"
     path.write_text("fleet: demo")
     path.chmod(0)
+    user = os.geteuid()
+    if user == 0:
+        os.seteuid(65_534)
+    yield path
+    os.seteuid(user)
+
+
+def test_unreadable_file_is_told(unreadable):
     with pytest.raises(ConfigError, match=r"cannot be read \(Permission denied\)"):
-        load(path)
+        load(unreadable)
 
 
 def test_huge_file_is_refused_before_it_is_parsed(tmp_path):

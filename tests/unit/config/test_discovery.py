@@ -1,0 +1,118 @@
+"""Robots found by their topics, and robots that share one."""
+
+import pytest
+
+from ros_diagnostics_exporter.config.scalars import topic as checked_topic
+
+
+def discovery(fleet_of, said):
+    return fleet_of(f"fleet: demo\ndiscovery: [{{{said}}}]").discoveries[0]
+
+
+@pytest.mark.parametrize(
+    ("said", "topic", "robot"),
+    [
+        ('topic: "/{robot}/diagnostics"', "/r1/diagnostics", "r1"),
+        ('topic: "/{robot}/diagnostics"', "/r1/diagnostics_agg", None),
+        ('topic: "/fleet/amr_{robot}/diagnostics"', "/fleet/amr_7/diagnostics", "7"),
+        ('topic: "/*/{robot}/*"', "/hall/r1/health", "r1"),
+        ('topic: "/*/{robot}/*"', "/r1/health", None),
+        ("type: diagnostic_msgs/msg/DiagnosticArray", "/hall/r1/health", "r1"),
+        ("type: diagnostic_msgs/msg/DiagnosticArray", "/r1/diagnostics_agg", "r1"),
+        ("type: diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", None),
+    ],
+)
+def test_topic_tells_the_name_of_the_robot(fleet_of, said, topic, robot):
+    match = discovery(fleet_of, said).pattern.fullmatch(topic)
+    assert (match and match["robot"]) == robot
+
+
+def test_robots_in_the_root_namespace_are_named_by_their_domain(fleet_of):
+    found = discovery(
+        fleet_of, 'topic: /diagnostics_agg, domain_ids: [1-60], name: "robot_{domain_id}"'
+    )
+    assert found.pattern.fullmatch("/diagnostics_agg")
+    assert (found.name, len(found.domain_ids)) == ("robot_{domain_id}", 60)
+
+
+def test_include_and_exclude_match_whole_names(fleet_of):
+    found = discovery(
+        fleet_of,
+        'topic: "/{robot}/diagnostics", include: ["amr_*", {regex: "arm_[12]"}], exclude: amr_9',
+    )
+    assert [bool(each.fullmatch("amr_10")) for each in found.include] == [True, False]
+    assert [bool(each.fullmatch("arm_12")) for each in found.include] == [False, False]
+    assert [bool(each.fullmatch("amr_9")) for each in found.exclude] == [True]
+
+
+def test_discovered_robots_have_profile_address_and_labels(fleet_of):
+    found = fleet_of("""
+        fleet: demo
+        profiles: {amr: {stale_after: 3s}}
+        discovery:
+          - topic: "/{robot}/diagnostics_agg"
+            profile: amr
+            source: both
+            address: "{robot}.lan"
+            labels: {site: hall, floor: 3}
+    """).discoveries[0]
+    assert (found.profile.stale_after, found.source.value) == (3.0, "both")
+    assert (found.address, dict(found.labels)) == ("{robot}.lan", {"site": "hall", "floor": "3"})
+
+
+@pytest.mark.parametrize(
+    ("said", "text", "groups"),
+    [
+        ("by: hardware_id", None, None),
+        ("by: hardware_id, pattern: 'husky-{robot}'", "husky-0849", {"robot": "0849"}),
+        ("pattern: {regex: '[A-Z]+(?P<robot>\\d+).*'}", "SN17/x", {"robot": "17"}),
+        (
+            "by: name, pattern: '{robot}/{component}'",
+            "r1/arm/left",
+            {"robot": "r1", "component": "arm/left"},
+        ),
+        (
+            "by: name, pattern: '{component} of {robot}'",
+            "laser of r1",
+            {"robot": "r1", "component": "laser"},
+        ),
+        ("by: name, pattern: '{robot}: {component}'", "no colon", None),
+    ],
+)
+def test_shared_topic_tells_robots_apart(fleet_of, said, text, groups):
+    shared = fleet_of(f"fleet: demo\nshared: [{{topic: /diagnostics, {said}}}]").shared[0]
+    match = shared.pattern and shared.pattern.fullmatch(text)
+    assert (match and match.groupdict()) == groups
+
+
+@pytest.mark.parametrize(
+    ("said", "raw"),
+    [
+        ("topic: /diagnostics", True),
+        ("topic: /diagnostics_agg", False),
+        ("topic: /diagnostics_agg, source: raw", True),
+        ("topic: /lab/health, source: agg", False),
+    ],
+)
+def test_shared_topic_is_raw_or_aggregated(fleet_of, said, raw):
+    assert fleet_of(f"fleet: demo\nshared: [{{{said}}}]").shared[0].raw is raw
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("/a", "/a/b", "/_a", "/a1/b_2", "/a__b", "/" + "a" * 246),
+        *("", "/", "a", "/a/", "//a", "/a//b", "/1", "/a/1b", "/a-b", "/a b", "/{a}", "/~", "/ä"),
+        "/" + "a" * 247,
+    ],
+)
+def test_topic_names_are_those_that_ros_takes(name):
+    validate = pytest.importorskip("rclpy.validate_full_topic_name", reason="no ROS 2 here")
+    exceptions = pytest.importorskip("rclpy.exceptions")
+    try:
+        validate.validate_full_topic_name(name)
+    except (exceptions.InvalidTopicNameException, ValueError):
+        with pytest.raises(ValueError, match="is not"):
+            checked_topic(name)
+    else:
+        assert checked_topic(name) == name

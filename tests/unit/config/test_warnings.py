@@ -1,0 +1,44 @@
+"""What a config may say, and what is said about it."""
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("text", "warnings"),
+    [
+        (
+            "robots: [{name: a, domain_id: 102}, {name: b, domain_id: 101}]",
+            ["2: robots[a].domain_id: DDS domain 102 shares its ports with Linux' outgoing"],
+        ),
+        (
+            'discovery: [{topic: "/{robot}/diagnostics", domain_ids: [0, 214-215, 150]}]',
+            ["2: discovery[0].domain_ids: DDS domain 150, 214 shares its ports with Linux'"],
+        ),
+        (
+            "shared: [{topic: /diagnostics, domain_id: 200}]",
+            ["2: shared[0].domain_id: DDS domain 200 shares its ports with Linux' outgoing"],
+        ),
+        ("{}", ["1: no robots, discovery or shared topics, so there is nothing to watch; add"]),
+        (
+            """robots: [{name: a, labels: {site: x}}]
+profiles: {default: {values: [{key: Level, metric: ros_battery_percent}]}}
+maintenance: [{name: m, comment: c, start: 2026-01-01, selector: {sitte: x, robot: a}}]""",
+            [
+                (
+                    "3: profiles.default.values[0].metric: ros_battery_percent is not in a base "
+                    "unit of Prometheus; call it ..._ratio and convert with scale"
+                ),
+                (
+                    "4: maintenance[m].selector.sitte: no robot has the label sitte, so this never "
+                    "holds; select by one of fleet, robot, site"
+                ),
+            ],
+        ),
+        ("robots: [{name: a, domain_id: 0}, {name: b, domain_id: 232}]", []),
+    ],
+)
+def test_warnings_name_the_place(fleet_of, tmp_path, text, warnings):
+    found = fleet_of("fleet: demo\n" + text.removeprefix("{}")).warnings
+    assert len(found) == len(warnings)
+    for said, begin in zip(found, warnings, strict=True):
+        assert said.startswith(f"{tmp_path}/fleet.yml:{begin}")
