@@ -1,47 +1,58 @@
-"""The command `virtual-robots`: flags, wiring, signals, exit codes.
+"""The command `virtual-robots`: its flags, its errors, its exit codes.
 
-The only file that knows all others. Exit codes: 0 done or interrupted, 1 something failed,
-2 wrong usage or a file that cannot be used.
+0: done, or ended by SIGINT or SIGTERM. 1: something failed. 2: wrong usage, or a file that cannot
+be used.
 """
 
 from __future__ import annotations
 
 import argparse
-import signal
+import importlib
 import sys
-import threading
 from collections.abc import Callable, Sequence
-from types import FrameType
+from pathlib import Path
 
-from virtual_robots import ros
 from virtual_robots.aggregator import VERSIONS, AnalyzerConfigError
 from virtual_robots.documents import DocumentError
-from virtual_robots.fleet import Fleet, RobotSpec
-from virtual_robots.kinds import kind_path, known_kinds
-from virtual_robots.player import Player
+from virtual_robots.kinds import known_kinds
 
 COMMANDS = """commands:
   virtual-robots [run] [options]   publish a fleet of virtual robots until interrupted
   virtual-robots fault ROBOT COMPONENT LEVEL
                                    break or repair a component while they run
+  virtual-robots COMMAND --help    what a command takes
 """
+NO_ROS = """virtual-robots: ROS 2 cannot be imported ({error}).
+Install it with this package: pip install 'ros-diagnostics-exporter[ros]'
+or source a ROS 2 installation first: source /opt/ros/jazzy/setup.bash"""
+ROS_PACKAGES = ("rclpy", "diagnostic_msgs.msg", "rcl_interfaces.srv")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; returns the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-    name = words.pop(0) if words and words[0] in PARSERS else "run"
-    parser = PARSERS[name]()
-    options = parser.parse_args(words)
+    command = words.pop(0) if words and words[0] in PARSERS else "run"
+    options = PARSERS[command]().parse_args(words)
     try:
-        options.command(options)
+        for package in ROS_PACKAGES:
+            importlib.import_module(package)
+    except ImportError as error:
+        return _fail(NO_ROS.format(error=error), 1)
+    # Not before: without ROS, the sentence above shall come, and --help shall work.
+    commands = importlib.import_module("virtual_robots.commands")
+    ros = importlib.import_module("virtual_robots.ros")
+    try:
+        getattr(commands, command)(options)
     except (DocumentError, AnalyzerConfigError, ros.DomainError) as error:
-        print(error, file=sys.stderr)  # noqa: T201 - a command's answer
-        return 2
+        return _fail(str(error), 2)
     except ros.RosError as error:
-        print(f"virtual-robots: {error}", file=sys.stderr)  # noqa: T201 - a command's answer
-        return 1
+        return _fail(f"virtual-robots: {error}", 1)
     return 0
+
+
+def _fail(text: str, code: int) -> int:
+    print(text, file=sys.stderr)  # noqa: T201 - a command's answer
+    return code
 
 
 def _run_parser() -> argparse.ArgumentParser:
@@ -51,21 +62,15 @@ def _run_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Virtual robots that publish real ROS 2 diagnostics.",
     )
-    parser.add_argument("--robots", type=_count, default=10, help="how many (default 10)")
+    add_fleet(parser)
     parser.add_argument(
-        "--kind",
-        default="thesis",
-        help=f"{', '.join(known_kinds())}, or the path of a kind file (default thesis)",
+        "--participants",
+        choices=["fleet", "robot", "domain"],
+        default="fleet",
+        help="DDS participants: one for all (default), one a robot, or one domain a robot,"
+        " counting up from --domain-id",
     )
-    parser.add_argument("--seed", type=int, default=0, help="decides all that is random")
-    parser.add_argument(
-        "--aggregator",
-        choices=[*VERSIONS, "none"],
-        default=VERSIONS[0],
-        help=f"which diagnostic_aggregator each robot runs (default {VERSIONS[0]})",
-    )
-    _add_domain(parser)
-    parser.set_defaults(command=run)
+    add_domain(parser)
     return parser
 
 
@@ -81,8 +86,7 @@ def _fault_parser() -> argparse.ArgumentParser:
         "level", help="ok, warn, error, stale, silent, flap, or a fault of the robot's kind"
     )
     parser.add_argument("--message", default="", help="the status message; default: the kind's")
-    _add_domain(parser)
-    parser.set_defaults(command=fault)
+    add_domain(parser)
     return parser
 
 
@@ -92,9 +96,31 @@ PARSERS: dict[str, Callable[[], argparse.ArgumentParser]] = {
 }
 
 
-def _add_domain(parser: argparse.ArgumentParser) -> None:
+def add_fleet(parser: argparse.ArgumentParser) -> None:
+    """The options that describe a fleet."""
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--robots", type=_count, default=10, help="how many (default 10)")
+    which.add_argument("--scenario", type=Path, help="a file that says which, and what happens")
     parser.add_argument(
-        "--domain-id", type=int, default=None, help="DDS domain (default: ROS_DOMAIN_ID, else 0)"
+        "--kind",
+        default="thesis",
+        help=f"{', '.join(known_kinds())}, or the path of a kind file (default thesis)",
+    )
+    parser.add_argument("--settings", type=Path, help="a settings file of the thesis' robot")
+    parser.add_argument("--seed", type=int, help="decides all that is random (default 0)")
+    parser.add_argument(
+        "--aggregator",
+        choices=[*VERSIONS, "none"],
+        default=VERSIONS[0],
+        help=f"which diagnostic_aggregator each robot runs (default {VERSIONS[0]})",
+    )
+    parser.add_argument("--duration", type=_seconds, help="end after so many seconds")
+
+
+def add_domain(parser: argparse.ArgumentParser) -> None:
+    """The option for the DDS domain."""
+    parser.add_argument(
+        "--domain-id", type=int, help="DDS domain, 0 to 232 (default: ROS_DOMAIN_ID, else 0)"
     )
 
 
@@ -105,46 +131,11 @@ def _count(text: str) -> int:
     return number
 
 
-def run(options: argparse.Namespace) -> None:
-    """Publish a fleet until SIGINT or SIGTERM."""
-    version = None if options.aggregator == "none" else options.aggregator
-    kind = kind_path(options.kind)
-    specs = [RobotSpec(f"robot_{n}", kind) for n in range(1, options.robots + 1)]
-    fleet = Fleet(specs, options.seed, version)
-    domain_id = ros.chosen_domain_id(options.domain_id)
-    stop = stop_on_signals()
-    with ros.ros_context(domain_id) as context:
-        publishers = ros.Publishers(context, [spec.name for spec in specs])
-        player = Player(fleet, publishers.publish)
-        control = ros.Control(context, player.inject)
-        say(f"ready: {len(specs)} virtual robots in domain {domain_id}")
-        player.play(stop)
-        control.close()
-        publishers.close()
-
-
-def fault(options: argparse.Namespace) -> None:
-    """Set the parameter that stands for a component."""
-    order = f"{options.level}: {options.message}" if options.message else options.level
-    domain_id = ros.chosen_domain_id(options.domain_id)
-    ros.set_parameter(domain_id, f"{options.robot}.{options.component}", order)
-
-
-def stop_on_signals() -> threading.Event:
-    """An event that SIGINT and SIGTERM set."""
-    stop = threading.Event()
-
-    def on_signal(_number: int, _frame: FrameType | None) -> None:
-        stop.set()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, on_signal)
-    return stop
-
-
-def say(text: str) -> None:
-    """A line on stdout, at once: others wait for it."""
-    print(text, flush=True)  # noqa: T201 - a command's answer
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not 0 < seconds < float("inf"):
+        raise argparse.ArgumentTypeError("must be a number above 0")
+    return seconds
 
 
 if __name__ == "__main__":

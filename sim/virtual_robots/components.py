@@ -5,6 +5,7 @@ Knows its model and time; it does not know its robot, nor ROS.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from random import Random
 from typing import NamedTuple
@@ -52,7 +53,9 @@ class Component:
 
     def __post_init__(self) -> None:
         self.variables = {name: _start(v) for name, v in self.model.variables.items()}
-        self._charging = False
+        for name, model in self.model.variables.items():
+            if isinstance(model, Battery):
+                self.variables[f"{name}_charging"] = 0.0
         self._drive_from = 0.0
         self._formats = [(key, text, "{" in text) for key, text in self.model.values.items()]
 
@@ -61,9 +64,18 @@ class Component:
         if fault is not None and fault.what not in self.known_faults():
             known = ", ".join(self.known_faults())
             raise UnknownFaultError(f"{self.name} has no fault {fault.what!r}, only {known}")
+        if (course := self._course()) and course.drive and not course.over:
+            self.variables[course.drive] = self._drive_from  # what came at once ends at once
         self.fault = fault
         if (course := self._course()) and course.drive:
             self._drive_from = self.variables[course.drive]
+
+    def carry_on(self, before: Component) -> None:
+        """Go on from where another one stands, as far as both have the same variables."""
+        for name in self.variables.keys() & before.variables.keys():
+            self.variables[name] = before.variables[name]
+        if before.fault and before.fault.what in self.known_faults():
+            self.fault, self._drive_from = before.fault, before._drive_from
 
     def known_faults(self) -> tuple[str, ...]:
         """The names that inject takes."""
@@ -83,8 +95,9 @@ class Component:
         if self.fault and self.fault.what == "silent":
             return None
         level, message = self._judge(now)
+        words = self._words()
         values = tuple(
-            (key, text.format_map(self.variables) if is_format else text)
+            (key, text.format_map(words) if is_format else text)
             for key, text, is_format in self._formats
         )
         return Status(level, self.name, message, self.hardware_id, values)
@@ -100,10 +113,7 @@ class Component:
         if self.fault and (told := self._told(self.fault, now)):
             return told
         for rule in self.model.rules:
-            value = self.variables[rule.variable]
-            if (rule.above is not None and value > rule.above) or (
-                rule.below is not None and value < rule.below
-            ):
+            if rule.holds(self.variables[rule.variable]):
                 message = self.fault.message if self.fault and self.fault.message else rule.message
                 return LEVEL_NAMES[rule.level], message
         return OK, self._ok_message()
@@ -127,14 +137,24 @@ class Component:
         return {WARN: self.model.warn, ERROR: self.model.error, STALE: "Stale"}[level]
 
     def _ok_message(self) -> str:
-        return self.model.message.format_map(self.variables)
+        return self.model.message.format_map(self._words())
+
+    def _words(self) -> Mapping[str, float | str]:
+        """What the templates may name."""
+        if not self.model.texts:
+            return self.variables
+        chosen = {
+            name: choice.then if choice.holds(self.variables[choice.variable]) else choice.otherwise
+            for name, choice in self.model.texts.items()
+        }
+        return {**self.variables, **chosen}
 
     def _moved(self, name: str, model: Variable, elapsed: float) -> float:
         value = self.variables[name]
         if isinstance(model, Walk):
             return self._walked(value, model, elapsed)
         if isinstance(model, Battery):
-            return self._charged(value, model, elapsed)
+            return self._charged(name, value, model, elapsed)
         if isinstance(model, Linear):
             share = self.variables[model.follows] / 100
             return model.at_0 + share * (model.at_100 - model.at_0)
@@ -148,12 +168,13 @@ class Component:
         value += (self.rng.random() * 2 - 1) * model.walk * elapsed
         return min(max(value, model.low), model.high)
 
-    def _charged(self, value: float, model: Battery, elapsed: float) -> float:
+    def _charged(self, name: str, value: float, model: Battery, elapsed: float) -> float:
+        charging = f"{name}_charging"
         if value <= model.dock_at:
-            self._charging = True
+            self.variables[charging] = 1.0
         elif value >= model.leave_at:
-            self._charging = False
-        rate = model.charge if self._charging else -model.drain
+            self.variables[charging] = 0.0
+        rate = model.charge if self.variables[charging] else -model.drain
         return min(100.0, max(0.0, value + rate * elapsed / 3600))
 
 

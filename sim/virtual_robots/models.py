@@ -65,20 +65,38 @@ class Count(Document):
 Variable = Walk | Battery | Linear | Count
 
 
-class Rule(Document):
-    """A level and a message while a variable is above or below a bound."""
+class Condition(Document):
+    """Whether a variable is above, or below, a bound."""
 
     variable: Name = Field(alias="if")
     above: float | None = None
     below: float | None = None
-    level: LevelName
-    message: str
 
     @model_validator(mode="after")
-    def _has_one_bound(self) -> Rule:
+    def _has_one_bound(self) -> Condition:
         if (self.above is None) == (self.below is None):
             raise ValueError("needs 'above' or 'below', and not both")
         return self
+
+    def holds(self, value: float) -> bool:
+        """Whether it holds for this value of the variable."""
+        if self.above is not None:
+            return value > self.above
+        return self.below is not None and value < self.below
+
+
+class Rule(Condition):
+    """A level and a message while the condition holds."""
+
+    level: LevelName
+    message: str
+
+
+class Choice(Condition):
+    """One text while the condition holds, another otherwise."""
+
+    then: str
+    otherwise: str
 
 
 class FaultModel(Document):
@@ -100,8 +118,10 @@ class FaultModel(Document):
 class ComponentModel(Document):
     """One or ``count`` components; ``{n}`` in name and hardware_id is the number.
 
-    ``message``, and the texts in ``values``, may use the variables, as in ``{temperature:.1f}``.
-    ``warn`` and ``error`` are the messages of a fault that brings none of its own.
+    ``message``, and the texts in ``values``, may use the variables, as in ``{temperature:.1f}``,
+    and the ``texts``, which depend on variables. A battery `level` also gives `level_charging` (1
+    while it is charged, else 0). ``warn`` and ``error`` are the messages of a fault that brings
+    none of its own; of the ``rules`` the first that holds counts.
     """
 
     name: Name
@@ -111,6 +131,7 @@ class ComponentModel(Document):
     warn: str = "Warning"
     error: str = "Error"
     variables: dict[str, Variable] = Field(default_factory=dict)
+    texts: dict[str, Choice] = Field(default_factory=dict)
     values: dict[str, str] = Field(default_factory=dict)
     rules: tuple[Rule, ...] = ()
     faults: dict[str, FaultModel] = Field(default_factory=dict)
@@ -118,11 +139,15 @@ class ComponentModel(Document):
     @model_validator(mode="after")
     def _names_are_known(self) -> ComponentModel:
         known = set(self.variables)
-        used = {rule.variable for rule in self.rules}
+        known |= {
+            f"{name}_charging" for name, v in self.variables.items() if isinstance(v, Battery)
+        }
+        used = {condition.variable for condition in (*self.rules, *self.texts.values())}
         used |= {fault.drive for fault in self.faults.values() if fault.drive}
         used |= {v.follows for v in self.variables.values() if isinstance(v, Linear)}
         for template in (self.message, *self.values.values()):
             used |= {name for _, name, _, _ in string.Formatter().parse(template) if name}
+        used -= set(self.texts)
         if used - known:
             raise ValueError(f"{self.name}: no variable {', '.join(sorted(used - known))}")
         if taken := RESERVED & set(self.faults):

@@ -1,6 +1,6 @@
 """The fleet in real time: advances its clock with the real one, and lets faults in between.
 
-The only file that reads a clock and sleeps. Knows no ROS: it is handed what publishes.
+The only file that reads a clock and sleeps. Knows no ROS: it is handed what takes the happenings.
 """
 
 from __future__ import annotations
@@ -8,44 +8,82 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from virtual_robots.components import Fault
-from virtual_robots.fleet import Fleet, Message
+from virtual_robots.documents import DocumentError
+from virtual_robots.fleet import Fleet
+from virtual_robots.members import Happening
 
 # Waking up for every single one of a thousand robots would cost more than their messages.
 SHORTEST_SLEEP = 0.005
+LOOK_AT_FILES_EVERY = 1.0
 
-Publish = Callable[[Message, float], None]
+Take = Callable[[Happening, float], None]
 
 
 class Player:
-    """Plays a fleet; its methods may be called from any thread."""
+    """Plays a fleet.
 
-    def __init__(self, fleet: Fleet, publish: Publish) -> None:
+    ``take`` is called with each happening and the fleet's start (seconds since the epoch);
+    ``complain`` with a text when a settings file that changed cannot be used.
+    """
+
+    def __init__(self, fleet: Fleet, take: Take, complain: Callable[[str], None]) -> None:
         self._fleet = fleet
-        self._publish = publish
+        self._take = take
+        self._complain = complain
         self._lock = threading.Lock()
-        self._started = time.monotonic()
-        self._started_wall = time.time()
+        self._files = {
+            member.spec.settings: _changed_at(member.spec.settings)
+            for member in fleet.members.values()
+            if member.spec.settings is not None
+        }
+        self._look_at = LOOK_AT_FILES_EVERY
         self.worst_delay = 0.0
 
     def play(self, stop: threading.Event, until: float = float("inf")) -> None:
-        """Publish what is due when it is due, until ``stop`` is set or ``until`` (s) is reached."""
+        """Let happen what is due when it is due, until ``stop`` is set or ``until`` (s) is over."""
+        started, started_wall = time.monotonic(), time.time()
         while not stop.is_set():
-            now = min(time.monotonic() - self._started, until)
+            now = min(time.monotonic() - started, until)
             self.worst_delay = max(self.worst_delay, now - self._fleet.next_at())
             with self._lock:
-                for message in self._fleet.advance(now):
-                    self._publish(message, self._started_wall)
+                for happening in self._fleet.advance(now):
+                    self._take(happening, started_wall)
+                self._look_at_files(now)
             if now >= until:
                 return
-            wait = min(self._fleet.next_at(), until) - (time.monotonic() - self._started)
+            wait = min(self._fleet.next_at(), until) - (time.monotonic() - started)
             stop.wait(max(SHORTEST_SLEEP, wait))
 
     def inject(self, target: str, order: str) -> None:
-        """Obey `ROBOT.COMPONENT` and `LEVEL[: MESSAGE]`. Raises ValueError or KeyError."""
+        """Obey `ROBOT.COMPONENT` and `LEVEL[: MESSAGE]`, from any thread.
+
+        Raises ValueError or KeyError with the reason to refuse it.
+        """
         robot, _, component = target.partition(".")
         what, _, message = (part.strip() for part in order.partition(":"))
         with self._lock:
             fault = None if what == "ok" else Fault(what, self._fleet.now, message)
             self._fleet.inject(robot, component, fault)
+
+    def _look_at_files(self, now: float) -> None:
+        if now < self._look_at or not self._files:
+            return
+        self._look_at = now + LOOK_AT_FILES_EVERY
+        for path, changed_at in self._files.items():
+            if (latest := _changed_at(path)) != changed_at:
+                self._files[path] = latest
+                try:
+                    self._fleet.reload(path)
+                except DocumentError as error:
+                    self._complain(f"{error}\n{path}: the settings from before stay in force")
+
+
+def _changed_at(path: Path) -> int | None:
+    """When the file was last written; None while it is not there (an editor replaces it)."""
+    try:
+        return path.stat().st_mtime_ns
+    except FileNotFoundError:
+        return None

@@ -35,6 +35,14 @@ class Robot:
         """Begin or end a fault. Raises KeyError or UnknownFaultError."""
         self.component(component).inject(fault)
 
+    def replace_components(self, components: list[Component]) -> None:
+        """Take new components; of one that was there already, values and fault stay."""
+        before = {component.name: component for component in self.components}
+        for component in components:
+            if component.name in before:
+                component.carry_on(before[component.name])
+        self.components = components
+
     def boot(self) -> None:
         """The driver's process starts anew: the sequence too, and nothing has run yet."""
         self.sequence = 0

@@ -28,6 +28,7 @@ class Aggregator:
     """A diagnostic_aggregator as it stands after reading its parameters at ``now``.
 
     ``version`` is one of VERSIONS. Raises AnalyzerConfigError where the real program aborts.
+    ``complaints`` tells of the analyzers that it would refuse, going on without them.
     """
 
     def __init__(self, parameters: Parameters, now: float, version: str = VERSIONS[0]) -> None:
@@ -39,7 +40,8 @@ class Aggregator:
         self._publish_values = self._old or _flag(parameters, "publish_values", default=True)
         path = parameters.text("path") if "path" in parameters else ""
         base = f"/{path}" if path else ""
-        self._group, _ = build_group(base, "", parameters, now, stale_is_error=self._old)
+        self._group = build_group(base, "", parameters, now, stale_is_error=self._old)
+        self.complaints = tuple(dict.fromkeys(self._group.complaints))
         self._other = OtherAnalyzer(
             f"{base}/Other",
             "Other",

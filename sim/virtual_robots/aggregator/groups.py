@@ -19,9 +19,13 @@ from virtual_robots.aggregator.items import MESSAGE_OF_LEVEL, Item, listed, miss
 from virtual_robots.aggregator.parameters import Parameters
 from virtual_robots.diagnostics import ERROR, OK, STALE, Status
 
-PACKAGE = "diagnostic_aggregator/"
 LOAD_FAILED = "Pluginlib exception loading analyzer"
 INIT_FAILED = "Analyzer init failed"
+WHY_INIT_FAILS = (
+    "is refused by the real diagnostic_aggregator: an analyzer needs startswith, contains, regex or"
+    " find_and_remove_prefix ('name' and 'expected' alone match nothing), a group needs analyzers"
+    " of which none is refused"
+)
 
 
 @dataclass
@@ -32,7 +36,13 @@ class AnalyzerGroup:
     stale_is_error: bool = False
     analyzers: list[Analyzer] = field(default_factory=list)
     failures: list[Item] = field(default_factory=list)
+    complaints: list[str] = field(default_factory=list)
     _matched: dict[str, list[Analyzer]] = field(default_factory=dict)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all below it was made; one that is not fails as a whole."""
+        return not self.failures and (bool(self.analyzers) or not self.path)
 
     @property
     def nice_name(self) -> str:
@@ -88,11 +98,12 @@ def rolled_up(levels: list[int], *, stale_is_error: bool) -> int:
 
 def build_group(
     path: str, breadcrumb: str, parameters: Parameters, now: float, *, stale_is_error: bool
-) -> tuple[AnalyzerGroup, bool]:
-    """A group from the parameters below ``breadcrumb``; the flag says if all of it was made.
+) -> AnalyzerGroup:
+    """A group from the parameters below ``breadcrumb``.
 
     The real one keeps the type and the path that it saw last until an analyzer was made of them,
     so a type that cannot be loaded is tried, and fails, again at each parameter that follows.
+    What fails is also told in the group's ``complaints``.
     """
     group = AnalyzerGroup(path, stale_is_error)
     kind = below = ""
@@ -104,19 +115,24 @@ def build_group(
             below = parameters.printed(full_name)
         if not kind or not below:
             continue
-        if kind.removeprefix(PACKAGE) not in KINDS or not kind.startswith(PACKAGE):
+        if kind not in KINDS:
             group.failures.append(missing_item(owner, now, LOAD_FAILED))
+            if name == f"{owner}.type":
+                _complain(group, parameters, full_name, f"{kind!r} is none of {', '.join(KINDS)}")
             continue
         below = f"{path}/{below}" if kind.endswith("Group") else path
         inner = f"{breadcrumb}.{owner}" if breadcrumb else owner
         analyzer = _build(kind, below, inner, parameters, now, stale_is_error=stale_is_error)
-        if analyzer is None:
+        if isinstance(analyzer, AnalyzerGroup):
+            group.complaints += analyzer.complaints
+        if analyzer is None or (isinstance(analyzer, AnalyzerGroup) and not analyzer.complete):
             group.failures.append(missing_item(owner, now, INIT_FAILED))
+            _complain(group, parameters, full_name, WHY_INIT_FAILS)
             continue
         group.analyzers.append(analyzer)
         kind = below = ""
-    complete = not group.failures and (bool(group.analyzers) or not path)
-    return group, complete
+    _complain_of_missing_paths(group, parameters, breadcrumb)
+    return group
 
 
 def _owner(name: str) -> str:
@@ -126,11 +142,25 @@ def _owner(name: str) -> str:
     return name if end < 0 else name[:end]
 
 
+def _complain(group: AnalyzerGroup, parameters: Parameters, name: str, why: str) -> None:
+    group.complaints.append(f"{parameters.source}: {name.rpartition('.')[0]}: {why}")
+
+
+def _complain_of_missing_paths(
+    group: AnalyzerGroup, parameters: Parameters, breadcrumb: str
+) -> None:
+    names = parameters.under(breadcrumb)
+    for name, full_name in names.items():
+        owner = _owner(name)
+        if owner and name == f"{owner}.type" and f"{owner}.path" not in names:
+            _complain(group, parameters, full_name, "has no path and so shows nothing")
+
+
 KINDS: dict[str, type[GenericAnalyzer | IgnoreAnalyzer | AnalyzerGroup]] = {
-    "GenericAnalyzer": GenericAnalyzer,
-    "DiscardAnalyzer": DiscardAnalyzer,
-    "IgnoreAnalyzer": IgnoreAnalyzer,
-    "AnalyzerGroup": AnalyzerGroup,
+    "diagnostic_aggregator/GenericAnalyzer": GenericAnalyzer,
+    "diagnostic_aggregator/DiscardAnalyzer": DiscardAnalyzer,
+    "diagnostic_aggregator/IgnoreAnalyzer": IgnoreAnalyzer,
+    "diagnostic_aggregator/AnalyzerGroup": AnalyzerGroup,
 }
 
 
@@ -143,12 +173,9 @@ def _build(
     *,
     stale_is_error: bool,
 ) -> Analyzer | None:
-    made = KINDS[kind.removeprefix(PACKAGE)]
+    made = KINDS[kind]
     if issubclass(made, AnalyzerGroup):
-        group, complete = build_group(
-            path, breadcrumb, parameters, now, stale_is_error=stale_is_error
-        )
-        return group if complete else None
+        return build_group(path, breadcrumb, parameters, now, stale_is_error=stale_is_error)
     if issubclass(made, GenericAnalyzer):
         return build_generic(made, path, breadcrumb, parameters, now)
     return made()

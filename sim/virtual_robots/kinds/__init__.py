@@ -22,12 +22,15 @@ def known_kinds() -> tuple[str, ...]:
     return tuple(sorted(p.stem for p in HERE.glob("*.yaml") if not p.stem.endswith(".analyzers")))
 
 
-def kind_path(kind: str) -> Path:
-    """The file of a kind: one of known_kinds(), or the path of a file of one's own."""
+def kind_path(kind: str, relative_to: Path = Path()) -> Path:
+    """The file of a kind: one of known_kinds(), or the path of a file of one's own.
+
+    Raises DocumentError for anything else.
+    """
     if kind in known_kinds():
         return HERE / f"{kind}.yaml"
     if kind.endswith((".yaml", ".yml")):
-        return Path(kind)
+        return relative_to / kind
     raise DocumentError(
         f"kind {kind!r} is not known; it is one of {', '.join(known_kinds())},"
         " or the path of a .yaml file"

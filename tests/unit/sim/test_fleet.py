@@ -5,11 +5,11 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
+from stories import fleet_of, level_of, number_of, of
 
 from virtual_robots.components import Fault, UnknownFaultError
 from virtual_robots.diagnostics import ERROR, OK, STALE
-from virtual_robots.fleet import Fleet, Message, RobotSpec, Topic
-from virtual_robots.kinds import kind_path
+from virtual_robots.members import Happening, Topic
 
 COMPONENTS = [
     "Motor 1", "Motor 2", "Motor 3", "Sensor 1", "Sensor 2",
@@ -18,21 +18,8 @@ COMPONENTS = [
 GROUPS = {"Camera": 1, "Laser": 2, "Motor": 3, "Power": 2, "Temp": 2}
 
 
-def thesis_fleet(robots: int = 1, seed: int = 0) -> Fleet:
-    path = kind_path("thesis")
-    return Fleet([RobotSpec(f"robot_{n}", path) for n in range(1, robots + 1)], seed)
-
-
-def of(messages: list[Message], topic: Topic, robot: str = "robot_1") -> list[Message]:
-    return [m for m in messages if m.topic is topic and m.robot == robot]
-
-
-def level_of(message: Message, name: str) -> int:
-    return next(status.level for status in message.statuses if status.name == name)
-
-
 def test_each_robot_publishes_the_ten_components_once_a_second() -> None:
-    messages = list(thesis_fleet(robots=3).advance(10.0))
+    messages = list(fleet_of(robots=3).advance(10.0))
     for robot in ("robot_1", "robot_2", "robot_3"):
         raw = of(messages, Topic.RAW, robot)
         assert len(raw) in {9, 10}
@@ -41,14 +28,14 @@ def test_each_robot_publishes_the_ten_components_once_a_second() -> None:
 
 
 def test_the_batteries_carry_their_level() -> None:
-    last = of(list(thesis_fleet().advance(3.0)), Topic.RAW)[-1]
+    last = of(list(fleet_of().advance(3.0)), Topic.RAW)[-1]
     batteries = [s for s in last.statuses if "Battery" in s.name]
     assert [[key for key, _ in s.values] for s in batteries] == [["Level"], ["Level"]]
     assert all(0 <= float(value) <= 100 for s in batteries for _, value in s.values)
 
 
 def test_the_aggregated_tree_has_the_five_groups_and_nothing_in_other() -> None:
-    last = of(list(thesis_fleet().advance(5.0)), Topic.AGGREGATED)[-1]
+    last = of(list(fleet_of().advance(5.0)), Topic.AGGREGATED)[-1]
     parents = [s.name for s in last.statuses if s.name.count("/") == 1]
     assert parents == [f"/{group}" for group in GROUPS]
     for group, size in GROUPS.items():
@@ -57,12 +44,12 @@ def test_the_aggregated_tree_has_the_five_groups_and_nothing_in_other() -> None:
 
 
 def test_the_first_aggregated_array_is_from_before_any_input() -> None:
-    first = of(list(thesis_fleet().advance(5.0)), Topic.AGGREGATED)[0]
+    first = of(list(fleet_of().advance(5.0)), Topic.AGGREGATED)[0]
     assert [(s.name, s.level) for s in first.statuses] == [(f"/{g}", STALE) for g in GROUPS]
 
 
 def test_the_first_array_after_a_start_says_that_the_node_is_starting_up() -> None:
-    first, second, *_ = of(list(thesis_fleet().advance(5.0)), Topic.RAW)
+    first, second, *_ = of(list(fleet_of().advance(5.0)), Topic.RAW)
     assert {(s.level, s.message, s.hardware_id) for s in first.statuses} == {
         (OK, "Node starting up", "")
     }
@@ -71,16 +58,13 @@ def test_the_first_array_after_a_start_says_that_the_node_is_starting_up() -> No
 
 def test_every_array_carries_its_number_so_that_losses_can_be_counted() -> None:
     for topic in (Topic.RAW, Topic.AGGREGATED):
-        messages = of(list(thesis_fleet().advance(9.0)), topic)[1:]
-        numbers = [
-            max(int(v) for s in m.statuses for k, v in s.values if k == "Sequence")
-            for m in messages
-        ]
+        messages = of(list(fleet_of().advance(9.0)), topic)[1:]
+        numbers = [number_of(message) for message in messages]
         assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
 
 
 def test_an_injected_error_shows_raw_and_aggregated_until_it_is_repaired() -> None:
-    fleet = thesis_fleet(robots=2)
+    fleet = fleet_of(robots=2)
     list(fleet.advance(3.0))
     fleet.inject("robot_1", "Motor 2", Fault("error", fleet.now, "Over temperature"))
     broken = list(fleet.advance(6.0))
@@ -95,7 +79,7 @@ def test_an_injected_error_shows_raw_and_aggregated_until_it_is_repaired() -> No
 
 
 def test_a_silent_component_becomes_stale_in_the_tree_after_the_timeout() -> None:
-    fleet = thesis_fleet()
+    fleet = fleet_of()
     list(fleet.advance(3.0))
     fleet.inject("robot_1", "Laser 2", Fault("silent", fleet.now))
     messages = list(fleet.advance(12.0))
@@ -106,15 +90,15 @@ def test_a_silent_component_becomes_stale_in_the_tree_after_the_timeout() -> Non
 
 
 def test_one_seed_gives_one_story_and_another_seed_another() -> None:
-    def story(seed: int) -> list[Message]:
-        return list(thesis_fleet(robots=3, seed=seed).advance(20.0))
+    def story(seed: int) -> list[Happening]:
+        return list(fleet_of(robots=3, seed=seed).advance(20.0))
 
     assert story(1) == story(1)
     assert story(1) != story(2)
 
 
 def test_an_unknown_robot_component_or_fault_is_refused_with_what_there_is() -> None:
-    fleet = thesis_fleet()
+    fleet = fleet_of()
     with pytest.raises(KeyError, match=r"no robot 'r9', only robot_1"):
         fleet.inject("r9", "Motor 1", None)
     with pytest.raises(KeyError, match=r"no component 'Motor 9', only Motor 1, Motor 2"):

@@ -1,0 +1,108 @@
+"""What each command does, wired together from the other files; options come from cli.py.
+
+Imports ROS; cli.py imports it only when a command that needs it is called.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+from pathlib import Path
+from types import FrameType
+
+from virtual_robots.control import Control, set_parameter
+from virtual_robots.documents import DocumentError
+from virtual_robots.fleet import Fleet
+from virtual_robots.kinds import kind_path
+from virtual_robots.members import Happening, Note, RobotSpec
+from virtual_robots.player import Player
+from virtual_robots.ros import chosen_domain_id, ros_context
+from virtual_robots.scenario import load_scenario, plan
+from virtual_robots.transport import Participants, Transport
+
+
+def run(options: argparse.Namespace) -> None:
+    """Publish a fleet until SIGINT or SIGTERM, or until its duration is over."""
+    fleet, duration = fleet_of(options)
+    domain_id = chosen_domain_id(options.domain_id)
+    stop = stop_on_signals()
+    transport = Transport(list(fleet.members), domain_id, Participants(options.participants))
+
+    def take(happening: Happening, started: float) -> None:
+        if isinstance(happening, Note):
+            say(f"{happening.at:8.1f} s  {happening.text}")
+        else:
+            transport.take(happening, started)
+
+    player = Player(fleet, take, complain)
+    for name, member in fleet.members.items():
+        if not member.spec.absent:
+            transport.appear(name)
+    with ros_context(domain_id) as context:
+        control = Control(context, player.inject)
+        say(f"ready: {len(fleet.members)} virtual robots in {_domains(options, domain_id, fleet)}")
+        player.play(stop, duration)
+        control.close()
+    transport.close()
+
+
+def fault(options: argparse.Namespace) -> None:
+    """Set the parameter that stands for a component."""
+    order = f"{options.level}: {options.message}" if options.message else options.level
+    domain_id = chosen_domain_id(options.domain_id)
+    set_parameter(domain_id, f"{options.robot}.{options.component}", order)
+
+
+def fleet_of(options: argparse.Namespace) -> tuple[Fleet, float]:
+    """The fleet that the options describe, and how long it shall play (seconds)."""
+    version = None if options.aggregator == "none" else options.aggregator
+    duration = options.duration or float("inf")
+    if options.scenario is None:
+        fleet = Fleet(_specs(options), options.seed or 0, version)
+    else:
+        scenario = load_scenario(options.scenario)
+        seed = scenario.model.seed if options.seed is None else options.seed
+        fleet = Fleet(scenario.specs, seed, version)
+        plan(scenario, fleet)
+        duration = options.duration or scenario.model.duration or float("inf")
+    for text in fleet.complaints:
+        complain(text)
+    return fleet, duration
+
+
+def stop_on_signals() -> threading.Event:
+    """An event that SIGINT and SIGTERM set."""
+    stop = threading.Event()
+
+    def on_signal(_number: int, _frame: FrameType | None) -> None:
+        stop.set()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, on_signal)
+    return stop
+
+
+def say(text: str) -> None:
+    """A line on stdout, at once: others wait for it."""
+    print(text, flush=True)  # noqa: T201 - a command's answer
+
+
+def complain(text: str) -> None:
+    """A line on stderr."""
+    print(text, file=sys.stderr, flush=True)  # noqa: T201 - a command's answer
+
+
+def _specs(options: argparse.Namespace) -> list[RobotSpec]:
+    kind = kind_path(options.kind)
+    settings: Path | None = options.settings
+    if settings is not None and options.kind != "thesis":
+        raise DocumentError(f"{settings}: --settings is for --kind thesis only")
+    return [RobotSpec(f"robot_{n}", kind, settings) for n in range(1, options.robots + 1)]
+
+
+def _domains(options: argparse.Namespace, first: int, fleet: Fleet) -> str:
+    if options.participants == Participants.DOMAIN.value and len(fleet.members) > 1:
+        return f"domains {first} to {first + len(fleet.members) - 1}"
+    return f"domain {first}"

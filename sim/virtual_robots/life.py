@@ -1,0 +1,171 @@
+"""What can happen to a whole robot: it joins, crashes, hangs, loses its network, and so on.
+
+Each is a function of a fleet, a member and an event; the fleet does not know them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from virtual_robots.fleet import Fleet
+from virtual_robots.kinds import load_kind
+from virtual_robots.members import Happening, Member, Presence
+
+# How long Fast DDS believes in a participant that says nothing any more (its default lease).
+LEASE = 20.0
+BOOT_TIME = 10.0
+
+
+class Order(NamedTuple):
+    """What shall happen to a robot: ``length`` in seconds (0: until something else ends it).
+
+    ``by``: seconds of a clock jump; ``rate``: arrays a second of a flood; ``period``: half a turn
+    of a flapping network.
+    """
+
+    what: str
+    length: float = 0.0
+    by: float = 3600.0
+    rate: float = 100.0
+    period: float = 5.0
+
+
+Deed = Callable[[Fleet, Member, Order, float], Iterator[Happening]]
+
+
+def order(fleet: Fleet, robot: str, wanted: Order) -> Iterator[Happening]:
+    """Let it happen to the robot now. Raises KeyError for a robot that is not there."""
+    return DEEDS[wanted.what](fleet, fleet.member(robot), wanted, fleet.now)
+
+
+def _join(fleet: Fleet, member: Member, _: Order, now: float) -> Iterator[Happening]:
+    fleet.start(member, now)
+    yield from ()
+
+
+def _leave(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
+    """It says goodbye."""
+    fleet.stop(member)
+    yield from _vanish(member, now)
+    if wanted.length:
+        fleet.start(member, now + wanted.length)
+
+
+def _reboot(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
+    yield from _leave(fleet, member, wanted._replace(length=wanted.length or BOOT_TIME), now)
+
+
+def _crash(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
+    """Without goodbye: the graph believes in it until its lease is over."""
+    fleet.stop(member)
+    _vanish_later(fleet, member, now)
+    if wanted.length:
+        fleet.start(member, now + wanted.length)
+    yield from ()
+
+
+def _hang(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
+    """It stands still; DDS' own threads go on telling the graph that it is there."""
+    fleet.stop(member)
+    life = member.life
+
+    def go_on(then: float) -> Iterator[Happening]:
+        if member.life == life:
+            yield from _resume(fleet, member, wanted, then)
+
+    if wanted.length:
+        fleet.plan(now + wanted.length, go_on)
+    yield from ()
+
+
+def _resume(fleet: Fleet, member: Member, _: Order, now: float) -> Iterator[Happening]:
+    if not member.alive:
+        fleet.resume(member, now)
+    yield from ()
+
+
+def _lose_network(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
+    """It goes on, numbers its messages and drains its batteries, and nobody hears it."""
+    member.online = False
+    _vanish_later(fleet, member, now)
+    if wanted.length:
+        _later(fleet, member, Order("network_back"), now + wanted.length)
+    yield from ()
+
+
+def _find_network(_: Fleet, member: Member, __: Order, now: float) -> Iterator[Happening]:
+    member.online = True
+    if member.alive and not member.present:
+        member.present = True
+        yield Presence(now, member.spec.name, present=True)
+
+
+def _flap(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
+    """Its network comes and goes."""
+    if not wanted.length:
+        yield from _find_network(fleet, member, wanted, now)
+        return
+    deed = _lose_network if member.online else _find_network
+    yield from deed(fleet, member, Order(wanted.what), now)
+    rest = max(0.0, wanted.length - wanted.period)
+    _later(fleet, member, wanted._replace(length=rest), now + wanted.period)
+
+
+def _jump(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
+    member.robot.clock_offset += wanted.by
+    if wanted.length:
+        back = wanted._replace(by=-wanted.by, length=0.0)
+        _later(fleet, member, back, now + wanted.length)
+    yield from ()
+
+
+def _flood(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
+    usual = load_kind(member.spec.kind).period
+    member.period = 1 / wanted.rate
+
+    def calm(_: float) -> Iterator[Happening]:
+        member.period = usual
+        yield from ()
+
+    if wanted.length:
+        fleet.plan(now + wanted.length, calm)
+    yield from ()
+
+
+DEEDS: dict[str, Deed] = {
+    "join": _join,
+    "leave": _leave,
+    "reboot": _reboot,
+    "crash": _crash,
+    "hang": _hang,
+    "resume": _resume,
+    "network_loss": _lose_network,
+    "network_back": _find_network,
+    "flap": _flap,
+    "clock_jump": _jump,
+    "flood": _flood,
+}
+
+
+def _later(fleet: Fleet, member: Member, wanted: Order, at: float) -> None:
+    fleet.plan(at, lambda now: DEEDS[wanted.what](fleet, member, wanted, now))
+
+
+def _vanish(member: Member, now: float) -> Iterator[Happening]:
+    if member.present:
+        member.present = False
+        yield Presence(now, member.spec.name, present=False)
+
+
+def _vanish_later(fleet: Fleet, member: Member, now: float) -> None:
+    """When the lease is over, unless the robot was heard again in between."""
+    member.silences += 1
+    silence = member.silences
+
+    def lease_over(then: float) -> Iterator[Happening]:
+        silent = not member.alive or not member.online
+        if silent and member.silences == silence:
+            yield from _vanish(member, then)
+
+    fleet.plan(now + LEASE, lease_over)

@@ -1,0 +1,188 @@
+"""Kinds of robots: those that come along, faults and their course, files of one's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from random import Random
+
+import pytest
+from stories import fleet_of, level_of, message_of, of
+
+from virtual_robots.components import Component, Fault
+from virtual_robots.diagnostics import ERROR, OK, STALE, WARN
+from virtual_robots.documents import DocumentError
+from virtual_robots.kinds import build_components, kind_path, known_kinds, load_kind
+from virtual_robots.members import Topic
+from virtual_robots.models import ComponentModel
+
+KOBUKI = {
+    "Battery": ("Voltage (V)", "Percent", "Charge (Ah)", "Capacity (Ah)", "Source",
+                "Charging State", "Current (A)"),
+    "Watchdog": (),
+    "Cliff Sensor": ("Left", "Center", "Right"),
+    "Wall Sensor": ("Left", "Center", "Right"),
+    "Wheel Drop": ("Left", "Right"),
+    "Motor Current": ("Left", "Right"),
+    "Motor State": ("State",),
+    "Gyro Sensor": (),
+    "Digital Input": (),
+    "Analog Input": (),
+}  # fmt: skip
+
+EACH_FAULT = [
+    (kind, component.name, fault)
+    for kind in known_kinds()
+    for component in build_components(load_kind(kind_path(kind)), "")
+    for fault in component.model.faults
+]
+
+
+def component(**model: object) -> Component:
+    return Component(ComponentModel.model_validate({"name": "C", **model}), "C", "", Random(1))
+
+
+def test_a_kobuki_says_what_its_driver_says() -> None:
+    last = of(fleet_of("kobuki").advance(4.0), Topic.RAW)[-1]
+    keys = {s.name: tuple(k for k, _ in s.values if k != "Sequence") for s in last.statuses}
+    assert keys == {f"kobuki_ros_node: {name}": expected for name, expected in KOBUKI.items()}
+    assert {s.hardware_id for s in last.statuses} == {"Kobuki"}
+    assert message_of(last, "kobuki_ros_node: Watchdog") == "Alive"
+    assert message_of(last, "kobuki_ros_node: Gyro Sensor").startswith("Heading: ")
+
+
+def test_a_kobuki_s_tree_has_no_stray_components() -> None:
+    last = of(fleet_of("kobuki").advance(4.0), Topic.AGGREGATED)[-1]
+    parents = [s.name for s in last.statuses if s.name.count("/") == 1]
+    assert parents == ["/Input Ports", "/Kobuki", "/Power System", "/Sensors"]
+
+
+@pytest.mark.parametrize(("kind", "name", "fault"), EACH_FAULT)
+def test_each_fault_of_a_kind_begins_takes_its_course_and_ends(
+    kind: str, name: str, fault: str
+) -> None:
+    fleet = fleet_of(kind)
+    before = of(fleet.advance(3.0), Topic.RAW)[-1]
+    fleet.inject("robot_1", name, Fault(fault, fleet.now))
+    faulty = of(fleet.advance(133.0), Topic.RAW)[-1]
+    fleet.inject("robot_1", name, None)
+    # A drained battery is charged again, which takes its time.
+    after = of(fleet.advance(133.0 + 4 * 3600 if fault == "draining" else 200.0), Topic.RAW)[-1]
+    assert level_of(before, name) == OK
+    assert level_of(faulty, name) in {WARN, ERROR}
+    assert level_of(after, name) == OK
+
+
+def test_an_overheating_motor_warns_before_it_fails() -> None:
+    fleet = fleet_of()
+    list(fleet.advance(3.0))
+    fleet.inject("robot_1", "Motor 1", Fault("overheating", fleet.now))
+    levels = [level_of(m, "Motor 1") for m in of(fleet.advance(40.0), Topic.RAW)]
+    assert levels == sorted(levels)
+    assert set(levels) == {OK, WARN, ERROR}
+
+
+@pytest.mark.parametrize(
+    ("what", "level", "message"),
+    [
+        ("ok", OK, "fine"),
+        ("warn", WARN, "so-so"),
+        ("error", ERROR, "broken"),
+        ("stale", STALE, "Stale"),
+    ],
+)
+def test_a_level_brings_the_kind_s_message_unless_it_has_its_own(
+    what: str, level: int, message: str
+) -> None:
+    part = component(message="fine", warn="so-so", error="broken")
+    part.inject(Fault(what, 0.0))
+    assert part.status(0.0)[:3:2] == (level, message)
+    if what != "ok":
+        part.inject(Fault(what, 0.0, "my words"))
+        assert part.status(0.0)[:3:2] == (level, "my words")
+
+
+def test_a_silent_component_says_nothing() -> None:
+    part = component()
+    part.inject(Fault("silent", 0.0))
+    assert part.status(0.0) is None
+
+
+def test_a_flapping_component_changes_each_period() -> None:
+    part = component()
+    part.inject(Fault("flap", 10.0, period=2.0))
+    assert [part.status(10.0 + t).level for t in range(6)] == [2, 2, 0, 0, 2, 2]
+
+
+def test_a_battery_drains_is_charged_and_drains_again() -> None:
+    battery = {
+        "battery": True, "start": 50, "drain": 3600, "charge": 7200, "dock_at": 40, "leave_at": 60,
+    }  # fmt: skip
+    part = component(variables={"level": battery})
+    levels = []
+    for second in range(60):
+        part.advance(float(second), 1.0)
+        levels.append(part.variables["level"])
+    assert min(levels) == pytest.approx(40, abs=1)
+    assert max(levels) == pytest.approx(60, abs=2)
+    assert levels[0] > levels[5] < levels[15]
+
+
+def test_a_drifting_value_stays_between_its_bounds() -> None:
+    part = component(variables={"t": {"walk": 5, "start": 20, "low": 10, "high": 30}})
+    values = []
+    for second in range(300):
+        part.advance(float(second), 1.0)
+        values.append(part.variables["t"])
+    assert all(10 <= value <= 30 for value in values)
+    assert len(set(values)) > 200
+
+
+MINIMAL = "components: [{name: Arm}]\nanalyzers: my.analyzers.yaml\n"
+ANALYZERS = "/**:\n  ros__parameters:\n    path: My\n"
+
+
+def test_a_kind_of_one_s_own_is_a_file(tmp_path: Path) -> None:
+    (tmp_path / "my.yaml").write_text(MINIMAL)
+    (tmp_path / "my.analyzers.yaml").write_text(ANALYZERS)
+    last = of(fleet_of(str(tmp_path / "my.yaml")).advance(3.0), Topic.RAW)[-1]
+    assert [s.name for s in last.statuses] == ["Arm"]
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        (
+            "components: [{name: Arm, colour: red}]\nanalyzers: a\n",
+            "components.0.colour: is no key",
+        ),
+        ("components: [{}]\nanalyzers: a\n", "components.0.name: is missing"),
+        ("components: []\n", "analyzers: is missing"),
+        (
+            "components: [{name: Arm, message: '{t}'}]\nanalyzers: a\n",
+            "components.0: Arm: no variable t",
+        ),
+        (
+            "components: [{name: Arm, faults: {error: {level: error}}}]\nanalyzers: a\n",
+            "components.0: Arm: a fault cannot be called error",
+        ),
+        (
+            (
+                "components: [{name: A, variables: {t: {walk: 1, start: 9, low: 0, high: 5}}}]\n"
+                "analyzers: a\n"
+            ),
+            "start 9.0 must lie between low and high",
+        ),
+    ],
+)
+def test_a_wrong_kind_file_names_file_key_and_remedy(tmp_path: Path, text: str, what: str) -> None:
+    path = tmp_path / "wrong.yaml"
+    path.write_text(text)
+    with pytest.raises(DocumentError) as caught:
+        load_kind(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert what in str(caught.value)
+
+
+def test_an_unknown_kind_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(DocumentError, match="'tank' is not known; it is one of kobuki, thesis"):
+        kind_path("tank")
