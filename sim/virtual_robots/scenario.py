@@ -103,7 +103,10 @@ def plan(scenario: Scenario, fleet: Fleet) -> None:
 def _specs(model: ScenarioModel, path: Path) -> Iterator[RobotSpec]:
     number = 0
     for robots in model.robots:
-        kind = kind_path(robots.kind, path.parent)
+        try:
+            kind = kind_path(robots.kind, path.parent)
+        except DocumentError as error:
+            raise DocumentError(f"{path}: robots: {error}") from error
         settings = path.parent / robots.settings if robots.settings else None
         for _ in range(robots.count):
             number += 1

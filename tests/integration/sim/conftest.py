@@ -58,10 +58,23 @@ class Listener:
 
 
 @pytest.fixture
-def listener(ros_domain: int) -> Iterator[Listener]:
-    listening = Listener(ros_domain)
-    yield listening
-    listening.close()
+def make_listener() -> Iterator[Callable[[int], Listener]]:
+    """A function (domain id): a listener there, closed with the test."""
+    made: list[Listener] = []
+
+    def make(domain_id: int) -> Listener:
+        made.append(Listener(domain_id))
+        return made[-1]
+
+    yield make
+    for listening in made:
+        listening.close()
+
+
+@pytest.fixture
+def listener(make_listener: Callable[[int], Listener], ros_domain: int) -> Listener:
+    """One in the test's own domain."""
+    return make_listener(ros_domain)
 
 
 @pytest.fixture

@@ -1,0 +1,131 @@
+"""Scenario files: robots and events, the same story each time, errors with a way out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from stories import level_of, of
+
+from virtual_robots.diagnostics import ERROR, OK
+from virtual_robots.documents import DocumentError
+from virtual_robots.fleet import Fleet
+from virtual_robots.members import Happening, Note, Topic
+from virtual_robots.scenario import load_scenario, plan
+
+STORY = """
+description: a minute in the life of a mixed fleet
+seed: 3
+duration: 60
+robots:
+  - {kind: thesis, count: 3}
+  - {kind: kobuki, count: 2, name: "kobuki_{n}"}
+  - {kind: thesis, name: late, absent: true}
+events:
+  - {at: 5, robot: robot_1, component: Motor 2, what: error, message: Over temperature, for: 10}
+  - {at: 8, robot: "kobuki_*", component: "*Cliff Sensor", what: cliff, for: 5}
+  - {at: 10, robot: robot_2, what: crash, for: 30}
+  - {at: 12, robot: late, what: join}
+  - {at: 15, robot: robot_3, component: Laser 1, what: flap, period: 1.5, for: 20}
+  - {at: 20, robot: kobuki_4, what: network_loss, for: 10}
+  - {at: 25, robot: kobuki_5, what: reboot}
+  - {at: 30, robot: robot_3, what: clock_jump, by: 7200}
+  - {at: 40, robot: robot_1, what: flood, rate: 20, for: 2}
+  - {at: 45, robot: robot_1, what: flap, period: 2, for: 8}
+"""
+
+
+def told(path: Path, seconds: float) -> list[Happening]:
+    scenario = load_scenario(path)
+    fleet = Fleet(scenario.specs, scenario.model.seed)
+    plan(scenario, fleet)
+    return list(fleet.advance(seconds))
+
+
+@pytest.fixture
+def story_file(tmp_path: Path) -> Path:
+    path = tmp_path / "story.yaml"
+    path.write_text(STORY)
+    return path
+
+
+def test_a_scenario_of_a_minute_played_twice_gives_the_same_messages(story_file: Path) -> None:
+    first, second = told(story_file, 60.0), told(story_file, 60.0)
+    assert len(first) > 800
+    assert first == second
+
+
+def test_its_robots_are_those_of_the_file(story_file: Path) -> None:
+    specs = load_scenario(story_file).specs
+    names = [spec.name for spec in specs]
+    assert names == ["robot_1", "robot_2", "robot_3", "kobuki_4", "kobuki_5", "late"]
+    assert [spec.kind.stem for spec in specs] == ["thesis"] * 3 + ["kobuki"] * 2 + ["thesis"]
+
+
+def test_events_happen_when_and_to_whom_the_file_says(story_file: Path) -> None:
+    story = told(story_file, 60.0)
+    raw = of(story, Topic.RAW)
+    assert {level_of(m, "Motor 2") for m in raw if 5 <= m.at < 15} == {ERROR}
+    assert {level_of(m, "Motor 2") for m in raw if not 5 <= m.at < 15} == {OK}
+    assert min(m.at for m in of(story, Topic.RAW, "late")) == pytest.approx(12.35)
+    assert not [m for m in of(story, Topic.RAW, "robot_2") if 10 < m.at < 40]
+    for robot in ("kobuki_4", "kobuki_5"):
+        cliff = {level_of(m, "kobuki_ros_node: Cliff Sensor")
+                 for m in of(story, Topic.RAW, robot) if 10 < m.at < 13}  # fmt: skip
+        assert cliff == {1}
+
+
+def test_what_happens_is_told_to_who_watches(story_file: Path) -> None:
+    notes = [n.text for n in told(story_file, 16.0) if isinstance(n, Note)]
+    assert notes[:2] == [
+        "robot_1, Motor 2: error Over temperature",
+        "kobuki_4, kobuki_ros_node: Cliff Sensor: cliff",
+    ]
+    assert "robot_1, Motor 2: ok" in notes
+
+
+def test_settings_lie_beside_the_scenario(tmp_path: Path) -> None:
+    (tmp_path / "robot.yaml").write_text("number_of_motors: 1\n")
+    path = tmp_path / "s.yaml"
+    path.write_text("robots: [{kind: thesis, settings: robot.yaml}]\n")
+    last = of(told(path, 3.0), Topic.RAW)[-1]
+    assert sum("Motor" in s.name for s in last.statuses) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("events: [{at: 1, robot: r9, what: crash}]", "events.0: robot: no robot is called 'r9'"),
+        (
+            "events: [{at: 1, robot: robot_1, what: explode}]",
+            "events.0: what: 'explode' cannot happen to a whole robot, only join, leave",
+        ),
+        (
+            "events: [{at: 1, robot: robot_1, component: Motor 9, what: error}]",
+            "events.0: component: robot_1 has only Motor 1, Motor 2",
+        ),
+        (
+            "events: [{at: 1, robot: robot_1, component: Motor 1, what: melt}]",
+            "events.0: what: Motor 1 knows only ok, warn, error, stale, silent, flap, overheating",
+        ),
+        ("events: [{robot: robot_1, what: crash}]", "events.0.at: is missing"),
+        ("event: []", "event: is no key that is known here"),
+        ("robots: [{count: 2, name: same}]", "robots: same is there twice; use {n}"),
+        ("robots: [{kind: tank}]", "wrong.yaml: robots: kind 'tank' is not known"),
+        ("robots: [{settings: gone.yaml}]", "gone.yaml: cannot be read: No such file"),
+        ("- 1", "must be a mapping of keys to values, is a list"),
+    ],
+)
+def test_a_wrong_scenario_names_the_place_and_the_way_out(
+    tmp_path: Path, text: str, what: str
+) -> None:
+    path = tmp_path / "wrong.yaml"
+    path.write_text(text)
+    with pytest.raises(DocumentError) as caught:
+        told(path, 1.0)
+    assert what in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(DocumentError, match=r"none\.yaml: cannot be read: No such file"):
+        load_scenario(tmp_path / "none.yaml")
