@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from stories import fleet_of, level_of, number_of, of
+from fleet_stories import fleet_of, level_of, number_of, of
 
 from virtual_robots.components import Fault, UnknownFaultError
 from virtual_robots.diagnostics import ERROR, OK, STALE

@@ -6,7 +6,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from stories import fleet_of, level_of, message_of, of
+from fleet_stories import fleet_of, level_of, message_of, of
 
 from virtual_robots.components import Component, Fault
 from virtual_robots.diagnostics import ERROR, OK, STALE, WARN

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from stories import fleet_of, number_of, of
+from fleet_stories import fleet_of, number_of, of
 
 from virtual_robots.fleet import Fleet
 from virtual_robots.kinds import kind_path

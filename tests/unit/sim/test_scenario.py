@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from stories import level_of, of
+from fleet_stories import level_of, of
 
 from virtual_robots.diagnostics import ERROR, OK
 from virtual_robots.documents import DocumentError

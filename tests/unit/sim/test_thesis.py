@@ -7,7 +7,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from stories import fleet_of, of
+from fleet_stories import fleet_of, of
 
 from virtual_robots.components import Fault
 from virtual_robots.diagnostics import ERROR, OK, WARN
