@@ -94,7 +94,7 @@ class FleetFile(Entry):
         "Topics on which several robots publish.",
         example=[{"topic": "/diagnostics", "by": "hardware_id"}],
     )
-    profiles: dict[Name, ProfileEntry] | None = optional(
+    profiles: dict[Name, ProfileEntry | None] | None = optional(
         "How kinds of robots are judged. `default` is used where none is named, and extended by "
         "those that do not say what they extend.",
         example={"default": {"stale_after": "5s"}},

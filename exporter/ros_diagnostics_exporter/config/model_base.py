@@ -10,7 +10,13 @@ from pydantic import BaseModel, ConfigDict, Field
 class Entry(BaseModel):
     """A mapping in fleet.yml: unknown keys are errors, nothing is converted behind one's back."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        model_title_generator=lambda model: model.__name__.removesuffix("Entry"),
+    )
 
 
 def optional(description: str, *, example: Any, default: Any = None) -> Any:

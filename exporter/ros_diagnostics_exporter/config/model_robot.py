@@ -102,7 +102,8 @@ class DiscoveryEntry(Entry):
     source: SourceWord | None = optional(_SOURCE, example="agg", default="auto")
     profile: Name | None = optional(_PROFILE, example="turtlebot4", default="default")
     address: NameTemplate | None = optional(
-        "The robot's host, made of `{robot}` and `{domain_id}`.", example="{robot}.lan"
+        "The robot's host, made of `{robot}`, the robot's name, and `{domain_id}`.",
+        example="{robot}.lan",
     )
     labels: dict[LabelName, LabelValue] | None = optional(_LABELS, example={"site": "hall"})
 
@@ -112,8 +113,7 @@ class DiscoveryEntry(Entry):
             what = "has neither topic nor type" if self.topic is None else "has topic and type"
             raise WrongValueError(what, 'give one of them, as topic: "/{robot}/diagnostics_agg"')
         named = self.type is not None or "{robot}" in (self.topic or "")
-        parts = self.name or "{robot}"
-        if not named and "{robot}" in parts + (self.address or ""):
+        if not named and "{robot}" in (self.name or "{robot}"):
             raise WrongValueError(
                 "cannot tell one robot from another: topic has no {robot}",
                 'put {robot} into topic, or name: "robot_{domain_id}"',
@@ -135,15 +135,15 @@ class SharedEntry(Entry):
     )
     by: Literal["hardware_id", "name"] | None = optional(
         "Where a status says which robot it is of: in its `hardware_id` or in its `name`.",
-        example="name",
+        example="hardware_id",
         default="hardware_id",
     )
     pattern: Split | None = optional(
         "How the robot's name is found there: text with `{robot}` and, for names, `{component}`; "
         'or {regex: "..."} with groups of these names, `(?P<robot>...)`. Statuses that do not '
-        "match are counted as rejected. Needed with by: name.",
+        "match are counted as rejected. Needed with by: name; without it the whole hardware_id is "
+        "the robot's name.",
         example="{robot}/{component}",
-        default="{robot}",
     )
     profile: Name | None = optional(
         "The profile that says how these robots are judged.", example="arm", default="default"

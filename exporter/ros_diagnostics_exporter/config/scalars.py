@@ -222,7 +222,21 @@ Name = Annotated[
 Address = Annotated[str, PlainValidator(address), _schema("host", type="string", minLength=1)]
 Folder = Annotated[str, PlainValidator(folder), _schema("folder", type="string", minLength=1)]
 LabelName = Annotated[
-    str, PlainValidator(label_name), _schema("label name", type="string", pattern=_whole(_LABEL))
+    str,
+    PlainValidator(label_name),
+    WithJsonSchema(
+        {
+            "title": "label name",
+            "type": "string",
+            "pattern": _whole(_LABEL),
+            "not": {
+                "anyOf": [
+                    {"enum": sorted(RESERVED_LABELS)},
+                    {"pattern": f"^({'|'.join(RESERVED_LABEL_PREFIXES)})"},
+                ]
+            },
+        }
+    ),
 ]
 LabelValue = Annotated[
     str,

@@ -77,7 +77,7 @@ def fleet_file(document: Document, problems: list[Problem]) -> Checked | None:
             items: list[tuple[str | int, Any]] = list(enumerate(entries))
         elif isinstance(entries, dict) and model is ProfileEntry:
             rest[name] = {key: {} for key in entries}  # the names are checked with the rest
-            items = [(key, value or {}) for key, value in entries.items()]
+            items = [(key, {} if value is None else value) for key, value in entries.items()]
         else:
             return []
         return _entries(document, [((name, at), item) for at, item in items], model, problems)

@@ -1,0 +1,86 @@
+"""The models as JSON Schema, for editors: `python -m ros_diagnostics_exporter.config.schema`.
+
+The schema is looser than `load`: it knows a file's shape, not what is wrong between entries. It
+keeps to draft 7, which yaml-language-server reads, and is shipped as files beside this module.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
+from pydantic.json_schema import DEFAULT_REF_TEMPLATE, GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import core_schema
+
+from ros_diagnostics_exporter.config.model import FleetFile, MaintenanceEntry
+from ros_diagnostics_exporter.config.model_robot import RobotEntry
+
+# file name -> what it describes: fleet.yml, and the files of the two folders
+SCHEMAS: dict[str, Any] = {
+    "fleet.schema.json": FleetFile,
+    "robots.schema.json": RobotEntry | list[RobotEntry],
+    "maintenance.schema.json": MaintenanceEntry | list[MaintenanceEntry],
+}
+
+
+class _Draft7(GenerateJsonSchema):
+    """pydantic's schema without noise: no titles made of keys, no `default: null`."""
+
+    schema_dialect = "http://json-schema.org/draft-07/schema#"
+
+    def field_title_should_be_set(self, schema: Any) -> bool:  # noqa: ARG002 - pydantic's
+        return False
+
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
+        # None is the models' word for "not given"; what holds then stands in json_schema_extra.
+        if "default" in schema and schema["default"] is None:
+            return self.generate_inner(schema["schema"])
+        return super().default_schema(schema)
+
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
+        """A key without a value counts as not given."""
+        inner = self.generate_inner(schema["schema"])
+        if "const" in inner:
+            inner = {"enum": [inner.pop("const")], **inner}
+        if "enum" in inner:
+            inner = {**inner, "enum": [*inner["enum"], None]}
+        if isinstance(inner.get("type"), str):
+            return {**inner, "type": [inner["type"], "null"]}
+        if "anyOf" in inner:
+            return {**inner, "anyOf": [*inner["anyOf"], {"type": "null"}]}
+        return {"anyOf": [inner, {"type": "null"}]}
+
+    def dict_schema(self, schema: core_schema.DictSchema) -> JsonSchemaValue:
+        names = self.generate_inner(schema["keys_schema"])
+        values = self.generate_inner(schema["values_schema"])
+        return {"type": "object", "propertyNames": names, "additionalProperties": values}
+
+
+def schema(model: Any) -> dict[str, Any]:
+    """The JSON Schema of a model, with its parts under `definitions`."""
+    made = TypeAdapter(model).json_schema(
+        schema_generator=_Draft7, ref_template=DEFAULT_REF_TEMPLATE, mode="validation"
+    )
+    text = json.dumps({"$schema": _Draft7.schema_dialect, **made}, ensure_ascii=False)
+    renamed: dict[str, Any] = json.loads(text.replace("$defs", "definitions"))
+    return renamed
+
+
+def rendered(model: Any) -> str:
+    """The content of a shipped file."""
+    return json.dumps(schema(model), ensure_ascii=False, indent=2) + "\n"
+
+
+def main(arguments: list[str]) -> None:
+    """Print the schema of fleet.yml, or write all of them into the folder that is named."""
+    if not arguments:
+        sys.stdout.write(rendered(FleetFile))
+    for name, model in SCHEMAS.items() if arguments else ():
+        (Path(arguments[0]) / name).write_text(rendered(model), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,159 @@
+"""The JSON Schema for editors: it is what the models say, and never stricter than the loader."""
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from jsonschema import Draft7Validator
+
+from ros_diagnostics_exporter.config import schema as module
+from ros_diagnostics_exporter.config.errors import ConfigError
+from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.config.model import FleetFile
+from ros_diagnostics_exporter.config.schema import SCHEMAS, main, schema
+from ros_diagnostics_exporter.config.yamlfile import read
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+FLEET = schema(FleetFile)
+VALIDATOR = Draft7Validator(FLEET)
+
+# The least that each kind of entry needs, and where it stands in fleet.yml.
+PROFILE = {"default": {}, "turtlebot4": {}, "wheeled": {}, "arm": {}}
+WHOLE = {
+    "FleetFile": lambda entry: entry,
+    "RobotEntry": lambda entry: {"robots": [{"name": "r", **entry}]},
+    "DiscoveryEntry": lambda entry: {"discovery": [entry]},
+    "SharedEntry": lambda entry: {"shared": [{"topic": "/diagnostics", **entry}]},
+    "ProfileEntry": lambda entry: {"profiles": {**PROFILE, "x": entry}},
+    "CheckEntry": lambda entry: {"profiles": {"default": {"checks": {"x": entry}}}},
+    "ComponentEntry": lambda entry: {
+        "profiles": {"default": {"components": [{"match": "x", **entry}]}}
+    },
+    "ValueEntry": lambda entry: {"profiles": {"default": {"values": [entry]}}},
+    "ThresholdsEntry": lambda entry: {"profiles": {"default": {"values": [{"thresholds": entry}]}}},
+    "BoundEntry": lambda entry: {
+        "profiles": {"default": {"values": [{"thresholds": {"low": entry}}]}}
+    },
+    "LimitsEntry": lambda entry: {"limits": entry},
+    "MaintenanceEntry": lambda entry: {
+        "maintenance": [
+            {
+                "name": "x",
+                "comment": "x",
+                "selector": {"robot": "*"},
+                **({} if "end" in entry else {"start": "2026-01-01"}),
+                **entry,
+            }
+        ]
+    },
+}
+DEFINITIONS = {"FleetFile": FLEET, **FLEET["definitions"]}
+PROPERTIES = [
+    (name, key) for name, definition in DEFINITIONS.items() for key in definition["properties"]
+]
+
+
+def whole(name, entry):
+    if name == "DiscoveryEntry" and "type" not in entry:
+        entry = {"topic": "/{robot}/diagnostics", **entry}
+    made = {"fleet": "x", **WHOLE[name](entry)}
+    if "profiles" not in made:
+        made["profiles"] = PROFILE
+    return made
+
+
+@pytest.fixture
+def load_data(tmp_path):
+    for folder in ("robots.d", "maintenance.d", "fleet/robots", "fleet/maintenance"):
+        (tmp_path / folder).mkdir(parents=True)
+
+    def loaded(data):
+        path = tmp_path / "fleet.yml"
+        path.write_text(json.dumps(data), encoding="utf-8")
+        return load(path)
+
+    return loaded
+
+
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_shipped_schema_is_what_the_models_say(name):
+    """If not: python -m ros_diagnostics_exporter.config.schema FOLDER writes it anew."""
+    shipped = json.loads((Path(module.__file__).parent / name).read_text(encoding="utf-8"))
+    assert shipped == schema(SCHEMAS[name])
+
+
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_schema_is_one_of_draft_7(name):
+    Draft7Validator.check_schema(schema(SCHEMAS[name]))
+
+
+def test_command_prints_the_schema_of_fleet_yml_and_writes_all(capsys, tmp_path):
+    main([])
+    assert json.loads(capsys.readouterr().out) == FLEET
+    main([str(tmp_path)])
+    assert {path.name for path in tmp_path.iterdir()} == {*SCHEMAS}
+
+
+@pytest.mark.parametrize(("name", "key"), PROPERTIES)
+def test_every_key_has_a_description_and_an_example_that_loads(load_data, name, key):
+    told = DEFINITIONS[name]["properties"][key]
+    assert told["description"].endswith(".")
+    for example in told["examples"]:
+        data = whole(name, {key: example})
+        VALIDATOR.validate(data)
+        load_data(data)
+
+
+@pytest.mark.parametrize("name", DEFINITIONS)
+def test_default_in_the_schema_is_what_holds_where_nothing_is_said(load_data, name):
+    told = DEFINITIONS[name]["properties"]
+    defaults = {key: each["default"] for key, each in told.items() if "default" in each}
+    assert load_data(whole(name, defaults)) == load_data(whole(name, {}))
+
+
+# What is wrong only for one who knows the rest of the file.
+BETWEEN_ENTRIES = {"one-topic", "duplicate-robots", "profiles", "limits"}
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("bad-*.yml")), ids=lambda path: path.stem)
+def test_bad_file_is_red_in_an_editor_unless_its_fault_lies_between_entries(path):
+    document, problems = read(path)
+    if not problems:  # else YAML itself is wrong
+        between = path.stem.removeprefix("bad-") in BETWEEN_ENTRIES
+        assert VALIDATOR.is_valid(document.data) is between
+
+
+ENTRIES = st.one_of(
+    *(
+        st.dictionaries(
+            st.sampled_from(sorted(definition["properties"])),
+            st.one_of(
+                *(st.none(), st.booleans(), st.integers(-1, 300), st.floats(-1, 1e9)),
+                st.text(max_size=6),
+                st.sampled_from(
+                    [
+                        example
+                        for each in definition["properties"].values()
+                        for example in each["examples"]
+                    ]
+                ),
+                st.sampled_from(["5s", "0s", "/", "agg", "raw", "name", "Mon 00:00-24:00", [], {}]),
+            ),
+            max_size=4,
+        ).map(lambda entry, name=name: (name, entry))
+        for name, definition in DEFINITIONS.items()
+    )
+)
+
+
+@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(entry=ENTRIES)
+def test_schema_accepts_whatever_loads(load_data, entry):
+    data = whole(*entry)
+    try:
+        load_data(data)
+    except ConfigError:
+        return
+    VALIDATOR.validate(data)
