@@ -46,10 +46,15 @@ class RosMissingError(Exception):
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """What the graph shows of one topic."""
+    """What the graph shows of one topic: who publishes arrays there, and who something else.
+
+    ``wrong_type`` is a type that some publisher offers instead, "" where all offer arrays;
+    ``reliable`` tells that every publisher offers reliable delivery.
+    """
 
     publishers: int
-    types: tuple[str, ...]
+    wrong_type: str = ""
+    reliable: bool = True
 
 
 @dataclass(frozen=True)
@@ -174,6 +179,8 @@ class _Domain:
         self._subscriptions: dict[str, Subscription] = {}
         self._reliable: dict[str, bool] = {}
         self._logged: dict[str, float] = {}
+        self._known: dict[str, tuple[tuple[int, tuple[str, ...]], TopicInfo]] = {}
+        self._looks = 0
         self._stopping = False
         self.last_look = 0.0
         self._context = Context()
@@ -223,31 +230,52 @@ class _Domain:
 
     def _look(self) -> None:
         """Tell what the graph shows, and subscribe what is wanted."""
-        node, now = self._node, read_clocks()
-        topics: dict[str, TopicInfo] = {
-            name: TopicInfo(node.count_publishers(name), tuple(types))
-            for name, types in node.get_topic_names_and_types()
+        now = read_clocks()
+        self._looks += 1
+        names_and_types = self._node.get_topic_names_and_types()
+        topics = {
+            name: self._info(name, tuple(types))
+            for name, types in names_and_types
             if TYPE in types or name in self._subscriptions
         }
         self._handlers.graph(self._domain_id, topics, now)
         wanted = self._handlers.wanted(self._domain_id)
         for topic in self._subscriptions.keys() - set(wanted):
-            node.destroy_subscription(self._subscriptions.pop(topic))
+            self._node.destroy_subscription(self._subscriptions.pop(topic))
         for topic in wanted:
-            self._subscribe(topic)
+            self._subscribe(topic, topics.get(topic, TopicInfo(0)))
+        self._known = {topic: self._known[topic] for topic in topics}
         self.last_look = now.wall
 
-    def _subscribe(self, topic: str) -> None:
-        """Subscribe, reliably unless a publisher offers only best effort."""
-        offers = self._node.get_publishers_info_by_topic(topic)
-        reliable = not any(
-            offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers
+    def _info(self, topic: str, types: tuple[str, ...]) -> TopicInfo:
+        """The publishers of a topic; asked in full only when their number or types changed.
+
+        Asking for each publisher's offer is dear (a fleet has thousands), so one that is replaced
+        between two looks by another is found out at every tenth look only.
+        """
+        count = self._node.count_publishers(topic)
+        known = self._known.get(topic)
+        if known is not None and known[0] == (count, types) and self._looks % 10:
+            return known[1]
+        offers = self._node.get_publishers_info_by_topic(topic) if count else []
+        others = sorted({offer.topic_type for offer in offers} - {TYPE})
+        info = TopicInfo(
+            publishers=sum(offer.topic_type == TYPE for offer in offers),
+            wrong_type=", ".join(others),
+            reliable=not any(
+                offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers
+            ),
         )
+        self._known[topic] = (count, types), info
+        return info
+
+    def _subscribe(self, topic: str, info: TopicInfo) -> None:
+        """Subscribe, reliably unless a publisher offers only best effort."""
         if topic in self._subscriptions:
-            if reliable or not self._reliable[topic]:
+            if info.reliable or not self._reliable[topic]:
                 return
             self._node.destroy_subscription(self._subscriptions.pop(topic))
-        self._reliable[topic] = reliable
+        self._reliable[topic] = info.reliable
         self._subscriptions[topic] = self._node.create_subscription(
             DiagnosticArray,
             topic,
@@ -256,7 +284,7 @@ class _Domain:
                 history=HistoryPolicy.KEEP_LAST,
                 depth=DEPTH,
                 reliability=ReliabilityPolicy.RELIABLE
-                if reliable
+                if info.reliable
                 else ReliabilityPolicy.BEST_EFFORT,
                 durability=DurabilityPolicy.VOLATILE,
             ),

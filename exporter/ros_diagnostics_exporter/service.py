@@ -105,11 +105,7 @@ class Service:
 
     def _graph(self, domain_id: int, topics: Mapping[str, ros.TopicInfo], now: Instant) -> None:
         endpoints = {
-            name: Endpoint(
-                info.publishers,
-                "" if ros.TYPE in info.types else ", ".join(info.types),
-            )
-            for name, info in topics.items()
+            name: Endpoint(info.publishers, info.wrong_type) for name, info in topics.items()
         }
         self.state.graph(domain_id, endpoints, now)
 

@@ -13,7 +13,6 @@ class Endpoint(NamedTuple):
 
     publishers: int
     wrong_type: str = ""
-    incompatible_qos: bool = False
 
 
 _NOTHING = Endpoint(0)
@@ -46,9 +45,6 @@ class Network:
         """The reason, if the graph shows why nothing can arrive."""
         if not self.domain_up:
             return "domain_unreachable"
-        endpoints = self._endpoints.values()
-        if any(endpoint.wrong_type for endpoint in endpoints):
+        if any(endpoint.wrong_type for endpoint in self._endpoints.values()):
             return "wrong_type"
-        if any(endpoint.incompatible_qos for endpoint in endpoints):
-            return "incompatible_qos"
         return None

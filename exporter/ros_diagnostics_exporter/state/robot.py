@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.config.lookup import check_matches, component_rule, value_rule
@@ -80,7 +81,7 @@ class Robot:
         self._missing: list[Component] = []
         self._parted: set[str] = set()
         self._restless: set[Identity] = set()
-        self._deadline = 0.0
+        self._deadline = inf  # when the next component may be late, monotonic
         self._members: list[tuple[str, list[Component]]] = []
         self._members_of = -1  # the version of the structure that they were found in
 
@@ -194,7 +195,7 @@ class Robot:
             component.listed = now.mono
             component.renew_raw(now.mono, self._threshold(component))
             self._hear(component, status, now)
-        self._deadline = min(self._deadline, now.mono + 5.0)
+            self._expect(component, now)
 
     def _part(self, statuses: Sequence[Status]) -> list[Status]:
         """The last status of each component of an array that carries a name more than once.
@@ -259,6 +260,7 @@ class Robot:
         changed = component.set_reported(said, now, self.settings.profile.flap_interval)
         if was_stale != component.is_stale:  # the numbers of a stale component are not shown
             self.versions.structure += 1
+            self._expect(component, now)
         if changed:
             self.versions.levels += 1
             if component.flaps is not None and component.flaps.ratio > 0:
@@ -367,7 +369,7 @@ class Robot:
             self.versions.receipt += 1
             self._all_stale(now)
             return True
-        if now.mono >= self._deadline:
+        if now.mono > self._deadline:
             self._find_late(now)
         return False
 
@@ -379,9 +381,13 @@ class Robot:
         raw = component.heard_raw is not None
         return component.stale_after(self.settings.profile.stale_after, raw=raw)
 
+    def _expect(self, component: Component, now: Instant) -> None:
+        """Look at the late ones no later than when this one, heard now, would be late."""
+        self._deadline = min(self._deadline, now.mono + self._threshold(component))
+
     def _find_late(self, now: Instant) -> None:
-        """Mark the late components, and note when the next one may be late."""
-        self._deadline = now.mono + 5.0
+        """Mark the late components, and note when the next one would be late."""
+        self._deadline = inf
         for component in self.components.values():
             if component.is_stale or component.heard is None:
                 continue
