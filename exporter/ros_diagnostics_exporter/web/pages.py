@@ -9,11 +9,8 @@ from html import escape
 from typing import Any
 
 from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.ranks import RANKS, ago, faults_of, state_of
 
-# State of a robot -> (rank, word). The ranks are those of the recording rules: STALE is level 3,
-# but milder than an ERROR.
-RANKS = {"UNKNOWN": 4, "CRITICAL": 3, "STALE": 2, "WARNING": 1, "OK": 0, "PENDING": -1}
-_OF_LEVEL = {"OK": "OK", "WARN": "WARNING", "ERROR": "CRITICAL", "STALE": "STALE"}
 SHOWN = 200  # robots with problems, and as many components of one; the API has them all
 
 STYLE = """
@@ -34,14 +31,6 @@ article ul { margin: .2rem 0; padding-left: 1.1rem; }
 .word { font-weight: 600; } .dim { opacity: .75; }
 .all { columns: 12rem; padding: 0; list-style: none; overflow-wrap: anywhere; }
 """
-
-
-def state_of(robot: dict[str, Any]) -> str:
-    """A robot's state in one word: UNKNOWN is silent, PENDING was never seen."""
-    if not robot["up"]:
-        return "PENDING" if robot["silent_reason"] == "never_seen" else "UNKNOWN"
-    words = (_OF_LEVEL[component["level"]] for component in robot["components"])
-    return max(words, key=RANKS.__getitem__, default="OK")
 
 
 def landing(fleet: dict[str, Any], telemetry_path: str) -> str:
@@ -95,17 +84,13 @@ def _problems(states: list[tuple[str, dict[str, Any]]], fleet: dict[str, Any]) -
 
 
 def _faults(robot: dict[str, Any], now: float) -> Iterator[str]:
-    faults = [each for each in robot["components"] if each["level"] != "OK"]
-    if not robot["up"]:
-        # All of a silent robot is stale: that says nothing more than that it is silent.
-        faults = [each for each in faults if each["level_before_stale"] in {"WARN", "ERROR"}]
-    faults.sort(key=lambda each: (-RANKS[_OF_LEVEL[each["level"]]], each["component"]))
+    faults = faults_of(robot)
     yield "<ul>"
     for each in faults[:SHOWN]:
         before = each["level_before_stale"]
         was = f" (was {escape(before)})" if before else ""
         yield f"<li>{escape(each['component'])}: <span class=word>{escape(each['level'])}</span>"
-        yield f"{was} {escape(each['message'])} <span class=dim>{_ago(each['since'], now)}</span>"
+        yield f"{was} {escape(each['message'])} <span class=dim>{ago(each['since'], now)}</span>"
         yield "</li>"
     yield "</ul>"
     yield from _rest(len(faults) - SHOWN, "components")
@@ -125,13 +110,3 @@ def _rest(number: int, what: str) -> Iterator[str]:
 
 def _moment(unix: float) -> str:
     return time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(unix))
-
-
-def _ago(since: float | None, now: float) -> str:
-    if since is None:
-        return ""
-    seconds = max(0, int(now - since))
-    for size, unit in ((86_400, "d"), (3_600, "h"), (60, "min")):
-        if seconds >= size:
-            return f"for {seconds // size} {unit}"
-    return f"for {seconds} s"

@@ -2,7 +2,8 @@ from __future__ import annotations
 
 from html.parser import HTMLParser
 
-from ros_diagnostics_exporter.web.pages import landing, state_of
+from ros_diagnostics_exporter.ranks import state_of
+from ros_diagnostics_exporter.web.pages import landing
 
 from .conftest import ask, component, fleet, robot
 

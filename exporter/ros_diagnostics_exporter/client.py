@@ -1,0 +1,91 @@
+"""Asks a running exporter for its fleet: the companions' way in, with the standard library alone.
+
+A Nagios check is a new process every time: what is imported here is paid at every check.
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import json
+import ssl
+import urllib.error
+import urllib.parse
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+DEFAULT_URL = "http://127.0.0.1:9877"
+
+
+class UnreachableError(Exception):
+    """The exporter gave no answer that can be used; the text says why and where."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The flags that say where the exporter is and how it wants to be asked."""
+    where = parser.add_argument_group("exporter")
+    where.add_argument(
+        "-u", "--url", default=DEFAULT_URL, help="of the exporter (default: %(default)s)"
+    )
+    where.add_argument("--user", help="for basic auth")
+    where.add_argument(
+        "--password-file", type=Path, metavar="FILE", help="the user's password, in one line"
+    )
+    where.add_argument("--ca-file", type=Path, metavar="FILE", help="CA of the exporter's TLS")
+    where.add_argument(
+        "--cert-file", type=Path, metavar="FILE", help="own certificate, with --key-file"
+    )
+    where.add_argument("--key-file", type=Path, metavar="FILE", help="key of --cert-file")
+    where.add_argument(
+        "-t",
+        "--timeout",
+        type=float,
+        default=10.0,
+        metavar="SECONDS",
+        help="how long to wait for an answer (default: %(default)g)",
+    )
+
+
+def ask_fleet(options: argparse.Namespace, robots: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The fleet as /api/v1/fleet answers it, or of it the named ``robots``.
+
+    Raises:
+        UnreachableError: No answer, or none that is a fleet.
+    """
+    query = urllib.parse.urlencode([("robot", name) for name in robots])
+    url = f"{options.url.rstrip('/')}/api/v1/fleet" + (f"?{query}" if query else "")
+    try:
+        # ProxyHandler({}): the exporter is near; the environment's proxies lead elsewhere.
+        opener = urllib.request.build_opener(urllib.request.ProxyHandler({}), _https(options))
+        request = urllib.request.Request(url, headers=_login(options))  # noqa: S310 - the user's
+        with opener.open(request, timeout=options.timeout) as answer:
+            fleet: dict[str, Any] = json.load(answer)
+    except urllib.error.HTTPError as error:
+        raise UnreachableError(f"{url} answered {error.code} {error.reason}") from error
+    except (OSError, ValueError) as error:  # URLError is an OSError, bad JSON a ValueError
+        raise UnreachableError(f"{url}: {getattr(error, 'reason', None) or error}") from error
+    if not isinstance(fleet, dict) or "robots" not in fleet:
+        raise UnreachableError(f"{url} is not a ROS diagnostics exporter")
+    return fleet
+
+
+def _https(options: argparse.Namespace) -> urllib.request.HTTPSHandler:
+    try:
+        context = ssl.create_default_context(cafile=options.ca_file)
+        if options.cert_file is not None:
+            context.load_cert_chain(options.cert_file, options.key_file)
+    except OSError as error:  # which does not name the file
+        files = filter(None, (options.ca_file, options.cert_file, options.key_file))
+        raise UnreachableError(f"{', '.join(map(str, files))}: {error}") from error
+    return urllib.request.HTTPSHandler(context=context)
+
+
+def _login(options: argparse.Namespace) -> dict[str, str]:
+    if options.user is None:
+        return {}
+    if options.password_file is None:
+        raise UnreachableError("--user needs --password-file")
+    password = options.password_file.read_text("utf-8").rstrip("\r\n")
+    coded = base64.b64encode(f"{options.user}:{password}".encode()).decode()
+    return {"Authorization": f"Basic {coded}"}
