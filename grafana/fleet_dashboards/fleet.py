@@ -1,0 +1,168 @@
+"""The fleet: tactical overview, problems, list of robots."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+from urllib.parse import quote
+
+from grafana_foundation_sdk.builders import dashboard as builders
+from grafana_foundation_sdk.builders import stat, statetimeline, table, timeseries
+from grafana_foundation_sdk.models import common
+
+from fleet_dashboards import frame, links, palette, panels, tables, variables
+from fleet_dashboards.palette import State
+from fleet_dashboards.queries import fleet as queries
+from fleet_dashboards.tables import Column
+
+ByRank = TypeVar("ByRank", stat.Panel, timeseries.Panel)
+MAINTENANCE = palette.yes("planned", palette.MAINTENANCE_COLOUR)
+
+QUESTIONS = {
+    "CRITICAL": "How many robots have an error, or lack a component that they should have?",
+    "UNKNOWN": "How many robots are silent, so that nobody knows how they are?",
+    "STALE": "How many robots have a component that stopped reporting?",
+    "WARNING": "How many robots work, but should be looked at?",
+    "OK": "How many robots are well?",
+    "PENDING": "How many robots are declared and were never heard?",
+}
+
+
+def build() -> builders.Dashboard:
+    """The dashboard that opens first."""
+    board = frame.board(
+        links.FLEET_UID, "Robot fleet", "Which robot is faulty, in which part, since when?"
+    )
+    for variable in (
+        variables.fleet(),
+        variables.site(),
+        variables.robot_group(),
+        variables.state(),
+    ):
+        board = board.with_variable(variable)
+    for state in palette.WORST_FIRST:
+        board = board.with_panel(robots_in(state))
+    board = board.with_panel(problems())
+    board = board.with_panel(share_well()).with_panel(components_by_state())
+    board = board.with_panel(health()).with_panel(states_of_robots())
+    return board.with_panel(robots())
+
+
+def robots_in(state: State) -> stat.Panel:
+    """The count of robots in one state; a click shows only those."""
+    description = f"{QUESTIONS[state.word]} A click filters by this state."
+    link = builders.DashboardLink(f"Only {state.word}").url(
+        links.to_fleet(quote(f"== {state.rank}"))
+    )
+    return (
+        panels.number(state.word, description, queries.robots_in(state.rank))
+        .color_mode(common.BigValueColorMode.BACKGROUND)
+        .color_scheme(panels.by_thresholds())
+        .thresholds(panels.steps((None, "transparent"), (1, state.colour)))
+        .data_links([link])
+    )
+
+
+def problems() -> table.Panel:
+    """What is wrong, worst first: the list of the thesis' figure 16."""
+    return tables.listing(
+        "Problems",
+        "What is wrong now, where, since when, and what does the driver say? Worst first. A silent "
+        "robot is one row. Confirmed is what has lasted for the robot's confirm_after and is told; "
+        "the rest may yet pass. Planned stands for maintenance from fleet.yml.",
+        {
+            "A": queries.PROBLEMS,
+            "B": queries.PROBLEM_SINCE,
+            "C": queries.PROBLEM_FOR,
+            "D": queries.CONFIRMED,
+            "E": queries.MESSAGES,
+            "F": queries.PROBLEMS_IN_MAINTENANCE,
+        },
+        [
+            tables.STATE,
+            Column("fleet", "Fleet", width=110),
+            Column("robot", "Robot", link=links.TO_ROBOT, width=140),
+            Column("component", "Component", link=links.TO_COMPONENT),
+            Column("B", "Since", unit="dateTimeAsIsoNoDateIfToday", width=160),
+            Column("C", "For", unit="dtdurations", width=160),
+            Column("D", "Confirmed", mappings=CONFIRMED, width=110),
+            Column("message", "Message"),
+            Column("F", "Maintenance", mappings=MAINTENANCE, width=120),
+        ],
+    ).height(12)
+
+
+CONFIRMED = palette.yes("confirmed", palette.NEUTRAL, otherwise="not yet")
+
+
+def share_well() -> stat.Panel:
+    """The share of robots that work."""
+    return panels.number(
+        "Robots that work",
+        "Which share of the robots that were ever heard is OK or in WARNING?",
+        queries.SHARE_WELL,
+        "percentunit",
+    ).height(8)
+
+
+def components_by_state() -> stat.Panel:
+    """The count of components by state, of all chosen fleets."""
+    panel = panels.number(
+        "Components",
+        "How many components stand in each state? Of the chosen fleets, whatever site and group.",
+        queries.COMPONENTS_BY_RANK,
+    ).targets([panels.at_end(queries.COMPONENTS_BY_RANK, "{{rank}}")])
+    panel = panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME)
+    return by_rank(panel).height(8).span(8)
+
+
+def health() -> timeseries.Panel:
+    """Robots by state over time."""
+    panel = panels.graph(
+        "Health of the fleet",
+        "Is it getting better or worse? Robots by state over time.",
+        panels.over_time(queries.ROBOTS_BY_RANK, "{{rank}}"),
+    )
+    return by_rank(panels.stacked(panel).min(0).decimals(0))
+
+
+def states_of_robots() -> statetimeline.Panel:
+    """A bar for each robot."""
+    link = builders.DashboardLink("Open this robot").url(links.TO_ROBOT_OF_SERIES)
+    return panels.timeline(
+        "States of the robots",
+        "When was which robot in which state? Of more than 50 robots, the 50 that are worst at the "
+        "end of the range: filter to see others.",
+        panels.over_time(queries.WORST_ROBOTS, "{{robot}}"),
+    ).data_links([link])
+
+
+def robots() -> table.Panel:
+    """Every robot, a row each: Nagios' host list."""
+    return tables.listing(
+        "Robots",
+        "How is each robot, and when was it last heard?",
+        {
+            "A": queries.ROBOTS,
+            "B": queries.MESSAGE_AGE,
+            "C": queries.TROUBLED_COMPONENTS,
+            "D": queries.MAINTENANCE,
+        },
+        [
+            tables.STATE,
+            Column("fleet", "Fleet", width=110),
+            Column("robot", "Robot", link=links.TO_ROBOT),
+            Column("site", "Site"),
+            Column("robot_group", "Group"),
+            Column("kind", "Kind"),
+            Column("C", "Components in trouble", width=170),
+            Column("B", "Last message", unit="dtdurations", width=160),
+            Column("D", "Maintenance", mappings=MAINTENANCE, width=120),
+        ],
+    ).height(14)
+
+
+def by_rank(panel: ByRank) -> ByRank:
+    """Name and colour the series that are called by a rank."""
+    for state in palette.STATES:
+        panel = panel.override_by_name(str(state.rank), panels.series(state.word, state.colour))
+    return panel

@@ -1,0 +1,131 @@
+"""The committed dashboards: built from their source, whole, and readable by everybody."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+from committed import BOARDS, GRAFANA, panels
+
+SDK = pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python 3.11")
+
+PLAIN = {"stat", "table", "timeseries", "state-timeline", "bargauge", "text"}
+UIDS = {
+    "ros-diagnostics-fleet",
+    "ros-diagnostics-robot",
+    "ros-diagnostics-component",
+    "ros-diagnostics-alerts",
+    "ros-diagnostics-monitoring",
+}
+ALL_PANELS = [
+    pytest.param(panel, id=f"{uid}: {panel['title']}")
+    for uid, board in BOARDS.items()
+    for panel in panels(board)
+]
+
+
+def test_the_committed_json_is_what_the_source_builds():
+    """`./run dashboards` brings them together again."""
+    from fleet_dashboards.__main__ import built
+
+    committed = {
+        path.name: path.read_text(encoding="utf-8") for path in (GRAFANA / "dashboards").iterdir()
+    }
+
+    assert committed == built()
+
+
+@pytest.mark.parametrize("uid", BOARDS)
+def test_the_sdk_model_reads_the_json_and_writes_the_same(uid: str):
+    """A key that Grafana's schema does not have would be lost on the way.
+
+    Only the words of an annotation are no part of it: they belong to Prometheus' data source.
+    """
+    from grafana_foundation_sdk.cog import plugins
+    from grafana_foundation_sdk.cog.encoder import JSONEncoder
+    from grafana_foundation_sdk.models.dashboard import Dashboard
+
+    plugins.register_default_plugins()
+    board = json.loads(json.dumps(BOARDS[uid]))
+    for annotation in board["annotations"].get("list", ()):
+        assert annotation.pop("titleFormat")
+        assert annotation.pop("textFormat")
+
+    again = json.loads(json.dumps(Dashboard.from_json(board), cls=JSONEncoder))
+
+    assert again == board
+
+
+def test_the_file_is_named_by_the_uid_that_links_use():
+    assert {uid: board["uid"] for uid, board in BOARDS.items()} == {uid: uid for uid in BOARDS}
+    assert set(BOARDS) <= UIDS
+
+
+@pytest.mark.parametrize("panel", ALL_PANELS)
+def test_a_panel_says_which_question_it_answers_and_is_of_a_plain_type(panel):
+    question, mark, _rest = panel["description"].partition("?")
+
+    assert mark, "the description begins with a question"
+    assert question[0].isupper()
+    assert ". " not in question, "the question comes first"
+    assert panel["type"] in PLAIN
+
+
+@pytest.mark.parametrize("uid", BOARDS)
+def test_every_query_goes_to_the_chosen_data_source(uid: str):
+    found = set(re.findall(r'"uid": "([^"]*)"', json.dumps(BOARDS[uid]["panels"])))
+
+    assert found <= {"${datasource}"}
+    assert BOARDS[uid]["templating"]["list"][0]["name"] == "datasource"
+
+
+@pytest.mark.parametrize("uid", BOARDS)
+def test_panels_lie_side_by_side_within_the_grid(uid: str):
+    taken: dict[tuple[int, int], str] = {}
+    for panel in BOARDS[uid]["panels"]:
+        place = panel["gridPos"]
+        assert place["x"] + place["w"] <= 24, panel["title"]
+        for x in range(place["x"], place["x"] + place["w"]):
+            for y in range(place["y"], place["y"] + place["h"]):
+                assert (x, y) not in taken, f"{panel['title']} covers {taken[(x, y)]}"
+                taken[(x, y)] = panel["title"]
+
+
+@pytest.mark.parametrize("uid", BOARDS)
+def test_panels_have_numbers_and_titles_of_their_own(uid: str):
+    found = list(panels(BOARDS[uid]))
+
+    assert len({panel["id"] for panel in found}) == len(found)
+    assert len({panel["title"] for panel in found}) == len(found)
+
+
+@pytest.mark.parametrize("uid", BOARDS)
+def test_links_lead_to_dashboards_and_variables_that_exist(uid: str):
+    text = json.dumps(BOARDS[uid])
+    for target, query in re.findall(r'"/d/([\w-]+)\?([^"]*)"', text):
+        assert target in BOARDS
+        variables = {each["name"] for each in BOARDS[target]["templating"]["list"]}
+        assert set(re.findall(r"var-(\w+)=", query)) <= variables
+        assert set(re.findall(r"\$\{(\w+):queryparam\}", query)) <= variables
+        assert "${datasource:queryparam}" in query
+        assert "${__url_time_range}" in query
+
+
+@pytest.mark.parametrize("panel", ALL_PANELS)
+def test_links_of_a_table_name_columns_that_it_has(panel):
+    titles: set[str] = set()
+    for step in panel.get("transformations", ()):
+        titles |= set(step["options"].get("renameByName", {}).values())
+
+    used = re.findall(r"__data\.fields\.(\w+)", json.dumps(panel))
+
+    assert set(used) <= titles
+
+
+def test_dashboards_link_to_one_another_and_keep_variables_and_time():
+    for board in BOARDS.values():
+        (link,) = board["links"]
+        assert link["includeVars"]
+        assert link["keepTime"]
+        assert set(link["tags"]) <= set(board["tags"])

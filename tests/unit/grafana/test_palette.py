@@ -1,0 +1,85 @@
+"""Whoever is colour-blind tells the states apart too."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python 3.11")
+
+from fleet_dashboards import palette
+from ros_diagnostics_exporter.units import _SPELLINGS
+
+# What remains of linear RGB: Machado, Oliveira, Fernandes 2009, severity 1.0.
+EYES = {
+    "full colour": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "no red (protanopia)": (
+        (0.152286, 1.052583, -0.204868),
+        (0.114503, 0.786281, 0.099216),
+        (-0.003882, -0.048116, 1.051998),
+    ),
+    "no green (deuteranopia)": (
+        (0.367322, 0.860646, -0.227968),
+        (0.280085, 0.672501, 0.047413),
+        (-0.011820, 0.042940, 0.968881),
+    ),
+    "no blue (tritanopia)": (
+        (1.255528, -0.076749, -0.178779),
+        (-0.078411, 0.930809, 0.147602),
+        (0.004733, 0.691367, 0.303900),
+    ),
+}
+APART = 20  # CIE 1976 difference; 2.3 is just noticeable side by side
+
+
+def linear(colour: str) -> list[float]:
+    parts = [int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]
+    return [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in parts]
+
+
+def seen(colour: str, eye: str) -> tuple[float, float, float]:
+    """CIE L*a*b* (D65) of what the eye sees."""
+    red, green, blue = (
+        min(1.0, max(0.0, sum(a * b for a, b in zip(row, linear(colour), strict=True))))
+        for row in EYES[eye]
+    )
+    x, y, z = (
+        share ** (1 / 3) if share > 0.008856 else 7.787 * share + 16 / 116
+        for share in (
+            (0.4124 * red + 0.3576 * green + 0.1805 * blue) / 0.95047,
+            0.2126 * red + 0.7152 * green + 0.0722 * blue,
+            (0.0193 * red + 0.1192 * green + 0.9505 * blue) / 1.08883,
+        )
+    )
+    return 116 * y - 16, 500 * (x - y), 200 * (y - z)
+
+
+def difference(one: str, other: str, eye: str) -> float:
+    pairs = zip(seen(one, eye), seen(other, eye), strict=True)
+    return sum((a - b) ** 2 for a, b in pairs) ** 0.5
+
+
+@pytest.mark.parametrize("eye", EYES)
+def test_any_two_states_differ_in_colour(eye: str):
+    close = [
+        (one.word, other.word)
+        for one, other in itertools.combinations(palette.STATES, 2)
+        if difference(one.colour, other.colour, eye) < APART
+    ]
+
+    assert close == []
+
+
+def test_the_simulation_confuses_red_and_green_as_people_do():
+    assert difference("#D65F5F", "#8A8A3A", "full colour") > 2 * difference(
+        "#D65F5F", "#8A8A3A", "no green (deuteranopia)"
+    )
+
+
+def test_ranks_are_those_of_the_recorded_states():
+    assert [state.rank for state in palette.STATES] == [-1, 0, 1, 2, 3, 4]
+
+
+def test_every_unit_shown_is_one_that_the_exporter_gives():
+    assert set(palette.UNITS) <= set(_SPELLINGS)

@@ -1,0 +1,46 @@
+"""A Grafana that is given these files shows everything without a click."""
+
+from __future__ import annotations
+
+import configparser
+from pathlib import PurePosixPath
+from typing import Any
+
+import yaml
+from committed import BOARDS, GRAFANA
+
+
+def provisioned(kind: str) -> list[dict[str, Any]]:
+    document = yaml.safe_load((GRAFANA / "provisioning" / kind / "ros-diagnostics.yml").read_text())
+    assert document["apiVersion"] == 1
+    found: list[dict[str, Any]] = document["providers" if kind == "dashboards" else kind]
+    return found
+
+
+def settings() -> configparser.ConfigParser:
+    found = configparser.ConfigParser()
+    found.read(GRAFANA / "grafana.ini")
+    return found
+
+
+def test_prometheus_is_the_data_source_that_dashboards_open_with():
+    sources = {source["type"]: source for source in provisioned("datasources")}
+
+    assert sources["prometheus"]["isDefault"]
+    linked = sources["prometheus"]["jsonData"]["alertmanagerUid"]
+    assert linked == sources["alertmanager"]["uid"]
+
+
+def test_the_home_dashboard_is_the_fleet_where_the_provider_reads_it():
+    (provider,) = provisioned("dashboards")
+    home = PurePosixPath(settings()["dashboards"]["default_home_dashboard_path"])
+
+    assert home.parent == PurePosixPath(provider["options"]["path"])
+    assert home.stem in BOARDS
+
+
+def test_nobody_looks_without_a_password_unless_somebody_says_so():
+    anonymous = settings()["auth.anonymous"]
+
+    assert anonymous.getboolean("enabled") is False
+    assert anonymous["org_role"] == "Viewer"
