@@ -82,7 +82,7 @@ class FleetFile(Entry):
         "Robots known by name.", example=[{"name": "robot_1", "namespace": "/robot_1"}]
     )
     robots_folder: Folder | None = optional(
-        "A folder, beside this file, of more robots: each *.yml in it holds one robot or a list. "
+        "A folder, beside this file, of more robots: each `*.yml` in it holds one robot or a list. "
         "A robot is registered by dropping a file.",
         example="fleet/robots",
         default="robots.d",
@@ -111,7 +111,7 @@ class FleetFile(Entry):
         ],
     )
     maintenance_folder: Folder | None = optional(
-        "A folder, beside this file, of more planned downtimes: each *.yml in it holds one or a "
+        "A folder, beside this file, of more planned downtimes: each `*.yml` in it holds one or a "
         "list.",
         example="fleet/maintenance",
         default="maintenance.d",

@@ -31,6 +31,9 @@ class _Draft7(GenerateJsonSchema):
 
     schema_dialect = "http://json-schema.org/draft-07/schema#"
 
+    def sort(self, value: JsonSchemaValue, parent_key: str | None = None) -> JsonSchemaValue:  # noqa: ARG002
+        return value  # the models' order is the one to read
+
     def field_title_should_be_set(self, schema: Any) -> bool:  # noqa: ARG002 - pydantic's
         return False
 

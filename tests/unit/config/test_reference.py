@@ -1,0 +1,55 @@
+"""docs/configuration.md says what the models say."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from ros_diagnostics_exporter.config import patterns, scalars, yamlfile, yamltree
+from ros_diagnostics_exporter.config.lookup import SEARCHED
+from ros_diagnostics_exporter.config.reference import main, renewed
+from ros_diagnostics_exporter.config.reserved import RESERVED_LABEL_PREFIXES, RESERVED_LABELS
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "configuration.md"
+
+
+def test_tables_are_what_the_models_say():
+    """If not: python -m ros_diagnostics_exporter.config.reference docs/configuration.md."""
+    text = DOCUMENT.read_text(encoding="utf-8")
+    assert renewed(text) == text
+
+
+def test_command_renews_a_document(tmp_path):
+    path = tmp_path / "configuration.md"
+    text = DOCUMENT.read_text(encoding="utf-8")
+    path.write_text(re.sub(r"^\| `stale_after` .*\n", "", text, flags=re.MULTILINE))
+    main([str(path)])
+    assert path.read_text(encoding="utf-8") == text
+
+
+def test_document_without_a_table_is_refused():
+    with pytest.raises(ValueError, match=r"the document has tables for .*, not for .*'Robot'"):
+        renewed("<!-- keys of Rocket -->\n<!-- end -->")
+
+
+def test_links_lead_to_headings_and_files():
+    text = DOCUMENT.read_text(encoding="utf-8")
+    headings = {line.lstrip("# ").lower() for line in text.splitlines() if line.startswith("#")}
+    links = re.findall(r"\]\((#?)([^)]+)\)", text)
+    assert {name for sharp, name in links if sharp} <= headings
+    files = {name for sharp, name in links if not sharp and "://" not in name}
+    assert len(files) == 4
+    assert all((DOCUMENT.parent / name).is_file() for name in files)
+
+
+def test_prose_names_the_bounds_and_reserved_labels_that_hold():
+    text = " ".join(DOCUMENT.read_text(encoding="utf-8").split())
+    assert f"a file may have {yamlfile.MAX_BYTES // 2**20} mib" in text.lower()
+    assert f"{yamltree.MAX_VALUES:,} values" in text
+    assert f"{yamlfile.MAX_DEPTH} levels" in text
+    assert f"up to {patterns.MAX_PATTERN} characters" in text
+    assert f"first {SEARCHED} characters" in text
+    assert f"0 to {scalars.MAX_DOMAIN_ID}" in text
+    assert patterns.MAX_REPEATS == 3
+    for label in {*RESERVED_LABELS, *RESERVED_LABEL_PREFIXES}:
+        assert f"`{label}`" in text
