@@ -1,0 +1,152 @@
+"""What was understood of a config, as text for `--config.check`. Reads only the Fleet."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict
+from datetime import datetime
+from zoneinfo import ZoneInfo
+
+from ros_diagnostics_exporter.config.fleet import (
+    Check,
+    Discovery,
+    Fleet,
+    Limits,
+    Maintenance,
+    Profile,
+    Robot,
+    Shared,
+)
+from ros_diagnostics_exporter.config.times import DAY, DAYS
+
+_UNITS = (("w", 604_800_000), ("d", 86_400_000), ("h", 3_600_000), ("m", 60_000), ("s", 1000))
+
+
+def describe(fleet: Fleet) -> str:
+    """Robots, discovery, profiles, downtimes and warnings of a valid config, for people."""
+    files = [str(source) for source in fleet.sources if source.suffix in (".yml", ".yaml")]
+    lines = [f"fleet {fleet.name} is valid", *_section("read", files)]
+    lines += _section("robots", map(_robot, fleet.robots))
+    lines += _section("discovery", map(_discovery, fleet.discoveries))
+    lines += _section("shared topics", map(_shared, fleet.shared))
+    lines += _section("profiles", map(_profile, fleet.profiles.values()))
+    lines += _section("maintenance", map(_maintenance, fleet.maintenance))
+    if fleet.limits != Limits():
+        lines += _section("limits", [_pairs(asdict(fleet.limits))])
+    lines += _section("warnings", fleet.warnings)
+    return "\n".join(lines) + "\n"
+
+
+def _section(title: str, items: Iterable[str]) -> list[str]:
+    listed = list(items)
+    return [f"{title} ({len(listed)}):", *(f"  {item}" for item in listed)] if listed else []
+
+
+def _robot(robot: Robot) -> str:
+    topics = " and ".join(filter(None, (robot.topic_agg, robot.topic_raw)))
+    return _joined(
+        f"{robot.name}: domain {robot.domain_id}, {topics}, source {robot.source.value}",
+        f"profile {robot.profile.name}",
+        robot.address and f"address {robot.address}",
+        _pairs(robot.labels),
+    )
+
+
+def _discovery(discovery: Discovery) -> str:
+    return _joined(
+        f"{discovery.template} in domain {_ranges(discovery.domain_ids)}",
+        f"as {discovery.name}",
+        discovery.include and f"only {_patterns(discovery.include)}",
+        discovery.exclude and f"not {_patterns(discovery.exclude)}",
+        f"source {discovery.source.value}",
+        f"profile {discovery.profile.name}",
+        discovery.address and f"address {discovery.address}",
+        _pairs(discovery.labels),
+    )
+
+
+def _shared(shared: Shared) -> str:
+    return _joined(
+        f"{shared.topic} in domain {shared.domain_id}, {'raw' if shared.raw else 'aggregated'}",
+        f"robot from {shared.by}",
+        shared.pattern and f"by {shared.pattern.pattern}",
+        f"profile {shared.profile.name}",
+        _pairs(shared.labels),
+    )
+
+
+def _profile(profile: Profile) -> str:
+    return _joined(
+        f"{profile.name}: stale after {_duration(profile.stale_after)}",
+        f"confirmed after {_duration(profile.confirm_after)}",
+        f"forgotten after {_duration(profile.forget_after)}",
+        profile.stale_is_critical and "STALE is CRITICAL",
+        f"checks: {', '.join(map(_check, profile.checks))}",
+        profile.components and f"rules for components: {len(profile.components)}",
+        profile.values and f"rules for values: {len(profile.values)}",
+    )
+
+
+def _check(check: Check) -> str:
+    return check.name if check.expect is None else f"{check.name} (expects {check.expect})"
+
+
+def _maintenance(maintenance: Maintenance) -> str:
+    selector = {label: _patterns(each) for label, each in maintenance.selector.items()}
+    zone = ZoneInfo(maintenance.time_zone)
+    return _joined(
+        f"{maintenance.name}: {_pairs(selector)}",
+        maintenance.start is not None and f"from {_moment(maintenance.start, zone)}",
+        maintenance.end is not None and f"to {_moment(maintenance.end, zone)}",
+        ", ".join(_weekly(maintenance)),
+        maintenance.weekly and maintenance.time_zone,
+        f"({maintenance.comment})",
+    )
+
+
+def _weekly(maintenance: Maintenance) -> Iterator[str]:
+    days: dict[str, list[str]] = {}
+    for day, first, last in maintenance.weekly:
+        end = last - DAY if last > DAY else last
+        times = f"{first // 60:02}:{first % 60:02}-{end // 60:02}:{end % 60:02}"
+        days.setdefault(times, []).append(DAYS[day])
+    for times, named in days.items():
+        yield f"{'daily' if len(named) == 7 else ','.join(named)} {times}"
+
+
+def _moment(unix: float, zone: ZoneInfo) -> str:
+    return datetime.fromtimestamp(unix, zone).isoformat(" ", "minutes")
+
+
+def _joined(*parts: str | bool | tuple[object, ...] | None) -> str:
+    return ", ".join(part for part in parts if isinstance(part, str) and part)
+
+
+def _pairs(mapping: Mapping[str, object]) -> str:
+    return " ".join(f"{key}={value}" for key, value in mapping.items())
+
+
+def _patterns(patterns: Iterable[re.Pattern[str]]) -> str:
+    return "|".join(pattern.pattern for pattern in patterns)
+
+
+def _ranges(ids: tuple[int, ...]) -> str:
+    """`0, 10-19` for ascending numbers."""
+    runs: list[list[int]] = []
+    for each in ids:
+        if runs and each == runs[-1][-1] + 1:
+            runs[-1][1:] = [each]
+        else:
+            runs.append([each])
+    return ", ".join("-".join(map(str, run)) for run in runs)
+
+
+def _duration(seconds: float) -> str:
+    """`1m30s`, as one would write it into fleet.yml."""
+    left = round(seconds * 1000)
+    text = ""
+    for unit, size in _UNITS:
+        count, left = divmod(left, size)
+        text += f"{count}{unit}" if count else ""
+    return text + (f"{left}ms" if left else "") or "0s"
