@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ros_diagnostics_exporter import __version__, ros
+from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.service import Service
@@ -43,6 +44,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     fleet = load(options.config_file)
+    if options.config_check:
+        print(describe(fleet), end="")  # noqa: T201
+        return 0
+    for warning in fleet.warnings:
+        log.warning(warning)
     ros.check_ros()
     service = Service(fleet, options.config_file, options.storage_path)
     server = Server(
@@ -78,6 +84,12 @@ def _parser() -> argparse.ArgumentParser:
         default=Path("fleet.yml"),
         metavar="FILE",
         help="the fleet: robots, discovery, profiles (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--config.check",
+        dest="config_check",
+        action="store_true",
+        help="tell what is understood of the config, or what is wrong with it, and exit",
     )
     parser.add_argument(
         "--web.listen-address",

@@ -1,0 +1,25 @@
+"""The config at the command line: --config.check, and a config that cannot be used."""
+
+from pathlib import Path
+
+import pytest
+
+from ros_diagnostics_exporter.cli import main
+from ros_diagnostics_exporter.config.check import describe
+from ros_diagnostics_exporter.config.load import load
+
+EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "one-robot.yml"
+BAD = Path(__file__).parents[2] / "configs" / "bad-domain-id.yml"
+
+
+def test_check_tells_what_was_understood(capsys):
+    assert main(["--config.check", "--config.file", str(EXAMPLE)]) == 0
+    assert capsys.readouterr().out == describe(load(EXAMPLE))
+
+
+@pytest.mark.parametrize("check", [["--config.check"], []], ids=["check", "start"])
+def test_all_that_is_wrong_goes_to_stderr_and_the_exit_code_is_2(capsys, monkeypatch, check):
+    monkeypatch.chdir(BAD.parent)
+    assert main([*check, "--config.file", BAD.name]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", BAD.with_suffix(".txt").read_text(encoding="utf-8"))
