@@ -1,0 +1,191 @@
+"""What one evaluation of all rules costs: a real Prometheus, and 1,000 robots that a state invents.
+
+The shipped configuration as it is; only addresses are set. Each share of faulty robots is held for
+some evaluations. The target: all groups together under 1 s with at most 5 % faulty, under one
+interval (5 s) with all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import tempfile
+import threading
+import time
+import urllib.request
+from contextlib import ExitStack
+from functools import partial
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from statistics import median
+from typing import Any, NamedTuple
+
+from bench.robots import aggregated_array
+from fleet_demo.ports import free_port
+from fleet_demo.processes import Process
+from fleet_demo.waiting import until
+from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
+from ros_diagnostics_exporter.diagnostics import Instant
+from ros_diagnostics_exporter.exposition import Exposition
+from ros_diagnostics_exporter.state.fleet import State, Topic
+
+PROMETHEUS = Path(__file__).resolve().parents[2] / "prometheus"
+INTERVAL = 5.0
+COMMON_CAUSE = 0.3  # of the fleet, as shipped in settings.yml
+
+
+class Target:
+    """What the exporter of a big fleet would serve; the text of each turn is made beforehand."""
+
+    def __init__(self, robots: int) -> None:
+        self.topics = [Topic(0, f"/robot_{n}/diagnostics_agg") for n in range(robots)]
+        declared = (
+            Robot(f"robot_{n}", topic_agg=topic.name, source=Source.AGG, labels={"site": "hall"})
+            for n, topic in enumerate(self.topics)
+        )
+        self._state = State(Fleet("bench", tuple(declared)), Instant(0.0, 0.0), lambda _event: None)
+        self._exposition = Exposition(self._state)
+        self.text = b""
+        self._turn = 0
+
+    def break_share(self, share: float) -> None:
+        """Every robot sends once more: all components of ``share`` of them say ERROR."""
+        self._turn += 1
+        faulty = round(len(self.topics) * share)
+        arrays = [aggregated_array(self._turn), aggregated_array(self._turn, level=2)]
+        for number, topic in enumerate(self.topics):
+            instant = Instant(float(self._turn), 1.7e9 + self._turn)  # the array's own stamp
+            self._state.receive(topic, arrays[number < faulty], instant)
+        own = b"# TYPE process_start_time_seconds gauge\nprocess_start_time_seconds 1.0\n"
+        self.text = self._exposition.render() + own
+
+
+def serve(target: Target, port: int) -> ThreadingHTTPServer:
+    """Serve the target's text on loopback until the server is shut down."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Type", "text/plain; version=0.0.4")
+            self.end_headers()
+            self.wfile.write(target.text)
+
+        def log_message(self, *_: Any) -> None:
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    return server
+
+
+def start_prometheus(binary: str, folder: Path, exporter: int, port: int) -> Process:
+    """The shipped configuration with the target's address put in, without Alertmanager."""
+    shutil.copytree(PROMETHEUS, folder / "prometheus")
+    targets = folder / "prometheus" / "targets"
+    (targets / "ros-diagnostics.yml").write_text(
+        f'[{{targets: ["127.0.0.1:{exporter}"], labels: {{fleet: bench}}}}]'
+    )
+    (targets / "alertmanager.yml").write_text("[]")
+    (targets / "prometheus.yml").write_text(f'[{{targets: ["127.0.0.1:{port}"]}}]')
+    argv = [
+        binary,
+        f"--config.file={folder / 'prometheus' / 'prometheus.yml'}",
+        f"--storage.tsdb.path={folder / 'data'}",
+        f"--web.listen-address=127.0.0.1:{port}",
+    ]
+    return Process("prometheus", argv, None, folder / "prometheus.log").start()
+
+
+def ask(port: int, path: str) -> Any:
+    """The data of one answer of Prometheus' API."""
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=30) as answer:
+        return json.load(answer)["data"]
+
+
+def firing(port: int) -> int:
+    """How many CRITICAL components are told."""
+    expression = 'count(ALERTS{alertname="RosDiagnosticsComponentCritical"})'
+    result = ask(port, f"/api/v1/query?query={urllib.request.quote(expression)}")["result"]
+    return int(result[0]["value"][1]) if result else 0
+
+
+def told(port: int, expected: int) -> bool:
+    """Whether at least so many CRITICAL components are told."""
+    return firing(port) >= expected
+
+
+class Costs(NamedTuple):
+    """Seconds that evaluations took, one entry for each that was looked at."""
+
+    groups: dict[str, list[float]]
+    rules: dict[str, list[float]]
+
+    def totals(self) -> list[float]:
+        """All groups together, evaluation by evaluation."""
+        return [sum(each) for each in zip(*self.groups.values(), strict=True)]
+
+
+def watch(port: int, rounds: int) -> Costs:
+    """Look at each of the next evaluations; a group with a longer interval counts in each."""
+    costs = Costs({}, {})
+    for _ in range(rounds):
+        for group in ask(port, "/api/v1/rules")["groups"]:
+            costs.groups.setdefault(group["name"], []).append(group["evaluationTime"])
+            for rule in group["rules"]:
+                costs.rules.setdefault(rule["name"], []).append(rule["evaluationTime"])
+        time.sleep(INTERVAL)
+    return costs
+
+
+def ready(port: int) -> bool:
+    """Whether Prometheus answers."""
+    try:
+        ask(port, "/api/v1/status/buildinfo")
+    except OSError:
+        return False
+    return True
+
+
+def main() -> None:
+    """Print the longest evaluation for each share of faulty robots."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robots", type=int, default=1000)
+    parser.add_argument("--rounds", type=int, default=14, help="evaluations looked at per share")
+    parser.add_argument("--prometheus", default="prometheus", help="the binary to run")
+    parser.add_argument("--rules", type=int, default=0, help="also print the N costliest rules")
+    options = parser.parse_args()
+    target = Target(options.robots)
+    exporter, port = free_port(), free_port()
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        stack.callback(serve(target, exporter).shutdown)
+        target.break_share(0.0)
+        prometheus = start_prometheus(options.prometheus, folder, exporter, port)
+        stack.callback(prometheus.stop)
+        until(lambda: ready(port), "Prometheus answers", 60)
+        version = ask(port, "/api/v1/status/buildinfo")["version"]
+        series = target.text.count(b"\n") - target.text.count(b"# ")
+        print(f"Prometheus {version}, {options.robots} robots, {series} series")
+        print(f"{'faulty':<8}{'told':>6}{'median':>9}{'longest':>9}   seconds; by group (median)")
+        for share in (0.0, 0.05, 1.0):
+            target.break_share(share)
+            # All at once have a common cause, and no robot is told for itself.
+            expected = round(options.robots * share) * 16 if share < COMMON_CAUSE else 0
+            until(partial(told, port, expected), "the faults are told", 120)
+            report(share, firing(port), watch(port, options.rounds), options.rules)
+
+
+def report(share: float, told: int, costs: Costs, rules: int) -> None:
+    """One line for a share of faulty robots, and one for each of its costliest rules."""
+    totals = costs.totals()
+    typical = {name: median(seconds) for name, seconds in costs.groups.items()}
+    each = ", ".join(f"{name.split('.')[1]} {cost:.2f}" for name, cost in typical.items())
+    print(f"{share:<8.0%}{told:>6}{median(totals):>9.2f}{max(totals):>9.2f}   {each}")
+    by_cost = sorted(costs.rules.items(), key=lambda item: median(item[1]), reverse=True)
+    for name, seconds in by_cost[:rules]:
+        print(f"    {median(seconds):.3f} {name}")
+
+
+if __name__ == "__main__":
+    main()
