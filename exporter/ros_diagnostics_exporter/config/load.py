@@ -5,6 +5,7 @@ Every call reads everything afresh; nothing is kept between two of them.
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -100,7 +101,9 @@ class _Folders:
         ]
 
     def _read(self, file: Path, model: type[T]) -> list[Placed[T]]:
-        self._looked_at.append(file)
         document, found = read(file)
+        if document is None and not os.path.lexists(file):
+            return []  # left between the listing and now
+        self._looked_at.append(file)
         self._problems.extend(found)
         return folder_file(document, model, self._problems) if document else []

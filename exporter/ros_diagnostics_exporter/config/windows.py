@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime, time, timedelta
+from functools import lru_cache
 from zoneinfo import ZoneInfo
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Maintenance
@@ -17,7 +18,7 @@ def in_maintenance(fleet: Fleet, labels: Mapping[str, str], wall: float) -> bool
         labels: The robot's labels, `robot` and `fleet` among them.
         wall: The time that is asked about, Unix seconds.
     """
-    return any(_selects(each, labels) and holds(each, wall) for each in fleet.maintenance)
+    return any(holds(each, wall) and _selects(each, labels) for each in fleet.maintenance)
 
 
 def _selects(maintenance: Maintenance, labels: Mapping[str, str]) -> bool:
@@ -33,24 +34,26 @@ def holds(maintenance: Maintenance, wall: float) -> bool:
         return False
     if maintenance.end is not None and wall >= maintenance.end:
         return False
-    return not maintenance.weekly or _in_week(maintenance, wall)
+    week, zone = maintenance.weekly, maintenance.time_zone
+    return not week or _in_week(week, zone, int(wall // 60))
 
 
-def _in_week(maintenance: Maintenance, wall: float) -> bool:
-    """Whether a weekly window that began today or yesterday is open.
+@lru_cache(maxsize=256)  # asked for every robot, every second
+def _in_week(weekly: tuple[tuple[int, int, int], ...], time_zone: str, minute: int) -> bool:
+    """Whether a weekly window that began today or yesterday is open in a minute of Unix time.
 
     Begin and end are readings of the local clock, made absolute: a window across a change of
     the clock is an hour shorter or longer, as a shift is. A reading that happens twice means the
     first time, one that is skipped means as long after the change as it would have been after.
     """
-    zone = ZoneInfo(maintenance.time_zone)
-    today = datetime.fromtimestamp(wall, zone).date()
+    zone = ZoneInfo(time_zone)
+    today = datetime.fromtimestamp(minute * 60, zone).date()
     for day in (today, today - timedelta(days=1)):
         midnight = datetime.combine(day, time())
-        for weekday, first, last in maintenance.weekly:
+        for weekday, first, last in weekly:
             if weekday == day.weekday():
                 begin = (midnight + timedelta(minutes=first)).replace(tzinfo=zone)
                 end = (midnight + timedelta(minutes=last)).replace(tzinfo=zone)
-                if begin.timestamp() <= wall < end.timestamp():
+                if begin.timestamp() <= minute * 60 < end.timestamp():
                     return True
     return False

@@ -1,5 +1,6 @@
 """robots.d and maintenance.d: robots and downtimes as files that come and go."""
 
+from ros_diagnostics_exporter.config import yamlfile
 from ros_diagnostics_exporter.config.load import load, sources
 from ros_diagnostics_exporter.config.windows import in_maintenance
 
@@ -35,6 +36,29 @@ def test_robot_that_leaves_the_folder_is_gone_at_the_next_load(fleet_of, tmp_pat
     after = load(tmp_path / "fleet.yml")
     assert [robot.name for robot in after.robots] == ["a"]
     assert tmp_path / "robots.d/b.yml" not in sources(after)
+
+
+def test_robot_that_leaves_while_the_folder_is_read_is_gone(fleet_of, monkeypatch, tmp_path):
+    def read_late(path):
+        if path.name == "b.yml":
+            path.unlink()
+        return yamlfile.read(path)
+
+    monkeypatch.setattr("ros_diagnostics_exporter.config.load.read", read_late)
+    fleet = fleet_of(A, **{"robots.d/b.yml": "{name: b, domain_id: 2}"})
+    assert [robot.name for robot in fleet.robots] == ["a"]
+    assert tmp_path / "robots.d/b.yml" not in fleet.sources
+
+
+def test_link_that_leads_nowhere_is_told(errors_of, tmp_path):
+    (tmp_path / "robots.d").mkdir()
+    (tmp_path / "robots.d/b.yml").symlink_to("nowhere")
+    assert errors_of(A) == [
+        (
+            "robots.d/b.yml: cannot be read (No such file or directory); "
+            "name a file that exists and that this user may read"
+        )
+    ]
 
 
 def test_another_folder_may_be_named(fleet_of):

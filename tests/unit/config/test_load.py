@@ -9,6 +9,7 @@ from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.fleet import Source
 from ros_diagnostics_exporter.config.load import load, sources
 
+MIXED = Path(__file__).parents[3] / "docs" / "examples" / "mixed-fleet" / "fleet.yml"
 DEMO = """
     fleet: demo
     profiles:
@@ -84,8 +85,20 @@ def test_key_without_a_value_counts_as_not_given(fleet_of):
     assert (fleet.robots, fleet.limits.components) == ((), 500)
 
 
-def test_two_loads_of_one_file_are_equal(fleet_of):
-    assert fleet_of(DEMO) == fleet_of(DEMO)
+def test_two_loads_of_one_file_are_equal():
+    """So that a reload sees which robots did not change."""
+    assert load(MIXED) == load(MIXED)
+
+
+def test_robots_of_another_profile_stay_equal_when_one_changes(fleet_of):
+    text = """
+        fleet: demo
+        profiles: {{a: {{checks: {{m: [Motor]}}, stale_after: {}}}, b: {{checks: {{m: Motor}}}}}}
+        robots: [{{name: a, domain_id: 1, profile: a}}, {{name: b, domain_id: 2, profile: b}}]
+    """
+    before, after = fleet_of(text.format("5s")), fleet_of(text.format("6s"))
+    assert before.robots[0] != after.robots[0]
+    assert before.robots[1] == after.robots[1]
 
 
 def test_missing_file_is_told(tmp_path):
