@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from fleet_demo import domains, ports
@@ -18,6 +19,18 @@ _environment = domains.environment(0)
 _environment["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / f"ros-log-of-tests-{os.getuid()}")
 os.environ.clear()
 os.environ.update(_environment)
+
+
+# The machine may be busy: how long an example takes proves nothing. Every day the same examples, so
+# that a red run can be repeated; `--all` draws new ones.
+hypothesis.settings.register_profile("daily", deadline=None, derandomize=True)
+hypothesis.settings.register_profile("all", deadline=None)
+hypothesis.settings.load_profile("daily")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--all", default=False):
+        hypothesis.settings.load_profile("all")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

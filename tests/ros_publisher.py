@@ -50,9 +50,12 @@ class Publisher:
         self._publishers[topic] = self._node.create_publisher(kind, topic, profile)
         return self._publishers[topic]
 
+    def listeners(self, topic: str) -> int:
+        return self._publishers[topic].get_subscription_count()
+
     def wait_for_listeners(self) -> None:
-        for topic, publisher in self._publishers.items():
-            until(lambda each=publisher: each.get_subscription_count() > 0, f"{topic} is heard")
+        for topic in self._publishers:
+            until(lambda each=topic: self.listeners(each), f"{topic} is heard")
 
     def send(self, topic: str, *statuses: Status) -> None:
         self._publishers[topic].publish(message(statuses))

@@ -60,10 +60,15 @@ def _run(options: argparse.Namespace) -> int:
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda _number, _frame: stop.set())
+    reload = threading.Event()
+    signal.signal(signal.SIGHUP, lambda _number, _frame: reload.set())
     try:
         service.start()
         log.info("serving fleet %s on %s", fleet.name, ", ".join(server.addresses))
         while not stop.is_set():
+            if reload.is_set():
+                reload.clear()
+                service.reload_quietly("SIGHUP")
             service.tick()
             stop.wait(service.TICK)
     finally:

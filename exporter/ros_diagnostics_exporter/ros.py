@@ -128,24 +128,37 @@ class Listener:
         self._handlers = handlers
         self._poll_interval = poll_interval
         self._domains: dict[int, _Domain] = {}
+        self._joining = threading.Lock()
         self.decode_seconds = 0.0
         self.ingest_seconds = 0.0
 
     def join(self, domain_ids: tuple[int, ...]) -> None:
         """Be in exactly these domains; one that cannot be joined is told to ``failed``."""
-        for domain_id in sorted(self._domains.keys() - set(domain_ids)):
-            self._domains.pop(domain_id).stop()
-        for domain_id in domain_ids:
-            if domain_id in self._domains:
-                continue
-            self._join_one(domain_id)
+        with self._joining:
+            leaving = [
+                self._domains[domain_id] for domain_id in self._domains.keys() - set(domain_ids)
+            ]
+            for domain in leaving:
+                domain.ask_to_stop()
+            for domain in leaving:
+                domain.stop()
+            self._domains = {
+                domain_id: domain
+                for domain_id, domain in self._domains.items()
+                if domain not in leaving
+            }
+            for domain_id in domain_ids:
+                if domain_id not in self._domains:
+                    self._join_one(domain_id)
 
     def _join_one(self, domain_id: int) -> None:
         try:
-            self._domains[domain_id] = _Domain(domain_id, self, self._handlers)
+            domain = _Domain(domain_id, self, self._handlers)
         except Exception as error:  # whatever the middleware raises; other domains go on
             log.exception("cannot join DDS domain %d", domain_id)
             self._handlers.failed(domain_id, str(error))
+        else:
+            self._domains = {**self._domains, domain_id: domain}
 
     @property
     def domain_ids(self) -> tuple[int, ...]:
@@ -164,8 +177,6 @@ class Listener:
 
     def stop(self) -> None:
         """Leave all domains."""
-        for domain in self._domains.values():
-            domain.ask_to_stop()
         self.join(())
 
 

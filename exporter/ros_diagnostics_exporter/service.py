@@ -7,12 +7,15 @@ only file that knows both ROS and the web's doors.
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections.abc import Mapping
 from pathlib import Path
 
 from ros_diagnostics_exporter import ros, snapshot
+from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.diagnostics import Array, Instant
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.exposition import Exposition
@@ -20,6 +23,7 @@ from ros_diagnostics_exporter.own_metrics import Facts, OwnMetrics
 from ros_diagnostics_exporter.state.fleet import State, Topic
 from ros_diagnostics_exporter.state.network import Endpoint
 from ros_diagnostics_exporter.storage import Storage
+from ros_diagnostics_exporter.watching import Watch
 from ros_diagnostics_exporter.web.doors import Doors
 
 log = logging.getLogger(__name__)
@@ -29,6 +33,8 @@ class Service:
     """One exporter: made, started, ticked, stopped."""
 
     TICK = 0.25  # seconds between two calls of tick
+    JOIN = 30.0  # seconds until a domain that could not be joined is tried again
+    LOOK = 1.0  # seconds between two looks at the config's files
 
     def __init__(self, fleet: Fleet, config_file: Path, storage_path: Path | None) -> None:
         now = ros.read_clocks()
@@ -38,12 +44,15 @@ class Service:
         self._config_file = config_file
         self._config_time = now.wall
         self._config_successful = True
+        self._reloading = threading.Lock()
+        self._watch = Watch(fleet.sources)
+        self._look_at = now.mono
+        self._join_at = now.mono
         self._distribution, self._rmw = ros.describe_ros()
         self._exposition = Exposition(self.state)
         self._own = OwnMetrics(self._facts)
         self._scrapes = 0
         self._scrape_seconds = 0.0
-        self._failed_domains: set[int] = set()
         self._listener = ros.Listener(
             ros.Handlers(
                 receive=self._receive,
@@ -58,14 +67,59 @@ class Service:
 
     def start(self) -> None:
         """Join the fleet's domains and listen."""
+        self._join()
+
+    def _join(self) -> None:
+        """Be in the fleet's domains; what cannot be joined is tried again every half minute."""
+        self._join_at = ros.read_clocks().mono + self.JOIN
         self._listener.join(self.state.fleet.domain_ids)
+        for domain_id in self._listener.domain_ids:
+            self.state.domain_joined(domain_id, joined=True)
 
     def tick(self) -> None:
         """Let time pass; to be called every ``TICK`` seconds."""
         now = ros.read_clocks()
         self.state.tick(now)
+        if now.mono >= self._look_at:
+            self._look_at = now.mono + self.LOOK
+            if self._watch.look():
+                self.reload_quietly("its files changed")
+        if now.mono >= self._join_at and self._listener.domain_ids != self.state.fleet.domain_ids:
+            self._join()
         if self.storage is not None:
             self.storage.save(self.state, now)
+
+    def reload(self) -> None:
+        """Read the config again and follow it; a bad one is refused and the old one goes on.
+
+        Raises:
+            ConfigError: the config cannot be used.
+        """
+        with self._reloading:
+            now = ros.read_clocks()
+            try:
+                fleet = load(self._config_file)
+            except ConfigError as error:
+                self._config_successful = False
+                self._watch.watch(error.sources)
+                self.events.record(Event(now.wall, "config", after="refused", message=str(error)))
+                raise
+            self._watch.watch(fleet.sources)
+            self.state.configure(fleet, now)
+            self._join()
+            self._config_successful, self._config_time = True, now.wall
+            self.events.record(Event(now.wall, "config", after="read"))
+            for warning in fleet.warnings:
+                log.warning("%s", warning)
+
+    def reload_quietly(self, why: str) -> None:
+        """Read the config again; a bad one is logged."""
+        try:
+            self.reload()
+        except ConfigError as error:
+            log.error("the config was not taken over (%s), the old one goes on:\n%s", why, error)
+        else:
+            log.info("the config was read again: %s", why)
 
     def stop(self) -> None:
         """Leave the domains, and write the state a last time."""
@@ -82,7 +136,7 @@ class Service:
             events=self.events.find,
             targets=lambda job: snapshot.targets(self.state, job),
             ready=self._ready,
-            reload=self._reload,
+            reload=self.reload,
             forget=self._forget,
         )
 
@@ -113,8 +167,7 @@ class Service:
         return [topic.name for topic in self.state.wanted(domain_id)]
 
     def _failed(self, domain_id: int, error: str) -> None:
-        self._failed_domains.add(domain_id)
-        self.state.domain_failed(domain_id)
+        self.state.domain_joined(domain_id, joined=False)
         self.events.record(
             Event(ros.read_clocks().wall, "config", message=f"domain {domain_id}: {error}")
         )
@@ -123,9 +176,6 @@ class Service:
 
     def _ready(self) -> str | None:
         return None if self._listener.last_look else "the ROS graph has not been looked at yet"
-
-    def _reload(self) -> None:
-        raise ValueError("this exporter reads its config at the start only; restart it")
 
     def _forget(self, robot: str, component: str | None) -> int:
         return self.state.forget(robot, component, ros.read_clocks())

@@ -1,4 +1,4 @@
-"""The door of the state: every robot of the fleet, found by domain and topic, guarded by a lock.
+"""The door of the state: every robot of the fleet, guarded by a lock.
 
 Told: arrays, what the graph shows, that time passes, a new config. Asked: which topics are
 wanted, what each robot is like. All methods may be called from any thread.
@@ -8,32 +8,25 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from typing import NamedTuple
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.config.windows import in_maintenance
 from ros_diagnostics_exporter.diagnostics import Array, Instant, Level
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.state.bounds import Budget
 from ros_diagnostics_exporter.state.component import Component
-from ros_diagnostics_exporter.state.discovery import found_robot, robot_name
 from ros_diagnostics_exporter.state.network import Endpoint
 from ros_diagnostics_exporter.state.remembered import RememberedRobot
 from ros_diagnostics_exporter.state.robot import Robot
+from ros_diagnostics_exporter.state.roster import Roster, Topic, takes
+from ros_diagnostics_exporter.state.shared import Splitter
+
+__all__ = ["State", "Topic"]
 
 log = logging.getLogger(__name__)
 
-MOST_CONFLICTS = 1_000
 AUTO_WAIT = 5.0  # seconds that a raw array waits for an aggregate before raw is the source
-
-
-class Topic(NamedTuple):
-    """A topic of one DDS domain."""
-
-    domain_id: int
-    name: str
+SLOW_TICK = 1.0  # seconds between two looks at what changes slowly: maintenance, forgetting
 
 
 class State:
@@ -42,31 +35,45 @@ class State:
     def __init__(self, fleet: config.Fleet, now: Instant, record: Callable[[Event], None]) -> None:
         self.lock = threading.RLock()
         self.fleet = fleet
-        self.robots: dict[str, Robot] = {}
-        self.rejected: Counter[str] = Counter()
         self._record = record
-        self.budget = Budget(fleet.limits.series)
-        self._conflicts: set[Topic] = set()
-        self._bindings: dict[Topic, list[tuple[Robot, bool]]] = {}
-        for settings in fleet.robots:
-            self._add(settings, now, declared=True)
+        self._now = now  # the latest that was told, for events of the roster
+        self._slow_tick_at = now.mono
+        self._roster = Roster(fleet, now, self._level_changed, self._note)
 
     # -- told --------------------------------------------------------------------------------
 
     def receive(self, topic: Topic, array: Array, now: Instant) -> None:
         """Take in an array that arrived on a wanted topic."""
         with self.lock:
-            for robot, raw in self._bindings.get(topic, ()):
-                if not self._is_source(robot, now, raw=raw):
-                    continue
-                if not robot.up:
-                    self._note(now, robot, "heard")
-                robot.receive(array, now, raw=raw)
+            self._now = now
+            splitter = self._roster.splitters.get(topic)
+            if splitter is not None:
+                self._receive_shared(topic, splitter, array, now)
+                return
+            for robot, raw in self._roster.bindings.get(topic, ()):
+                if self._is_source(robot, now, raw=raw):
+                    self._hand(robot, array, now, raw=raw)
+
+    def _hand(self, robot: Robot, array: Array, now: Instant, *, raw: bool) -> None:
+        if not robot.up:
+            self._note("heard", robot)
+        robot.receive(array, now, raw=raw)
+
+    def _receive_shared(self, topic: Topic, splitter: Splitter, array: Array, now: Instant) -> None:
+        parts, unknown = splitter.split(array.statuses)
+        if unknown:
+            self._roster.rejected["no_robot"] += unknown
+        for name, statuses in parts.items():
+            robot = self._roster.on_shared_topic(topic, name)
+            if robot is not None:
+                size = array.size * len(statuses) // max(1, len(array.statuses))
+                part = Array(array.stamp, tuple(statuses), size)
+                self._hand(robot, part, now, raw=splitter.settings.raw)
 
     def undecodable(self, topic: Topic, now: Instant, error: str) -> None:
         """Count a message on a wanted topic that could not be decoded."""
         with self.lock:
-            for robot, _raw in self._bindings.get(topic, ()):
+            for robot, _raw in self._roster.bindings.get(topic, ()):
                 robot.reject("undecodable")
                 robot.undecodable = True
                 log.debug("robot %s: undecodable at %f: %s", robot.settings.name, now.wall, error)
@@ -74,137 +81,127 @@ class State:
     def graph(self, domain_id: int, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
         """Take in what one domain's graph shows: robots appear, publishers come and go."""
         with self.lock:
-            for discovery in self.fleet.discoveries:
-                self._discover(discovery, domain_id, endpoints, now)
-            for topic, bound in self._bindings.items():
+            self._now = now
+            self._roster.discover(domain_id, endpoints)
+            for topic, bound in self._roster.bindings.items():
                 if topic.domain_id == domain_id:
                     for robot, _raw in bound:
                         if robot.network.see(topic.name, endpoints.get(topic.name)):
                             robot.versions.receipt += 1
 
-    def domain_failed(self, domain_id: int) -> None:
-        """Note that a domain could not be joined."""
+    def domain_joined(self, domain_id: int, *, joined: bool) -> None:
+        """Note whether a domain could be joined."""
         with self.lock:
-            for robot in self.robots.values():
-                if robot.settings.domain_id == domain_id:
-                    robot.network.domain_up = False
+            for robot in self._roster.robots.values():
+                if robot.settings.domain_id == domain_id and robot.network.domain_up != joined:
+                    robot.network.domain_up = joined
                     robot.versions.receipt += 1
 
     def tick(self, now: Instant) -> None:
-        """Let time pass for every robot; to be called about twice a second."""
+        """Let time pass for every robot; to be called a few times a second."""
+        slow = now.mono - self._slow_tick_at >= SLOW_TICK
+        if slow:
+            self._slow_tick_at = now.mono
         for robot in self.each():
             with self.lock:
+                self._now = now
                 if robot.tick(now):
-                    self._note(now, robot, "silent")
-                labels = {"fleet": self.fleet.name, "robot": robot.settings.name}
-                planned = in_maintenance(self.fleet, {**robot.settings.labels, **labels}, now.wall)
-                if planned != robot.maintenance:
-                    robot.maintenance = planned
-                    robot.versions.inventory += 1
-                for identity in list(robot.forgettable(now)):
-                    component = robot.components[identity]
-                    self._note_component(now, robot, component, component.level, "forgotten")
-                    robot.forget(identity)
-                if not robot.declared and self._is_gone(robot, now):
-                    self._drop(robot, now)
+                    self._note("silent", robot)
+                if slow and self._roster.robots.get(robot.settings.name) is robot:
+                    self._plan(robot, now)
+                    self._forget_gone(robot, now)
+
+    def _plan(self, robot: Robot, now: Instant) -> None:
+        labels = {
+            **robot.settings.labels,
+            "fleet": self.fleet.name,
+            "robot": robot.settings.name,
+        }
+        planned = in_maintenance(self.fleet, labels, now.wall)
+        if planned != robot.maintenance:
+            robot.maintenance = planned
+            robot.versions.inventory += 1
+
+    def _forget_gone(self, robot: Robot, now: Instant) -> None:
+        for identity in list(robot.forgettable(now)):
+            component = robot.components[identity]
+            self._note_component(now, robot, component, component.level, "forgotten")
+            robot.forget(identity)
+        if robot.declared or robot.up or robot.components or robot.network.publishers:
+            return
+        last = robot.last_mono
+        if last is not None and now.mono - last > robot.settings.profile.forget_after:
+            self._roster.drop(robot)
+
+    def configure(self, fleet: config.Fleet, now: Instant) -> None:
+        """Follow another config; robots that it leaves unchanged lose nothing."""
+        with self.lock:
+            self._now = now
+            self.fleet = fleet
+            self._roster.configure(fleet, now)
+            self._slow_tick_at = float("-inf")
 
     def forget(self, name: str, component: str | None, now: Instant) -> int:
-        """Forget a component by its name, or a robot with all of them; how many went."""
+        """Forget a component by its name, or a robot with all of them; how many went.
+
+        Raises:
+            LookupError: there is no such robot, or it has no such component.
+        """
         with self.lock:
-            robot = self.robots.get(name)
+            self._now = now
+            robot = self._roster.robots.get(name)
             if robot is None:
-                return 0
+                raise LookupError(f"no robot {name!r}")
             doomed = [
                 (identity, each)
                 for identity, each in robot.components.items()
                 if component is None or each.name == component
             ]
+            if component is not None and not doomed:
+                raise LookupError(f"robot {name!r} has no component {component!r}")
             for identity, each in doomed:
                 self._note_component(now, robot, each, each.level, "forgotten")
                 robot.forget(identity)
             if component is None and not robot.declared:
-                self._drop(robot, now)
-                return len(doomed) + 1
+                self._roster.drop(robot)
             return len(doomed)
 
     def restore(self, known: Mapping[str, RememberedRobot], now: Instant) -> None:
         """Put back what a former process knew of the robots that the config still wants."""
         with self.lock:
+            self._now = now
             for name, remembered in known.items():
-                robot = self.robots.get(name)
-                if robot is None:
-                    robot = self._find_again(name, remembered, now)
+                robot = self._roster.find_again(name, remembered)
                 if robot is not None:
                     robot.restore(remembered, now)
 
-    def _find_again(self, name: str, known: RememberedRobot, now: Instant) -> Robot | None:
-        for discovery in self.fleet.discoveries:
-            if robot_name(discovery, known.topic, known.domain_id) == name:
-                found = found_robot(discovery, name, known.topic, known.domain_id)
-                return self._add(found, now, declared=False)
-        return None
-
     # -- asked -------------------------------------------------------------------------------
+
+    @property
+    def robots(self) -> Mapping[str, Robot]:
+        """The robots by name; read one only under ``lock``."""
+        return self._roster.robots
+
+    @property
+    def rejected(self) -> Mapping[str, int]:
+        """What belongs to no robot and was not taken in, by reason."""
+        return self._roster.rejected
 
     def wanted(self, domain_id: int) -> list[Topic]:
         """The topics to be subscribed in a domain, now."""
         with self.lock:
-            return [
-                topic
-                for topic, bound in self._bindings.items()
-                if topic.domain_id == domain_id
-                and any(_takes(robot.source, raw=raw) for robot, raw in bound)
-            ]
+            return list(self._roster.wanted(domain_id))
 
     def each(self) -> Iterator[Robot]:
         """Every robot in the order of names; read one only under ``lock``."""
         with self.lock:
-            robots = sorted(self.robots.items())
+            robots = sorted(self._roster.robots.items())
         return (robot for _name, robot in robots)
-
-    # -- robots ------------------------------------------------------------------------------
-
-    def _add(self, settings: config.Robot, now: Instant, *, declared: bool) -> Robot | None:
-        if len(self.robots) >= self.fleet.limits.robots:
-            self.rejected["robot_limit"] += 1
-            return None
-        robot = Robot(
-            settings, self.fleet.limits, self.budget, self._level_changed, declared=declared
-        )
-        self.robots[settings.name] = robot
-        self._bind(robot)
-        self._note(now, robot, "known")
-        return robot
-
-    def _bind(self, robot: Robot) -> None:
-        settings = robot.settings
-        for topic, raw in ((settings.topic_agg, False), (settings.topic_raw, True)):
-            if topic is not None and _takes(settings.source, raw=raw):
-                bound = self._bindings.setdefault(Topic(settings.domain_id, topic), [])
-                bound.append((robot, raw))
-
-    def _unbind(self, robot: Robot) -> None:
-        for topic, bound in list(self._bindings.items()):
-            bound[:] = [entry for entry in bound if entry[0] is not robot]
-            if not bound:
-                del self._bindings[topic]
-
-    def _drop(self, robot: Robot, now: Instant) -> None:
-        self._note(now, robot, "forgotten")
-        self._unbind(robot)
-        robot.release()
-        del self.robots[robot.settings.name]
-
-    def _is_gone(self, robot: Robot, now: Instant) -> bool:
-        if robot.up or robot.components or robot.network.publishers:
-            return False
-        last = robot.last_mono
-        return last is not None and now.mono - last > robot.settings.profile.forget_after
 
     def _is_source(self, robot: Robot, now: Instant, *, raw: bool) -> bool:
         """Whether arrays of this kind are taken in; ``auto`` is decided here, once."""
         if robot.source is not config.Source.AUTO:
-            return _takes(robot.source, raw=raw)
+            return takes(robot.source, raw=raw)
         if not raw:
             robot.source = config.Source.AGG
             return True
@@ -215,48 +212,14 @@ class State:
         robot.source = config.Source.RAW
         return True
 
-    def _discover(
-        self,
-        discovery: config.Discovery,
-        domain_id: int,
-        endpoints: Mapping[str, Endpoint],
-        now: Instant,
-    ) -> None:
-        for topic, endpoint in endpoints.items():
-            if endpoint.publishers == 0 or Topic(domain_id, topic) in self._bindings:
-                continue
-            name = robot_name(discovery, topic, domain_id)
-            if name is None:
-                continue
-            if name in self.robots:
-                self._conflict(name, domain_id, topic)
-            else:
-                found = found_robot(discovery, name, topic, domain_id)
-                self._add(found, now, declared=False)
-
-    def _conflict(self, name: str, domain_id: int, topic: str) -> None:
-        """Say once that a second robot claims a name that is taken."""
-        claim = Topic(domain_id, topic)
-        if claim in self._conflicts or len(self._conflicts) >= MOST_CONFLICTS:
-            return
-        self._conflicts.add(claim)
-        self.rejected["duplicate_robot"] += 1
-        log.warning(
-            "topic %s in domain %d would be robot %r, but that name is taken; give it another "
-            "name in fleet.yml, or exclude it from discovery",
-            topic,
-            domain_id,
-            name,
-        )
-
     # -- events ------------------------------------------------------------------------------
 
     def _level_changed(self, robot: Robot, component: Component, before: int, now: Instant) -> None:
         if before >= 0:
             self._note_component(now, robot, component, before)
 
-    def _note(self, now: Instant, robot: Robot, word: str) -> None:
-        self._record(Event(now.wall, "robot", robot.settings.name, after=word))
+    def _note(self, word: str, robot: Robot) -> None:
+        self._record(Event(self._now.wall, "robot", robot.settings.name, after=word))
 
     def _note_component(
         self, now: Instant, robot: Robot, component: Component, before: int, word: str = ""
@@ -273,7 +236,3 @@ class State:
                 message=component.message,
             )
         )
-
-
-def _takes(source: config.Source, *, raw: bool) -> bool:
-    return source is not (config.Source.AGG if raw else config.Source.RAW)

@@ -85,6 +85,31 @@ class Robot:
         self._members: list[tuple[str, list[Component]]] = []
         self._members_of = -1  # the version of the structure that they were found in
 
+    def configure(self, settings: config.Robot, limits: config.Limits, now: Instant) -> None:
+        """Follow another config; what is known stays, as far as it is still wanted."""
+        if settings.source is not self.settings.source:
+            self.source = settings.source
+        if _road(settings) != _road(self.settings):
+            self.network = Network()
+        judged_alike = settings.profile == self.settings.profile
+        self.settings, self.limits = settings, limits
+        self.versions.inventory += 1
+        self.versions.structure += 1
+        if judged_alike:
+            return
+        self._structure = None  # what was ignored may be wanted now
+        for identity, component in list(self.components.items()):
+            component.rule = component_rule(settings.profile, identity[0])
+            if component.rule is not None and component.rule.ignore:
+                self._remove(identity, component)
+                continue
+            component.values.clear()
+            component.values = self._values(identity[0])
+            if component.last is not None and not component.is_stale:
+                component.values.update(component.last.values)
+            if component.level >= OK:
+                self._set_level(component, component.reported, now)
+
     # -- what comes in -----------------------------------------------------------------------
 
     def receive(self, array: Array, now: Instant, *, raw: bool) -> None:
@@ -430,6 +455,10 @@ class Robot:
             component.values.clear()
             self._budget.give(SERIES_OF_COMPONENT)
         self.components = {}
+
+
+def _road(settings: config.Robot) -> tuple[int, str | None, str | None]:
+    return settings.domain_id, settings.topic_agg, settings.topic_raw
 
 
 def _in(check: config.Check, component: Component) -> bool:

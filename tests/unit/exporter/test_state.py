@@ -356,8 +356,9 @@ def test_forget_takes_out_what_a_person_names():
     story.raw(HOT, LASER)
 
     assert story.state.forget("r", "Motor 1", story.now) == 1
-    assert story.state.forget("r", "no such", story.now) == 0
-    assert story.state.forget("no such", None, story.now) == 0
+    for name, component in (("r", "no such"), ("no such", None)):
+        with pytest.raises(LookupError, match="no such"):
+            story.state.forget(name, component, story.now)
     assert [each.name for each in story.robot.components.values()] == ["Laser 1"]
 
 
@@ -416,7 +417,7 @@ def test_the_reason_of_silence_follows_the_graph():
     reasons.append(story.robot.silent_reason)
     story.state.undecodable(Topic(0, topic), story.now, "bad bytes")
     reasons.append(story.robot.silent_reason)
-    story.state.domain_failed(0)
+    story.state.domain_joined(0, joined=False)
     reasons.append(story.robot.silent_reason)
 
     assert reasons == [

@@ -1,0 +1,49 @@
+"""Notices that files or folders changed, by looking at them now and then.
+
+Looking works on every file system and with every way of replacing a file (editors, configuration
+management, Kubernetes' symbolic links); it costs a few system calls every few seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+Signature = tuple[tuple[Path, int, int, int] | tuple[Path], ...]
+
+
+def signature(paths: Iterable[Path]) -> Signature:
+    """Something that differs whenever one of the files or folders has changed."""
+    return tuple(_one(path) for path in paths)
+
+
+def _one(path: Path) -> tuple[Path, int, int, int] | tuple[Path]:
+    try:
+        found = path.stat()
+    except OSError:
+        return (path,)
+    return path, found.st_ino, found.st_size, found.st_mtime_ns
+
+
+class Watch:
+    """Tells once of each change of the watched paths, when it has come to rest.
+
+    A change counts when two looks in a row see the same: a file that is just being written is not
+    read halfway.
+    """
+
+    def __init__(self, paths: Iterable[Path]) -> None:
+        self.watch(paths)
+
+    def watch(self, paths: Iterable[Path]) -> None:
+        """Watch these paths from now on, as they are now."""
+        self._paths = tuple(paths)
+        self._known = self._last = signature(self._paths)
+
+    def look(self) -> bool:
+        """Whether there was a change since the last time that this told of one."""
+        before, self._last = self._last, signature(self._paths)
+        if self._last == self._known or self._last != before:
+            return False
+        self._known = self._last
+        return True
