@@ -18,7 +18,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-KINDS = ("level", "silent", "heard", "known", "forgotten", "config")
+KINDS = ("level", "robot", "config")
 REMEMBERED = 10_000  # events in memory; some 5 MB
 WAITING = 10_000  # lines that may wait for the disk
 
@@ -29,10 +29,10 @@ _log = logging.getLogger(__name__)
 class Event:
     """One thing that happened, at Unix time ``time``.
 
-    ``kind`` is ``level`` (a component changed), ``silent`` and ``heard`` (a robot fell silent, or
-    returned), ``known`` and ``forgotten`` (a robot or component came into the fleet, or left it),
-    or ``config`` (read, or refused). ``before`` and ``after`` are the words of levels, OK, WARN,
-    ERROR, STALE; "" where they do not apply.
+    ``kind`` is ``level`` (a component changed), ``robot`` (one came, went, fell silent or was heard
+    again) or ``config`` (read, or refused). ``before`` and ``after`` are the words of levels, OK,
+    WARN, ERROR, STALE; ``after`` may also be heard, silent, known, forgotten, read or refused. A
+    field that does not apply is "".
     """
 
     time: float
@@ -72,6 +72,10 @@ class Wanted:
         )
 
 
+class EventLogError(Exception):
+    """The event log cannot be opened; the text names the file."""
+
+
 class EventLog:
     """The last events, newest first, and their log on disk if there is one. Safe from any thread.
 
@@ -81,7 +85,7 @@ class EventLog:
         backups: How many of the renamed files stay.
 
     Raises:
-        OSError: The file cannot be opened for appending.
+        EventLogError: The file cannot be opened for appending.
     """
 
     def __init__(
@@ -122,7 +126,10 @@ class _Writer:
     """Writes lines in a thread of its own, so that a slow disk delays nobody who reports."""
 
     def __init__(self, path: Path, max_bytes: int, backups: int) -> None:
-        self._file = _Lines(path, max_bytes, backups)
+        try:
+            self._file = _Lines(path, max_bytes, backups)
+        except OSError as error:
+            raise EventLogError(f"{path}: {error.strerror}") from error
         self._queue: queue.Queue[str | None] = queue.Queue(WAITING)
         self._dropped = 0
         self._thread = threading.Thread(target=self._run, name="event-log")

@@ -6,6 +6,7 @@ milder than an ERROR all the same.
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 RANKS = {"UNKNOWN": 4, "CRITICAL": 3, "STALE": 2, "WARNING": 1, "OK": 0, "PENDING": -1}
@@ -18,6 +19,12 @@ def state_of(robot: dict[str, Any]) -> str:
         return "PENDING" if robot["silent_reason"] == "never_seen" else "UNKNOWN"
     words = (OF_LEVEL[component["level"]] for component in robot["components"])
     return max(words, key=RANKS.__getitem__, default="OK")
+
+
+def natural(name: str) -> list[tuple[int, str]]:
+    """A key that sorts robot_2 before robot_10."""
+    parts = re.split(r"([0-9]+)", name)
+    return [(int(part), "") if part[:1].isdecimal() else (-1, part) for part in parts]
 
 
 def faults_of(robot: dict[str, Any]) -> list[dict[str, Any]]:

@@ -36,9 +36,15 @@ class Service:
     JOIN = 30.0  # seconds until a domain that could not be joined is tried again
     LOOK = 1.0  # seconds between two looks at the config's files
 
-    def __init__(self, fleet: Fleet, config_file: Path, storage_path: Path | None) -> None:
+    def __init__(
+        self,
+        fleet: Fleet,
+        config_file: Path,
+        storage_path: Path | None,
+        events: EventLog | None = None,
+    ) -> None:
         now = ros.read_clocks()
-        self.events = EventLog()
+        self.events = events or EventLog()
         self.state = State(fleet, now, self.events.record)
         self.storage = None if storage_path is None else Storage(storage_path)
         self._config_file = config_file
@@ -126,7 +132,6 @@ class Service:
         self._listener.stop()
         if self.storage is not None:
             self.storage.save(self.state, ros.read_clocks(), at_once=True)
-        self.events.close()
 
     def doors(self) -> Doors:
         """What the web is handed."""

@@ -18,7 +18,7 @@ from rich.text import Text
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.client import UnreachableError, add_arguments, ask_fleet
-from ros_diagnostics_exporter.ranks import OF_LEVEL, RANKS, ago, faults_of, state_of
+from ros_diagnostics_exporter.ranks import OF_LEVEL, RANKS, ago, faults_of, natural, state_of
 
 COLOURS = {
     "UNKNOWN": "magenta",
@@ -88,7 +88,9 @@ def _watch(options: argparse.Namespace) -> int:
 
 def view(fleet: dict[str, Any], options: argparse.Namespace) -> Group:
     """What is printed: a table, worst first, and a line that sums it up."""
-    robots = sorted(fleet["robots"], key=lambda robot: (-RANKS[state_of(robot)], robot["robot"]))
+    robots = sorted(
+        fleet["robots"], key=lambda robot: (-RANKS[state_of(robot)], natural(robot["robot"]))
+    )
     table = (
         _components(robots, fleet["time"])
         if options.component is not None

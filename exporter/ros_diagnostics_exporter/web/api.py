@@ -76,6 +76,7 @@ class Api:
             await self._calls.run(self._doors.reload)
         except ValueError as error:
             raise RefusedError(400, str(error)) from error
+        self._calls.renew()
         return _json({"reloaded": True})
 
     async def forget(self, request: Request) -> Response:
@@ -90,6 +91,7 @@ class Api:
             gone = await self._calls.run(self._doors.forget, robot, component)
         except LookupError as error:
             raise RefusedError(404, _text(error)) from error
+        self._calls.renew()
         return _json({"forgotten": gone})
 
     def _may_change(self, request: Request) -> None:

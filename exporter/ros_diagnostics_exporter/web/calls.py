@@ -50,11 +50,19 @@ class Calls:
             call.add_done_callback(lambda done: self._forget_later(key, done, seconds))
         return await self._wait(asyncio.shield(self._shared[key]))
 
+    def renew(self) -> None:
+        """Let who asks from now on not share in what was begun before: something has changed."""
+        self._shared.clear()
+
     def _forget_later(self, key: Hashable, call: asyncio.Future[Any], seconds: float) -> None:
         if call.cancelled() or call.exception() is not None or seconds == 0:
-            del self._shared[key]
+            self._forget(key, call)
         else:
-            call.get_loop().call_later(seconds, self._shared.pop, key)
+            call.get_loop().call_later(seconds, self._forget, key, call)
+
+    def _forget(self, key: Hashable, call: asyncio.Future[Any]) -> None:
+        if self._shared.get(key) is call:
+            del self._shared[key]
 
     def close(self) -> None:
         """Wait for the calls under way; none may follow."""

@@ -9,7 +9,7 @@ from html import escape
 from typing import Any
 
 from ros_diagnostics_exporter import __version__
-from ros_diagnostics_exporter.ranks import RANKS, ago, faults_of, state_of
+from ros_diagnostics_exporter.ranks import RANKS, ago, faults_of, natural, state_of
 
 SHOWN = 200  # robots with problems, and as many components of one; the API has them all
 
@@ -36,7 +36,7 @@ article ul { margin: .2rem 0; padding-left: 1.1rem; }
 def landing(fleet: dict[str, Any], telemetry_path: str) -> str:
     """The page for ``fleet``, which is what /api/v1/fleet answers; all of it is escaped."""
     states = [(state_of(robot), robot) for robot in fleet["robots"]]
-    states.sort(key=lambda each: (-RANKS[each[0]], each[1]["robot"]))
+    states.sort(key=lambda each: (-RANKS[each[0]], natural(each[1]["robot"])))
     return "".join(_page(fleet, states, telemetry_path))
 
 
@@ -98,7 +98,7 @@ def _faults(robot: dict[str, Any], now: float) -> Iterator[str]:
 
 def _all(states: list[tuple[str, dict[str, Any]]]) -> Iterator[str]:
     yield f"<h2>All robots: {len(states)}</h2><ul class=all>"
-    for state, robot in sorted(states, key=lambda each: each[1]["robot"]):
+    for state, robot in sorted(states, key=lambda each: natural(each[1]["robot"])):
         yield f"<li>{escape(robot['robot'])} <span class=dim>{state}</span></li>"
     yield "</ul>"
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ros_diagnostics_exporter import events
-from ros_diagnostics_exporter.events import Event, EventLog, Wanted
+from ros_diagnostics_exporter.events import Event, EventLog, EventLogError, Wanted
 
 
 def level(time: float, message: str = "") -> Event:
@@ -20,7 +20,7 @@ def lines(path):
 def test_each_event_is_one_line_of_json_on_disk(tmp_path):
     log = EventLog(tmp_path / "events.jsonl")
     log.record(level(1.5, "two\nlines, Übermotor \ud800"))
-    log.record(Event(2.0, "silent", "r"))
+    log.record(Event(2.0, "robot", "r", after="silent"))
     log.close()
     first, second = lines(tmp_path / "events.jsonl")
     assert first == {
@@ -33,7 +33,7 @@ def test_each_event_is_one_line_of_json_on_disk(tmp_path):
         "after": "ERROR",
         "message": "two\nlines, Übermotor ?",
     }
-    assert second == {"time": 2.0, "kind": "silent", "robot": "r"}
+    assert second == {"time": 2.0, "kind": "robot", "robot": "r", "after": "silent"}
 
 
 def test_a_restart_appends(tmp_path):
@@ -65,7 +65,7 @@ def test_off_by_default_nothing_is_written_and_the_last_events_are_remembered(mo
 
 
 def test_a_file_that_cannot_be_opened_is_an_error_at_the_start(tmp_path):
-    with pytest.raises(OSError, match="no-such-folder"):
+    with pytest.raises(EventLogError, match="no-such-folder"):
         EventLog(tmp_path / "no-such-folder" / "events.jsonl")
 
 

@@ -67,7 +67,7 @@ def test_a_look_that_failed_is_not_kept(serve):
 def test_events_are_filtered_and_newest_first(serve):
     log = EventLog()
     log.record(Event(1.0, "level", "a", "/Motor", "Motor 1", "OK", "ERROR", "hot"))
-    log.record(Event(2.0, "silent", "b"))
+    log.record(Event(2.0, "robot", "b", after="silent"))
     log.record(Event(3.0, "level", "a", "/Motor", "Motor 1", "ERROR", "OK", "fine"))
     server = serve(events=log.find)
 
@@ -77,7 +77,7 @@ def test_events_are_filtered_and_newest_first(serve):
         return [event["time"] for event in json.loads(answer.body)["events"]]
 
     assert times("") == [3.0, 2.0, 1.0]
-    assert times("?kind=silent") == [2.0]
+    assert times("?kind=robot") == [2.0]
     assert times("?robot=a&level=ERROR") == [1.0]
     assert times("?component=Motor%201&limit=1") == [3.0]
     assert times("?since=2&until=3") == [2.0]
@@ -144,6 +144,14 @@ def test_forget_names_what_goes(serve):
     assert gone == [("a", "Motor 1"), ("a", None)]
     assert json.loads(ask(server, "/-/forget?robot=x", "POST").body) == {"error": "no robot 'x'"}
     assert ask(server, "/-/forget", "POST").status == 400
+
+
+def test_who_changed_something_sees_it_at_once(serve):
+    known = [robot("a")]
+    server = serve(fleet=lambda: fleet(*known), forget=lambda *_: known.pop() and 1, lifecycle=True)
+    assert b'"a"' in ask(server, "/api/v1/fleet").body
+    assert ask(server, "/-/forget?robot=a", "POST").status == 200
+    assert b'"a"' not in ask(server, "/api/v1/fleet").body
 
 
 @pytest.mark.parametrize(
