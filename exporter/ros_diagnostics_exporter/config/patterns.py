@@ -25,7 +25,7 @@ _TOKEN = re.compile(
     re.DOTALL,
 )
 _COUNT = re.compile(r"\{(\d*)(,?)(\d*)\}")
-_MANY = 8  # so many repetitions, or so many lengths to choose from, are as bad as no bound
+_MANY = 8  # as often is as bad as without a bound
 
 
 def expression(source: Any) -> re.Pattern[str]:
@@ -66,38 +66,29 @@ def _danger(source: str) -> str | None:
             closed = choice.pop()
             choice[-1] = choice[-1] or closed
             continue
-        if closed and _times(part) >= _MANY:
+        least, most = _times(part)
+        if closed and most >= _MANY:
             return "repeats a group that can match one text in several ways"
         closed = False
         if part.startswith("(") and not part.endswith(")"):
             choice.append(False)
-        elif _lengths(part) >= _MANY:
-            repeats += 1
+        elif most > least or part == "|":
             choice[-1] = True
-        elif part in ("|", "?"):
-            choice[-1] = True
+            repeats += most - least >= _MANY
     return f"has more than {MAX_REPEATS} repetitions" if repeats > MAX_REPEATS else None
 
 
-def _times(part: str) -> int:
-    """How often at most this part of an expression repeats what is before it."""
-    if part in ("*", "+"):
-        return sys.maxsize
+def _times(part: str) -> tuple[int, int]:
+    """How often, at least and at most, this part of an expression takes what is before it."""
+    if part in ("*", "+", "?"):
+        return 0, 1 if part == "?" else sys.maxsize
     count = _COUNT.fullmatch(part)
     if count is None:
-        return 1
+        return 1, 1
     least, comma, most = count.groups()
     if comma and not most:
-        return sys.maxsize
-    return int(most or least or 1)
-
-
-def _lengths(part: str) -> int:
-    """In how many different numbers this part of an expression repeats what is before it."""
-    count = _COUNT.fullmatch(part)
-    if count is None:
-        return _times(part)
-    return _times(part) - int(count[1] or 0) if count[2] else 1
+        return int(least or 0), sys.maxsize
+    return int(least or 0), int(most or least or 0)
 
 
 def _plain_or_expression(value: Any, plain: Any) -> re.Pattern[str]:

@@ -24,8 +24,8 @@ TEN_YEARS = 10 * 365 * 86_400.0
 _DURATION = r"(?:(\d+)w)?(?:(\d+)d)?(?:(\d+)h)?(?:(\d+)m)?(?:(\d+)s)?(?:(\d+)ms)?"
 _DURATION_UNITS = (604_800.0, 86_400.0, 3_600.0, 60.0, 1.0, 0.001)
 _TOPIC = r"(?:/[A-Za-z_][A-Za-z0-9_]*)+"
-_NAME = r"[^\s/\x00-\x1f\x7f-\x9f](?:[^/\x00-\x1f\x7f-\x9f]*[^\s/\x00-\x1f\x7f-\x9f])?"
 _ADDRESS = r"[A-Za-z0-9_](?:[A-Za-z0-9._:-]*[A-Za-z0-9_])?|::[A-Fa-f0-9:.]*"
+_RANGE = r"(\d{1,3})-(\d{1,3})"
 _LABEL = r"[A-Za-z_][A-Za-z0-9_]*"
 
 
@@ -90,7 +90,7 @@ def domain_ids(value: Any) -> tuple[int, ...]:
         raise WrongValueError("is an empty list", "name at least one DDS domain, as [0]")
     found: set[int] = set()
     for item in items:
-        limits = re.fullmatch(r"(\d{1,3})-(\d{1,3})", item) if isinstance(item, str) else None
+        limits = re.fullmatch(_RANGE, item, re.ASCII) if isinstance(item, str) else None
         if limits is None:
             found.add(domain_id(item))
             continue
@@ -122,12 +122,18 @@ def namespace(value: Any) -> str:
 def name(value: Any) -> str:
     """The name of a robot, a fleet, a profile, a check: a label's value that people read."""
     found = text(value)
-    if len(found) > MAX_NAME or not re.fullmatch(_NAME, found):
+    if not is_name(found):
         raise WrongValueError(
             f"{shown(found)} cannot be a name",
             f"use 1 to {MAX_NAME} characters without slashes and blanks at the ends",
         )
     return found
+
+
+def is_name(found: str) -> bool:
+    """Whether a text, the config's or a robot's, can be the name of a robot."""
+    is_clean = found.isprintable() and found == found.strip() and "/" not in found
+    return is_clean and 1 <= len(found) <= MAX_NAME
 
 
 def address(value: Any) -> str:
@@ -201,7 +207,7 @@ DomainIds = Annotated[
             {
                 "type": "array",
                 "minItems": 1,
-                "items": {"anyOf": [_ID, {"type": "string", "pattern": r"^\d{1,3}-\d{1,3}$"}]},
+                "items": {"anyOf": [_ID, {"type": "string", "pattern": _whole(_RANGE)}]},
             },
         ],
     ),
@@ -217,7 +223,7 @@ Namespace = Annotated[
 Name = Annotated[
     str,
     PlainValidator(name),
-    _schema("name", type="string", minLength=1, maxLength=MAX_NAME),
+    _schema("name", type="string", pattern="^[^/]+$", maxLength=MAX_NAME),
 ]
 Address = Annotated[str, PlainValidator(address), _schema("host", type="string", minLength=1)]
 Folder = Annotated[str, PlainValidator(folder), _schema("folder", type="string", minLength=1)]

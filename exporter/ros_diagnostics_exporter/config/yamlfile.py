@@ -14,10 +14,9 @@ import yaml
 
 from ros_diagnostics_exporter.config.errors import Problem
 from ros_diagnostics_exporter.config.yamlscalars import loader
-from ros_diagnostics_exporter.config.yamltree import KeyPath, Tree, UnusableError
+from ros_diagnostics_exporter.config.yamltree import MAX_DEPTH, KeyPath, Tree, UnusableError
 
 MAX_BYTES = 8 * 1024 * 1024
-MAX_DEPTH = 32  # of nesting; fleet.yml needs eight, and each level costs the parser's stack
 
 
 class Document(NamedTuple):

@@ -14,7 +14,8 @@ KeyPath = tuple[str | int, ...]
 
 CORE_COLLECTIONS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
 NO_TAG = "remove the tag"
-MAX_VALUES = 500_000  # after expansion of aliases
+MAX_DEPTH = 32  # of nesting; fleet.yml needs eight, and each level costs stack
+MAX_VALUES = 200_000  # after expansion of aliases
 
 
 class UnusableError(Exception):
@@ -44,20 +45,15 @@ class Tree:
         """What the node, found at `path`, means; None where it means nothing."""
         if node is None:
             return None
-        self._values += 1
         line = node.start_mark.line + 1
-        if self._values > MAX_VALUES:
-            what = f"has more than {MAX_VALUES} values once its aliases (*) are expanded"
-            raise UnusableError(line, what, "use fewer aliases")
+        self._count(line)
         if isinstance(node, yaml.ScalarNode):
             try:
                 return scalar(node)
             except ValueError as error:
                 self._tell(line, path, str(error), NO_TAG)
                 return None
-        if any(node is around for around in self._open):
-            raise UnusableError(line, "has an alias (*) inside its own anchor (&)", "write it out")
-        self._open.append(node)
+        self._enter(node, line)
         found: Any = None
         if node.tag not in CORE_COLLECTIONS:
             self._tell(line, path, f"has the tag {short_tag(node)}, which is not read here", NO_TAG)
@@ -95,6 +91,7 @@ class Tree:
         seen = set()
         for key, value in node.value:
             line = key.start_mark.line + 1
+            self._count(line)
             if key.tag == "tag:yaml.org,2002:merge":
                 merged.extend(self._merged(value, path, line))
             elif isinstance(key, yaml.ScalarNode):
@@ -112,12 +109,23 @@ class Tree:
         for source in sources:
             if not isinstance(source, yaml.MappingNode):
                 self._tell(line, path, "merges (<<) what is no mapping", "merge an alias of one")
-            elif any(source is around for around in self._open):
-                raise UnusableError(line, "merges (<<) a mapping into itself", "write it out")
             else:
-                self._open.append(source)
+                self._enter(source, line)
                 yield from self._pairs(source, path)
                 self._open.pop()
+
+    def _count(self, line: int) -> None:
+        self._values += 1
+        if self._values > MAX_VALUES:
+            what = f"has more than {MAX_VALUES} values once its aliases (*) are expanded"
+            raise UnusableError(line, what, "use fewer aliases")
+
+    def _enter(self, node: yaml.Node, line: int) -> None:
+        if any(node is around for around in self._open):
+            raise UnusableError(line, "has an alias (*) inside its own anchor (&)", "write it out")
+        if len(self._open) >= MAX_DEPTH:
+            raise UnusableError(line, f"is nested deeper than {MAX_DEPTH} levels", "flatten it")
+        self._open.append(node)
 
     def _tell(self, line: int, path: KeyPath, what: str, remedy: str) -> None:
         self.found.append((line, path, what, remedy))

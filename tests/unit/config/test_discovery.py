@@ -2,6 +2,7 @@
 
 import pytest
 
+from ros_diagnostics_exporter.config.lookup import shared_identity
 from ros_diagnostics_exporter.config.scalars import topic as checked_topic
 
 
@@ -60,29 +61,43 @@ def test_discovered_robots_have_profile_address_and_labels(fleet_of):
     assert (found.address, dict(found.labels)) == ("{robot}.lan", {"site": "hall", "floor": "3"})
 
 
+SAYS = ("husky-0849", "r1/arm: left")  # hardware_id and name of a status
+
+
 @pytest.mark.parametrize(
-    ("said", "text", "groups"),
+    ("said", "status", "robot", "component"),
     [
-        ("by: hardware_id", None, None),
-        ("by: hardware_id, pattern: 'husky-{robot}'", "husky-0849", {"robot": "0849"}),
-        ("pattern: {regex: '[A-Z]+(?P<robot>\\d+).*'}", "SN17/x", {"robot": "17"}),
-        (
-            "by: name, pattern: '{robot}/{component}'",
-            "r1/arm/left",
-            {"robot": "r1", "component": "arm/left"},
-        ),
-        (
-            "by: name, pattern: '{component} of {robot}'",
-            "laser of r1",
-            {"robot": "r1", "component": "laser"},
-        ),
-        ("by: name, pattern: '{robot}: {component}'", "no colon", None),
+        ("by: hardware_id", SAYS, "husky-0849", "r1/arm: left"),
+        ("pattern: 'husky-{robot}'", SAYS, "0849", "r1/arm: left"),
+        ("pattern: {regex: '[a-z]+-0*(?P<robot>\\d+)'}", SAYS, "849", "r1/arm: left"),
+        ("by: name, pattern: '{robot}/{component}'", SAYS, "r1", "arm: left"),
+        ("by: name, pattern: '{robot}/{component}'", ("", "r1/a/b"), "r1", "a/b"),
+        ("by: name, pattern: '{component} of {robot}'", ("", "laser of r1"), "r1", "laser"),
+        ("by: name, pattern: {regex: '(?P<robot>r\\d+).*'}", SAYS, "r1", "r1/arm: left"),
+        ("by: name, pattern: {regex: '(?P<robot>r\\d)(?P<component>x)?'}", ("", "r1"), "r1", "r1"),
     ],
 )
-def test_shared_topic_tells_robots_apart(fleet_of, said, text, groups):
+def test_status_on_a_shared_topic_says_of_which_robot_it_is(
+    fleet_of, said, status, robot, component
+):
     shared = fleet_of(f"fleet: demo\nshared: [{{topic: /diagnostics, {said}}}]").shared[0]
-    match = shared.pattern and shared.pattern.fullmatch(text)
-    assert (match and match.groupdict()) == groups
+    assert shared_identity(shared, *status) == (robot, component)
+
+
+@pytest.mark.parametrize(
+    ("said", "status"),
+    [
+        *[("by: hardware_id", (bad, "x")) for bad in ("", " ", "a/b", "a\n", "x" * 129)],
+        ("pattern: 'husky-{robot}'", ("jackal-1", "x")),
+        ("pattern: 'husky-{robot}'", ("husky-/dev/ttyUSB0", "x")),
+        ("by: name, pattern: '{robot}: {component}'", ("r1", "no colon")),
+        ("by: name, pattern: '{robot}/{component}'", ("", "r1/" + "a" * 300)),
+        ("by: name, pattern: {regex: '(?P<robot>r1)?.*'}", ("", "x")),
+    ],
+)
+def test_status_that_does_not_say_is_of_no_robot(fleet_of, said, status):
+    shared = fleet_of(f"fleet: demo\nshared: [{{topic: /diagnostics, {said}}}]").shared[0]
+    assert shared_identity(shared, *status) is None
 
 
 @pytest.mark.parametrize(

@@ -53,14 +53,14 @@ def outcome(path):
             assert str(problem).isprintable()
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(content=st.binary() | st.text().map(str.encode))
 def test_any_bytes_are_a_fleet_or_an_error(path, content):
     path.write_bytes(content)
     outcome(path)
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.dictionaries(st.sampled_from([*FleetFile.model_fields]), DATA))
 def test_any_values_of_known_keys_are_a_fleet_or_an_error(path, data):
     path.write_text(json.dumps({"fleet": "x", **data}), encoding="utf-8")

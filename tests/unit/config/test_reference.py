@@ -46,7 +46,7 @@ def test_prose_names_the_bounds_and_reserved_labels_that_hold():
     text = " ".join(DOCUMENT.read_text(encoding="utf-8").split())
     assert f"a file may have {yamlfile.MAX_BYTES // 2**20} mib" in text.lower()
     assert f"{yamltree.MAX_VALUES:,} values" in text
-    assert f"{yamlfile.MAX_DEPTH} levels" in text
+    assert f"{yamltree.MAX_DEPTH} levels" in text
     assert f"up to {patterns.MAX_PATTERN} characters" in text
     assert f"first {SEARCHED} characters" in text
     assert f"0 to {scalars.MAX_DOMAIN_ID}" in text

@@ -148,7 +148,7 @@ ENTRIES = st.one_of(
 )
 
 
-@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(entry=ENTRIES)
 def test_schema_accepts_whatever_loads(load_data, entry):
     data = whole(*entry)
