@@ -8,10 +8,10 @@ from pathlib import Path
 
 from grafana_foundation_sdk.cog.encoder import JSONEncoder
 
-from fleet_dashboards import component, fleet, monitoring, robot
+from fleet_dashboards import alerts, component, fleet, monitoring, robot
 
 FOLDER = Path(__file__).resolve().parents[1] / "dashboards"
-BOARDS = (fleet.build, robot.build, component.build, monitoring.build)
+BOARDS = (fleet.build, robot.build, component.build, alerts.build, monitoring.build)
 
 
 def built() -> dict[str, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
 from urllib.parse import quote
 
 from grafana_foundation_sdk.builders import dashboard as builders
@@ -14,8 +13,11 @@ from fleet_dashboards.palette import State
 from fleet_dashboards.queries import fleet as queries
 from fleet_dashboards.tables import Column
 
-ByRank = TypeVar("ByRank", stat.Panel, timeseries.Panel)
 MAINTENANCE = palette.yes("planned", palette.MAINTENANCE_COLOUR)
+
+# How the recorded states call them; robots behind a dead uplink are silent, too.
+BY_STATE = {state.word: state.word.lower() for state in palette.STATES}
+BY_STATE["UNKNOWN"] = "unknown|unreachable"
 
 QUESTIONS = {
     "CRITICAL": "How many robots have an error, or lack a component that they should have?",
@@ -54,7 +56,7 @@ def robots_in(state: State) -> stat.Panel:
         links.to_fleet(quote(f"== {state.rank}"))
     )
     return (
-        panels.number(state.word, description, queries.robots_in(state.rank))
+        panels.number(state.word, description, queries.robots_in(BY_STATE[state.word]))
         .color_mode(common.BigValueColorMode.BACKGROUND)
         .color_scheme(panels.by_thresholds())
         .thresholds(panels.steps((None, "transparent"), (1, state.colour)))
@@ -120,9 +122,13 @@ def health() -> timeseries.Panel:
     panel = panels.graph(
         "Health of the fleet",
         "Is it getting better or worse? Robots by state over time.",
-        panels.over_time(queries.ROBOTS_BY_RANK, "{{rank}}"),
+        panels.over_time(queries.ROBOTS_BY_STATE, "{{state}}"),
     )
-    return by_rank(panels.stacked(panel).min(0).decimals(0))
+    for state in palette.STATES:
+        look = panels.series(state.word, state.colour)
+        panel = panel.override_by_name(state.word.lower(), look)
+    look = panels.series("UNREACHABLE", palette.UNREACHABLE_COLOUR)
+    return panels.stacked(panel.override_by_name("unreachable", look)).min(0).decimals(0)
 
 
 def states_of_robots() -> statetimeline.Panel:
@@ -146,6 +152,7 @@ def robots() -> table.Panel:
             "B": queries.MESSAGE_AGE,
             "C": queries.TROUBLED_COMPONENTS,
             "D": queries.MAINTENANCE,
+            "E": queries.ROBOT_SINCE,
         },
         [
             tables.STATE,
@@ -154,6 +161,7 @@ def robots() -> table.Panel:
             Column("site", "Site"),
             Column("robot_group", "Group"),
             Column("kind", "Kind"),
+            Column("E", "Since", unit="dateTimeAsIsoNoDateIfToday", width=160),
             Column("C", "Components in trouble", width=170),
             Column("B", "Last message", unit="dtdurations", width=160),
             Column("D", "Maintenance", mappings=MAINTENANCE, width=120),
@@ -161,7 +169,7 @@ def robots() -> table.Panel:
     ).height(14)
 
 
-def by_rank(panel: ByRank) -> ByRank:
+def by_rank(panel: stat.Panel) -> stat.Panel:
     """Name and colour the series that are called by a rank."""
     for state in palette.STATES:
         panel = panel.override_by_name(str(state.rank), panels.series(state.word, state.colour))

@@ -30,6 +30,7 @@ WORST_FIRST = (CRITICAL, UNKNOWN, STALE, WARNING, OK, PENDING)
 
 # What else takes part of a robot's time in the availability report.
 MAINTENANCE_COLOUR = "#8C6D46"
+UNREACHABLE_COLOUR = "#7FB2E5"
 UNDETERMINED_COLOUR = "#6E6E6E"
 NEUTRAL = "#5794F2"
 
@@ -127,6 +128,12 @@ def up_mappings() -> list[dashboard.ValueMapping]:
 def worked_mappings() -> list[dashboard.ValueMapping]:
     """Show whether the last attempt succeeded."""
     return _words({"1": ("worked", OK.colour), "0": ("failed", CRITICAL.colour)})
+
+
+def severity_mappings() -> list[dashboard.ValueMapping]:
+    """Colour the words of an alert's severity."""
+    colours = {"critical": CRITICAL.colour, "warning": WARNING.colour, "info": NEUTRAL}
+    return _words({word: (word, colour) for word, colour in colours.items()})
 
 
 def _words(shown: dict[str, tuple[str, str]]) -> list[dashboard.ValueMapping]:

@@ -27,6 +27,7 @@ class Column(NamedTuple):
     mappings: list[dashboard.ValueMapping] | None = None
     link: str = ""  # to where a click on the cell leads
     width: int = 0  # pixels; 0 = what is left
+    hidden: bool = False  # there only for links of other columns
 
     def is_value(self) -> bool:
         """Whether it shows a query's value, not a label."""
@@ -49,16 +50,42 @@ def listing(
 
     A row that the first query does not give is dropped: it alone decides what is listed.
     """
+    panel = _table(title, description, columns)
+    order = common_builders.TableSortByFieldState().display_name(sort).desc(descending)
+    return (
+        panel.targets([_rows(expr, ref) for ref, expr in queries.items()])
+        .transformations(_joined(queries, columns))
+        .sort_by([order])
+    )
+
+
+def pivot(
+    title: str, description: str, expr: str, label: str, columns: Sequence[Column], *, sort: str
+) -> table.Panel:
+    """Rows from one instant query whose ``label`` says to which column a value belongs."""
+    order = common_builders.TableSortByFieldState().display_name(sort).desc(False)
+    return (
+        _table(title, description, columns)
+        .targets([at_end(expr)])
+        .transformations(
+            [
+                _step("labelsToFields", mode="columns", valueLabel=label),
+                _step("merge"),
+                *_chosen({column.field: column.title for column in columns}),
+            ]
+        )
+        .sort_by([order])
+    )
+
+
+def _table(title: str, description: str, columns: Sequence[Column]) -> table.Panel:
     panel = (
         table.Panel()
         .title(title)
         .description(description)
         .datasource(DATASOURCE)
-        .targets([_rows(expr, ref) for ref, expr in queries.items()])
-        .transformations(_joined(queries, columns))
         .color_scheme(by_thresholds())
         .filterable(True)
-        .sort_by([common_builders.TableSortByFieldState().display_name(sort).desc(descending)])
         .no_value("")
         .height(10)
         .span(WIDTH)
@@ -86,17 +113,19 @@ def _joined(
         "fieldName": first,
         "config": {"id": "isNotNull", "options": {}},
     }
-    fields = [field(column) for column in columns]
     return [
         _step("merge"),
         _step("filterByValue", filters=[listed], type="include", match="all"),
-        _step("filterFieldsByName", include={"names": fields}),
-        _step(
-            "organize",
-            excludeByName={},
-            indexByName={each: index for index, each in enumerate(fields)},
-            renameByName=dict(zip(fields, (column.title for column in columns), strict=True)),
-        ),
+        *_chosen({field(column): column.title for column in columns}),
+    ]
+
+
+def _chosen(titles: dict[str, str]) -> list[dashboard.DataTransformerConfig]:
+    """Only these fields, in this order, under these titles."""
+    order = {field: index for index, field in enumerate(titles)}
+    return [
+        _step("filterFieldsByName", include={"names": list(titles)}),
+        _step("organize", excludeByName={}, indexByName=order, renameByName=titles),
     ]
 
 
@@ -110,6 +139,8 @@ def _look(column: Column) -> list[dashboard.DynamicConfigValue]:
         look["unit"] = column.unit
     if column.width:
         look["custom.width"] = column.width
+    if column.hidden:
+        look["custom.hidden"] = True
     if column.mappings:
         look["mappings"] = column.mappings
         look["custom.cellOptions"] = common.TableColoredBackgroundCellOptions(

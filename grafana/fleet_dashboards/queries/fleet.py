@@ -2,32 +2,31 @@
 
 from __future__ import annotations
 
+_LABELS = 'fleet=~"$fleet", site=~"$site", robot_group=~"$robot_group"'
 # The robots that the filters leave: joined to what is asked of them.
-CHOSEN = 'robot:ros_diagnostics:info{fleet=~"$fleet", site=~"$site", robot_group=~"$robot_group"}'
+CHOSEN = f"robot:ros_diagnostics:info{{{_LABELS}}}"
 _RANK = 'robot:ros_diagnostics_state:rank{fleet=~"$fleet"}'
 _COMPONENT = 'component:ros_diagnostics_state:rank{fleet=~"$fleet"}'
+_TROUBLE = 'component:ros_diagnostics_trouble:rank{fleet=~"$fleet"}'
 
 
 def _of_chosen(expr: str) -> str:
     return f"{expr}\nand on (fleet, robot)\n  {CHOSEN}"
 
 
-def robots_in(rank: int) -> str:
-    """How many robots stand at a rank; 0 where none does."""
-    return f"count(\n{_of_chosen(f'{_RANK} == {rank}')}\n)\nor vector(0)"
+def robots_in(states: str) -> str:
+    """How many robots are in a state (or several, parted by |); 0 where none is."""
+    series = f'robot:ros_diagnostics_state:info{{{_LABELS}, state=~"{states}"}}'
+    return f"count({series})\nor vector(0)"
 
 
 SHARE_WELL = f"""
-  count(
-{_of_chosen(f"({_RANK} >= 0) < 2")}
-  )
+  count(robot:ros_diagnostics_state:info{{{_LABELS}, state=~"ok|warning"}})
 /
-  count(
-{_of_chosen(f"{_RANK} >= 0")}
-  )
+  count(robot:ros_diagnostics_state:info{{{_LABELS}, state!="pending"}})
 """
 COMPONENTS_BY_RANK = f'count_values("rank", {_COMPONENT})'
-ROBOTS_BY_RANK = f'count_values("rank",\n{_of_chosen(_RANK)}\n)'
+ROBOTS_BY_STATE = f"count by (state) (robot:ros_diagnostics_state:info{{{_LABELS}}})"
 
 # The worst at the end of the range, so that the rows stay the same over all of it.
 WORST_ROBOTS = f"""
@@ -57,10 +56,10 @@ def _check_row(expr: str) -> str:
 
 _IN_TROUBLE = f"""
     (
-        {_COMPONENT} > 0
+        {_TROUBLE} > 0
       unless on (fleet, robot, group, component)
         (
-            {_COMPONENT} == 2
+            {_TROUBLE} == 2
           and on (fleet, robot, group, component)
             ros_diagnostics_component_planned_stale == 1
         )
@@ -68,37 +67,37 @@ _IN_TROUBLE = f"""
         {_RANK} == 4
     )
 """
-_TOO_FEW = """
-    (
-        sum by (fleet, robot, check) (ros_diagnostics_check_components{fleet=~"$fleet"})
-      < on (fleet, robot, check)
-        max by (fleet, robot, check) (ros_diagnostics_check_expected_components)
-    )
-"""
+_SHORT = 'check:ros_diagnostics_short:start{fleet=~"$fleet"}'
 PROBLEMS = _of_chosen(f"""
   (
 {_IN_TROUBLE}
   or
     {_robot_row(f"({_RANK} > 3 or {_RANK} < 0)")}
   or
-    {_check_row(f"{_TOO_FEW} * 0 + 3")}
+    {_check_row(f"{_SHORT} * 0 + 3")}
   ) ${{state:raw}}
 """)
 PROBLEM_SINCE = f"""
   component:ros_diagnostics_problem:start{{fleet=~"$fleet"}} * 1000
 or
   {_robot_row('robot:ros_diagnostics_silent:start{fleet=~"$fleet"}')} * 1000
+or
+  {_check_row(_SHORT)} * 1000
 """
 PROBLEM_FOR = f"""
   time() - component:ros_diagnostics_problem:start{{fleet=~"$fleet"}}
 or
   time() - {_robot_row('robot:ros_diagnostics_silent:start{fleet=~"$fleet"}')}
+or
+  time() - {_check_row(_SHORT)}
 """
 CONFIRMED = f"""
 group by (fleet, robot, group, component) (
     component:ros_diagnostics_fault:confirmed{{fleet=~"$fleet"}}
   or
     {_robot_row('robot:ros_diagnostics_silent:confirmed{fleet=~"$fleet"}')}
+  or
+    {_check_row('check:ros_diagnostics_short:confirmed{fleet=~"$fleet"}')}
 )
 """
 MESSAGES = f"""
@@ -106,16 +105,32 @@ group by (fleet, robot, group, component, message) (
     ros_diagnostics_component_message_info{{fleet=~"$fleet"}}
   or
     label_replace(
+      {_robot_row('robot:ros_diagnostics_unreachable:info{fleet=~"$fleet"}')},
+      "message", "unreachable: its uplink does not answer", "", ""
+    )
+  or on (fleet, robot, group, component)
+    label_replace(
       {_robot_row('ros_diagnostics_robot_silent_reason{fleet=~"$fleet"} == 1')},
       "message", "$1", "reason", "(.*)"
     )
+  or on (fleet, robot, group, component)
+    label_replace(
+      {_check_row(_SHORT)},
+      "message", "finds fewer components than fleet.yml expects", "", ""
+    )
 )
 """
-PROBLEMS_IN_MAINTENANCE = """
+PROBLEMS_IN_MAINTENANCE = f"""
 group by (fleet, robot, group, component) (
-    component:ros_diagnostics_state:rank{fleet=~"$fleet"} != 0
+  (
+      component:ros_diagnostics_problem:start{{fleet=~"$fleet"}}
+    or
+      {_robot_row('robot:ros_diagnostics_silent:start{fleet=~"$fleet"}')}
+    or
+      {_check_row(_SHORT)}
+  )
   and on (fleet, robot)
-    ros_diagnostics_robot_maintenance == 1
+    robot:ros_diagnostics_maintenance:start
 )
 """
 
@@ -125,6 +140,7 @@ ROBOTS = f"""
 * on (fleet, robot) group_left (site, robot_group, kind)
   {CHOSEN}
 """
+ROBOT_SINCE = 'robot:ros_diagnostics_state:since{fleet=~"$fleet"} * 1000'
 MESSAGE_AGE = """
   time()
 -
@@ -132,5 +148,5 @@ MESSAGE_AGE = """
     ros_diagnostics_robot_last_message_timestamp_seconds{fleet=~"$fleet"} > 0
   )
 """
-TROUBLED_COMPONENTS = f"count by (fleet, robot) ({_COMPONENT} > 0)"
+TROUBLED_COMPONENTS = f"count by (fleet, robot) ({_TROUBLE} > 0)"
 MAINTENANCE = 'max by (fleet, robot) (ros_diagnostics_robot_maintenance{fleet=~"$fleet"})'

@@ -60,10 +60,10 @@ max by (fleet, robot, check) (ros_diagnostics_check_expected_components{{{_ROBOT
 """
 
 # --- Key-values and their thresholds from fleet.yml ---
-_BATTERY = 'component=~"(?i).*batter.*", unit=~"%|"'
+_CHARGE = 'component=~"(?i).*batter.*", key=~"(?i).*(level|charge|percent|soc).*", unit=~"%|"'
 _TEMPERATURE = 'unit=~"degC|degF|K"'
 _OTHER = 'unit="$unit"'
-_BARE = 'component!~"(?i).*batter.*", unit=""'
+_BARE = 'unit=""'
 
 
 def _values(which: str) -> str:
@@ -76,14 +76,14 @@ def _thresholds(which: str) -> str:
     return f"max by (component, key, unit, bound, severity) ({family})"
 
 
-BATTERY = _values(_BATTERY)
-BATTERY_THRESHOLDS = _thresholds(_BATTERY)
+BATTERY = _values(_CHARGE)
+BATTERY_THRESHOLDS = _thresholds(_CHARGE)
 TEMPERATURE = _values(_TEMPERATURE)
 TEMPERATURE_THRESHOLDS = _thresholds(_TEMPERATURE)
 OTHER_VALUES = _values(_OTHER)
 OTHER_THRESHOLDS = _thresholds(_OTHER)
-BARE_VALUES = _values(_BARE)
-BARE_THRESHOLDS = _thresholds(_BARE)
+BARE_VALUES = f"{_values(_BARE)} unless {BATTERY}"
+BARE_THRESHOLDS = f"{_thresholds(_BARE)} unless {BATTERY_THRESHOLDS}"
 
 # --- The connection ---
 MESSAGE_RATE = f"""
