@@ -13,7 +13,6 @@ from contextlib import closing
 from ros_diagnostics_exporter import flags, logs, ros, systemd
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.errors import ConfigError
-from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.events import EventLog, EventLogError
 from ros_diagnostics_exporter.service import Service
@@ -30,10 +29,11 @@ log = logging.getLogger("ros_diagnostics_exporter")
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the exporter until SIGTERM or SIGINT; the exit code."""
-    options = flags.parse(arguments)
+    own, for_ros = ros.split_arguments(sys.argv[1:] if arguments is None else arguments)
+    options = flags.parse(own)
     logs.set_up(options.log_level, options.log_format)
     try:
-        return _check(options) if options.config_check else _run(options)
+        return _check(options) if options.config_check else _run(options, for_ros)
     except (ConfigError, WebConfigError) as error:
         print(error, file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
@@ -51,18 +51,18 @@ def _check(options: argparse.Namespace) -> int:
     return 0
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
     fleet = load(options.config_file)
     for warning in fleet.warnings:
         log.warning(warning)
     ros.check_ros()
     with closing(EventLog(options.events_path)) as events:
-        _serve(options, fleet, events)
+        service = Service(fleet, options.config_file, options.storage_path, events, for_ros)
+        _serve(options, service)
     return 0
 
 
-def _serve(options: argparse.Namespace, fleet: Fleet, events: EventLog) -> None:
-    service = Service(fleet, options.config_file, options.storage_path, events)
+def _serve(options: argparse.Namespace, service: Service) -> None:
     server = Server(
         service.doors(),
         listen=options.listen_addresses or [flags.DEFAULT_ADDRESS],
@@ -79,7 +79,7 @@ def _serve(options: argparse.Namespace, fleet: Fleet, events: EventLog) -> None:
     try:
         service.start()
         systemd.notify("READY=1")
-        log.info("serving fleet %s on %s", fleet.name, ", ".join(server.addresses))
+        log.info("serving fleet %s on %s", service.state.fleet.name, ", ".join(server.addresses))
         while not stop.is_set():
             if reload.is_set():
                 reload.clear()

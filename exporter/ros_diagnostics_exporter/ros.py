@@ -10,7 +10,7 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +22,7 @@ try:
     from rclpy.context import Context
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     from rclpy.node import Node
+    from rclpy.parameter import Parameter
     from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
     from rclpy.serialization import deserialize_message
     from rclpy.subscription import Subscription
@@ -82,6 +83,23 @@ def check_ros() -> None:
         )
 
 
+def split_arguments(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+    """(our own arguments, those for ROS): the latter stand between ``--ros-args`` and ``--``.
+
+    launch_ros appends them to every program that it starts; an enclave for SROS 2 is given so.
+    """
+    own: list[str] = []
+    for_ros: list[str] = []
+    into = own
+    for argument in arguments:
+        if argument == "--ros-args":
+            into = for_ros
+        into.append(argument)
+        if argument == "--" and into is for_ros:
+            into = own
+    return own, tuple(for_ros)
+
+
 def describe_ros() -> tuple[str, str]:
     """(distribution, middleware) as the environment names them."""
     check_ros()
@@ -123,8 +141,15 @@ def read_clocks() -> Instant:
 class Listener:
     """Joins the domains and keeps their subscriptions in step with what is wanted."""
 
-    def __init__(self, handlers: Handlers, poll_interval: float = 1.0) -> None:
+    def __init__(
+        self,
+        handlers: Handlers,
+        poll_interval: float = 1.0,
+        ros_arguments: tuple[str, ...] = (),
+    ) -> None:
+        """``ros_arguments`` are those from ``--ros-args`` on, as ROS' own tools take them."""
         check_ros()
+        self.ros_arguments = ros_arguments
         self._handlers = handlers
         self._poll_interval = poll_interval
         self._domains: dict[int, _Domain] = {}
@@ -195,13 +220,14 @@ class _Domain:
         self._stopping = False
         self.last_look = 0.0
         self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain_id)
-        # A guest that leaves no traces: no parameter services, no /rosout, no parameter events.
+        rclpy.init(args=list(listener.ros_arguments), context=self._context, domain_id=domain_id)
+        # A guest that leaves few traces: no parameter or type description services, no /rosout.
         self._node: Node = rclpy.create_node(
             NODE_NAME,
             context=self._context,
             enable_rosout=False,
             start_parameter_services=False,
+            parameter_overrides=[Parameter("start_type_description_service", value=False)],
         )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)

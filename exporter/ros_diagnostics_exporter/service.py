@@ -42,6 +42,7 @@ class Service:
         config_file: Path,
         storage_path: Path | None,
         events: EventLog | None = None,
+        ros_arguments: tuple[str, ...] = (),
     ) -> None:
         now = ros.read_clocks()
         self.events = events or EventLog()
@@ -66,7 +67,8 @@ class Service:
                 graph=self._graph,
                 wanted=self._wanted,
                 failed=self._failed,
-            )
+            ),
+            ros_arguments=ros_arguments,
         )
         if self.storage is not None:
             self.storage.load(self.state, now)

@@ -145,3 +145,17 @@ def test_sixty_domains_in_one_process(run_exporter):
             made.send(f"/r{domain_id}/diagnostics", HOT)
             running.wait_for("component_level", 2, robot=f"r{domain_id}")
         assert len(running.samples("exporter_domain_up")) == 60
+
+
+def test_the_exporter_is_a_quiet_guest(ros_domain, robots, run_exporter):
+    """No services, and no topics but the one that every rclpy node has."""
+    running = run_exporter(Fleet("f", (raw_robot("r", ros_domain),)))
+    robots.offer("/r/diagnostics")
+    robots.wait_for_listeners()
+
+    node = robots._node
+    until(lambda: "ros_diagnostics_exporter" in node.get_node_names(), "the node is known")
+    assert node.get_service_names_and_types_by_node("ros_diagnostics_exporter", "/") == []
+    published = node.get_publisher_names_and_types_by_node("ros_diagnostics_exporter", "/")
+    assert [name for name, _types in published] == ["/parameter_events"]
+    assert running.service.state.robots
