@@ -10,8 +10,6 @@ from fleet_demo.claims import claim
 # Above Linux' ephemeral ports (to 60999), so that no outgoing connection takes one in the meantime.
 PORTS = range(61_000, 65_000)
 
-_claimed: list[socket.socket] = []  # held until this process ends
-
 
 def free_port() -> int:
     """Return a port on which nobody listens, promised to nobody else while this process lives.
@@ -24,7 +22,7 @@ def free_port() -> int:
         if holder is None:
             continue
         if _nobody_listens(port):
-            _claimed.append(holder)
+            holder.detach()  # stays open, and the port ours, until this process ends
             return port
         holder.close()
     raise RuntimeError(f"all TCP ports from {PORTS[0]} to {PORTS[-1]} are in use")

@@ -1,0 +1,88 @@
+"""A mail server on 127.0.0.1 that keeps what it is sent: where the demo's alerts arrive.
+
+It delivers nothing further and knows nothing of alerts.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+from email import message_from_bytes, policy
+from email.message import EmailMessage
+
+from aiosmtpd.controller import Controller
+from aiosmtpd.smtp import SMTP, Envelope, Session
+
+
+@dataclass(frozen=True)
+class Mail:
+    """One email as it arrived."""
+
+    received: float  # Unix time
+    sender: str
+    recipients: tuple[str, ...]
+    subject: str
+    text: str  # the plain text part, or the HTML source where there is none
+    thread: str  # the Message-ID that it answers, or its own: mails of one thread share it
+
+
+def _read(envelope: Envelope) -> Mail:
+    message = message_from_bytes(envelope.original_content or b"", policy=policy.default)
+    if not isinstance(message, EmailMessage):  # what policy.default makes is one
+        raise TypeError(f"not an email: {type(message)}")
+    body = message.get_body(("plain", "html"))
+    references = str(message["References"] or message["In-Reply-To"] or message["Message-ID"] or "")
+    return Mail(
+        received=time.time(),
+        sender=envelope.mail_from or "",
+        recipients=tuple(envelope.rcpt_tos),
+        subject=str(message["Subject"] or ""),
+        text=body.get_content().replace("\r\n", "\n") if body else "",
+        thread=references.split(maxsplit=1)[0] if references else "",
+    )
+
+
+class Inbox:
+    """The mails that arrived, oldest first; filled by the server's thread, read by any."""
+
+    def __init__(self) -> None:
+        self._mails: list[Mail] = []
+        self._lock = threading.Lock()
+
+    def mails(self) -> list[Mail]:
+        """Return all mails that have arrived until now."""
+        with self._lock:
+            return list(self._mails)
+
+    async def handle_DATA(self, _server: SMTP, _session: Session, envelope: Envelope) -> str:  # noqa: N802 - aiosmtpd calls it by this name
+        """Take in one mail (aiosmtpd's hook)."""
+        mail = _read(envelope)
+        with self._lock:
+            self._mails.append(mail)
+        return "250 OK"
+
+
+class MailServer:
+    """An SMTP server on 127.0.0.1 in a thread of this process."""
+
+    def __init__(self, address: str, inbox: Inbox) -> None:
+        self.address = address
+        self._inbox = inbox
+        self._controller: Controller | None = None
+
+    def start(self) -> None:
+        """Listen; returns when it does.
+
+        Raises:
+            OSError: The port is taken.
+        """
+        host, port = self.address.split(":")
+        self._controller = Controller(self._inbox, hostname=host, port=int(port))
+        self._controller.start()
+
+    def stop(self) -> None:
+        """Listen no more; one that was never started is no error."""
+        if self._controller:
+            self._controller.stop(no_assert=True)
+            self._controller = None

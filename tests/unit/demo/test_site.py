@@ -1,0 +1,64 @@
+"""A run's configuration is the shipped one, with this run's addresses and nothing else changed."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+import yaml
+
+from fleet_demo import site
+
+ADDRESSES = site.Addresses(*(f"127.0.0.1:{port}" for port in range(1, 6)))
+
+
+@pytest.fixture
+def configs(tmp_path):
+    return site.write(tmp_path, 42, ADDRESSES, site.Clocks())
+
+
+def test_prometheus_finds_this_runs_servers_under_the_shipped_jobs(configs):
+    targets = configs.prometheus.parent / "targets"
+
+    def listed(job: str) -> list[str]:
+        return yaml.safe_load((targets / f"{job}.yml").read_text())[0]["targets"]
+
+    assert listed("ros-diagnostics") == [ADDRESSES.exporter]
+    assert listed("prometheus") == [ADDRESSES.prometheus]
+    assert listed("alertmanager") == [ADDRESSES.alertmanager]
+
+
+def test_rules_and_clocks_are_the_shipped_ones(configs):
+    shipped = site.CHECKOUT / "prometheus"
+    for path in shipped.rglob("*.yml"):
+        if path.name == "settings.yml" or path.parent.name == "targets":
+            continue
+        copy = configs.prometheus.parent / path.relative_to(shipped)
+        assert copy.read_text() == path.read_text()
+
+
+def test_alertmanager_sends_to_this_runs_mail_server(configs):
+    settings = yaml.safe_load(configs.alertmanager.read_text())
+
+    assert settings["global"]["smtp_smarthost"] == ADDRESSES.smtp
+
+
+@pytest.mark.parametrize("server", ["prometheus", "alertmanager"])
+def test_the_servers_own_tools_accept_it(configs, server):
+    argv = {
+        "prometheus": ["promtool", "check", "config", configs.prometheus],
+        "alertmanager": ["amtool", "check-config", configs.alertmanager],
+    }[server]
+
+    done = subprocess.run(argv, capture_output=True, text=True, check=False)
+
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_shipped_configuration_without_the_expected_places_is_refused(tmp_path, monkeypatch):
+    checkout = tmp_path / "checkout"
+    (checkout / "prometheus" / "rules").mkdir(parents=True)
+    monkeypatch.setattr(site, "CHECKOUT", checkout)
+
+    with pytest.raises(LookupError, match=r"targets/ros-diagnostics\.yml is not shipped"):
+        site.write(tmp_path, 42, ADDRESSES, site.Clocks())
