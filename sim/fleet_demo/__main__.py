@@ -1,0 +1,98 @@
+"""The command `python -m fleet_demo` behind `./run demo`: options, signals, exit codes.
+
+Exit codes: 0 when exactly the expected emails arrived within --seconds, or when the reader ended
+the demo; 1 when something went wrong; 2 wrong usage; 130 interrupted before --seconds were over.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+
+from rich.console import Console
+
+from fleet_demo.mail import Inbox
+from fleet_demo.performance import Performance
+from fleet_demo.programs import MissingProgram
+from fleet_demo.screen import Screen
+from fleet_demo.stack import Plan, Stack, running
+from fleet_demo.watch import GoneForGoodError
+
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the demo; returns the exit code."""
+    seconds = _parser().parse_args(argv).seconds
+    console = Console(width=None if sys.stdout.isatty() else 100)
+    for number in ENDING:
+        signal.signal(number, _interrupt)
+    try:
+        wrong = _demo(seconds, console)
+    except KeyboardInterrupt:
+        console.print("ended")
+        return 0 if seconds is None else 130
+    except (MissingProgram, GoneForGoodError, RuntimeError, TimeoutError) as error:
+        wrong = [str(error)]
+    for sentence in wrong:
+        print(f"demo: {sentence}", file=sys.stderr)
+    return 1 if wrong else 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("./run demo", description="The whole road on this machine.")
+    parser.add_argument(
+        "--seconds",
+        type=_positive,
+        help="end by itself after so many seconds, counted from when all servers are ready;"
+        " exit 0 only if exactly the expected emails arrived (the story takes about 70)",
+    )
+    return parser
+
+
+def _positive(text: str) -> float:
+    number = float(text)
+    if not 0 < number < float("inf"):
+        raise argparse.ArgumentTypeError("must be a number above 0")
+    return number
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    """End in order; a second signal must not disturb the first one's tidying up."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
+def _demo(seconds: float | None, console: Console) -> list[str]:
+    """Start everything, play, end everything; return what went wrong."""
+    console.print("starting 10 virtual robots, the exporter, Prometheus and Alertmanager ...")
+    with (
+        tempfile.TemporaryDirectory(prefix="fleet-demo-") as folder,
+        running(Path(folder), Plan(), Inbox()) as stack,
+        Screen(console) as screen,
+    ):
+        for line in _addresses(stack):
+            console.print(line, highlight=False)
+        screen.open("Ctrl-C ends the demo")
+        return Performance(stack, screen).play(seconds)
+
+
+def _addresses(stack: Stack) -> list[str]:
+    where = stack.addresses
+    return [
+        f"  robots        ROS domain {stack.domain_id} (ROS_DOMAIN_ID={stack.domain_id})",
+        f"  exporter      http://{where.exporter}/",
+        f"  Prometheus    http://{where.prometheus}/alerts",
+        f"  Alertmanager  http://{where.alertmanager}/",
+        f"  mail          smtp://{where.smtp}",
+    ]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
