@@ -1,0 +1,60 @@
+"""The whole road, running, for each end-to-end test: real DDS, exporter, servers and mail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from fleet_demo.mail import Inbox
+from fleet_demo.stack import Plan, Stack, running
+from fleet_demo.waiting import until
+
+HERE = Path(__file__).parent
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if HERE in item.path.parents:
+            item.add_marker(pytest.mark.e2e)
+
+
+@pytest.fixture
+def stack(tmp_path: Path) -> Iterator[Stack]:
+    """Three virtual robots, the exporter, Prometheus, Alertmanager and a mail server, all ready."""
+    with running(tmp_path, Plan(robots=3), Inbox()) as stack:
+        yield stack
+
+
+@pytest.fixture
+def wait_for_mails(stack: Stack) -> Callable[[int], list[str]]:
+    """A function: waits until so many mails have come, returns all subjects."""
+
+    def wait(number: int) -> list[str]:
+        def subjects() -> list[str]:
+            return [mail.subject for mail in stack.inbox.mails()]
+
+        until(lambda: len(subjects()) >= number, lambda: f"{number} mails: {subjects()}", 60)
+        return subjects()
+
+    return wait
+
+
+@pytest.fixture
+def wait_for_scrapes(stack: Stack) -> Callable[[int], None]:
+    """A function: waits until Prometheus has scraped the exporter successfully so many times more.
+
+    Rules are evaluated as often, and Alertmanager looks at its groups as often (group_interval):
+    whatever mail had to come of what was scraped before, has come.
+    """
+
+    def wait(number: int) -> None:
+        def scrapes() -> float:
+            found = stack.query('sum_over_time(up{job="ros-diagnostics"}[1h])')
+            return found[0].value if found else 0
+
+        before = scrapes()
+        until(lambda: scrapes() >= before + number, f"{number} scrapes of the exporter", 120)
+
+    return wait

@@ -1,0 +1,88 @@
+"""`./run demo` as a person or a script starts it: what it prints, how it ends, what it leaves."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+
+from fleet_demo.processes import Process
+from fleet_demo.waiting import until
+
+READY = "smtp://"  # the last of the addresses, printed when all servers are ready
+PROGRAMS = ("virtual-robots", "ros-diagnostics-exporter", "prometheus", "alertmanager")
+
+
+@pytest.fixture
+def start_demo(start_process, tmp_path):
+    """A function: starts the demo, with its temporary files in a folder of the test's."""
+
+    def start(*options: str) -> Process:
+        scratch = tmp_path / "scratch"
+        scratch.mkdir()
+        environment = {**os.environ, "TMPDIR": str(scratch)}
+        demo = start_process("demo", [sys.executable, "-m", "fleet_demo", *options], environment)
+        demo.wait_for_output(READY, seconds=120)
+        return demo
+
+    return start
+
+
+def children(demo: Process) -> dict[str, int]:
+    """Return the demo's child processes: the path of each program to its id."""
+    pids = Path(f"/proc/{demo.pid}/task/{demo.pid}/children").read_text().split()
+    return {Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " "): int(pid) for pid in pids}
+
+
+def child(demo: Process, program: str) -> int:
+    return next(
+        pid for command, pid in children(demo).items() if program in command.split(" --")[0]
+    )
+
+
+def test_the_whole_story_is_told_and_the_demo_exits_0(start_demo, tmp_path):
+    demo = start_demo("--seconds", "90")
+
+    until(lambda: not demo.alive, "the end of the demo", 150, every=0.5)
+
+    assert demo.exit_code == 0, demo.output()
+    for sentence in (
+        "Motor 2 of robot_3 breaks",
+        "exporter: robot_3 Motor 2 is ERROR",
+        "Alertmanager: RosDiagnosticsComponentCritical robot_3 Motor 2 has arrived",
+        "Subject: ** PROBLEM ** demo/robot_3 Motor 2 is CRITICAL",
+        "Motor 2 of robot_3 is repaired",
+        "Subject: ** RECOVERY ** demo/robot_3 Motor 2 is no longer CRITICAL",
+    ):
+        assert sentence in demo.output()
+    assert not list((tmp_path / "scratch").iterdir())
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_a_program_killed_for_good_makes_it_exit_1_and_say_which(start_demo, program):
+    demo = start_demo("--seconds", "8")
+
+    os.kill(child(demo, program), signal.SIGKILL)
+    until(lambda: not demo.alive, "the end of the demo", 60)
+
+    assert demo.exit_code == 1
+    assert f"demo: {program} was killed by sigkill" in demo.output().lower()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_nothing_is_left_running_however_it_ends(start_demo, number):
+    demo = start_demo()
+    started = children(demo)
+    assert len(started) == len(PROGRAMS)
+
+    os.kill(demo.pid, number)
+    until(lambda: not demo.alive, "the end of the demo", 60)
+
+    until(
+        lambda: not any(Path(f"/proc/{pid}").exists() for pid in started.values()),
+        "the end of all programs",
+    )
+    assert demo.exit_code == (-signal.SIGKILL if number == signal.SIGKILL else 0)
