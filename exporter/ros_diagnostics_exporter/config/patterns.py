@@ -24,6 +24,7 @@ _TOKEN = re.compile(
     r"|\{\d*(?:,\d*)?\}|.",
     re.DOTALL,
 )
+_AMBIGUOUS = re.compile(r"\[\^?\[|\[.+(?:--|&&|~~|\|\|)", re.DOTALL)
 _COUNT = re.compile(r"\{(\d*)(,?)(\d*)\}")
 _MANY = 8  # as often is as bad as without a bound
 
@@ -34,6 +35,10 @@ def expression(source: Any) -> re.Pattern[str]:
     if len(found) > MAX_PATTERN:
         what = f"the regular expression has {len(found)} characters"
         raise WrongValueError(what, f"use at most {MAX_PATTERN}")
+    # Python warns of these sets, which it may read as operations on sets one day.
+    if any(_AMBIGUOUS.match(part) for part in _TOKEN.findall(found)):
+        what = f"{shown(found)} has a set of signs with [, --, &&, ~~ or || in it"
+        raise WrongValueError(what, "put a backslash before each of them")
     try:
         compiled = re.compile(found)
     except (re.error, OverflowError, RecursionError) as error:

@@ -12,7 +12,7 @@ from ros_diagnostics_exporter.config.patterns import expression
     [
         *("Motor", "^/Arm/.*joint [1-6]$", "(left|right) wheel", "(ab)+", "[()*+]+", r"\(\d+\)*"),
         *("(?i)motor", "(?:a|b)?", "(a|b){2}", "(?P<robot>[a-z]+)_.*", "[]a]*", "[^]a]*", "a{0,7}"),
-        *("(?=a*)b", "x{3}", "(?#a comment)a+", "(?i:a)+", r"a\+", "{", "a{,5}"),
+        *("(?=a*)b", "x{3}", "(?#a comment)a+", "(?i:a)+", r"a\+", r"[a\[b]", "a--b", "{", "a{,5}"),
     ],
 )
 def test_harmless_expression_is_taken_as_it_is(source):
@@ -54,6 +54,8 @@ def test_more_than_three_repetitions_are_refused(source):
         ("a)", r"unbalanced parenthesis at character 2"),
         ("*a", "nothing to repeat at character 1"),
         ("a{99999999999}", "repetition number is too large"),
+        ("[[a]", r"has a set of signs with \[, --, &&, ~~ or \|\| in it"),
+        ("[a--b]", "has a set of signs"),
         ("a" * 501, "has 501 characters"),
         ("(?x)a # (", r"uses \(\?x\)"),
     ],
