@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ros_diagnostics_exporter.config.fleet import Robot, Shared, Source
+from ros_diagnostics_exporter.config.lookup import shared_identity
 from ros_diagnostics_exporter.diagnostics import Status
 from ros_diagnostics_exporter.tree import TreeReader
 
@@ -51,7 +52,7 @@ class Splitter:
         found: dict[str, dict[str, list[Status]]] = {}
         unknown = 0
         for group, status in statuses:
-            named = self._identify(status)
+            named = shared_identity(self.settings, status.hardware_id, status.name)
             if named is None:
                 unknown += 1
                 continue
@@ -67,20 +68,6 @@ class Splitter:
             for robot, groups in found.items()
         }
         return parts, unknown
-
-    def _identify(self, status: Status) -> tuple[str, str] | None:
-        """(robot, component) that a status names, or None."""
-        pattern = self.settings.pattern
-        if self.settings.by == "hardware_id":
-            if pattern is None:
-                return (status.hardware_id, status.name) if status.hardware_id else None
-            match = pattern.fullmatch(status.hardware_id)
-            return (match["robot"], status.name) if match and match["robot"] else None
-        match = None if pattern is None else pattern.fullmatch(status.name)
-        if match is None or not match["robot"]:
-            return None
-        component = match.groupdict().get("component")
-        return match["robot"], status.name if component is None else component
 
 
 def _with_header(group: str, statuses: Sequence[Status]) -> list[Status]:
