@@ -10,6 +10,10 @@ from ros_diagnostics_exporter.config.model_robot import RobotEntry
 from ros_diagnostics_exporter.config.scalars import shown
 from ros_diagnostics_exporter.config.validate import Checked, Placed
 
+_WAY_OUT = (
+    "give it a namespace or domain_id of its own, or list the topic in shared and name it as topic"
+)
+
 
 def refuse_conflicts(
     checked: Checked,
@@ -45,18 +49,29 @@ def _same_topics(
     checked: Checked, robots: tuple[Robot, ...], shared: tuple[Shared, ...]
 ) -> Iterator[Problem]:
     claims: dict[tuple[int, str], str] = {}
-    for placed, topic in zip(checked.shared, shared, strict=True):
+    for on_topic, topic in zip(checked.shared, shared, strict=True):
         claim = (topic.domain_id, topic.topic)
         if claim in claims:
             what = f"topic {topic.topic} of domain {topic.domain_id} is shared twice"
-            yield placed.problem("topic", what=what, remedy="keep one of the two")
-        claims[claim] = f"declared as shared in {placed.place()}"
-    for entry, robot in zip(checked.robots, robots, strict=True):
+            yield on_topic.problem("topic", what=what, remedy="keep one of the two")
+        claims[claim] = f"declared as shared in {on_topic.place()}"
+    all_shared = set(claims)
+    for placed, robot in zip(checked.robots, robots, strict=True):
+        if (robot.domain_id, placed.entry.topic) in all_shared:
+            yield from _other_source(placed, robot)
+            continue  # one of the robots there: statuses tell them apart
         for name in filter(None, (robot.topic_agg, robot.topic_raw)):
             claim = (robot.domain_id, name)
             if claim in claims:
                 what = f"topic {name} of domain {robot.domain_id} is {claims[claim]}"
-                remedy = "give it a namespace or domain_id of its own, or list the topic in shared"
-                yield entry.problem(what=what, remedy=remedy)
+                yield placed.problem(what=what, remedy=_WAY_OUT)
                 break
-            claims[claim] = f"that of robot {shown(robot.name)} in {entry.place()}"
+            claims[claim] = f"that of robot {shown(robot.name)} in {placed.place()}"
+
+
+def _other_source(placed: Placed[RobotEntry], robot: Robot) -> Iterator[Problem]:
+    """A robot on a shared topic is what the topic is."""
+    said = placed.entry.source
+    if said is not None and said != robot.source.value:
+        what = f"the shared topic {placed.entry.topic} is {robot.source.value}, not {said}"
+        yield placed.problem("source", what=what, remedy="remove source")

@@ -49,7 +49,8 @@ class RobotEntry(Entry):
     )
     topic: Topic | None = optional(
         "The topic in full, in place of `namespace`. With source `auto` or `both` the name says "
-        "what it carries: it ends in `_agg` or not, and the other topic is called likewise.",
+        "what it carries: it ends in `_agg` or not, and the other topic is called likewise. If it "
+        "is one of `shared`, this is one of the robots there.",
         example="/robot_1/health/diagnostics_agg",
     )
     domain_id: DomainId | None = optional(

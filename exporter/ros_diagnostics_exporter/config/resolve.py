@@ -44,9 +44,10 @@ def resolve(checked: Checked, problems: list[Problem]) -> Fleet | None:
         problems=problems,
     )
     choice = _Choice(profiles, named, problems)
-    robots = tuple(_robot(placed, choice) for placed in checked.robots)
-    discoveries = tuple(_discovery(placed, choice) for placed in checked.discovery)
     shared = tuple(_shared(placed, choice) for placed in checked.shared)
+    topics = {(each.domain_id, each.topic): each for each in shared}
+    robots = tuple(_robot(placed, choice, topics) for placed in checked.robots)
+    discoveries = tuple(_discovery(placed, choice) for placed in checked.discovery)
     maintenance = downtimes(checked.maintenance, problems)
     refuse_conflicts(checked, robots, shared, problems)
     if top is None:
@@ -83,9 +84,15 @@ class _Choice:
         return self._profiles.get(name) or self._profiles[DEFAULT]
 
 
-def _robot(placed: Placed[RobotEntry], choice: _Choice) -> Robot:
+def _robot(
+    placed: Placed[RobotEntry], choice: _Choice, topics: Mapping[tuple[int, str], Shared]
+) -> Robot:
+    """A declared robot; `topics` are the shared ones, of which its own may be one."""
     entry = placed.entry
+    shared = topics.get((entry.domain_id or 0, entry.topic or ""))
     source = Source(entry.source or "auto")
+    if shared is not None:
+        source = Source.RAW if shared.raw else Source.AGG
     topic = entry.topic or f"{entry.namespace or ''}/{RAW_NAME}"
     if entry.topic is None and source is Source.AGG:
         topic += AGGREGATED

@@ -113,6 +113,24 @@ def test_shared_topic_is_raw_or_aggregated(fleet_of, said, raw):
     assert fleet_of(f"fleet: demo\nshared: [{{{said}}}]").shared[0].raw is raw
 
 
+def test_declared_robot_on_a_shared_topic_is_as_the_topic_is(fleet_of):
+    fleet = fleet_of("""
+        fleet: demo
+        shared: [{topic: /diagnostics}, {topic: /lab/all, source: agg, domain_id: 2}]
+        robots:
+          - {name: a, topic: /diagnostics, labels: {site: hall}}
+          - {name: b, topic: /diagnostics, source: raw}
+          - {name: c, topic: /lab/all, domain_id: 2}
+          - {name: d, topic: /lab/all, domain_id: 3}
+    """)
+    assert [(each.topic_agg, each.topic_raw, each.source.value) for each in fleet.robots] == [
+        (None, "/diagnostics", "raw"),
+        (None, "/diagnostics", "raw"),
+        ("/lab/all", None, "agg"),
+        ("/lab/all_agg", "/lab/all", "auto"),
+    ]
+
+
 @pytest.mark.parametrize(
     "name",
     [

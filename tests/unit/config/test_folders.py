@@ -103,7 +103,7 @@ def test_errors_name_the_file_of_the_folder(errors_of):
         (
             "robots.d/c.yml:3: [d]: topic /diagnostics_agg of domain 1 is that of robot "
             '"a" in fleet.yml:2; give it a namespace or domain_id of its own, '
-            "or list the topic in shared"
+            "or list the topic in shared and name it as topic"
         ),
         "robots.d/c.yml:4: [2].nam: is not a key; did you mean name?",
         "robots.d/c.yml:4: [2].name: is missing; add name: ...",

@@ -180,6 +180,18 @@ def test_a_robot_on_a_shared_topic_falls_silent_alone():
     assert story.sample("component_level", robot="r2") == STALE
 
 
+def test_a_declared_robot_on_a_shared_topic_is_known_before_it_comes():
+    declared = Robot("r1", topic_raw="/diagnostics", source=Source.RAW, labels={"site": "hall"})
+    settings = Shared("/diagnostics", raw=True)
+    story = Story(fleet=Fleet("f", robots=(declared,), shared=(settings,)))
+    assert story.sample("robot_up", robot="r1") == 0
+
+    receive(story, Status(OK, "Motor", hardware_id="r1"), Status(OK, "Motor", hardware_id="r2"))
+
+    assert story.sample("robot_up", robot="r1") == story.sample("robot_up", robot="r2") == 1
+    assert story.sample("robot_info", robot="r1", site="hall") == 1
+
+
 def test_an_aggregate_shared_by_robots_is_complete_for_each_of_them():
     settings = Shared("/diagnostics_agg", raw=False)
     story = Story(fleet=Fleet("f", shared=(settings,)))
