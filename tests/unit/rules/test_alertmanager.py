@@ -1,11 +1,209 @@
-"""The shipped Alertmanager configuration, judged by amtool."""
+"""The shipped Alertmanager configuration: judged by amtool, routed, and rendered as read."""
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
 from shipped_rules import ALERTMANAGER, run_tool
+
+MOTOR = {"fleet": "f", "robot": "r1", "group": "/Motor", "component": "Motor 1"}
+
+
+def data(status: str, labels: dict[str, str], **annotations: str) -> dict[str, Any]:
+    """What Alertmanager hands to a template for a group of one alert."""
+    alert = {
+        "status": status,
+        "labels": labels,
+        "annotations": annotations,
+        "startsAt": "2026-01-01T10:00:00Z",
+        "endsAt": "2026-01-01T11:00:00Z",
+        "generatorURL": "",
+        "fingerprint": "0",
+    }
+    return {
+        "receiver": "email",
+        "status": status,
+        "alerts": [alert],
+        "groupLabels": labels,
+        "commonLabels": labels,
+        "commonAnnotations": annotations,
+        "externalURL": "http://alertmanager:9093",
+    }
+
+
+def render(template: str, content: dict[str, Any], folder: Path) -> str:
+    file = folder / "data.json"
+    file.write_text(json.dumps(content))
+    return run_tool(
+        "amtool",
+        "template",
+        "render",
+        f"--template.glob={ALERTMANAGER}/templates/*.tmpl",
+        f"--template.data={file}",
+        f'--template.text={{{{ template "{template}" . }}}}',
+    ).strip()
 
 
 def test_configuration_and_templates_pass_amtool():
     said = run_tool("amtool", "check-config", ALERTMANAGER / "alertmanager.yml")
 
     assert "SUCCESS" in said
+
+
+@pytest.mark.parametrize(
+    ("labels", "receivers"),
+    [
+        ({"alertname": "RosDiagnosticsComponentCritical", "severity": "critical"}, "email"),
+        ({"alertname": "RosDiagnosticsComponentWarning", "severity": "warning"}, "email"),
+        ({"alertname": "RosDiagnosticsMaintenance", "severity": "info"}, "email"),
+        ({"alertname": "RosDiagnosticsWatchdog", "severity": "info"}, "none"),
+        ({"alertname": "RosDiagnosticsUnacknowledged", "step": "1"}, "escalation-1"),
+        ({"alertname": "RosDiagnosticsUnacknowledged", "step": "2"}, "escalation-2"),
+        ({"alertname": "SomebodyElses", "severity": "critical"}, "email"),
+    ],
+)
+def test_route(labels: dict[str, str], receivers: str):
+    given = [f"{name}={value}" for name, value in labels.items()]
+    config = f"--config.file={ALERTMANAGER / 'alertmanager.yml'}"
+
+    assert run_tool("amtool", "config", "routes", "test", config, *given).strip() == receivers
+
+
+@pytest.mark.parametrize(
+    ("status", "labels", "subject"),
+    [
+        (
+            "firing",
+            {"alertname": "ComponentCritical", **MOTOR},
+            "PROBLEM ** f/r1 Motor 1 is CRITICAL",
+        ),
+        (
+            "resolved",
+            {"alertname": "ComponentCritical", **MOTOR},
+            "RECOVERY ** f/r1 Motor 1 is no longer CRITICAL",
+        ),
+        (
+            "firing",
+            {"alertname": "ComponentWarning", **MOTOR},
+            "PROBLEM ** f/r1 Motor 1 is WARNING",
+        ),
+        ("firing", {"alertname": "ComponentStale", **MOTOR}, "PROBLEM ** f/r1 Motor 1 is STALE"),
+        (
+            "firing",
+            {"alertname": "ValueWarning", **MOTOR, "key": "Level"},
+            "PROBLEM ** f/r1 Motor 1 Level is WARNING",
+        ),
+        (
+            "firing",
+            {"alertname": "ComponentFlapping", **MOTOR},
+            "FLAPPING ** f/r1 Motor 1 started flapping",
+        ),
+        (
+            "resolved",
+            {"alertname": "ComponentFlapping", **MOTOR},
+            "FLAPPING ** f/r1 Motor 1 stopped flapping",
+        ),
+        (
+            "firing",
+            {"alertname": "RobotSilent", "fleet": "f", "robot": "r1"},
+            "PROBLEM ** f/r1 is SILENT",
+        ),
+        (
+            "firing",
+            {"alertname": "Maintenance", "fleet": "f", "robot": "r1"},
+            "MAINTENANCE ** f/r1 began",
+        ),
+        (
+            "resolved",
+            {"alertname": "Maintenance", "fleet": "f", "robot": "r1"},
+            "MAINTENANCE ** f/r1 ended",
+        ),
+        (
+            "firing",
+            {"alertname": "Unacknowledged", "step": "1", **MOTOR},
+            "ESCALATION 1 ** f/r1 Motor 1 is CRITICAL and not acknowledged",
+        ),
+        (
+            "firing",
+            {"alertname": "FleetPartDown", "fleet": "f", "site": "hall"},
+            "PROBLEM ** f site hall is SILENT",
+        ),
+        (
+            "firing",
+            {"alertname": "CommonCause", "fleet": "f", "component": "Cam 1"},
+            "PROBLEM ** f Cam 1 of many robots is CRITICAL",
+        ),
+        (
+            "firing",
+            {"alertname": "UplinkDown", "fleet": "f", "uplink": "ap-1"},
+            "PROBLEM ** f uplink ap-1 is DOWN",
+        ),
+        ("firing", {"alertname": "ExporterDown", "fleet": "f"}, "PROBLEM ** f exporter is DOWN"),
+        (
+            "firing",
+            {"alertname": "AlertmanagerDown", "instance": "a:9093"},
+            "PROBLEM ** Alertmanager a:9093 is DOWN",
+        ),
+    ],
+)
+def test_subject(status: str, labels: dict[str, str], subject: str, tmp_path: Path):
+    labels = {**labels, "alertname": "RosDiagnostics" + labels["alertname"]}
+
+    said = render("ros_diagnostics.email.subject", data(status, labels), tmp_path)
+
+    assert said == f"** {subject}"
+
+
+@pytest.mark.parametrize("part", ["text", "html"])
+def test_mail_tells_what_happened_and_what_to_do(part: str, tmp_path: Path):
+    labels = {"alertname": "RosDiagnosticsComponentCritical", "severity": "critical", **MOTOR}
+    problem = data(
+        "firing",
+        {**labels, "site": "hall"},
+        description="Motor 1 failed.",
+        since="10:00",
+        driver_message="over current",
+        values="Current 12 A",
+        neighbours="all OK",
+        runbook_url="http://runbook",
+        dashboard_url="http://dashboard",
+    )
+
+    said = render(f"ros_diagnostics.email.{part}", problem, tmp_path)
+
+    for expected in (
+        "** PROBLEM ** f/r1 Motor 1 is CRITICAL",
+        "Motor 1 failed.",
+        "10:00",
+        "over current",
+        "Current 12 A",
+        "all OK",
+        "hall",
+        "http://runbook",
+        "http://dashboard",
+        "http://alertmanager:9093/#/silences/new?filter=%7Balertname%3D%22RosDiagnosticsComponent",
+    ):
+        assert expected in said
+
+
+def test_all_mails_about_one_component_are_one_thread(tmp_path: Path):
+    threads = {
+        render("ros_diagnostics.email.thread", data(status, {"alertname": name, **MOTOR}), tmp_path)
+        for status in ("firing", "resolved")
+        for name in ("RosDiagnosticsComponentWarning", "RosDiagnosticsComponentCritical")
+    }
+
+    assert threads == {"<f.r1.Motor-1@ros-diagnostics>"}
+
+
+def test_text_message_has_at_most_160_characters(tmp_path: Path):
+    labels = {"alertname": "RosDiagnosticsComponentCritical", **MOTOR}
+    long = data("firing", labels, summary="Motor 1 of r1 is CRITICAL.", driver_message="ä" * 300)
+
+    said = render("ros_diagnostics.sms", long, tmp_path)
+
+    assert said.startswith("PROBLEM f: Motor 1 of r1 is CRITICAL. ääää")
+    assert len(said) == 160
