@@ -20,6 +20,8 @@ COMMANDS = """commands:
   virtual-robots [run] [options]   publish a fleet of virtual robots until interrupted
   virtual-robots fault ROBOT COMPONENT LEVEL
                                    break or repair a component while they run
+  virtual-robots replay FILE...    publish recorded diagnostics (rosbag2, JSON)
+  virtual-robots record OUTPUT     write the diagnostics of a domain into a bag (rosbag2)
   virtual-robots COMMAND --help    what a command takes
 """
 NO_ROS = """virtual-robots: ROS 2 cannot be imported ({error}).
@@ -90,9 +92,49 @@ def _fault_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _replay_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        "virtual-robots replay", description="Publish recorded diagnostics on their topics."
+    )
+    parser.add_argument(
+        "files", nargs="+", type=Path, metavar="FILE", help="a bag's folder, .db3, .mcap or .json"
+    )
+    parser.add_argument("--rate", type=_positive, default=1.0, help="times as fast (default 1)")
+    parser.add_argument("--loop", action="store_true", help="begin again at the end")
+    parser.add_argument("--namespace", default="", help="put before each topic, such as robot_1")
+    parser.add_argument(
+        "--wait",
+        type=_positive,
+        default=5.0,
+        help="at most so many seconds until each topic has a subscriber (default 5)",
+    )
+    add_domain(parser)
+    return parser
+
+
+def _record_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        "virtual-robots record", description="Write the diagnostics of a domain into a new bag."
+    )
+    parser.add_argument("output", type=Path, help="the bag's folder; must not be there yet")
+    parser.add_argument(
+        "--storage", choices=["sqlite3", "mcap"], default="mcap", help="(default mcap)"
+    )
+    parser.add_argument(
+        "--topic",
+        action="append",
+        help="a pattern such as '/robot_1/*' (default: all; repeatable)",
+    )
+    parser.add_argument("--duration", type=_positive, help="end after so many seconds")
+    add_domain(parser)
+    return parser
+
+
 PARSERS: dict[str, Callable[[], argparse.ArgumentParser]] = {
     "run": _run_parser,
     "fault": _fault_parser,
+    "replay": _replay_parser,
+    "record": _record_parser,
 }
 
 
@@ -114,7 +156,7 @@ def add_fleet(parser: argparse.ArgumentParser) -> None:
         default=VERSIONS[0],
         help=f"which diagnostic_aggregator each robot runs (default {VERSIONS[0]})",
     )
-    parser.add_argument("--duration", type=_seconds, help="end after so many seconds")
+    parser.add_argument("--duration", type=_positive, help="end after so many seconds")
 
 
 def add_domain(parser: argparse.ArgumentParser) -> None:
@@ -131,11 +173,11 @@ def _count(text: str) -> int:
     return number
 
 
-def _seconds(text: str) -> float:
-    seconds = float(text)
-    if not 0 < seconds < float("inf"):
+def _positive(text: str) -> float:
+    number = float(text)
+    if not 0 < number < float("inf"):
         raise argparse.ArgumentTypeError("must be a number above 0")
-    return seconds
+    return number
 
 
 if __name__ == "__main__":

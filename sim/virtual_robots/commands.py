@@ -9,9 +9,12 @@ import argparse
 import signal
 import sys
 import threading
+from collections import Counter
 from pathlib import Path
 from types import FrameType
 
+from virtual_robots.bags import BagWriter, Recorded, read_recordings, recorded_topics
+from virtual_robots.bags_ros import Playback, Recorder
 from virtual_robots.control import Control, set_parameter
 from virtual_robots.documents import DocumentError
 from virtual_robots.fleet import Fleet
@@ -53,6 +56,49 @@ def fault(options: argparse.Namespace) -> None:
     order = f"{options.level}: {options.message}" if options.message else options.level
     domain_id = chosen_domain_id(options.domain_id)
     set_parameter(domain_id, f"{options.robot}.{options.component}", order)
+
+
+def replay(options: argparse.Namespace) -> None:
+    """Publish recorded diagnostics on their topics."""
+    topics = recorded_topics(options.files)
+    stop = stop_on_signals()
+
+    def renamed(topic: str) -> str:
+        return f"/{options.namespace.strip('/')}{topic}" if options.namespace else topic
+
+    with ros_context(chosen_domain_id(options.domain_id)) as context:
+        playback = Playback(context, topics, renamed)
+        say(f"ready: replays {', '.join(renamed(topic) for topic in topics)}")
+        if not playback.wait_for_subscribers(options.wait, stop):
+            complain(f"not every topic has a subscriber after {options.wait:g} s; begins")
+        count = 0
+        while not stop.is_set():
+            count += playback.play(read_recordings(options.files), options.rate, stop)
+            if not options.loop:
+                break
+        playback.close()
+    say(f"{count} messages replayed")
+
+
+def record(options: argparse.Namespace) -> None:
+    """Write the diagnostics of a domain into a bag until SIGINT or SIGTERM, or for a duration."""
+    writer = BagWriter(options.output, options.storage)
+    stop = stop_on_signals()
+    counted: Counter[str] = Counter()
+
+    def take(message: Recorded) -> None:
+        counted[message.topic] += 1
+        writer.write(message)
+
+    with ros_context(chosen_domain_id(options.domain_id)) as context:
+        recorder = Recorder(
+            context, options.topic or ["*"], take, lambda topic: say(f"records {topic}")
+        )
+        say(f"ready: records into {options.output}")
+        recorder.record(stop, options.duration or float("inf"))
+        recorder.close()
+    writer.close()
+    say(f"{counted.total()} messages of {len(counted)} topics recorded")
 
 
 def fleet_of(options: argparse.Namespace) -> tuple[Fleet, float]:

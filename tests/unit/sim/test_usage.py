@@ -1,0 +1,88 @@
+"""Wrong usage of the command: a sentence and an exit code, before anything is published."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from virtual_robots.cli import PARSERS, main
+
+
+def test_without_ros_a_sentence_says_how_to_get_it() -> None:
+    code = (
+        "import sys; sys.modules['rclpy'] = None\n"
+        "from virtual_robots.cli import main; sys.exit(main(['--robots', '1']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 1
+    assert "ROS 2 cannot be imported" in done.stderr
+    assert "pip install 'ros-diagnostics-exporter[ros]'" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("command", PARSERS)
+def test_each_command_says_what_it_takes(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([command, "--help"])
+    assert ended.value.code == 0
+    assert "usage: virtual-robots" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [
+        (["--robots", "0"], "must be at least 1"),
+        (["--robots", "2", "--scenario", "s.yaml"], "not allowed with"),
+        (["--aggregator", "4.0.0"], "invalid choice: '4.0.0'"),
+        (["--duration", "-1"], "must be a number above 0"),
+        (["fault", "robot_1", "Motor 1"], "the following arguments are required: level"),
+        (["replay"], "the following arguments are required: FILE"),
+    ],
+)
+def test_wrong_usage_is_told(
+    words: list[str], what: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 2
+    assert what in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [
+        (["--domain-id", "233"], "domain id 233 must be between 0 and 232"),
+        (["--domain-id", "-1"], "domain id -1 must be between 0 and 232"),
+        (["--kind", "tank"], "kind 'tank' is not known; it is one of kobuki, thesis"),
+        (["--kind", "kobuki", "--settings", "s.yaml"], "--settings is for --kind thesis only"),
+        (["--scenario", "gone.yaml"], "gone.yaml: cannot be read: No such file"),
+        (["--settings", "gone.yaml"], "gone.yaml: cannot be read: No such file"),
+        (["replay", "gone.mcap"], "gone.mcap: cannot be read as a bag"),
+        (["fault", "robot_1", "Motor 1", "ok", "--domain-id", "300"], "domain id 300 must be"),
+    ],
+)
+def test_what_cannot_be_used_is_told(
+    words: list[str],
+    what: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pytest.importorskip("rclpy", reason="needs ROS 2")
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    assert what in capsys.readouterr().err
+
+
+def test_an_environment_with_a_domain_that_is_no_number_is_told(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rclpy", reason="needs ROS 2")
+    monkeypatch.setenv("ROS_DOMAIN_ID", "seven")
+    assert main(["fault", "robot_1", "Motor 1", "ok"]) == 2
+    assert "ROS_DOMAIN_ID is 'seven', must be a number" in capsys.readouterr().err
