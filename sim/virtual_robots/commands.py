@@ -91,9 +91,7 @@ def record(options: argparse.Namespace) -> None:
         writer.write(message)
 
     with ros_context(chosen_domain_id(options.domain_id)) as context:
-        recorder = Recorder(
-            context, options.topic or ["*"], take, lambda topic: say(f"records {topic}")
-        )
+        recorder = Recorder(context, options.topic or ["*"], take, _say_recorded)
         say(f"ready: records into {options.output}")
         recorder.record(stop, options.duration or float("inf"))
         recorder.close()
@@ -138,6 +136,10 @@ def say(text: str) -> None:
 def complain(text: str) -> None:
     """A line on stderr."""
     print(text, file=sys.stderr, flush=True)  # noqa: T201 - a command's answer
+
+
+def _say_recorded(topic: str) -> None:
+    say(f"records {topic}")
 
 
 def _specs(options: argparse.Namespace) -> list[RobotSpec]:
