@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from itertools import pairwise
 
 import pytest
@@ -9,7 +10,7 @@ from fleet_stories import fleet_of, level_of, number_of, of
 
 from virtual_robots.components import Fault, UnknownFaultError
 from virtual_robots.diagnostics import ERROR, OK, STALE
-from virtual_robots.members import Happening, Topic
+from virtual_robots.members import Happening, Message, Topic
 
 COMPONENTS = [
     "Motor 1", "Motor 2", "Motor 3", "Sensor 1", "Sensor 2",
@@ -105,3 +106,12 @@ def test_an_unknown_robot_component_or_fault_is_refused_with_what_there_is() -> 
         fleet.inject("robot_1", "Motor 9", None)
     with pytest.raises(UnknownFaultError, match=r"no fault 'broken', only ok, warn, error"):
         fleet.inject("robot_1", "Motor 1", Fault("broken", 0.0))
+
+
+def test_a_thousand_robots_each_publish_once_a_second() -> None:
+    fleet = fleet_of(robots=1000)
+    list(fleet.advance(2.0))
+    messages = [m for m in fleet.advance(5.0) if isinstance(m, Message)]
+    counts = Counter((m.robot, m.topic) for m in messages)
+    assert len(counts) == 3000
+    assert set(counts.values()) == {3}

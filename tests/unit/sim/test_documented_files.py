@@ -1,0 +1,53 @@
+"""The files that docs/virtual-robots.md shows are files that work."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from fleet_stories import fleet_of, of
+
+from virtual_robots.fleet import Fleet
+from virtual_robots.life import DEEDS
+from virtual_robots.members import Note, Topic
+from virtual_robots.scenario import load_scenario, plan
+from virtual_robots.thesis import ThesisSettings, load_settings
+
+PAGE = (Path(__file__).parents[3] / "docs" / "virtual-robots.md").read_text()
+SETTINGS, KIND, STORY = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+ANALYZERS = """/**:
+  ros__parameters:
+    gripper: {type: diagnostic_aggregator/GenericAnalyzer, path: Gripper, contains: [Finger]}
+"""
+
+
+def test_the_settings_name_every_parameter(tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text(SETTINGS)
+    assert load_settings(path).model_fields_set == set(ThesisSettings.model_fields)
+
+
+def test_the_kind_runs(tmp_path: Path) -> None:
+    (tmp_path / "my_robot.yaml").write_text(KIND)
+    (tmp_path / "my_robot.analyzers.yaml").write_text(ANALYZERS)
+    last = of(fleet_of(str(tmp_path / "my_robot.yaml")).advance(5.0), Topic.AGGREGATED)[-1]
+    assert [s.name for s in last.statuses] == [
+        "/Gripper",
+        "/Gripper/gripper_node: Finger 1",
+        "/Gripper/gripper_node: Finger 2",
+    ]
+
+
+def test_the_scenario_plays_all_its_events(tmp_path: Path) -> None:
+    path = tmp_path / "story.yaml"
+    path.write_text(STORY)
+    scenario = load_scenario(path)
+    fleet = Fleet(scenario.specs, scenario.model.seed)
+    plan(scenario, fleet)
+    notes = [h.text for h in fleet.advance(60.0) if isinstance(h, Note)]
+    assert len(notes) >= len(scenario.model.events)
+
+
+def test_the_page_tells_of_everything_that_can_happen_to_a_robot() -> None:
+    for deed in DEEDS:
+        assert f"\n| `{deed}` |" in PAGE
