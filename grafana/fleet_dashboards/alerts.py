@@ -186,7 +186,8 @@ def flapping() -> table.Panel:
     return tables.listing(
         "Flapping",
         "Which components change their level so often that single changes are not told? The ratio "
-        "is Nagios' weighted share of changes over the last 21 states.",
+        "is Nagios' weighted share of changes over the last 21 states; changes count since the "
+        "exporter started.",
         {"A": queries.FLAPPING, "B": queries.FLAPPING_SINCE, "C": queries.CHANGES},
         [
             *WHERE[1:],

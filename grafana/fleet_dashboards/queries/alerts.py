@@ -24,8 +24,15 @@ FIRING_WITH_RUNBOOK = f"""
 * on () group_left (runbooks_url)
   ros_diagnostics:site:info
 """
-FIRING_SINCE = f"min {_ROW} (ALERTS_FOR_STATE{{{_ALERTS}}}) * 1000"
-FIRING_FOR = f"time() - min {_ROW} (ALERTS_FOR_STATE{{{_ALERTS}}})"
+_BEGAN = f"""
+min {_ROW} (
+    ALERTS_FOR_STATE{{{_ALERTS}}}
+  and ignoring (alertstate)
+    ALERTS{{alertstate="firing", {_ALERTS}}}
+)
+"""
+FIRING_SINCE = f"{_BEGAN} * 1000"
+FIRING_FOR = f"time() - {_BEGAN}"
 
 # --- History ---
 FIRING_BY_NAME = f'count by (alertname) (ALERTS{{alertstate="firing", {_ALERTS}}})'
@@ -52,16 +59,22 @@ sum by (integration) (increase(alertmanager_notifications_failed_total[$__rate_i
 SENT_IN_RANGE = """
 sum by (integration) (increase(alertmanager_notifications_total[$__range])) > 0
 """
-FAILED_IN_RANGE = """
-sum by (integration) (increase(alertmanager_notifications_failed_total[$__range]))
+# Alertmanager counts for every way that it knows; only those in use are worth a zero.
+FAILED_IN_RANGE = f"""
+  sum by (integration) (increase(alertmanager_notifications_failed_total[$__range]))
+and
+  {SENT_IN_RANGE.strip()}
 """
 
 # --- Flapping ---
 _COMPONENT = "by (fleet, robot, group, component)"
 FLAPPING = f"max {_COMPONENT} (ros_diagnostics_component_flap_ratio{{{_FLEET}}}) > 0.1"
 FLAPPING_SINCE = f"component:ros_diagnostics_flapping:start{{{_FLEET}}} * 1000"
+# Not over the range: that would be a rate over every component of the fleet.
 CHANGES = f"""
-sum {_COMPONENT} (increase(ros_diagnostics_component_changes_total{{{_FLEET}}}[$__range]))
+  max {_COMPONENT} (ros_diagnostics_component_changes_total{{{_FLEET}}})
+and
+  {FLAPPING}
 """
 
 

@@ -63,14 +63,14 @@ _IN_TROUBLE = f"""
           and on (fleet, robot, group, component)
             ros_diagnostics_component_planned_stale == 1
         )
-      unless on (fleet, robot)
-        {_RANK} == 4
     )
 """
 _SHORT = 'check:ros_diagnostics_short:start{fleet=~"$fleet"}'
 PROBLEMS = _of_chosen(f"""
   (
 {_IN_TROUBLE}
+    unless on (fleet, robot)
+      {_RANK} == 4
   or
     {_robot_row(f"({_RANK} > 3 or {_RANK} < 0)")}
   or
@@ -148,5 +148,5 @@ MESSAGE_AGE = """
     ros_diagnostics_robot_last_message_timestamp_seconds{fleet=~"$fleet"} > 0
   )
 """
-TROUBLED_COMPONENTS = f"count by (fleet, robot) ({_TROUBLE} > 0)"
+TROUBLED_COMPONENTS = f"count by (fleet, robot) (\n{_IN_TROUBLE}\n)"
 MAINTENANCE = 'max by (fleet, robot) (ros_diagnostics_robot_maintenance{fleet=~"$fleet"})'

@@ -115,6 +115,6 @@ histogram_quantile(
   sum by (le, integration) (
     rate(alertmanager_notification_latency_seconds_bucket[$__rate_interval])
   )
-)
+) > 0
 """
 CLUSTER_MEMBERS = "max by (instance) (alertmanager_cluster_members)"

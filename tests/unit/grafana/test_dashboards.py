@@ -6,7 +6,8 @@ import json
 import re
 
 import pytest
-from committed import BOARDS, GRAFANA, panels
+
+from committed_dashboards import BOARDS, GRAFANA, panels
 
 SDK = pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python 3.11")
 

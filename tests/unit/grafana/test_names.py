@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from committed import ROOT, Question, filled, questions
 
+from committed_dashboards import ROOT, Question, filled, questions
 from ros_diagnostics_exporter.metrics import ALL_FAMILIES
 
 QUESTIONS = list(questions())

@@ -7,7 +7,8 @@ from pathlib import PurePosixPath
 from typing import Any
 
 import yaml
-from committed import BOARDS, GRAFANA
+
+from committed_dashboards import BOARDS, GRAFANA
 
 
 def provisioned(kind: str) -> list[dict[str, Any]]:

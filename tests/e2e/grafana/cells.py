@@ -1,0 +1,86 @@
+"""Expected cells: what stands in cells/*.yml, and the comparison of an answer with it.
+
+A cell is written as its labels and its value, `{robot=well} 0`. For a number there may stand
+`a|b` (one of them), `a..b` (between), `ago a..b` (a Unix time so many seconds ago), `ms ago a..b`
+(the same in milliseconds). A leading `?` says that the cell may be missing.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+FOLDER = Path(__file__).parent / "cells"
+NOT_COMPARED = {"__name__", "instance", "python_version", "version"}
+CELL = re.compile(r"(?P<optional>\? )?\{(?P<labels>.*)\} (?P<value>.+)")
+Labels = tuple[tuple[str, str], ...]
+
+
+class View(NamedTuple):
+    """A dashboard with variables chosen, at one end of its time range."""
+
+    board: str
+    name: str
+    choose: dict[str, str]
+    at: str  # "now", or "past": the end of the past with known answers
+    cells: dict[str, dict[str, list[str]]]  # panel -> query -> cells
+
+    def __str__(self) -> str:
+        return f"{self.board}: {self.name}"
+
+
+def views() -> list[View]:
+    """All views of all dashboards."""
+    return [
+        View(path.stem, each["view"], each["choose"], each["at"], each["cells"])
+        for path in sorted(FOLDER.glob("*.yml"))
+        for each in yaml.safe_load(path.read_text(encoding="utf-8"))
+    ]
+
+
+def found_cells(answer: list[dict[str, Any]]) -> dict[Labels, float]:
+    """The cells of an instant query, or the last ones of a query over a range."""
+    found: dict[Labels, float] = {}
+    for series in answer:
+        labels = tuple(sorted((k, v) for k, v in series["metric"].items() if k not in NOT_COMPARED))
+        value = series["value"] if "value" in series else series["values"][-1]
+        assert labels not in found, f"two cells with the labels {labels}"
+        found[labels] = float(value[1])
+    return found
+
+
+def differences(expected: list[str], found: dict[Labels, float], now: float) -> list[str]:
+    """What is missing, unexpected or of another value; one line each."""
+    wrong: list[str] = []
+    remaining = dict(found)
+    for cell in expected:
+        parts = CELL.fullmatch(cell)
+        assert parts, f"no cell: {cell}"
+        value = remaining.pop(_labels(parts["labels"]), None)
+        if value is None:
+            if not parts["optional"]:
+                wrong.append(f"missing: {cell}")
+        elif not _fits(parts["value"], value, now):
+            wrong.append(f"expected {cell}, found {value}")
+    return wrong + [f"unexpected: {dict(labels)} {value}" for labels, value in remaining.items()]
+
+
+def _labels(text: str) -> Labels:
+    pairs = (pair.partition("=") for pair in re.split(r", (?=\w+=)", text) if pair)
+    return tuple(sorted((name, value) for name, _equals, value in pairs))
+
+
+def _fits(wanted: str, value: float, now: float) -> bool:
+    for prefix, unit in (("ms ago ", 1000), ("ago ", 1)):
+        if wanted.startswith(prefix):
+            return _fits(wanted.removeprefix(prefix), now - value / unit, now)
+    if ".." in wanted:
+        low, _dots, high = wanted.partition("..")
+        return float(low) <= value <= float(high)
+    return any(
+        math.isclose(value, float(each), rel_tol=1e-4, abs_tol=1e-9) for each in wanted.split("|")
+    )

@@ -1,0 +1,18 @@
+"""The fleet that is in every state at once, once for all tests of a worker."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from watched_fleet import Watched, watching
+
+import prometheus_site
+
+
+@pytest.fixture(scope="session")
+def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
+    if missing := prometheus_site.missing_program():
+        pytest.skip(f"{missing} is not installed")
+    with watching(tmp_path_factory.mktemp("site")) as found:
+        yield found

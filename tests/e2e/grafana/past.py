@@ -1,0 +1,104 @@
+"""What the rules recorded before the fixture starts, with known answers, as OpenMetrics text.
+
+Four hours and a half that end half an hour before the start; the reports are asked at that moment.
+The recording itself is the business of the rules' own tests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+SLOT = 300  # seconds of one slot of availability
+SLOTS = 48  # four hours of them
+TAIL = 1800  # seconds between the end of the past and the start
+
+# Slots of five minutes that a robot spent in a part.
+PARTS = {
+    "well": {"ok": 48},
+    "broken": {"ok": 24, "warning": 12, "critical": 12},
+    "maintained": {"ok": 24, "maintenance": 24},
+    "silent": {"ok": 24, "unknown": 12, "undetermined": 12},
+}
+CARRIERS = ("well", "broken", "silent")
+Sample = tuple[str, str, float, float]  # name, labels, value, Unix time
+
+
+def write(path: Path, start: float) -> float:
+    """Write the past of a fixture that starts at ``start``; returns when the past ends."""
+    end = float(int(start) - TAIL)
+    # A series' samples together, in the order of their times.
+    samples = sorted(
+        [*_parts(end), *_faults(end), *_alerts(end)],
+        key=lambda sample: (sample[0], sample[1], sample[3]),
+    )
+    lines: list[str] = []
+    for name in dict.fromkeys(sample[0] for sample in samples):
+        lines.append(f"# TYPE {name} gauge")
+        lines.extend(
+            f"{each}{{{labels}}} {value} {time}"
+            for each, labels, value, time in samples
+            if each == name
+        )
+    path.write_text("\n".join([*lines, "# EOF", ""]))
+    return end
+
+
+def _parts(end: float) -> Iterator[Sample]:
+    """Each slot's sample is recorded at its end; the last one at ``end``."""
+    sums: dict[tuple[str, str, float], float] = {}
+    for robot, parts in PARTS.items():
+        slots = [part for part, count in parts.items() for _ in range(count)]
+        for number, part in enumerate(slots, start=1):
+            time = end - (SLOTS - number) * SLOT
+            labels = f'fleet="hall",robot="{robot}",part="{part}"'
+            yield "robot:ros_diagnostics_part_seconds:sum5m", labels, SLOT, time
+            sums["fleet", part, time] = sums.get(("fleet", part, time), 0) + SLOT
+            if robot in CARRIERS:
+                sums["group", part, time] = sums.get(("group", part, time), 0) + SLOT
+    for (level, part, time), seconds in sums.items():
+        if level == "fleet":
+            labels = f'fleet="hall",part="{part}"'
+            yield "fleet:ros_diagnostics_part_seconds:sum5m", labels, seconds, time
+        else:
+            labels = f'fleet="hall",robot_group="carriers",part="{part}"'
+            yield "robot_group:ros_diagnostics_part_seconds:sum5m", labels, seconds, time
+
+
+def _faults(end: float) -> Iterator[Sample]:
+    """Two faults of broken, of 10 and of 20 minutes; one silence of silent, of 15."""
+    motor = 'fleet="hall",robot="broken",group="/Motor",component="Motor 1",state="critical"'
+    for begin, length in ((end - 7200, 600), (end - 3600, 1200)):
+        for time in _every(15, begin, length):
+            yield "component:ros_diagnostics_fault:confirmed", motor, begin, time
+        yield from _states("broken", begin, length, 3)
+    begin = end - 5400
+    for time in _every(15, begin, 900):
+        labels = 'fleet="hall",robot="silent"'
+        yield "robot:ros_diagnostics_silent:confirmed", labels, begin, time
+    yield from _states("silent", begin, 900, 4)
+
+
+def _states(robot: str, begin: float, length: float, rank: int) -> Iterator[Sample]:
+    """A robot at a rank, and then well for a while."""
+    labels = f'fleet="hall",robot="{robot}"'
+    for since, lasting, state in ((begin, length, rank), (begin + length + 15, 600, 0)):
+        for time in _every(15, since, lasting):
+            yield "robot:ros_diagnostics_state:since", labels, since, time
+            yield "robot:ros_diagnostics_state:rank", labels, state, time
+
+
+def _alerts(end: float) -> Iterator[Sample]:
+    """What was told of the faults of broken."""
+    labels = (
+        'alertname="RosDiagnosticsComponentCritical",severity="critical",'
+        'fleet="hall",robot="broken",group="/Motor",component="Motor 1"'
+    )
+    for begin, length in ((end - 7200, 600), (end - 3600, 1200)):
+        for time in _every(15, begin, length):
+            yield "ALERTS", f'{labels},alertstate="firing"', 1, time
+            yield "ALERTS_FOR_STATE", labels, begin, time
+
+
+def _every(step: int, begin: float, length: float) -> Iterator[float]:
+    return (begin + offset for offset in range(0, int(length) + 1, step))

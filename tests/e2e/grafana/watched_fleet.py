@@ -1,0 +1,77 @@
+"""The fleet that is in every state at once, watched by a real Prometheus and Alertmanager."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import every_state
+import past
+
+import prometheus_site
+from fleet_demo.waiting import until
+from served_fleet import STARTED, serving
+
+# What blackbox_exporter answers for a ping.
+PONG = b"probe_success 1\nprobe_duration_seconds 0.25\n"
+SILENCE = b"probe_success 0\nprobe_duration_seconds 5\n"
+
+# What must have come about before anything is asked; each names a robot or more.
+COME_ABOUT = {
+    "every state": "count(count by (state) (robot:ros_diagnostics_state:info)) == 7",
+    "confirmed faults": (
+        'count(component:ros_diagnostics_fault:confirmed{robot!="flapping"}) == 5'
+    ),
+    "a confirmed silence": 'robot:ros_diagnostics_silent:confirmed{robot="silent"}',
+    "a short check": "check:ros_diagnostics_short:confirmed",
+    "flapping": "component:ros_diagnostics_flapping:start",
+    "planned maintenance": "robot:ros_diagnostics_maintenance:start",
+    "scraped servers": 'count(up{job=~"prometheus|alertmanager"} == 1) == 2',
+    "a ping": "count(probe_success) == 2",
+    "a notification that failed": (
+        'increase(alertmanager_notifications_failed_total{integration="email"}[1m]) > 0'
+    ),
+}
+
+
+class Watched(NamedTuple):
+    """The servers, and when the past with known answers ends."""
+
+    site: prometheus_site.Site
+    past_end: float
+
+
+@contextmanager
+def watching(folder: Path) -> Iterator[Watched]:
+    """All states are there, and told, when this yields."""
+    hall, annex = every_state.every_state(folder), every_state.all_well(folder)
+    annex.domains[7] = False
+    past_end = past.write(folder / "past.txt", STARTED.wall)
+    with ExitStack() as open_:
+        serve = {
+            "hall": open_.enter_context(serving(hall.scrape)),
+            "annex": open_.enter_context(serving(annex.scrape)),
+        }
+        probes = [
+            _probe("ping", open_.enter_context(serving(lambda: PONG)), robot="well"),
+            _probe("uplink", open_.enter_context(serving(lambda: SILENCE)), uplink="ap_9"),
+        ]
+        site = open_.enter_context(
+            prometheus_site.running(
+                folder,
+                serve,
+                {"restart_grace": 1},
+                probes=probes,
+                history=folder / "past.txt",
+            )
+        )
+        for what, expr in COME_ABOUT.items():
+            until(lambda expr=expr: site.query(expr), what, 90, every=0.5)
+        yield Watched(site, past_end)
+
+
+def _probe(kind: str, address: str, **labels: str) -> dict[str, object]:
+    target = {"targets": [address], "labels": {"fleet": "hall", **labels}}
+    return {"job_name": f"ros-diagnostics-{kind}", "static_configs": [target]}
