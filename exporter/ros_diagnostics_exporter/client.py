@@ -1,4 +1,4 @@
-"""Asks a running exporter for its fleet: the companions' way in, with the standard library alone.
+"""Asks a running server of ours: the companions' way in, with the standard library alone.
 
 A Nagios check is a new process every time: what is imported here is paid at every check.
 """
@@ -19,20 +19,20 @@ DEFAULT_URL = "http://127.0.0.1:9877"
 
 
 class UnreachableError(Exception):
-    """The exporter gave no answer that can be used; the text says why and where."""
+    """The server gave no answer that can be used; the text says why and where."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The flags that say where the exporter is and how it wants to be asked."""
-    where = parser.add_argument_group("exporter")
-    where.add_argument(
-        "-u", "--url", default=DEFAULT_URL, help="of the exporter (default: %(default)s)"
-    )
+def add_arguments(
+    parser: argparse.ArgumentParser, server: str = "exporter", url: str = DEFAULT_URL
+) -> None:
+    """The flags that say where the server is and how it wants to be asked."""
+    where = parser.add_argument_group(server)
+    where.add_argument("-u", "--url", default=url, help=f"of the {server} (default: %(default)s)")
     where.add_argument("--user", help="for basic auth")
     where.add_argument(
         "--password-file", type=Path, metavar="FILE", help="the user's password, in one line"
     )
-    where.add_argument("--ca-file", type=Path, metavar="FILE", help="CA of the exporter's TLS")
+    where.add_argument("--ca-file", type=Path, metavar="FILE", help=f"CA of the {server}'s TLS")
     where.add_argument(
         "--cert-file", type=Path, metavar="FILE", help="own certificate, with --key-file"
     )
@@ -54,20 +54,35 @@ def ask_fleet(options: argparse.Namespace, robots: tuple[str, ...] = ()) -> dict
         UnreachableError: No answer, or none that is a fleet.
     """
     query = urllib.parse.urlencode([("robot", name) for name in robots])
-    url = f"{options.url.rstrip('/')}/api/v1/fleet" + (f"?{query}" if query else "")
+    path = "/api/v1/fleet" + (f"?{query}" if query else "")
+    fleet = ask(options, path)
+    if not isinstance(fleet, dict) or "robots" not in fleet:
+        raise UnreachableError(f"{options.url}{path} is not a ROS diagnostics exporter")
+    return fleet
+
+
+def ask(options: argparse.Namespace, path: str, body: Any = None, *, method: str = "") -> Any:
+    """The JSON that the server answers; a ``body`` is posted as JSON. None for an empty answer.
+
+    Raises:
+        UnreachableError: No answer, a refusal, or no JSON.
+    """
+    url = options.url.rstrip("/") + path
+    headers = _login(options) | ({} if body is None else {"Content-Type": "application/json"})
+    content = None if body is None else json.dumps(body).encode()
     try:
-        # ProxyHandler({}): the exporter is near; the environment's proxies lead elsewhere.
+        # ProxyHandler({}): the server is near; the environment's proxies lead elsewhere.
         opener = urllib.request.build_opener(urllib.request.ProxyHandler({}), _https(options))
-        request = urllib.request.Request(url, headers=_login(options))  # noqa: S310 - the user's
+        request = urllib.request.Request(  # noqa: S310 - the user's
+            url, content, headers, method=method or None
+        )
         with opener.open(request, timeout=options.timeout) as answer:
-            fleet: dict[str, Any] = json.load(answer)
+            text = answer.read()
+            return json.loads(text) if text else None
     except urllib.error.HTTPError as error:
         raise UnreachableError(f"{url} answered {error.code} {error.reason}") from error
     except (OSError, ValueError) as error:  # URLError is an OSError, bad JSON a ValueError
         raise UnreachableError(f"{url}: {getattr(error, 'reason', None) or error}") from error
-    if not isinstance(fleet, dict) or "robots" not in fleet:
-        raise UnreachableError(f"{url} is not a ROS diagnostics exporter")
-    return fleet
 
 
 def _https(options: argparse.Namespace) -> urllib.request.HTTPSHandler:
