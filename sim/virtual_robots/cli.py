@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ from pathlib import Path
 from virtual_robots.aggregator import VERSIONS, AnalyzerConfigError
 from virtual_robots.documents import DocumentError
 from virtual_robots.kinds import known_kinds
+from virtual_robots.terminal import complain
 
 COMMANDS = """commands:
   virtual-robots [run] [options]   publish a fleet of virtual robots until interrupted
@@ -27,6 +29,8 @@ COMMANDS = """commands:
 NO_ROS = """virtual-robots: ROS 2 cannot be imported ({error}).
 Install it with this package: pip install 'ros-diagnostics-exporter[ros]'
 or source a ROS 2 installation first: source /opt/ros/jazzy/setup.bash"""
+NO_ROSBAGS = """virtual-robots: recordings need the library rosbags ({error}).
+Install it with this package: pip install 'ros-diagnostics-exporter[demo]'"""
 ROS_PACKAGES = ("rclpy", "diagnostic_msgs.msg", "rcl_interfaces.srv")
 
 
@@ -35,13 +39,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     command = words.pop(0) if words and words[0] in PARSERS else "run"
     options = PARSERS[command]().parse_args(words)
-    try:
-        for package in ROS_PACKAGES:
-            importlib.import_module(package)
-    except ImportError as error:
-        return _fail(NO_ROS.format(error=error), 1)
-    # Not before: without ROS, the sentence above shall come, and --help shall work.
-    commands = importlib.import_module("virtual_robots.commands")
+    recordings = command in {"replay", "record"}
+    missing = _missing(ROS_PACKAGES, NO_ROS)
+    if not missing and recordings:
+        missing = _missing(("rosbags",), NO_ROSBAGS)
+    if missing:
+        return _fail(missing, 1)
+    # Not before: without ROS, the sentences above shall come, and --help shall work.
+    module = "recording_commands" if recordings else "commands"
+    commands = importlib.import_module(f"virtual_robots.{module}")
     ros = importlib.import_module("virtual_robots.ros")
     try:
         getattr(commands, command)(options)
@@ -52,8 +58,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
+def _missing(packages: Sequence[str], sentence: str) -> str:
+    """The sentence about the first package that cannot be imported; empty if all can."""
+    try:
+        for package in packages:
+            importlib.import_module(package)
+    except ImportError as error:
+        return sentence.format(error=error)
+    return ""
+
+
 def _fail(text: str, code: int) -> int:
-    print(text, file=sys.stderr)  # noqa: T201 - a command's answer
+    complain(text)
     return code
 
 
@@ -101,7 +117,9 @@ def _replay_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--rate", type=_positive, default=1.0, help="times as fast (default 1)")
     parser.add_argument("--loop", action="store_true", help="begin again at the end")
-    parser.add_argument("--namespace", default="", help="put before each topic, such as robot_1")
+    parser.add_argument(
+        "--namespace", type=_namespace, help="put before each topic, such as robot_1"
+    )
     parser.add_argument(
         "--wait",
         type=_positive,
@@ -145,7 +163,6 @@ def add_fleet(parser: argparse.ArgumentParser) -> None:
     which.add_argument("--scenario", type=Path, help="a file that says which, and what happens")
     parser.add_argument(
         "--kind",
-        default="thesis",
         help=f"{', '.join(known_kinds())}, or the path of a kind file (default thesis)",
     )
     parser.add_argument("--settings", type=Path, help="a settings file of the thesis' robot")
@@ -171,6 +188,12 @@ def _count(text: str) -> int:
     if number < 1:
         raise argparse.ArgumentTypeError("must be at least 1")
     return number
+
+
+def _namespace(text: str) -> str:
+    if not re.fullmatch(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", text, re.ASCII):
+        raise argparse.ArgumentTypeError("must be a ROS namespace, such as robot_1")
+    return text.strip("/")
 
 
 def _positive(text: str) -> float:

@@ -22,6 +22,7 @@ from virtual_robots.models import (
 )
 
 STARTING_UP = "Node starting up"
+FLAP_PERIOD = 2.0
 
 
 class Fault(NamedTuple):
@@ -34,7 +35,7 @@ class Fault(NamedTuple):
     what: str
     since: float
     message: str = ""
-    period: float = 2.0
+    period: float = FLAP_PERIOD
 
 
 class UnknownFaultError(ValueError):

@@ -86,8 +86,12 @@ class Fleet:
         member.drawn -= {component}
 
     def start(self, member: Member, at: float) -> None:
-        """Boot the robot at a time: driver and aggregator begin anew, if it is not running."""
-        self.plan(at, lambda now: self._boot(member, now))
+        """Boot the robot at a time: driver and aggregator begin anew.
+
+        Nothing happens if it runs by then, or was stopped (again) before.
+        """
+        life = member.life
+        self.plan(at, lambda now: self._boot(member, life, now))
 
     def resume(self, member: Member, now: float) -> None:
         """Let a robot that was stopped go on as if nothing had been."""
@@ -103,9 +107,10 @@ class Fleet:
 
     def reload(self, settings: Path) -> None:
         """Read a settings file again, for all robots that have it. Raises DocumentError."""
+        latest = load_settings(settings)
         for member in self.members.values():
             if member.spec.settings == settings:
-                self._reshape(member, load_settings(settings))
+                self._reshape(member, latest)
 
     def _make(self, spec: RobotSpec) -> Member:
         kind = load_kind(spec.kind)
@@ -124,8 +129,8 @@ class Fleet:
         components = build_components(kind, f"{self._seed}/{member.spec.name}")
         member.robot.replace_components(components)
 
-    def _boot(self, member: Member, now: float) -> Iterator[Happening]:
-        if member.alive:
+    def _boot(self, member: Member, life: int, now: float) -> Iterator[Happening]:
+        if member.alive or member.life != life:
             return
         member.robot.boot()
         if self._version is not None:

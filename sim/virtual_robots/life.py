@@ -15,6 +15,7 @@ from virtual_robots.members import Happening, Member, Presence
 # How long Fast DDS believes in a participant that says nothing any more (its default lease).
 LEASE = 20.0
 BOOT_TIME = 10.0
+FLAP_PERIOD = 5.0
 
 
 class Order(NamedTuple):
@@ -28,7 +29,7 @@ class Order(NamedTuple):
     length: float = 0.0
     by: float = 3600.0
     rate: float = 100.0
-    period: float = 5.0
+    period: float = FLAP_PERIOD
 
 
 Deed = Callable[[Fleet, Member, Order, float], Iterator[Happening]]

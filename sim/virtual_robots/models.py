@@ -138,10 +138,7 @@ class ComponentModel(Document):
 
     @model_validator(mode="after")
     def _names_are_known(self) -> ComponentModel:
-        known = set(self.variables)
-        known |= {
-            f"{name}_charging" for name, v in self.variables.items() if isinstance(v, Battery)
-        }
+        known = self._numbers()
         used = {condition.variable for condition in (*self.rules, *self.texts.values())}
         used |= {fault.drive for fault in self.faults.values() if fault.drive}
         used |= {v.follows for v in self.variables.values() if isinstance(v, Linear)}
@@ -150,9 +147,26 @@ class ComponentModel(Document):
         used -= set(self.texts)
         if used - known:
             raise ValueError(f"{self.name}: no variable {', '.join(sorted(used - known))}")
+        self._try_templates()
         if taken := RESERVED & set(self.faults):
             raise ValueError(f"{self.name}: a fault cannot be called {', '.join(sorted(taken))}")
         return self
+
+    def _numbers(self) -> set[str]:
+        batteries = {name for name, v in self.variables.items() if isinstance(v, Battery)}
+        return {*self.variables, *(f"{name}_charging" for name in batteries)}
+
+    def _try_templates(self) -> None:
+        """Whether they can be filled in, said now and not at the first message."""
+        words: dict[str, float | str] = {**dict.fromkeys(self._numbers(), 1.0)}
+        words |= dict.fromkeys(self.texts, "")
+        try:
+            for template in (self.message, *self.values.values()):
+                template.format_map(words)
+            for numbered in (self.name, self.hardware_id):
+                numbered.format(n=1)
+        except (KeyError, IndexError, ValueError) as error:
+            raise ValueError(f"{self.name}: a text cannot be filled in: {error}") from error
 
 
 class KindModel(Document):

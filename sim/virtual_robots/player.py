@@ -18,6 +18,8 @@ from virtual_robots.members import Happening
 # Waking up for every single one of a thousand robots would cost more than their messages.
 SHORTEST_SLEEP = 0.005
 LOOK_AT_FILES_EVERY = 1.0
+TOO_LATE = 1.0
+COMPLAIN_AGAIN_AFTER = 60.0
 
 Take = Callable[[Happening, float], None]
 
@@ -26,7 +28,8 @@ class Player:
     """Plays a fleet.
 
     ``take`` is called with each happening and the fleet's start (seconds since the epoch);
-    ``complain`` with a text when a settings file that changed cannot be used.
+    ``complain`` with a text when a settings file that changed cannot be used, or when this machine
+    is too slow for the fleet.
     """
 
     def __init__(self, fleet: Fleet, take: Take, complain: Callable[[str], None]) -> None:
@@ -40,14 +43,14 @@ class Player:
             if member.spec.settings is not None
         }
         self._look_at = LOOK_AT_FILES_EVERY
-        self.worst_delay = 0.0
+        self._may_complain_at = 0.0
 
     def play(self, stop: threading.Event, until: float = float("inf")) -> None:
         """Let happen what is due when it is due, until ``stop`` is set or ``until`` (s) is over."""
         started, started_wall = time.monotonic(), time.time()
         while not stop.is_set():
             now = min(time.monotonic() - started, until)
-            self.worst_delay = max(self.worst_delay, now - self._fleet.next_at())
+            self._judge_delay(now)
             with self._lock:
                 for happening in self._fleet.advance(now):
                     self._take(happening, started_wall)
@@ -67,6 +70,13 @@ class Player:
         with self._lock:
             fault = None if what == "ok" else Fault(what, self._fleet.now, message)
             self._fleet.inject(robot, component, fault)
+
+    def _judge_delay(self, now: float) -> None:
+        """A fleet that cannot keep up must not be taken for one that loses messages."""
+        delay = now - self._fleet.next_at()
+        if delay > TOO_LATE and now >= self._may_complain_at:
+            self._may_complain_at = now + COMPLAIN_AGAIN_AFTER
+            self._complain(f"the robots are {delay:.1f} s late: too many for this machine now")
 
     def _look_at_files(self, now: float) -> None:
         if now < self._look_at or not self._files:

@@ -28,8 +28,12 @@ class Robot:
         for component in self.components:
             if component.name == name:
                 return component
-        known = ", ".join(component.name for component in self.components)
+        known = ", ".join(self.component_names())
         raise KeyError(f"{self.name} has no component {name!r}, only {known}")
+
+    def component_names(self) -> list[str]:
+        """The names of its components, in their order."""
+        return [component.name for component in self.components]
 
     def inject(self, component: str, fault: Fault | None) -> None:
         """Begin or end a fault. Raises KeyError or UnknownFaultError."""

@@ -5,6 +5,7 @@ Owns the file's form and its errors; fleet.py and life.py do what it says.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -12,11 +13,12 @@ from typing import NamedTuple
 
 from pydantic import Field, model_validator
 
+from virtual_robots.components import FLAP_PERIOD as COMPONENT_FLAP_PERIOD
 from virtual_robots.components import Fault
 from virtual_robots.documents import Document, DocumentError, parse, read_mapping
 from virtual_robots.fleet import Fleet
 from virtual_robots.kinds import kind_path
-from virtual_robots.life import DEEDS, Order, order
+from virtual_robots.life import DEEDS, FLAP_PERIOD, Order, order
 from virtual_robots.members import Happening, Note, RobotSpec
 from virtual_robots.models import Name
 
@@ -32,6 +34,15 @@ class RobotsModel(Document):
     name: Name = "robot_{n}"
     settings: Name | None = None
     absent: bool = False
+
+    @model_validator(mode="after")
+    def _is_a_namespace(self) -> RobotsModel:
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", self.name.replace("{n}", "1")):
+            raise ValueError(
+                f"name: {self.name!r} cannot be a ROS namespace; use letters, digits and _,"
+                " a letter first, and {n} for the number"
+            )
+        return self
 
 
 class EventModel(Document):
@@ -110,11 +121,12 @@ def _specs(model: ScenarioModel, path: Path) -> Iterator[RobotSpec]:
         settings = path.parent / robots.settings if robots.settings else None
         for _ in range(robots.count):
             number += 1
-            yield RobotSpec(robots.name.format(n=number), kind, settings, robots.absent)
+            yield RobotSpec(robots.name.replace("{n}", str(number)), kind, settings, robots.absent)
 
 
 def _plan_order(fleet: Fleet, robot: str, event: EventModel) -> None:
-    wanted = Order(event.what, event.length, event.by, event.rate, event.period or Order("").period)
+    period = event.period or FLAP_PERIOD
+    wanted = Order(event.what, event.length, event.by, event.rate, period)
 
     def happen(now: float) -> Iterator[Happening]:
         yield Note(now, f"{robot}: {event.what}")
@@ -127,7 +139,7 @@ def _plan_fault(fleet: Fleet, robot: str, event: EventModel, where: str) -> None
     components = fleet.member(robot).robot.components
     matching = [c for c in components if fnmatchcase(c.name, event.component or "")]
     if not matching:
-        known = ", ".join(c.name for c in components)
+        known = ", ".join(fleet.member(robot).robot.component_names())
         raise DocumentError(f"{where}: component: {robot} has only {known}")
     for component in matching:
         if event.what not in component.known_faults():
@@ -137,15 +149,15 @@ def _plan_fault(fleet: Fleet, robot: str, event: EventModel, where: str) -> None
 
 
 def _plan_change(fleet: Fleet, robot: str, component: str, event: EventModel) -> None:
-    def begin(now: float) -> Iterator[Happening]:
-        fault = Fault(event.what, now, event.message, event.period or Fault("", now).period)
-        yield Note(now, f"{robot}, {component}: {event.what} {event.message}".rstrip())
-        fleet.inject(robot, component, None if event.what == "ok" else fault)
+    def change(now: float, what: str) -> Iterator[Happening]:
+        message = event.message if what != "ok" else ""
+        fault = Fault(what, now, message, event.period or COMPONENT_FLAP_PERIOD)
+        if component not in fleet.member(robot).robot.component_names():
+            yield Note(now, f"{robot}, {component}: is there no more since its settings changed")
+            return
+        yield Note(now, f"{robot}, {component}: {what} {message}".rstrip())
+        fleet.inject(robot, component, None if what == "ok" else fault)
 
-    def end(now: float) -> Iterator[Happening]:
-        yield Note(now, f"{robot}, {component}: ok")
-        fleet.inject(robot, component, None)
-
-    fleet.plan(event.at, begin)
+    fleet.plan(event.at, lambda now: change(now, event.what))
     if event.length:
-        fleet.plan(event.at + event.length, end)
+        fleet.plan(event.at + event.length, lambda now: change(now, "ok"))

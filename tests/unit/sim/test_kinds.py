@@ -162,6 +162,10 @@ def test_a_kind_of_one_s_own_is_a_file(tmp_path: Path) -> None:
             "components.0: Arm: no variable t",
         ),
         (
+            "components: [{name: 'Arm {x}'}]\nanalyzers: a\n",
+            "components.0: Arm {x}: a text cannot be filled in: 'x'",
+        ),
+        (
             "components: [{name: Arm, faults: {error: {level: error}}}]\nanalyzers: a\n",
             "components.0: Arm: a fault cannot be called error",
         ),

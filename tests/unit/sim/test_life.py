@@ -122,6 +122,13 @@ def test_a_robot_that_already_runs_cannot_be_doubled() -> None:
     assert len(of(story, Topic.RAW)) == 10
 
 
+def test_a_robot_that_is_stopped_before_it_is_back_stays_away() -> None:
+    fleet = fleet_of()
+    told(fleet, 10.0, Order("crash", length=20.0), 5.0)
+    story = told(fleet, 15.0, Order("leave"), 60.0)
+    assert of(story, Topic.RAW) == []
+
+
 def test_the_other_robots_go_on() -> None:
     story = told(fleet_of(robots=2), 10.0, Order("crash"), 20.0)
     assert len(of(story, Topic.RAW, "robot_2")) == 20

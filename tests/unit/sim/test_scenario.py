@@ -111,6 +111,8 @@ def test_settings_lie_beside_the_scenario(tmp_path: Path) -> None:
         ("events: [{robot: robot_1, what: crash}]", "events.0.at: is missing"),
         ("event: []", "event: is no key that is known here"),
         ("robots: [{count: 2, name: same}]", "robots: same is there twice; use {n}"),
+        ("robots: [{name: my robot}]", "'my robot' cannot be a ROS namespace; use letters"),
+        ("robots: [{name: 'r{x}'}]", "'r{x}' cannot be a ROS namespace; use letters"),
         ("robots: [{kind: tank}]", "wrong.yaml: robots: kind 'tank' is not known"),
         ("robots: [{settings: gone.yaml}]", "gone.yaml: cannot be read: No such file"),
         ("- 1", "must be a mapping of keys to values, is a list"),
@@ -129,3 +131,20 @@ def test_a_wrong_scenario_names_the_place_and_the_way_out(
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(DocumentError, match=r"none\.yaml: cannot be read: No such file"):
         load_scenario(tmp_path / "none.yaml")
+
+
+def test_an_event_for_a_component_that_new_settings_took_away_is_told(tmp_path: Path) -> None:
+    settings, path = tmp_path / "robot.yaml", tmp_path / "story.yaml"
+    settings.write_text("number_of_motors: 3\n")
+    path.write_text(
+        "robots: [{settings: robot.yaml}]\n"
+        "events: [{at: 5, robot: robot_1, component: Motor 3, what: error}]\n"
+    )
+    scenario = load_scenario(path)
+    fleet = Fleet(scenario.specs)
+    plan(scenario, fleet)
+    list(fleet.advance(3.0))
+    settings.write_text("number_of_motors: 2\n")
+    fleet.reload(settings)
+    notes = [h.text for h in fleet.advance(6.0) if isinstance(h, Note)]
+    assert notes == ["robot_1, Motor 3: is there no more since its settings changed"]

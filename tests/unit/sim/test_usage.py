@@ -11,17 +11,26 @@ import pytest
 from virtual_robots.cli import PARSERS, main
 
 
-def test_without_ros_a_sentence_says_how_to_get_it() -> None:
+@pytest.mark.parametrize(
+    ("missing", "words", "sentence"),
+    [
+        ("rclpy", ["--robots", "1"], "ROS 2 cannot be imported"),
+        ("rosbags", ["record", "bag"], "recordings need the library rosbags"),
+    ],
+)
+def test_without_a_library_a_sentence_says_how_to_get_it(
+    missing: str, words: list[str], sentence: str
+) -> None:
     code = (
-        "import sys; sys.modules['rclpy'] = None\n"
-        "from virtual_robots.cli import main; sys.exit(main(['--robots', '1']))"
+        f"import sys; sys.modules['{missing}'] = None\n"
+        f"from virtual_robots.cli import main; sys.exit(main({words}))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
     )
     assert done.returncode == 1
-    assert "ROS 2 cannot be imported" in done.stderr
-    assert "pip install 'ros-diagnostics-exporter[ros]'" in done.stderr
+    assert sentence in done.stderr
+    assert "pip install 'ros-diagnostics-exporter[" in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -41,6 +50,7 @@ def test_each_command_says_what_it_takes(command: str, capsys: pytest.CaptureFix
         (["--aggregator", "4.0.0"], "invalid choice: '4.0.0'"),
         (["--duration", "-1"], "must be a number above 0"),
         (["fault", "robot_1", "Motor 1"], "the following arguments are required: level"),
+        (["replay", "f.mcap", "--namespace", "my robot"], "must be a ROS namespace"),
         (["replay"], "the following arguments are required: FILE"),
     ],
 )
@@ -60,6 +70,7 @@ def test_wrong_usage_is_told(
         (["--domain-id", "-1"], "domain id -1 must be between 0 and 232"),
         (["--kind", "tank"], "kind 'tank' is not known; it is one of kobuki, thesis"),
         (["--kind", "kobuki", "--settings", "s.yaml"], "--settings is for --kind thesis only"),
+        (["--kind", "thesis", "--scenario", "s.yaml"], "--kind and --settings go with --robots"),
         (["--scenario", "gone.yaml"], "gone.yaml: cannot be read: No such file"),
         (["--settings", "gone.yaml"], "gone.yaml: cannot be read: No such file"),
         (["replay", "gone.mcap"], "gone.mcap: cannot be read as a bag"),

@@ -1,0 +1,59 @@
+"""What `record` and `replay` do; options come from cli.py.
+
+Imports ROS and rosbags; cli.py imports it only when one of them is called.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+
+from virtual_robots.bags import BagWriter, Recorded, read_recordings, recorded_topics
+from virtual_robots.bags_ros import Playback, Recorder
+from virtual_robots.ros import chosen_domain_id, ros_context
+from virtual_robots.terminal import complain, say, stop_on_signals
+
+
+def replay(options: argparse.Namespace) -> None:
+    """Publish recorded diagnostics on their topics."""
+    topics = recorded_topics(options.files)
+    stop = stop_on_signals()
+
+    def renamed(topic: str) -> str:
+        return f"/{options.namespace}{topic}" if options.namespace else topic
+
+    with ros_context(chosen_domain_id(options.domain_id)) as context:
+        playback = Playback(context, topics, renamed)
+        say(f"ready: replays {', '.join(renamed(topic) for topic in topics)}")
+        if not playback.wait_for_subscribers(options.wait, stop):
+            complain(f"not every topic has a subscriber after {options.wait:g} s; begins")
+        count = 0
+        while not stop.is_set():
+            count += playback.play(read_recordings(options.files), options.rate, stop)
+            if not options.loop:
+                break
+        playback.close()
+    say(f"{count} messages replayed")
+
+
+def record(options: argparse.Namespace) -> None:
+    """Write the diagnostics of a domain into a bag until SIGINT or SIGTERM, or for a duration."""
+    writer = BagWriter(options.output, options.storage)
+    stop = stop_on_signals()
+    counted: Counter[str] = Counter()
+
+    def take(message: Recorded) -> None:
+        counted[message.topic] += 1
+        writer.write(message)
+
+    with ros_context(chosen_domain_id(options.domain_id)) as context:
+        recorder = Recorder(context, options.topic or ["*"], take, _say_recorded)
+        say(f"ready: records into {options.output}")
+        recorder.record(stop, options.duration or float("inf"))
+        recorder.close()
+    writer.close()
+    say(f"{counted.total()} messages of {len(counted)} topics recorded")
+
+
+def _say_recorded(topic: str) -> None:
+    say(f"records {topic}")

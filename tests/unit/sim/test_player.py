@@ -1,0 +1,50 @@
+"""A fleet in real time."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+from fleet_stories import fleet_of, level_of, of
+
+from virtual_robots.components import UnknownFaultError
+from virtual_robots.diagnostics import ERROR
+from virtual_robots.members import Happening, Topic
+from virtual_robots.player import Player
+
+
+def test_all_that_is_due_is_taken_and_the_end_is_kept() -> None:
+    taken: list[Happening] = []
+    player = Player(fleet_of(), lambda happening, _: taken.append(happening), pytest.fail)
+    player.play(threading.Event(), until=1.5)
+    expected = list(fleet_of().advance(1.5))
+    assert taken == expected
+
+
+def test_a_stop_ends_it_at_once() -> None:
+    stop = threading.Event()
+    stop.set()
+    Player(fleet_of(), pytest.fail, pytest.fail).play(stop)
+
+
+def test_an_order_becomes_a_fault() -> None:
+    fleet = fleet_of()
+    player = Player(fleet, lambda *_: None, pytest.fail)
+    player.inject("robot_1.Motor 2", "error: Over temperature: 95")
+    last = of(fleet.advance(4.0), Topic.RAW)[-1]
+    assert level_of(last, "Motor 2") == ERROR
+    assert last.statuses[1].message == "Over temperature: 95"
+    player.inject("robot_1.Motor 2", "ok")
+    assert level_of(of(fleet.advance(6.0), Topic.RAW)[-1], "Motor 2") == 0
+    with pytest.raises(UnknownFaultError):
+        player.inject("robot_1.Motor 2", "explode")
+
+
+def test_a_fleet_that_cannot_keep_up_says_so_once() -> None:
+    """Taking a message here is so slow that the next one is late."""
+    told: list[str] = []
+    busy = threading.Event()
+    player = Player(fleet_of(), lambda *_: busy.wait(0.4), told.append)
+    player.play(threading.Event(), until=4.0)
+    assert len(told) == 1
+    assert "s late: too many for this machine now" in told[0]
