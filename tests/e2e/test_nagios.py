@@ -1,0 +1,195 @@
+"""The plug-in under the distribution's real Nagios 4, checking robots through the real exporter."""
+
+from __future__ import annotations
+
+import getpass
+import grp
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from fleet_demo import domains, ports
+from fleet_demo.processes import Process
+from fleet_demo.waiting import until
+
+pytestmark = [
+    pytest.mark.e2e,
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        shutil.which("nagios4") is None,
+        reason="no nagios4 here: apt-get install --no-install-recommends nagios4-core",
+    ),
+]
+
+BIN = Path(sys.executable).parent
+SERVICES = {"motors": "Motor", "lasers": "Laser", "grippers": "Gripper"}
+
+SETTINGS = """\
+cfg_file={folder}/objects.cfg
+object_cache_file={folder}/objects.cache
+precached_object_file={folder}/objects.precache
+status_file={folder}/status.dat
+status_update_interval=1
+log_file={folder}/nagios.log
+lock_file={folder}/nagios.lock
+temp_file={folder}/nagios.tmp
+temp_path={folder}
+check_result_path={folder}/results
+query_socket={folder}/nagios.qh
+command_file={folder}/nagios.cmd
+state_retention_file={folder}/retention.dat
+nagios_user={user}
+nagios_group={group}
+interval_length=1
+check_for_updates=0
+use_syslog=0
+"""
+OBJECTS = """\
+define timeperiod {{
+  timeperiod_name always
+  alias always
+  monday 00:00-24:00
+}}
+define contact {{
+  contact_name nobody
+  host_notifications_enabled 0
+  service_notifications_enabled 0
+  host_notification_period always
+  service_notification_period always
+  host_notification_commands check_alive
+  service_notification_commands check_alive
+}}
+define command {{
+  command_name check_ros_diagnostics
+  command_line {plugin} --url {url} -H $HOSTNAME$ -N "$ARG1$"
+}}
+define command {{
+  command_name check_alive
+  command_line /bin/true
+}}
+define host {{
+  host_name robot_1
+  address robot_1
+  check_command check_alive
+  max_check_attempts 1
+  check_interval 60
+  contacts nobody
+}}
+"""
+SERVICE = """\
+define service {{
+  host_name robot_1
+  service_description {name}
+  check_command check_ros_diagnostics!{pattern}
+  max_check_attempts 1
+  check_interval 2
+  retry_interval 2
+  contacts nobody
+}}
+"""
+
+
+def write_settings(folder: Path, url: str) -> Path:
+    folder.mkdir()
+    (folder / "results").mkdir()
+    objects = OBJECTS.format(plugin=BIN / "check_ros_diagnostics", url=url)
+    for name, pattern in SERVICES.items():
+        objects += SERVICE.format(name=name, pattern=pattern)
+    (folder / "objects.cfg").write_text(objects)
+    group = grp.getgrgid(os.getgid()).gr_name
+    settings = SETTINGS.format(folder=folder, user=getpass.getuser(), group=group)
+    (folder / "nagios.cfg").write_text(settings)
+    return folder / "nagios.cfg"
+
+
+class Nagios:
+    """What Nagios says of the services, read from its status file."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / "status.dat"
+
+    def service(self, name: str) -> tuple[str, str, str]:
+        """State (Nagios' number), output and performance data; empty until it was checked."""
+        text = self._path.read_text() if self._path.exists() else ""
+        for block in re.findall(r"servicestatus \{(.*?)\n\t\}", text, re.DOTALL):
+            said = dict(line.strip().partition("=")[::2] for line in block.splitlines())
+            if said.get("service_description") == name and said["has_been_checked"] == "1":
+                return said["current_state"], said["plugin_output"], said["performance_data"]
+        return "", "", ""
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[tuple[Nagios, int, Process]]:
+    """Nagios, the ROS domain, and the exporter; one virtual robot is there."""
+    address = f"127.0.0.1:{ports.free_port()}"
+    settings = write_settings(tmp_path / "nagios", f"http://{address}")
+    with domains.lease() as domain:
+        (tmp_path / "fleet.yml").write_text(
+            "fleet: hall\nprofiles: {default: {stale_after: 5s}}\n"
+            f"robots: [{{name: robot_1, namespace: /robot_1, domain_id: {domain}}}]\n"
+        )
+        commands = {
+            "robots": [BIN / "virtual-robots", "--robots", "1", "--domain-id", str(domain)],
+            "exporter": [
+                *(BIN / "ros-diagnostics-exporter", "--config.file", tmp_path / "fleet.yml"),
+                *("--web.listen-address", address),
+            ],
+            "nagios": ["nagios4", settings],
+        }
+        running = {
+            name: Process(name, command, domains.environment(domain), tmp_path / f"{name}.log")
+            for name, command in commands.items()
+        }
+        try:
+            for each in running.values():
+                each.start()
+            yield Nagios(tmp_path / "nagios"), domain, running["exporter"]
+        finally:
+            for each in reversed(running.values()):
+                each.stop()
+
+
+def test_nagios_shows_faults_and_recoveries_and_a_lost_exporter(site):
+    nagios, domain, exporter = site
+
+    def becomes(name: str, state: str, output: str) -> None:
+        until(
+            lambda: nagios.service(name)[0] == state and output in nagios.service(name)[1],
+            lambda: f"{name} in state {state} with {output!r}, is {nagios.service(name)}",
+            60,
+        )
+
+    fine = "OK - OK sensor(s) list: /Motor, /Motor/Motor 1, /Motor/Motor 2, /Motor/Motor 3"
+    becomes("motors", "0", fine)
+    becomes("lasers", "0", "OK - OK sensor(s) list: /Laser, /Laser/Laser 1, /Laser/Laser 2")
+    becomes("grippers", "2", "CRITICAL - no sensor matches 'Gripper'")
+    assert nagios.service("motors")[2].startswith("critical=0;;;0 stale=0;;;0 warning=0;;;0 ok=4")
+
+    fault(domain, "error")
+    becomes(
+        "motors",
+        "2",
+        "CRITICAL - CRITICAL sensor(s) list: /Motor, /Motor/Motor 2, "
+        "OK sensor(s) list: /Motor/Motor 1, /Motor/Motor 3",
+    )
+    fault(domain, "ok")
+    becomes("motors", "0", fine)
+
+    exporter.stop()
+    becomes("motors", "3", "UNKNOWN - http://127.0.0.1")
+
+
+def fault(domain: int, level: str) -> None:
+    command = [BIN / "virtual-robots", "fault", "robot_1", "Motor 2", level]
+    subprocess.run(
+        [*map(str, command), "--domain-id", str(domain)],
+        check=True,
+        timeout=60,
+        env=domains.environment(domain),
+    )
