@@ -29,6 +29,9 @@ from .tls import follow
 GRACE = 3  # seconds for answers under way when the server stops
 
 
+_log = logging.getLogger(__name__)
+
+
 class Server:
     """Serves the doors over HTTP from a thread of its own; started once, stopped once.
 
@@ -121,8 +124,13 @@ class _Loop(asyncio.SelectorEventLoop):
 
 def _allow_many_files() -> None:
     """Raise the soft limit of open files to the hard one, as Go's runtime does for its servers."""
-    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == hard:
+        return
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    except (OSError, ValueError) as error:  # a sandbox may forbid it
+        _log.warning("%d open files are all that is allowed: %s", soft, error)
 
 
 def _configure(app: Starlette, settings: Settings) -> uvicorn.Config:

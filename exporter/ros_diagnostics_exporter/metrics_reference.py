@@ -1,0 +1,65 @@
+"""The tables of docs/metrics.md, from the table in metrics.py.
+
+`python -m ros_diagnostics_exporter.metrics_reference docs/metrics.md` renews what stands between
+`<!-- families of robots -->` and `<!-- end -->`; the prose around it is written by hand.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from ros_diagnostics_exporter.metrics import (
+    COMPONENT,
+    EXPORTER_FAMILIES,
+    FLEET_FAMILIES,
+    ROBOT,
+    Family,
+)
+
+_BLOCK = re.compile(r"(<!-- families of (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def renewed(document: str) -> str:
+    """The document with every table as metrics.py has it.
+
+    Raises:
+        ValueError: a table is missing, or there is one too many.
+    """
+    components = tuple(each for each in FLEET_FAMILIES if _starts(each, COMPONENT))
+    robots = tuple(each for each in FLEET_FAMILIES if each not in components)
+    tables = {
+        "robots": _table(robots, ROBOT),
+        "components": _table(components, COMPONENT),
+        "exporter": _table(EXPORTER_FAMILIES, ("fleet",)),
+    }
+    named = [match[2] for match in _BLOCK.finditer(document)]
+    if sorted(named) != sorted(tables):
+        raise ValueError(f"the document has tables for {sorted(named)}, not for {sorted(tables)}")
+    return _BLOCK.sub(lambda match: match[1] + tables[match[2]] + match[3], document)
+
+
+def _starts(family: Family, labels: tuple[str, ...]) -> bool:
+    return family.labels[: len(labels)] == labels
+
+
+def _table(families: Iterable[Family], common: Sequence[str]) -> str:
+    rows = ["| family | type | further labels | meaning |", "|---|---|---|---|"]
+    for family in families:
+        labels = [f"`{label}`" for label in family.labels if label not in common]
+        labels += ["those of fleet.yml"] if family.open else []
+        cells = (f"`{family.name}`", family.type, ", ".join(labels), family.help)
+        rows.append("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
+    return "\n".join(rows) + "\n"
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Renew the document that is named."""
+    path = Path(arguments[0])
+    path.write_text(renewed(path.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
