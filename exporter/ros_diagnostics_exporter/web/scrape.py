@@ -6,9 +6,12 @@ exposition in memory (29 MB for 1,000 robots), so there may only be so many of t
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import math
 import time
 import zlib
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -22,6 +25,7 @@ TEXT = "text/plain; version=0.0.4; charset=utf-8"
 OPENMETRICS = "application/openmetrics-text; version=1.0.0; charset=utf-8"
 MAX_ANSWERS = 16  # on their way at once
 CHUNK = 256 * 1024  # bytes handed to a connection at once
+PATIENCE = 10.0  # seconds a scrape waits for its turn: Prometheus' own default time-out
 YOUNG = 1.0  # seconds for which an answer is not judged by its speed
 GZIP_LEVEL = 1  # 29 MB: 55 ms at level 1, 153 ms at level 6, for little less
 
@@ -90,16 +94,16 @@ class Scrape:
         self._metrics = metrics
         self._calls = calls
         self._answers: set[_Answer] = set()
+        self._waiting: deque[asyncio.Future[None]] = deque()
 
     async def __call__(self, scope: Scope, _receive: Receive, send: Send) -> None:
-        """Send the exposition; BusyError when too many answers are on their way."""
+        """Send the exposition; BusyError when it is not this one's turn for too long."""
         answer = _Answer(scope["state"]["connection"])
-        if not self._admit(answer):
-            raise BusyError
+        await self._admit(answer)
         try:
             await self._answer(Headers(scope=scope), answer, send)
         finally:
-            self._answers.discard(answer)
+            self._leave(answer)
 
     async def _answer(self, asked: Headers, answer: _Answer, send: Send) -> None:
         openmetrics = wants_openmetrics(asked.get("accept", ""))
@@ -123,17 +127,35 @@ class Scrape:
             answer.sent += len(piece)
         await send({"type": "http.response.body"})
 
-    def _admit(self, answer: _Answer) -> bool:
-        """Take the answer in; where there are too many, the slowest reader is dropped for it."""
-        if len(self._answers) >= MAX_ANSWERS:
-            now = time.monotonic()
-            slowest = min(self._answers, key=lambda each: each.speed(now))
-            if slowest.speed(now) == math.inf:
-                return False
-            self._answers.discard(slowest)
-            slowest.connection.abort()
+    async def _admit(self, answer: _Answer) -> None:
+        """Take the answer in, when there is room; for it, a reader that is slow is dropped."""
+        give_up = time.monotonic() + PATIENCE
+        while len(self._answers) >= MAX_ANSWERS and not self._drop_slowest():
+            if time.monotonic() >= give_up:
+                raise BusyError
+            turn = asyncio.get_running_loop().create_future()
+            self._waiting.append(turn)
+            with contextlib.suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(turn, YOUNG)  # by then a reader may count as slow
         self._answers.add(answer)
+
+    def _drop_slowest(self) -> bool:
+        now = time.monotonic()
+        slowest = min(self._answers, key=lambda each: each.speed(now))
+        if slowest.speed(now) == math.inf:
+            return False
+        self._answers.discard(slowest)
+        slowest.connection.abort()
         return True
+
+    def _leave(self, answer: _Answer) -> None:
+        """Give the room to who has waited longest."""
+        self._answers.discard(answer)
+        while self._waiting:
+            turn = self._waiting.popleft()
+            if not turn.done():
+                turn.set_result(None)
+                return
 
     def _render(self, openmetrics: bool, gzip: bool) -> bytes:
         body = self._metrics(openmetrics)

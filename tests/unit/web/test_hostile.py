@@ -187,9 +187,29 @@ def test_clients_that_do_not_read_do_not_keep_a_scrape_out(serve, short, monkeyp
     with contextlib.ExitStack() as crowd:
         for _ in range(2 * scrape.MAX_ANSWERS):
             crowd.enter_context(connect(server)).sendall(GET)
-        wait_until(lambda: ask(server, "/metrics").status == 200)
         for _ in range(3):
             assert ask(server, "/metrics").body == BIG
+
+
+def test_a_scrape_that_waits_too_long_for_its_turn_is_told_to_come_again(serve, short, monkeypatch):
+    monkeypatch.setattr(scrape, "PATIENCE", 0.0)
+    release, entered = threading.Event(), threading.Event()
+
+    def slow(_openmetrics):
+        entered.set()
+        assert release.wait(20)
+        return b"slow\n"
+
+    server = serve(metrics=slow)
+    with contextlib.ExitStack() as crowd:
+        for _ in range(scrape.MAX_ANSWERS):
+            crowd.enter_context(connect(server)).sendall(GET)
+        assert entered.wait(20)
+        wait_until(lambda: len(server._uvicorn.server_state.tasks) == scrape.MAX_ANSWERS)
+        answer = ask(server, "/metrics")
+        assert (answer.status, answer.headers["Retry-After"]) == (503, "1")
+        release.set()
+    wait_until(lambda: ask(server, "/metrics").status == 200)
 
 
 def test_a_flood_of_slow_questions_does_not_delay_a_scrape(serve, short):

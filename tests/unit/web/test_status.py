@@ -19,6 +19,15 @@ FLEET = fleet(
 )
 
 
+# What is started in the background by a shell ignores Ctrl-C, and so does what it starts.
+WATCH = """
+import signal, sys
+from ros_diagnostics_exporter.status import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.exit(main())
+"""
+
+
 @pytest.fixture
 def show(serve, capsys):
     """Runs the command against a server that has ``FLEET``; returns what it printed."""
@@ -99,12 +108,12 @@ def test_watching_goes_on_over_an_outage_until_ctrl_c(serve, tmp_path):
 
     server = serve(fleet=look)
     arguments = ["--watch", "1.1", "--url", f"http://{server.addresses[0]}"]
-    code = (
-        f"import sys; from ros_diagnostics_exporter.status import main; sys.exit(main({arguments}))"
-    )
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as watching:
-        wait_until(lambda: len(looks) >= 3)
-        watching.send_signal(signal.SIGINT)
-        out, _ = watching.communicate(timeout=20)
-    assert watching.returncode == 0
+    with subprocess.Popen([sys.executable, "-c", WATCH, *arguments], stdout=subprocess.PIPE) as it:
+        try:
+            wait_until(lambda: len(looks) >= 3)
+            it.send_signal(signal.SIGINT)
+            out, _ = it.communicate(timeout=20)
+        finally:
+            it.kill()
+    assert it.returncode == 0
     assert b"robot_2" in out

@@ -1,0 +1,66 @@
+"""Slow and hostile clients at the door of the real exporter, while real robots talk."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import urllib.request
+
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+
+from fleet_demo.waiting import until
+
+pytestmark = pytest.mark.integration
+
+ROBOTS = 3
+GET = b"GET /metrics HTTP/1.1\r\nHost: x\r\n"
+
+
+def messages(port: int) -> dict[str, float]:
+    """Robot -> messages received, by a scrape like Prometheus'."""
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=20) as answer:
+        text = answer.read().decode()
+    return {
+        sample.labels["robot"]: sample.value
+        for family in text_string_to_metric_families(text)
+        for sample in family.samples
+        if sample.name == "ros_diagnostics_robot_messages_total"
+    }
+
+
+def test_neither_ingest_nor_scrapes_stand_still(site, ends):
+    exporter = ends(site.exporter()).start()
+    ends(site.robots(ROBOTS)).start()
+    exporter.wait_for_output("serving fleet")
+    until(lambda: len(messages(site.port)) == ROBOTS, exporter.describe)
+    with contextlib.ExitStack() as crowd:
+
+        def connect(*sent: bytes) -> socket.socket:
+            sock = socket.create_connection(("127.0.0.1", site.port), timeout=20)
+            crowd.enter_context(sock)
+            for piece in sent:
+                sock.sendall(piece)
+            return sock
+
+        for _ in range(600):
+            connect()
+        slow = [connect(GET) for _ in range(300)]
+        for _ in range(50):
+            connect((GET + b"\r\n") * 20)  # asks and asks, and reads nothing
+            connect(b"GET /api/v1/fleet HTTP/1.1\r\nHost: x\r\n\r\n" * 20)
+            connect(b"POST /-/reload HTTP/1.1\r\nHost: x\r\nContent-Length: 1000000000\r\n\r\n")
+            connect(GET + b"X: " + b"a" * 20_000)
+        before = messages(site.port)
+
+        def go_on() -> bool:
+            for sock in slow:
+                with contextlib.suppress(OSError):
+                    sock.sendall(b"a")
+            now = messages(site.port)
+            return all(now[robot] >= before[robot] + 5 for robot in before)
+
+        # Each look is a scrape, and one that is refused ends the test.
+
+        until(go_on, lambda: f"five messages of each robot since {before}", every=0.5)
+    assert "Traceback" not in exporter.output()
