@@ -1,0 +1,212 @@
+"""How long a fault takes to the operator's inbox, stage by stage, on the whole real road.
+
+Several robots break at moments that have nothing to do with anybody's clock; each stage is timed
+where it happens: on DDS, in the exporter's and Prometheus' own time stamps, at Alertmanager's API,
+in the mail server. The target: p95 at most 12 s plus confirm_after.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from statistics import median, quantiles
+from urllib.parse import quote
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+from fleet_demo import asking
+from fleet_demo.mail import Inbox
+from fleet_demo.stack import Plan, Stack, running
+from fleet_demo.waiting import until
+
+MOTOR = "Motor 2"
+ROBOTS = 40  # of which so few break at a time that no rule takes it for a common cause
+AT_A_TIME = 8
+SPREAD = 10.0  # seconds over which the faults of one round are spread: two rounds of every clock
+TOPICS = ("diagnostics", "diagnostics_agg")
+STAGES = (
+    "fault taken by the robot",
+    "driver's message on DDS",
+    "aggregate on DDS",
+    "taken in by the exporter",
+    "scraped",
+    "seen by the rules",
+    "confirmed, alert fires",
+    "Alertmanager has it",
+    "email received",
+)
+
+
+@dataclass
+class Ears:
+    """When (Unix time) DDS first carried something of a robot's motor; and who was heard at all."""
+
+    taken: dict[str, float] = field(default_factory=dict)
+    raw: dict[str, float] = field(default_factory=dict)
+    aggregated: dict[str, float] = field(default_factory=dict)
+    heard: set[str] = field(default_factory=set)  # topics
+
+    def on_parameters(self, event: ParameterEvent) -> None:
+        """The robots' node tells of a fault that it has taken."""
+        for parameter in [*event.new_parameters, *event.changed_parameters]:
+            robot, _, component = parameter.name.partition(".")
+            if component == MOTOR and parameter.value.string_value.startswith("error"):
+                self.taken.setdefault(robot, time.time())
+
+    def on_array(self, robot: str, topic: str, array: DiagnosticArray) -> None:
+        """An array, raw or aggregated; only the motor's own row counts."""
+        self.heard.add(f"/{robot}/{topic}")
+        first = self.raw if topic == "diagnostics" else self.aggregated
+        if robot not in first and any(
+            each.level == b"\2" and each.name.endswith(MOTOR) for each in array.status
+        ):
+            first[robot] = time.time()
+
+
+@contextmanager
+def listening(domain_id: int, robots: list[str]) -> Iterator[Ears]:
+    """Listen to the robots in a thread; yields when each is heard."""
+    ears = Ears()
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain_id)
+    node = rclpy.create_node("fault_to_email", context=context, start_parameter_services=False)
+    node.create_subscription(ParameterEvent, "/parameter_events", ears.on_parameters, 100)
+    for robot in robots:
+        for topic in TOPICS:
+            on_array = partial(ears.on_array, robot, topic)
+            node.create_subscription(DiagnosticArray, f"/{robot}/{topic}", on_array, 10)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    thread = threading.Thread(target=_spin, args=(executor,))
+    thread.start()
+    try:
+        until(lambda: len(ears.heard) == len(robots) * len(TOPICS), "all robots on DDS")
+        yield ears
+    finally:
+        context.shutdown()
+        thread.join()
+
+
+def _spin(executor: SingleThreadedExecutor) -> None:
+    try:
+        executor.spin()
+    except ExternalShutdownException:
+        return
+
+
+def first_sample(stack: Stack, series: str, since: float, at_least: float = 0.0) -> float:
+    """Return the time stamp of Prometheus' first sample of ``series`` since then."""
+    answer = asking.get_json(stack.addresses.prometheus, f"/api/v1/query?query={quote(series)}[2m]")
+    times = [
+        at
+        for each in answer["data"]["result"]
+        for at, value in each["values"]
+        if at >= since and float(value) >= at_least
+    ]
+    return min(times)
+
+
+def fire(stack: Stack, robots: list[str]) -> dict[str, float]:
+    """Break each robot's motor at a random moment; return when Alertmanager had each alert."""
+    began = time.time()
+    breaking = [
+        threading.Timer(random.uniform(0, SPREAD), stack.fault, (robot, MOTOR, "error", "hot"))
+        for robot in robots
+    ]
+    for each in breaking:
+        each.start()
+    arrived: dict[str, float] = {}
+
+    def all_told() -> bool:
+        for each in asking.get_json(stack.addresses.alertmanager, "/api/v2/alerts"):
+            if each["labels"]["alertname"] == "RosDiagnosticsComponentCritical":
+                arrived.setdefault(each["labels"]["robot"], time.time())
+        return len(mails(stack, "PROBLEM", began)) == len(robots)
+
+    until(all_told, lambda: f"{len(robots)} mails: {mails(stack, 'PROBLEM', began)}", 90)
+    return arrived
+
+
+def mails(stack: Stack, word: str, since: float) -> dict[str, float]:
+    """Return when each robot's mail of this kind arrived."""
+    return {
+        mail.subject.split("/")[1].split()[0]: mail.received
+        for mail in stack.inbox.mails()
+        if word in mail.subject and mail.received >= since
+    }
+
+
+def moments(stack: Stack, robot: str, ears: Ears, began: float) -> list[float]:
+    """Return when one robot's fault passed each stage between DDS and the alert."""
+    motor = f'robot="{robot}",component="{MOTOR}"'
+    since = f"ros_diagnostics_component_since_timestamp_seconds{{{motor}}}"
+    level = f"ros_diagnostics_component_level{{{motor}}}"
+    problem = f"component:ros_diagnostics_problem:start{{{motor}}}"
+    alert = f'ALERTS{{{motor},alertname="RosDiagnosticsComponentCritical",alertstate="firing"}}'
+    return [
+        ears.taken[robot],
+        ears.raw[robot],
+        ears.aggregated[robot],
+        stack.query(since)[0].value,
+        first_sample(stack, level, began, at_least=2),
+        stack.query(problem)[0].value,
+        first_sample(stack, alert, began),
+    ]
+
+
+def measure(stack: Stack, robots: list[str]) -> list[list[float]]:
+    """Break and repair the robots once; return for each the moments of all stages."""
+    began = time.time()
+    with listening(stack.domain_id, robots) as ears:
+        arrived = fire(stack, robots)
+    told = mails(stack, "PROBLEM", began)
+    rows = [[*moments(stack, robot, ears, began), arrived[robot], told[robot]] for robot in robots]
+    for robot in robots:
+        stack.fault(robot, MOTOR, "ok")
+    until(lambda: len(mails(stack, "RECOVERY", began)) == len(robots), "the recoveries", 90)
+    return rows
+
+
+def report(rows: list[list[float]], confirm_after: float) -> str:
+    """Return a table: seconds from stage to stage, and from the fault on."""
+    lines = [f"{'stage':26} {'step median':>11} {'max':>6} {'since fault median':>19} {'max':>6}"]
+    for number, stage in enumerate(STAGES):
+        steps = [row[number] - row[max(0, number - 1)] for row in rows]
+        total = [row[number] - row[0] for row in rows]
+        lines.append(
+            f"{stage:26} {median(steps):11.2f} {max(steps):6.2f}"
+            f" {median(total):19.2f} {max(total):6.2f}"
+        )
+    total = [row[-1] - row[0] for row in rows]
+    p95 = quantiles(total, n=20)[-1]
+    lines.append(f"{len(rows)} faults: p95 {p95:.1f} s; target {12 + confirm_after:.0f} s")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run the rounds and print the table."""
+    parser = argparse.ArgumentParser("./run bench fault_to_email", description=__doc__)
+    parser.add_argument("--rounds", type=int, default=3, help=f"of {AT_A_TIME} faults each")
+    rounds = parser.parse_args().rounds
+    plan = Plan(robots=ROBOTS)
+    rows: list[list[float]] = []
+    with tempfile.TemporaryDirectory() as folder, running(Path(folder), plan, Inbox()) as stack:
+        for number in range(rounds):
+            first = number * AT_A_TIME % ROBOTS
+            rows += measure(stack, [f"robot_{first + each + 1}" for each in range(AT_A_TIME)])
+            print(report(rows, plan.clocks.confirm_after), flush=True)
+
+
+if __name__ == "__main__":
+    main()
