@@ -16,6 +16,7 @@ from types import FrameType
 
 from rich.console import Console
 
+from fleet_demo import grafana
 from fleet_demo.mail import Inbox
 from fleet_demo.performance import Performance
 from fleet_demo.programs import MissingProgram
@@ -90,6 +91,7 @@ def _addresses(stack: Stack) -> list[str]:
         f"  exporter      http://{where.exporter}/",
         f"  Prometheus    http://{where.prometheus}/alerts",
         f"  Alertmanager  http://{where.alertmanager}/",
+        f"  Grafana       http://{where.grafana}/" if stack.grafana else f"  {grafana.ABSENT}",
         f"  mail          smtp://{where.smtp}",
     ]
 

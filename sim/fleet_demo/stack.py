@@ -12,7 +12,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fleet_demo import asking, domains, programs, site
+from fleet_demo import asking, domains, grafana, programs, site
 from fleet_demo.mail import Inbox, MailServer
 from fleet_demo.ports import free_port
 from fleet_demo.processes import Process
@@ -63,6 +63,7 @@ class Stack:
     exporter: Server
     prometheus: Server
     alertmanager: Server
+    grafana: Server | None  # only where it is installed
 
     @property
     def servers(self) -> tuple[Server, ...]:
@@ -103,7 +104,7 @@ def running(folder: Path, plan: Plan, inbox: Inbox) -> Iterator[Stack]:
         mail_server = MailServer(stack.addresses.smtp, inbox)
         ending.callback(mail_server.stop)
         mail_server.start()
-        for server in stack.servers:
+        for server in (*stack.servers, *([stack.grafana] if stack.grafana else [])):
             ending.callback(server.process.stop)
             server.process.start()
         _wait_until_ready(stack, plan.robots)
@@ -141,7 +142,18 @@ def _prepare(folder: Path, domain_id: int, plan: Plan, inbox: Inbox) -> Stack:
             programs.alertmanager(configs.alertmanager, addresses.alertmanager, folder / "nflog"),
             addresses.alertmanager,
         ),
+        _grafana(folder / "grafana", addresses),
     )
+
+
+def _grafana(folder: Path, addresses: site.Addresses) -> Server | None:
+    argv = grafana.command()
+    if argv is None:
+        return None
+    grafana.write_provisioning(folder / "provisioning", addresses)
+    environment = grafana.environment(folder, addresses.grafana)
+    log = folder / "grafana.log"
+    return Server(Process("Grafana", argv, environment, log), addresses.grafana)
 
 
 def _wait_until_ready(stack: Stack, robots: int) -> None:

@@ -1,0 +1,68 @@
+"""Grafana is started with the shipped boards and this run's servers, where it is installed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from fleet_demo import grafana, site
+
+ADDRESSES = site.Addresses(*(f"127.0.0.1:{port}" for port in range(1, 6)))
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """A function: puts an executable with this path into PATH, and nothing else."""
+
+    def install(path: str) -> Path:
+        binary = tmp_path / path
+        binary.parent.mkdir(parents=True, exist_ok=True)
+        binary.touch(mode=0o755)
+        monkeypatch.setenv("PATH", str(binary.parent))
+        return binary
+
+    return install
+
+
+def test_without_a_binary_there_is_no_command(monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+
+    assert grafana.command() is None
+
+
+def test_a_package_keeps_its_pages_in_usr_share(install):
+    binary = install("bin/grafana")
+
+    assert grafana.command() == [str(binary), "server", "--homepath=/usr/share/grafana"]
+
+
+def test_an_unpacked_archive_keeps_them_beside_the_binary(install, tmp_path):
+    binary = install("grafana-9/bin/grafana-server")
+    (tmp_path / "grafana-9" / "conf").mkdir()
+    (tmp_path / "grafana-9" / "conf" / "defaults.ini").touch()
+
+    assert grafana.command() == [str(binary), f"--homepath={tmp_path / 'grafana-9'}"]
+
+
+def test_the_provisioning_leads_to_this_runs_servers_and_the_shipped_boards(tmp_path):
+    grafana.write_provisioning(tmp_path / "provisioning", ADDRESSES)
+
+    sources = yaml.safe_load(
+        (tmp_path / "provisioning/datasources/ros-diagnostics.yml").read_text()
+    )
+    boards = yaml.safe_load((tmp_path / "provisioning/dashboards/ros-diagnostics.yml").read_text())
+    assert {each["type"]: each["url"] for each in sources["datasources"]} == {
+        "prometheus": f"http://{ADDRESSES.prometheus}",
+        "alertmanager": f"http://{ADDRESSES.alertmanager}",
+    }
+    (provider,) = boards["providers"]
+    assert list(Path(provider["options"]["path"]).glob("ros-diagnostics-*.json"))
+
+
+def test_the_home_dashboard_is_a_shipped_one():
+    environment = grafana.environment(Path("/nowhere"), "127.0.0.1:3000")
+
+    assert Path(environment["GF_DASHBOARDS_DEFAULT_HOME_DASHBOARD_PATH"]).exists()
+    assert environment["GF_SERVER_HTTP_PORT"] == "3000"
