@@ -86,11 +86,15 @@ class RobotText:
             if component.is_stale:
                 continue
             for value in component.values.all:
-                name = value.metric or metrics.COMPONENT_VALUE.name
-                prefix = f'{name}{labels},key="{escape(value.key)}"'
-                if value.metric is None:
-                    prefix += f',unit="{escape(value.unit)}"'
-                self._values.setdefault(name, []).append((prefix + "} ", value))
+                key = f'{labels},key="{escape(value.key)}"'
+                if value.metric is not None:
+                    name = value.metric
+                    self._values.setdefault(name, []).append((f"{name}{key}}} ", value))
+                # Rules compare thresholds with this family, whatever else the value is called.
+                if value.metric is None or (value.rule and value.rule.thresholds):
+                    name = metrics.COMPONENT_VALUE.name
+                    prefix = f'{name}{key},unit="{escape(value.unit)}"}} '
+                    self._values.setdefault(name, []).append((prefix, value))
         for name in self.promoted:
             self.chunks.pop(name, None)
         self.promoted = self._values.keys() - {metrics.COMPONENT_VALUE.name}

@@ -57,7 +57,8 @@ class ValueRule:
     enum: Mapping[str, float] | None = None  # the string as said (case ignored) -> number
     scale: float = 1.0  # to the base unit of `metric`
     offset: float = 0.0
-    metric: str | None = None  # promoted: a gauge of this full name instead of component_value
+    # promoted: a gauge of this full name instead of component_value (beside it with thresholds)
+    metric: str | None = None
     thresholds: tuple[Threshold, ...] = ()
 
 

@@ -176,6 +176,24 @@ def test_a_promoted_value_has_a_family_of_its_own_and_its_base_unit():
     assert story.sample("component_value", key="Charge") is None
 
 
+def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
+    rule = ValueRule(
+        metric="ros_charge_ratio",
+        unit="ratio",
+        scale=0.01,
+        thresholds=(Threshold("low", "critical", 0.2),),
+    )
+    profile = Profile(values=(rule,))
+    robot = Robot("r", topic_agg="/r/diagnostics_agg", source=Source.AGG, profile=profile)
+    story = Story(fleet=Fleet("f", (robot,)))
+    story.agg(*tree(All=[Status(OK, "Battery", values=(("Charge", "17"),))]))
+
+    promoted = story.sample("ros_charge_ratio", key="Charge")
+    value = story.sample("component_value", key="Charge", unit="ratio")
+    bound = story.sample("component_value_threshold", key="Charge", unit="ratio")
+    assert (promoted, value, bound) == (0.17, 0.17, 0.2)
+
+
 def test_a_threshold_stands_beside_its_value():
     story = full_story()
 
