@@ -19,7 +19,7 @@ def advice(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
     """Every warning about `fleet`, which was made of `checked`: place, what, what is better."""
     found = [
         *_ephemeral_domains(checked),
-        *_other_than_base_units(checked),
+        *_units(checked),
         *_labels_of_no_robot(checked, fleet),
         *_nothing_to_watch(checked, fleet),
     ]
@@ -41,7 +41,7 @@ def _ephemeral_domains(checked: Checked) -> Iterator[Problem]:
             yield placed.problem(key, what=what, remedy=remedy)
 
 
-def _other_than_base_units(checked: Checked) -> Iterator[Problem]:
+def _units(checked: Checked) -> Iterator[Problem]:
     for placed in checked.profiles:
         for at, value in enumerate(placed.entry.values or ()):
             base = base_unit_for(value.metric) if value.metric else None
@@ -49,6 +49,11 @@ def _other_than_base_units(checked: Checked) -> Iterator[Problem]:
                 what = f"{value.metric} is not in a base unit of Prometheus"
                 remedy = f"call it ..._{base} and convert with scale"
                 yield placed.problem("values", at, "metric", what=what, remedy=remedy)
+            converted = value.scale is not None or value.offset is not None
+            has_unit_label = value.metric is None or value.thresholds is not None
+            if converted and has_unit_label and value.unit is None:
+                what = "is converted, but its label still has the unit from before"
+                yield placed.problem("values", at, what=what, remedy="add unit: and the new one")
 
 
 def _labels_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Problem]:

@@ -32,8 +32,9 @@ _SOURCE = (
 )
 _PROFILE = "The profile that says how the robot is judged."
 _LABELS = (
-    "Labels of `robot_info`, for routing and grouping: site, uplink, robot_group, team, kind, ... "
-    "Reserved names are refused."
+    "Labels of `robot_info`. The rules that are shipped put `site`, `robot_group`, `team`, `kind` "
+    "and `uplink` on alerts, for routing; any other is for queries of your own. Reserved names are "
+    "refused."
 )
 
 

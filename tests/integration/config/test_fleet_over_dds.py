@@ -38,6 +38,7 @@ profiles:
     values:
       - key: Level
         metric: ros_battery_charge_ratio
+        unit: ratio
         scale: 0.01
         thresholds: {{low: {{critical: 0.1}}}}
 maintenance:
@@ -121,6 +122,7 @@ def test_fleet_yml_is_what_the_metrics_say(scrape, ros_domain):
     ratios = scrape.values("ros_battery_charge_ratio", "component", **one)
     assert {*ratios} == {("Laptop Battery",), ("Robot Battery",)}
     assert all(0 < ratio <= 1 for ratio in ratios.values())
+    assert scrape.values("component_value", "component", key="Level", unit="ratio", **one) == ratios
     assert scrape.values("component_value_threshold", "component", "severity", **one) == {
         ("Laptop Battery", "critical"): 0.1,
         ("Robot Battery", "critical"): 0.1,

@@ -34,6 +34,20 @@ maintenance: [{name: m, comment: c, start: 2026-01-01, selector: {sitte: x, robo
                 ),
             ],
         ),
+        (
+            """robots: [{name: a}]
+profiles:
+  default:
+    values:
+      - {key: a, scale: 2}
+      - {key: b, offset: 2, metric: ros_b_volts, thresholds: {low: {warning: 1}}}
+      - {key: c, scale: 2, metric: ros_c_volts}
+      - {key: d, scale: 2, unit: V}""",
+            [
+                "6: profiles.default.values[0]: is converted, but its label still has the unit",
+                "7: profiles.default.values[1]: is converted, but its label still has the unit",
+            ],
+        ),
         ("robots: [{name: a, domain_id: 0}, {name: b, domain_id: 232}]", []),
     ],
 )
