@@ -94,7 +94,7 @@ def running(
     _edit(folder / "prometheus" / "prometheus.yml", probes, interval)
     if history is not None:
         argv = ["promtool", "tsdb", "create-blocks-from", "openmetrics", history, folder / "tsdb"]
-        subprocess.run(argv, check=True, capture_output=True, timeout=60)
+        subprocess.run(argv, check=True, capture_output=True, timeout=600)
     servers = [
         Process(
             "prometheus",

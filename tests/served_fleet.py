@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from fleet_demo.ports import free_port
@@ -73,7 +73,8 @@ def serving(scrape: Callable[[], bytes]) -> Iterator[str]:
             self.send_header("Content-Type", "text/plain; version=0.0.4")
             self.send_header("Content-Length", str(len(body)))
             self.end_headers()
-            self.wfile.write(body)
+            with suppress(ConnectionError):  # the scraper ends before us
+                self.wfile.write(body)
 
         def log_message(self, *_: object) -> None:
             """Say nothing of every scrape."""

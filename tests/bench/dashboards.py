@@ -1,0 +1,147 @@
+"""What the queries of a dashboard cost: a real Prometheus with 1,000 robots and hours of history.
+
+The shipped configuration; one robot in twenty is faulty. The recorded states go back as every
+evaluation would have left it. The target: each query of the fleet dashboard within 1 s, over its own
+time range, asked as Grafana does for a screen of 1,920 pixels.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from statistics import median
+from typing import NamedTuple
+
+import prometheus_site
+from bench.robots import aggregated_array
+from committed_dashboards import Question, filled, questions
+from fleet_demo.waiting import until
+from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
+from ros_diagnostics_exporter.diagnostics import Instant
+from ros_diagnostics_exporter.state.fleet import State, Topic
+from served_fleet import ServedFleet, serving
+
+INTERVAL = 5  # seconds, of scrapes and evaluations, as shipped
+STEP = 15  # seconds between two points of a graph of six hours on that screen
+FAULTY = 20  # every so many robots one is
+SITES = 10
+
+
+class Cost(NamedTuple):
+    """Seconds that the rounds of one query took, and how much came back."""
+
+    question: Question
+    seconds: list[float]
+    series: int
+
+
+def label(number: int) -> str:
+    """The labels of a robot in what the rules record."""
+    return f'fleet="bench",robot="robot_{number}",site="site_{number % SITES}"'
+
+
+def history(robots: int, begin: float, end: float) -> Iterator[str]:
+    """The states of ``robots`` robots as recorded at every evaluation; OpenMetrics."""
+    times = range(int(begin), int(end), INTERVAL)
+    for name in ("robot:ros_diagnostics_state:info", "robot:ros_diagnostics_state:rank"):
+        yield f"# TYPE {name} gauge\n"
+        for number in range(robots):
+            faulty = number % FAULTY == 0
+            if name.endswith("info"):
+                series = f'{name}{{{label(number)},state="{"critical" if faulty else "ok"}"}} 1'
+            else:
+                series = f'{name}{{fleet="bench",robot="robot_{number}"}} {3 if faulty else 0}'
+            yield "".join(f"{series} {each}\n" for each in times)
+    yield "# EOF\n"
+
+
+def big_fleet(robots: int) -> ServedFleet:
+    """Robots that spoke once, well, and then once more; they are never silent."""
+    profile = Profile(stale_after=1e9, confirm_after=5.0)
+    declared = [
+        Robot(
+            f"robot_{number}",
+            topic_agg=f"/robot_{number}/diagnostics_agg",
+            source=Source.AGG,
+            profile=profile,
+            labels={"site": f"site_{number % SITES}"},
+        )
+        for number in range(robots)
+    ]
+    turns = iter(range(1_000_000))
+
+    def speak(state: State, now: Instant) -> None:
+        turn = next(turns)
+        if turn > 1:
+            return
+        for number in range(robots):
+            level = 2 if turn and number % FAULTY == 0 else 0
+            topic = Topic(0, f"/robot_{number}/diagnostics_agg")
+            state.receive(topic, aggregated_array(turn, level=level), now)
+
+    return ServedFleet(Fleet("bench", tuple(declared)), speak)
+
+
+def measure(site: prometheus_site.Site, question: Question, hours: float, rounds: int) -> Cost:
+    """Ask one query ``rounds`` times."""
+    expr = filled(question.expr, {"__range": f"{hours:g}h"})
+    seconds: list[float] = []
+    series = 0
+    for _ in range(rounds):
+        now = time.time()
+        if question.instant:
+            series = len(site.query(expr, now))
+        else:
+            series = len(site.query_range(expr, now - hours * 3600, now, STEP))
+        seconds.append(time.time() - now)
+    return Cost(question, seconds, series)
+
+
+def report(costs: list[Cost], limit: float) -> None:
+    """One line for each query, the costliest first."""
+    print(f"{'median':>8}{'longest':>9}{'series':>8}   seconds; query")
+    for cost in sorted(costs, key=lambda each: median(each.seconds), reverse=True):
+        print(
+            f"{median(cost.seconds):>8.3f}{max(cost.seconds):>9.3f}{cost.series:>8}   "
+            f"{cost.question.place} / {cost.question.ref}"
+        )
+    over = [cost for cost in costs if median(cost.seconds) > limit]
+    print(f"{len(costs)} queries, {len(over)} over {limit:g} s")
+
+
+def main() -> None:
+    """Print what each query of a dashboard costs."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robots", type=int, default=1000)
+    parser.add_argument("--hours", type=float, default=6.0, help="time range, and history")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--dashboard", default="ros-diagnostics-fleet", help="its uid")
+    options = parser.parse_args()
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="bench-dashboards-")))
+        now = time.time()
+        past = folder / "past.txt"
+        with past.open("w") as file:
+            file.writelines(history(options.robots, now - options.hours * 3600, now))
+        fleet = big_fleet(options.robots)
+        address = stack.enter_context(serving(fleet.scrape))
+        site = stack.enter_context(
+            prometheus_site.running(
+                folder, {"bench": address}, {}, interval=f"{INTERVAL}s", history=past
+            )
+        )
+        faulty = -(-options.robots // FAULTY)
+        told = f"count(count by (robot) (component:ros_diagnostics_fault:confirmed)) == {faulty}"
+        until(lambda: site.query(told), "the faults are told", 180, every=1)
+        series = site.query("prometheus_tsdb_head_series")[0]["value"][1]
+        print(f"{options.robots} robots, {series} series, {options.hours:g} h")
+        asked = [each for each in questions() if each.board == options.dashboard]
+        report([measure(site, each, options.hours, options.rounds) for each in asked], 1.0)
+
+
+if __name__ == "__main__":
+    main()
