@@ -1,26 +1,32 @@
-"""Write grafana/dashboards/*.json: `./run dashboards`."""
+"""Write grafana/dashboards/*.json and the tables of docs/dashboards.md: `./run dashboards`."""
 
 from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Iterable
 from pathlib import Path
 
 from grafana_foundation_sdk.cog.encoder import JSONEncoder
+from grafana_foundation_sdk.models import dashboard
 
-from fleet_dashboards import alerts, component, fleet, monitoring, robot
+from fleet_dashboards import alerts, component, fleet, listing, monitoring, robot
 
 FOLDER = Path(__file__).resolve().parents[1] / "dashboards"
 BOARDS = (fleet.build, robot.build, component.build, alerts.build, monitoring.build)
 
 
-def built() -> dict[str, str]:
-    """Every dashboard's JSON by the name of its file, which is its uid."""
+def built() -> list[dashboard.Dashboard]:
+    """Every dashboard, its panels numbered from the top: links to one hold until that changes."""
     boards = [build().build() for build in BOARDS]
     for board in boards:
-        # Numbered from the top, so that links to one panel hold until the order changes.
         for number, panel in enumerate(board.panels or (), start=1):
             panel.id_val = number
+    return boards
+
+
+def as_json(boards: Iterable[dashboard.Dashboard]) -> dict[str, str]:
+    """The text of every file by its name, which is the dashboard's uid."""
     return {
         f"{board.uid}.json": json.dumps(
             board, cls=JSONEncoder, indent=2, sort_keys=True, ensure_ascii=False
@@ -31,16 +37,18 @@ def built() -> dict[str, str]:
 
 
 def main() -> None:
-    """Write what is not as it should be, and remove what is no longer built."""
+    """Write every file, and remove what is no longer built."""
     argparse.ArgumentParser(prog="./run dashboards", description=__doc__).parse_args()
+    boards = built()
     FOLDER.mkdir(exist_ok=True)
-    files = built()
+    files = as_json(boards)
     for name, text in files.items():
         (FOLDER / name).write_text(text, encoding="utf-8")
     for path in FOLDER.glob("*.json"):
         if path.name not in files:
             path.unlink()
-    print(f"{len(files)} dashboards in {FOLDER}")
+    listing.PAGE.write_text(listing.page(boards), encoding="utf-8")
+    print(f"{len(files)} dashboards in {FOLDER}, listed in {listing.PAGE}")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,38 @@
+"""docs/dashboards.md says what there is."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from committed_dashboards import BOARDS, ROOT, panels
+
+PAGE = (ROOT / "docs" / "dashboards.md").read_text(encoding="utf-8")
+PANELS = {(board["title"], panel["title"]) for board in BOARDS.values() for panel in panels(board)}
+
+
+def test_the_page_lists_every_panel_with_its_question():
+    """`./run dashboards` writes it."""
+    pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python 3.11")
+    from fleet_dashboards import listing
+    from fleet_dashboards.__main__ import built
+
+    assert listing.page(built()) == PAGE
+
+
+def test_pages_of_nagios_and_views_of_rqt_lead_to_panels_that_exist():
+    rows = re.findall(r"^\| (?:Nagios|rqt_\w+): .+? \| (.+) \|$", PAGE, re.MULTILINE)
+    titles = {board["title"] for board in BOARDS.values()}
+    named = {
+        (board, re.sub(r" \(.*", "", panel).strip())
+        for row in rows
+        for board, panel in re.findall(rf"({'|'.join(titles)}) / ([^,|]+)", row)
+    }
+
+    assert len(rows) > 20
+    assert named - PANELS == set()
+
+
+def test_the_page_opens_every_dashboard():
+    assert set(re.findall(r"`/d/([\w-]+)`", PAGE)) == set(BOARDS)
