@@ -1,7 +1,7 @@
 """What the queries of a dashboard cost: a real Prometheus with 1,000 robots and hours of history.
 
 The shipped configuration; one robot in twenty is faulty. The recorded states go back as every
-evaluation would have left it. The target: each query of the fleet dashboard within 1 s, over its own
+evaluation would have left it. Target: each query of the fleet dashboard within 1 s, over its own
 time range, asked as Grafana does for a screen of 1,920 pixels.
 """
 
