@@ -110,7 +110,7 @@ def test_watching_goes_on_over_an_outage_until_ctrl_c(serve, tmp_path):
     arguments = ["--watch", "1.1", "--url", f"http://{server.addresses[0]}"]
     with subprocess.Popen([sys.executable, "-c", WATCH, *arguments], stdout=subprocess.PIPE) as it:
         try:
-            wait_until(lambda: len(looks) >= 3)
+            wait_until(lambda: len(looks) >= 4)  # then the third, good again, was shown
             it.send_signal(signal.SIGINT)
             out, _ = it.communicate(timeout=20)
         finally:
