@@ -1,0 +1,24 @@
+"""docs/nagios.md names a test for each idea; every one of them is collected."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+
+from shipped_rules import ROOT
+
+ROW = re.compile(r"^\| .* \| `(tests/[^`]+)` \|$", re.MULTILINE)
+
+
+def test_every_row_names_a_test_that_pytest_collects():
+    text = (ROOT / "docs" / "nagios.md").read_text()
+    named = ROW.findall(text)
+    files = sorted({name.partition("::")[0] for name in named})
+
+    asked = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:xdist", *files]
+    said = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+
+    table = text.partition("## Not here")[0]
+    assert len(named) == table.count("\n|") - 2  # the heading and its rule
+    assert set(named) - set(said.stdout.splitlines()) == set()
