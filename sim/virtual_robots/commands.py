@@ -6,6 +6,7 @@ Imports ROS; cli.py imports it only when a command that needs it is called.
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
 from virtual_robots.control import Control, set_parameter
@@ -17,7 +18,7 @@ from virtual_robots.player import Player
 from virtual_robots.ros import chosen_domain_id, ros_context
 from virtual_robots.scenario import load_scenario, plan
 from virtual_robots.terminal import complain, say, stop_on_signals
-from virtual_robots.transport import Participants, Transport
+from virtual_robots.transport import Participants, Transport, too_many_for_localhost
 
 
 def run(options: argparse.Namespace) -> None:
@@ -25,7 +26,10 @@ def run(options: argparse.Namespace) -> None:
     fleet, duration = fleet_of(options)
     domain_id = chosen_domain_id(options.domain_id)
     stop = stop_on_signals()
-    transport = Transport(list(fleet.members), domain_id, Participants(options.participants))
+    participants = Participants(options.participants)
+    transport = Transport(list(fleet.members), domain_id, participants)
+    if sentence := too_many_for_localhost(len(fleet.members), participants, os.environ):
+        complain(sentence)
 
     def take(happening: Happening, started: float) -> None:
         if isinstance(happening, Note):

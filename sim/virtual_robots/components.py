@@ -14,7 +14,6 @@ from virtual_robots.diagnostics import ERROR, LEVEL_NAMES, OK, STALE, WARN, Stat
 from virtual_robots.models import (
     Battery,
     ComponentModel,
-    Count,
     FaultModel,
     Linear,
     Variable,
@@ -53,7 +52,7 @@ class Component:
     fault: Fault | None = None
 
     def __post_init__(self) -> None:
-        self.variables = {name: _start(v) for name, v in self.model.variables.items()}
+        self.variables = {name: self._start(v) for name, v in self.model.variables.items()}
         for name, model in self.model.variables.items():
             if isinstance(model, Battery):
                 self.variables[f"{name}_charging"] = 0.0
@@ -115,8 +114,8 @@ class Component:
             return told
         for rule in self.model.rules:
             if rule.holds(self.variables[rule.variable]):
-                message = self.fault.message if self.fault and self.fault.message else rule.message
-                return LEVEL_NAMES[rule.level], message
+                own = self.fault.message if self.fault and rule.level != "ok" else ""
+                return LEVEL_NAMES[rule.level], own or rule.message
         return OK, self._ok_message()
 
     def _told(self, fault: Fault, now: float) -> tuple[int, str] | None:
@@ -150,6 +149,13 @@ class Component:
         }
         return {**self.variables, **chosen}
 
+    def _start(self, model: Variable) -> float:
+        if isinstance(model, Linear):
+            return model.at_100
+        if isinstance(model.start, tuple):
+            return self.rng.uniform(*model.start)
+        return model.start
+
     def _moved(self, name: str, model: Variable, elapsed: float) -> float:
         value = self.variables[name]
         if isinstance(model, Walk):
@@ -177,9 +183,3 @@ class Component:
             self.variables[charging] = 0.0
         rate = model.charge if self.variables[charging] else -model.drain
         return min(100.0, max(0.0, value + rate * elapsed / 3600))
-
-
-def _start(model: Variable) -> float:
-    if isinstance(model, Linear):
-        return model.at_100
-    return model.start if isinstance(model, (Walk, Battery, Count)) else 0.0

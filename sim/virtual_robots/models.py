@@ -8,13 +8,14 @@ from __future__ import annotations
 import string
 from typing import Annotated, Literal
 
-from pydantic import Field, StringConstraints, model_validator
+from pydantic import Discriminator, Field, StringConstraints, Tag, model_validator
 
 from virtual_robots.diagnostics import LEVEL_NAMES
 from virtual_robots.documents import Document
 
 LevelName = Literal["ok", "warn", "error", "stale"]
 Name = Annotated[str, StringConstraints(min_length=1)]
+Percent = Annotated[float, Field(ge=0, le=100)]
 RESERVED = frozenset({*LEVEL_NAMES, "silent", "flap"})
 
 
@@ -40,7 +41,7 @@ class Battery(Document):
     """
 
     battery: Literal[True]
-    start: float = Field(ge=0, le=100)
+    start: Percent | tuple[Percent, Percent]
     drain: float = Field(ge=0)
     charge: float = Field(ge=0)
     dock_at: float = Field(ge=-1, le=100)
@@ -62,7 +63,23 @@ class Count(Document):
     start: float = 0
 
 
-Variable = Walk | Battery | Linear | Count
+def _sort_of_variable(raw: object) -> str | None:
+    """Its first key that only one sort has: so an error is about the sort that was meant."""
+    keys = raw if isinstance(raw, dict) else {}
+    return next((key for key in ("walk", "battery", "follows", "count") if key in keys), None)
+
+
+Variable = Annotated[
+    Annotated[Walk, Tag("walk")]
+    | Annotated[Battery, Tag("battery")]
+    | Annotated[Linear, Tag("follows")]
+    | Annotated[Count, Tag("count")],
+    Discriminator(
+        _sort_of_variable,
+        custom_error_type="variable",
+        custom_error_message="needs 'walk', 'battery', 'follows' or 'count'",
+    ),
+]
 
 
 class Condition(Document):

@@ -5,6 +5,7 @@ What a message means is decided elsewhere.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import Enum
 from typing import Any
 
@@ -31,6 +32,24 @@ class Participants(Enum):
     FLEET = "fleet"
     ROBOT = "robot"
     DOMAIN = "domain"
+
+
+# With discovery on this machine only, Fast DDS asks the ports of so many participants (measured:
+# of 60 robots 32 are found).
+FOUND_ON_LOCALHOST = 32
+
+
+def too_many_for_localhost(
+    robots: int, participants: Participants, environment: Mapping[str, str]
+) -> str:
+    """A sentence if some of the robots will not be found; empty otherwise."""
+    local = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST"
+    if not local or participants is not Participants.ROBOT or robots < FOUND_ON_LOCALHOST:
+        return ""
+    return (
+        f"with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST only {FOUND_ON_LOCALHOST} DDS participants"
+        f" find each other, so not all of {robots} robots will be heard; set it to SUBNET"
+    )
 
 
 class Transport:

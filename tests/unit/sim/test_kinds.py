@@ -127,6 +127,14 @@ def test_a_battery_drains_is_charged_and_drains_again() -> None:
     assert levels[0] > levels[5] < levels[15]
 
 
+def test_the_batteries_of_a_fleet_do_not_start_alike() -> None:
+    fleet = fleet_of(robots=20)
+    list(fleet.advance(2.0))
+    levels = [m.robot.component("Robot Battery").variables["level"] for m in fleet.members.values()]
+    assert all(69 < level < 98 for level in levels)
+    assert len({round(level) for level in levels}) > 5
+
+
 def test_a_drifting_value_stays_between_its_bounds() -> None:
     part = component(variables={"t": {"walk": 5, "start": 20, "low": 10, "high": 30}})
     values = []
@@ -160,6 +168,14 @@ def test_a_kind_of_one_s_own_is_a_file(tmp_path: Path) -> None:
         (
             "components: [{name: Arm, message: '{t}'}]\nanalyzers: a\n",
             "components.0: Arm: no variable t",
+        ),
+        (
+            "components: [{name: A, variables: {t: {walk: 1, start: 3, low: 0}}}]\nanalyzers: a\n",
+            "components.0.variables.t.walk.high: is missing",
+        ),
+        (
+            "components: [{name: A, variables: {t: {wobble: 1}}}]\nanalyzers: a\n",
+            "components.0.variables.t: needs 'walk', 'battery', 'follows' or 'count'",
         ),
         (
             "components: [{name: 'Arm {x}'}]\nanalyzers: a\n",

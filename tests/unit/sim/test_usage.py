@@ -97,3 +97,23 @@ def test_an_environment_with_a_domain_that_is_no_number_is_told(
     monkeypatch.setenv("ROS_DOMAIN_ID", "seven")
     assert main(["fault", "robot_1", "Motor 1", "ok"]) == 2
     assert "ROS_DOMAIN_ID is 'seven', must be a number" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("robots", "participants", "discovery", "told"),
+    [
+        (60, "robot", "LOCALHOST", True),
+        (60, "robot", "SUBNET", False),
+        (60, "fleet", "LOCALHOST", False),
+        (20, "robot", "LOCALHOST", False),
+    ],
+)
+def test_robots_that_nobody_will_find_are_told_of(
+    robots: int, participants: str, discovery: str, told: bool
+) -> None:
+    transport = pytest.importorskip("virtual_robots.transport", reason="needs ROS 2")
+    environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": discovery}
+    sentence = transport.too_many_for_localhost(
+        robots, transport.Participants(participants), environment
+    )
+    assert ("not all of 60 robots will be heard" in sentence) == told
