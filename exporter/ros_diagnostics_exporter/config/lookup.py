@@ -1,15 +1,37 @@
 """Which rule applies to a component, to a value; which checks hold one; of which robot it is.
 
-Called once for a component or a key when it is first seen, not for every message. What robots say
-is cut before it is searched: see `patterns`.
+Rules are looked up once for a component or a key, when it is first seen, not for every message.
+What robots say is cut before it is searched: see `patterns`.
 """
 
 from __future__ import annotations
 
-from ros_diagnostics_exporter.config.fleet import Check, ComponentRule, Profile, Shared, ValueRule
+from ros_diagnostics_exporter.config.fleet import (
+    Check,
+    ComponentRule,
+    Profile,
+    Shared,
+    Source,
+    ValueRule,
+)
 from ros_diagnostics_exporter.config.scalars import is_name
 
 SEARCHED = 256  # characters of a robot's string; what is beyond cannot match
+AGGREGATED = "_agg"  # what the name of an aggregate's topic ends in, by custom
+
+
+def topics_of(topic: str, source: Source) -> tuple[str | None, str | None]:
+    """The aggregated and the raw topic of a robot of which one is known.
+
+    A source of one kind is taken at its word, whatever the topic is called; else the name tells
+    which of the two it is, and the other is called likewise.
+    """
+    if source is Source.AGG:
+        return topic, None
+    if source is Source.RAW:
+        return None, topic
+    raw = topic.removesuffix(AGGREGATED)
+    return raw + AGGREGATED, raw
 
 
 def component_rule(profile: Profile, name: str) -> ComponentRule | None:

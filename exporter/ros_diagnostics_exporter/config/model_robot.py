@@ -85,7 +85,8 @@ class DiscoveryEntry(Entry):
     )
     type: Literal["diagnostic_msgs/msg/DiagnosticArray"] | None = optional(
         "In place of `topic`: every topic of this message type is a robot's, whatever it is "
-        "called; the robot's name is the last part of its namespace (`/hall/r1/health` -> `r1`).",
+        "called; the robot's name is the last part of its namespace (`/hall/r1/health` -> `r1`). "
+        "With source `agg` only those count that end in `_agg`, with `raw` only the others.",
         example=MESSAGE_TYPE,
     )
     domain_ids: DomainIds | None = optional(

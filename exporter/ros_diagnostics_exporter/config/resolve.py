@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -19,6 +20,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Shared,
     Source,
 )
+from ros_diagnostics_exporter.config.lookup import AGGREGATED, topics_of
 from ros_diagnostics_exporter.config.model_robot import DiscoveryEntry, RobotEntry, SharedEntry
 from ros_diagnostics_exporter.config.profiles import DEFAULT, resolved
 from ros_diagnostics_exporter.config.scalars import shown
@@ -26,7 +28,6 @@ from ros_diagnostics_exporter.config.templates import INNERMOST, ROBOT, topic_pa
 from ros_diagnostics_exporter.config.translate import meant
 from ros_diagnostics_exporter.config.validate import Checked, Placed
 
-AGGREGATED = "_agg"  # what the name of an aggregate's topic ends in
 RAW_NAME = "diagnostics"
 
 
@@ -96,14 +97,13 @@ def _robot(
     topic = entry.topic or f"{entry.namespace or ''}/{RAW_NAME}"
     if entry.topic is None and source is Source.AGG:
         topic += AGGREGATED
-    raw = topic if source is Source.RAW else topic.removesuffix(AGGREGATED)
-    aggregate = topic if source is Source.AGG else raw + AGGREGATED
+    aggregate, raw = topics_of(topic, source)
     return Robot(
         name=entry.name,
         domain_id=entry.domain_id or 0,
         namespace=topic.rpartition("/")[0],
-        topic_agg=None if source is Source.RAW else aggregate,
-        topic_raw=None if source is Source.AGG else raw,
+        topic_agg=aggregate,
+        topic_raw=raw,
         source=source,
         profile=choice.profile(placed),
         address=entry.address,
@@ -113,11 +113,12 @@ def _robot(
 
 def _discovery(placed: Placed[DiscoveryEntry], choice: _Choice) -> Discovery:
     entry = placed.entry
+    source = Source(entry.source or "auto")
     return Discovery(
-        pattern=INNERMOST if entry.topic is None else topic_pattern(entry.topic),
+        pattern=_pattern(entry, source),
         template=entry.topic or str(entry.type),
         domain_ids=entry.domain_ids or (0,),
-        source=Source(entry.source or "auto"),
+        source=source,
         include=entry.include or (),
         exclude=entry.exclude or (),
         profile=choice.profile(placed),
@@ -125,6 +126,16 @@ def _discovery(placed: Placed[DiscoveryEntry], choice: _Choice) -> Discovery:
         labels=MappingProxyType(entry.labels or {}),
         name=entry.name or ROBOT,
     )
+
+
+def _pattern(entry: DiscoveryEntry, source: Source) -> re.Pattern[str]:
+    """The topics to look for. Where any name will do, those of the other kind are left out."""
+    pattern = INNERMOST if entry.topic is None else topic_pattern(entry.topic)
+    any_name = entry.topic is None or entry.topic.endswith("/*")
+    if not any_name or source not in (Source.AGG, Source.RAW):
+        return pattern
+    wanted = "(?<=" if source is Source.AGG else "(?<!"
+    return re.compile(f"{pattern.pattern}{wanted}{AGGREGATED})")
 
 
 def _shared(placed: Placed[SharedEntry], choice: _Choice) -> Shared:

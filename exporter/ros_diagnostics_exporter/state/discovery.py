@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from ros_diagnostics_exporter.config.fleet import Discovery, Robot
-
-AGGREGATED = "_agg"  # how the aggregator's topic differs from the raw one by default
+from ros_diagnostics_exporter.config.lookup import topics_of
 
 
 def _wants(discovery: Discovery, name: str) -> bool:
@@ -27,14 +26,14 @@ def robot_name(discovery: Discovery, topic: str, domain_id: int) -> str | None:
 
 def found_robot(discovery: Discovery, name: str, topic: str, domain_id: int) -> Robot:
     """The robot of this name behind a topic; its other topic stands beside it."""
-    is_aggregate = topic.endswith(AGGREGATED)
+    aggregate, raw = topics_of(topic, discovery.source)
     address = discovery.address
     return Robot(
         name=name,
         domain_id=domain_id,
         namespace=topic.rpartition("/")[0],
-        topic_agg=topic if is_aggregate else topic + AGGREGATED,
-        topic_raw=topic.removesuffix(AGGREGATED),
+        topic_agg=aggregate,
+        topic_raw=raw,
         source=discovery.source,
         profile=discovery.profile,
         address=None if address is None else _fill(address, name, domain_id),

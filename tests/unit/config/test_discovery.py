@@ -2,8 +2,10 @@
 
 import pytest
 
+from ros_diagnostics_exporter.config.fleet import Source
 from ros_diagnostics_exporter.config.lookup import shared_identity
 from ros_diagnostics_exporter.config.scalars import topic as checked_topic
+from ros_diagnostics_exporter.state.discovery import found_robot
 
 
 def discovery(fleet_of, said):
@@ -21,11 +23,31 @@ def discovery(fleet_of, said):
         ("type: diagnostic_msgs/msg/DiagnosticArray", "/hall/r1/health", "r1"),
         ("type: diagnostic_msgs/msg/DiagnosticArray", "/r1/diagnostics_agg", "r1"),
         ("type: diagnostic_msgs/msg/DiagnosticArray", "/diagnostics", None),
+        ("source: agg, type: diagnostic_msgs/msg/DiagnosticArray", "/r1/diagnostics_agg", "r1"),
+        ("source: agg, type: diagnostic_msgs/msg/DiagnosticArray", "/r1/diagnostics", None),
+        ("source: raw, type: diagnostic_msgs/msg/DiagnosticArray", "/r1/diagnostics_agg", None),
+        ("source: raw, type: diagnostic_msgs/msg/DiagnosticArray", "/r1/diagnostics", "r1"),
+        ('source: raw, topic: "/{robot}/*"', "/r1/diagnostics_agg", None),
+        ('source: agg, topic: "/{robot}/health"', "/r1/health", "r1"),
     ],
 )
 def test_topic_tells_the_name_of_the_robot(fleet_of, said, topic, robot):
     match = discovery(fleet_of, said).pattern.fullmatch(topic)
     assert (match and match["robot"]) == robot
+
+
+@pytest.mark.parametrize(
+    ("source", "topics"),
+    [
+        (Source.AGG, ("/r1/health", None)),
+        (Source.RAW, (None, "/r1/health")),
+        (Source.AUTO, ("/r1/health_agg", "/r1/health")),
+    ],
+)
+def test_discovered_topic_of_another_name_is_what_its_source_says(fleet_of, source, topics):
+    found = discovery(fleet_of, f'topic: "/{{robot}}/health", source: {source.value}')
+    robot = found_robot(found, "r1", "/r1/health", 0)
+    assert (robot.topic_agg, robot.topic_raw) == topics
 
 
 def test_robots_in_the_root_namespace_are_named_by_their_domain(fleet_of):
