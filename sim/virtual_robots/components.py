@@ -57,6 +57,7 @@ class Component:
             if isinstance(model, Battery):
                 self.variables[f"{name}_charging"] = 0.0
         self._drive_from = 0.0
+        self._return_speed = 0.0  # of a walk that a fault drove out of its bounds, per second
         self._formats = [(key, text, "{" in text) for key, text in self.model.values.items()]
 
     def inject(self, fault: Fault | None) -> None:
@@ -64,8 +65,7 @@ class Component:
         if fault is not None and fault.what not in self.known_faults():
             known = ", ".join(self.known_faults())
             raise UnknownFaultError(f"{self.name} has no fault {fault.what!r}, only {known}")
-        if (course := self._course()) and course.drive and not course.over:
-            self.variables[course.drive] = self._drive_from  # what came at once ends at once
+        self._end_course()
         self.fault = fault
         if (course := self._course()) and course.drive:
             self._drive_from = self.variables[course.drive]
@@ -74,6 +74,7 @@ class Component:
         """Go on from where another one stands, as far as both have the same variables."""
         for name in self.variables.keys() & before.variables.keys():
             self.variables[name] = before.variables[name]
+        self._return_speed = before._return_speed
         if before.fault and before.fault.what in self.known_faults():
             self.fault, self._drive_from = before.fault, before._drive_from
 
@@ -105,6 +106,16 @@ class Component:
     def starting_up(self) -> Status:
         """What diagnostic_updater says of a task before its first run."""
         return Status(OK, self.name, STARTING_UP)
+
+    def _end_course(self) -> None:
+        """Let a driven variable go: it comes back as fast as it went; a battery must be charged."""
+        course = self._course()
+        if course is None or course.drive is None:
+            return
+        if course.over:
+            self._return_speed = abs(course.to - self._drive_from) / course.over
+        else:
+            self.variables[course.drive] = self._drive_from
 
     def _course(self) -> FaultModel | None:
         return self.model.faults.get(self.fault.what) if self.fault else None
@@ -168,10 +179,11 @@ class Component:
         return value + model.count * elapsed
 
     def _walked(self, value: float, model: Walk, elapsed: float) -> float:
-        """A random step; from beyond its bounds (after a fault) a tenth of the way back."""
+        """A random step; or one back, from where a fault drove it."""
         bound = min(max(value, model.low), model.high)
         if value != bound:
-            return value + (bound - value) * min(1.0, 0.1 * elapsed)
+            step = min(self._return_speed * elapsed, abs(bound - value))
+            return value + step if bound > value else value - step
         value += (self.rng.random() * 2 - 1) * model.walk * elapsed
         return min(max(value, model.low), model.high)
 

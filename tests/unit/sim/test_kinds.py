@@ -81,6 +81,16 @@ def test_an_overheating_motor_warns_before_it_fails() -> None:
     assert set(levels) == {OK, WARN, ERROR}
 
 
+def test_a_fault_goes_as_fast_as_it_came() -> None:
+    fleet = fleet_of("kobuki")
+    list(fleet.advance(3.0))
+    name = "kobuki_ros_node: Cliff Sensor"
+    fleet.inject("robot_1", name, Fault("cliff", fleet.now))
+    assert level_of(of(fleet.advance(8.0), Topic.RAW)[-1], name) == WARN
+    fleet.inject("robot_1", name, None)
+    assert level_of(of(fleet.advance(10.5), Topic.RAW)[-1], name) == OK
+
+
 @pytest.mark.parametrize(
     ("what", "level", "message"),
     [
