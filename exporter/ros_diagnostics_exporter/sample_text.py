@@ -12,7 +12,8 @@ from ros_diagnostics_exporter.diagnostics import Level
 from ros_diagnostics_exporter.metrics import Family
 from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.readings import Value
-from ros_diagnostics_exporter.state.robot import Robot, Versions
+from ros_diagnostics_exporter.state.robot import Robot
+from ros_diagnostics_exporter.state.versions import Versions
 
 _TO_ESCAPE = re.compile(r'[\\"\n]')
 _ESCAPES = {"\\": r"\\", '"': r"\"", "\n": r"\n"}
@@ -77,11 +78,13 @@ class RobotText:
         """Render the labels of every component and the prefixes of every value anew."""
         self._labels = []
         self._values = {}
+        taken: set[tuple[str, str]] = set()
         for component in self.robot.components.values():
-            labels = (
-                f'{{{self._base},group="{escape(component.group)}"'
-                f',component="{escape(component.name)}"'
-            )
+            name = component.name
+            while (component.group, name) in taken:  # two names that look alike as labels
+                name += "~"
+            taken.add((component.group, name))
+            labels = f'{{{self._base},group="{escape(component.group)}",component="{escape(name)}"'
             self._labels.append((component, labels))
             if component.is_stale:
                 continue
@@ -233,7 +236,7 @@ class RobotText:
             family,
             (
                 self._one(family, count, f',check="{escape(check)}",level="{_WORDS[level]}"')
-                for check, counts in self.robot.count_checks()
+                for check, counts in self.robot.members.count_checks()
                 for level, count in enumerate(counts)
             ),
         )

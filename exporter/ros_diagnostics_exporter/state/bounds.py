@@ -11,11 +11,13 @@ Reject = Callable[[str], None]  # told the reason of what is not taken in
 def bounded(text: str, length: int) -> str:
     """``text`` if it has at most ``length`` characters; else its begin and a hash of the whole.
 
-    Two long names stay two names.
+    Two long names stay two names. What is no valid Unicode is replaced.
     """
+    if not text.isascii():
+        text = text.encode("utf-8", "replace").decode()
     if len(text) <= length:
         return text
-    digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:8]
+    digest = hashlib.sha256(text.encode()).hexdigest()[:8]
     return f"{text[: max(0, length - 9)]}~{digest}"
 
 

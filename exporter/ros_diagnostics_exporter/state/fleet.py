@@ -123,10 +123,9 @@ class State:
             robot.versions.inventory += 1
 
     def _forget_gone(self, robot: Robot, now: Instant) -> None:
-        for identity in list(robot.forgettable(now)):
-            component = robot.components[identity]
+        for component in list(robot.members.forgettable(now)):
             self._note_component(now, robot, component, component.level, "forgotten")
-            robot.forget(identity)
+            robot.members.remove(component)
         if robot.declared or robot.up or robot.components or robot.network.publishers:
             return
         last = robot.last_mono
@@ -153,15 +152,15 @@ class State:
             if robot is None:
                 raise LookupError(f"no robot {name!r}")
             doomed = [
-                (identity, each)
-                for identity, each in robot.components.items()
+                each
+                for each in robot.components.values()
                 if component is None or each.name == component
             ]
             if component is not None and not doomed:
                 raise LookupError(f"robot {name!r} has no component {component!r}")
-            for identity, each in doomed:
+            for each in doomed:
                 self._note_component(now, robot, each, each.level, "forgotten")
-                robot.forget(identity)
+                robot.members.remove(each)
             if component is None and not robot.declared:
                 self._roster.drop(robot)
             return len(doomed)

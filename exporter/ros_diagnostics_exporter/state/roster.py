@@ -22,6 +22,7 @@ from ros_diagnostics_exporter.state.shared import Splitter
 
 log = logging.getLogger(__name__)
 
+SERIES_OF_ROBOT = 20  # at least: robot_*, check_components of the check "all"
 MOST_REFUSALS = 1_000  # remembered, so that each is said and counted once
 
 
@@ -106,6 +107,10 @@ class Roster:
             topic = Topic(settings.domain_id, settings.topic_agg or settings.topic_raw or "")
             self._refuse(topic, settings.name, "robot_limit", "the limit of robots is reached")
             return None
+        if not self.budget.take(SERIES_OF_ROBOT):
+            topic = Topic(settings.domain_id, settings.topic_agg or settings.topic_raw or "")
+            self._refuse(topic, settings.name, "series_limit", "the limit of series is reached")
+            return None
         robot = Robot(settings, self._fleet.limits, self.budget, self._changed, declared=declared)
         self.robots[settings.name] = robot
         self._bind(robot)
@@ -116,7 +121,8 @@ class Roster:
         """Take a robot out, with all that is known about it."""
         self._told("forgotten", robot)
         self._unbind(robot)
-        robot.release()
+        robot.members.remove_all()
+        self.budget.give(SERIES_OF_ROBOT)
         del self.robots[robot.settings.name]
 
     def discover(self, domain_id: int, endpoints: Mapping[str, Endpoint]) -> None:

@@ -89,7 +89,8 @@ def assert_both_parsers_agree(story: Story) -> None:
     registry = CollectorRegistry()
     registry.register(Same(text))
     ours = comparable(text_string_to_metric_families(text))
-
+    series = [line.rpartition(" ")[0] for line in text.split("\n") if line[:1] not in ("", "#")]
+    assert len(series) == len(set(series))
     assert ours == comparable(text_string_to_metric_families(generate_latest(registry).decode()))
     assert ours == comparable(openmetrics_parser.text_string_to_metric_families(openmetrics))
 
@@ -114,6 +115,17 @@ def test_a_hostile_string_arrives_unharmed_in_its_label(text):
     shown = text.encode("utf-8", "replace").decode()
     assert story.sample("component_level", component=shown or "(unnamed)") == ERROR
     assert story.sample("component_message_info", message=shown) == 1
+
+
+def test_names_that_look_alike_as_labels_stay_two_series():
+    story = Story()
+    story.raw(Status(OK, "a\ud800"), Status(ERROR, "a?"), Status(OK, ""), Status(OK, "(unnamed)"))
+
+    assert_both_parsers_agree(story)
+    levels = {
+        dict(labels)["component"]: v for labels, v in story.samples()["component_level"].items()
+    }
+    assert levels == {"a?": 0, "a?~": 2, "(unnamed)": 0, "(unnamed)~": 0}
 
 
 def full_story() -> Story:

@@ -475,7 +475,7 @@ def test_too_many_values_lose_only_the_surplus():
 
 
 def test_the_budget_of_series_is_kept_and_given_back():
-    story = bounded_story(series=20)
+    story = bounded_story(series=40)
     story.raw(*(Status(OK, f"c{n}") for n in range(5)))
     assert len(story.robot.components) == 3
     assert story.sample("robot_rejected_total", reason="series_limit") == 2

@@ -1,0 +1,21 @@
+"""Counters of change: what tells a reader which of the things it made are out of date."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+
+@dataclass
+class Versions:
+    """One robot's counters, each raised when its part changed."""
+
+    structure: int = 0  # which series there are
+    receipt: int = 0  # messages, bytes, last message, clock offset, the graph
+    levels: int = 0
+    values: int = 0
+    groups: int = 0
+    inventory: int = 0  # the config's part
+
+    def copy(self) -> Versions:
+        """The counters as they stand."""
+        return replace(self)
