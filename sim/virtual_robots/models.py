@@ -57,7 +57,7 @@ class Linear(Document):
 
 
 class Count(Document):
-    """A quantity that grows by ``rate`` a second."""
+    """A quantity that grows by ``count`` a second."""
 
     count: float
     start: float = 0
