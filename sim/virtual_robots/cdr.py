@@ -50,7 +50,7 @@ def _encode_stamp(stamp: float) -> bytes:
 @lru_cache(maxsize=16384)
 def _string(text: str) -> bytes:
     """Length, bytes, closing zero; not padded."""
-    raw = text.encode()
+    raw = text.encode(errors="replace")  # half a surrogate pair is no UTF-8
     return b"%s%s\0" % (_U32.pack(len(raw) + 1), raw)
 
 

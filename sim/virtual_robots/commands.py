@@ -27,7 +27,9 @@ def run(options: argparse.Namespace) -> None:
     domain_id = chosen_domain_id(options.domain_id)
     stop = stop_on_signals()
     participants = Participants(options.participants)
-    transport = Transport(list(fleet.members), domain_id, participants)
+    transport = Transport(
+        list(fleet.members), domain_id, participants, aggregated=options.aggregator != "none"
+    )
     if sentence := too_many_for_localhost(len(fleet.members), participants, os.environ):
         complain(sentence)
 

@@ -57,7 +57,7 @@ class EventModel(Document):
     what: Name
     message: str = ""
     length: float = Field(default=0.0, ge=0, alias="for")
-    by: float = 3600.0
+    by: float = Field(default=3600.0, ge=-3e8, le=3e8)  # ROS' stamps end in 2038
     rate: float = Field(default=100.0, gt=0, le=10_000)
     period: float | None = Field(default=None, gt=0)
 

@@ -56,11 +56,19 @@ class Transport:
     """Publishes what happens in a fleet.
 
     ``robots`` are all names that can appear; with DOMAIN the first has ``domain_id`` and each of
-    the others the next one. Raises DomainError if these are more domains than there are.
+    the others the next one. Without ``aggregated`` they have their raw topic only: another program
+    publishes the rest. Raises DomainError if these are more domains than there are.
     """
 
-    def __init__(self, robots: list[str], domain_id: int, participants: Participants) -> None:
-        self._participants = participants
+    def __init__(
+        self,
+        robots: list[str],
+        domain_id: int,
+        participants: Participants,
+        *,
+        aggregated: bool = True,
+    ) -> None:
+        self._topics = tuple(Topic) if aggregated else (Topic.RAW,)
         step = 1 if participants is Participants.DOMAIN else 0
         last = domain_id + step * (len(robots) - 1)
         try:
@@ -92,13 +100,13 @@ class Transport:
         node = self._node_of(robot)
         # As the real ones: reliable, volatile, and the last message only.
         qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
-        for topic, kind in TYPES.items():
+        for topic in self._topics:
             name = f"/{robot}/{topic.value}"
-            self._publishers[robot, topic] = node.create_publisher(kind, name, qos)
+            self._publishers[robot, topic] = node.create_publisher(TYPES[topic], name, qos)
 
     def vanish(self, robot: str) -> None:
         """Take the robot out of the graph, with goodbye."""
-        for topic in TYPES:
+        for topic in self._topics:
             publisher = self._publishers.pop((robot, topic))
             if self._shared is not None:
                 self._shared[1].destroy_publisher(publisher)

@@ -46,6 +46,16 @@ def test_robots_are_heard_raw_and_aggregated(
         assert top.name == "toplevel_state"
 
 
+def test_without_an_aggregator_its_topics_are_left_to_another_program(
+    virtual_robots: Callable[..., Process], listener: Any
+) -> None:
+    listener.listen("/robot_1/diagnostics")
+    virtual_robots("--robots", "1", "--aggregator", "none")
+    listener.until(lambda: len(listener.of("/robot_1/diagnostics")) >= 2, "two messages")
+    names = listener.node.get_topic_names_and_types()
+    assert [n for n, _ in names if n.startswith("/robot_1/")] == ["/robot_1/diagnostics"]
+
+
 def test_a_fault_is_injected_and_repaired_by_command(
     virtual_robots: Callable[..., Process], command: Command, listener: Any
 ) -> None:

@@ -44,6 +44,12 @@ def test_ros_reads_an_encoded_status_as_it_was(status: Status) -> None:
     assert read(serialization.deserialize_message(data, messages.DiagnosticStatus)) == status
 
 
+def test_text_that_is_no_unicode_is_replaced() -> None:
+    data = encode_status(Status(0, "half \ud800"))
+    message = serialization.deserialize_message(data, messages.DiagnosticStatus)
+    assert message.name == "half ?"
+
+
 def test_an_encoded_array_is_as_long_as_the_one_that_ros_makes() -> None:
     status = Status(1, "Motor 1", "warm", "mc-01", (("Temperature", "81.5"),))
     ros_status = messages.DiagnosticStatus(
