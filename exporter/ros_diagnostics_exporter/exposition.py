@@ -14,7 +14,7 @@ from collections.abc import Iterable
 
 from ros_diagnostics_exporter import metrics
 from ros_diagnostics_exporter.metrics import Family
-from ros_diagnostics_exporter.sample_text import RobotText
+from ros_diagnostics_exporter.sample_text import RobotText, escape
 from ros_diagnostics_exporter.state.fleet import State
 
 
@@ -35,14 +35,24 @@ class Exposition:
             families = (*metrics.FLEET_FAMILIES, *map(_promoted_family, promoted))
             parts: list[bytes] = []
             series: Counter[str] = Counter()
+            more = {metrics.ROBOT_SILENT_REASON.name: self._shut_out()}
             for family in families:
                 chunks = [chunk for text in texts if (chunk := text.chunks.get(family.name))]
+                chunks.extend(filter(None, [more.get(family.name)]))
                 if chunks:
                     parts.append(header(family, openmetrics=openmetrics))
                     parts.extend(chunks)
                     series[family.name] = sum(chunk.count(b"\n") for chunk in chunks)
             self.series = series
             return b"".join(parts)
+
+    def _shut_out(self) -> bytes:
+        """Robots that the limits keep out have one sample: why nothing is heard of them."""
+        fleet, name = escape(self._state.fleet.name), metrics.ROBOT_SILENT_REASON.name
+        return "".join(
+            f'{name}{{fleet="{fleet}",robot="{escape(robot)}",reason="limit"}} 1\n'
+            for robot in self._state.shut_out
+        ).encode()
 
     def _update(self) -> Iterable[RobotText]:
         """Bring every robot's text up to date, holding the state for one robot at a time."""

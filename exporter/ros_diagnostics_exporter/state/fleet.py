@@ -186,6 +186,12 @@ class State:
         """What belongs to no robot and was not taken in, by reason."""
         return self._roster.rejected
 
+    @property
+    def shut_out(self) -> list[str]:
+        """The robots that are not known because the limits leave no room, by name."""
+        with self.lock:
+            return sorted(self._roster.shut_out)
+
     def wanted(self, domain_id: int) -> list[Topic]:
         """The topics to be subscribed in a domain, now."""
         with self.lock:

@@ -54,6 +54,7 @@ class Roster:
         self._fleet = fleet
         self._changed = changed
         self._told = told
+        self.shut_out: set[str] = set()  # names of robots for which the limits leave no room
         self._refused: set[tuple[Topic, str]] = set()
         self.configure(fleet, now)
 
@@ -62,6 +63,7 @@ class Roster:
         self._fleet = fleet
         self.budget.limit = fleet.limits.series
         self._refused.clear()
+        self.shut_out.clear()
         self.splitters = {
             Topic(each.domain_id, each.topic): Splitter(each) for each in fleet.shared
         }
@@ -113,6 +115,7 @@ class Roster:
             return None
         robot = Robot(settings, self._fleet.limits, self.budget, self._changed, declared=declared)
         self.robots[settings.name] = robot
+        self.shut_out.discard(settings.name)
         self._bind(robot)
         self._told("known", robot)
         return robot
@@ -170,6 +173,8 @@ class Roster:
             return
         self._refused.add((topic, name))
         self.rejected[reason] += 1
+        if name not in self.robots:
+            self.shut_out.add(name)
         log.warning(
             "robot %r on topic %s in domain %d is not taken in: %s. Change fleet.yml: another "
             "name, an exclude pattern, or higher limits",

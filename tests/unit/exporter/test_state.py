@@ -500,3 +500,8 @@ def test_more_robots_than_the_limit_are_refused_and_counted():
 
     assert len(story.state.robots) == 2
     assert story.state.rejected["robot_limit"] == 1
+    assert story.sample("robot_silent_reason", robot="r2", reason="limit") == 1
+
+    story.state.configure(Fleet("f", fleet.robots[1:], limits=Limits(robots=2)), story.now)
+    assert set(story.state.robots) == {"r1", "r2"}
+    assert story.sample("robot_silent_reason", reason="limit") is None
