@@ -1,0 +1,68 @@
+"""What README.md and docs/architecture.md show and name exists, and works as shown."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+from fleet_demo import story
+
+CHECKOUT = Path(__file__).parents[3]
+README = (CHECKOUT / "README.md").read_text()
+DOCUMENTS = [CHECKOUT / "README.md", CHECKOUT / "docs" / "architecture.md"]
+COMMANDS = Path(sysconfig.get_path("scripts"))
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_every_link_to_a_file_leads_somewhere(document):
+    links = re.findall(r"\]\((?!https?:|#)([^)#]+)", document.read_text())
+
+    assert links
+    assert not [link for link in links if not (document.parent / link).exists()]
+
+
+def test_the_fleet_yml_is_understood(tmp_path):
+    (shown,) = blocks("yaml")
+    (tmp_path / "fleet.yml").write_text(shown)
+
+    done = subprocess.run(
+        [COMMANDS / "ros-diagnostics-exporter", "--config.check", "--config.file", "fleet.yml"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_every_verb_of_run_is_one():
+    usage = subprocess.run(["./run", "help"], cwd=CHECKOUT, capture_output=True, check=True)
+    verbs = set(re.findall(r"^  (\w+)", usage.stdout.decode(), re.MULTILINE))
+
+    for document in DOCUMENTS:
+        assert set(re.findall(r"\./run (\w+)", document.read_text())) <= verbs
+
+
+def test_every_command_is_installed():
+    named = set(
+        re.findall(r"\b(ros-diagnostics-(?!robot)\w+|virtual-robots|check_ros_\w+)", README)
+    )
+
+    assert len(named) >= 4
+    assert not [name for name in named if not (COMMANDS / name).exists()]
+
+
+def test_the_output_shown_is_that_of_the_demo():
+    problem, _ = story.expected(story.Fault())
+
+    assert f"Subject: {problem}" in README
+    assert story.Fault().message in README
