@@ -79,7 +79,7 @@ def _demo(seconds: float | None, console: Console) -> list[str]:
         Screen(console) as screen,
     ):
         for line in _addresses(stack):
-            console.print(line, highlight=False)
+            console.print(line, highlight=False, soft_wrap=True)
         screen.open("Ctrl-C ends the demo")
         return Performance(stack, screen).play(seconds)
 

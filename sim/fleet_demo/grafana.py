@@ -14,8 +14,8 @@ BINARIES = ("grafana", "grafana-server")  # the second: up to Grafana 9
 PACKAGED_HOME = Path("/usr/share/grafana")
 HOME_DASHBOARD = "ros-diagnostics-fleet"
 ABSENT = (
-    "no Grafana here: install it (https://grafana.com/docs/grafana/latest/setup-grafana/) and start"
-    " the demo again, or import grafana/dashboards/*.json into yours"
+    "no Grafana in PATH: install it (https://grafana.com/grafana/download) and start again,"
+    " or import grafana/dashboards/*.json into yours"
 )
 
 

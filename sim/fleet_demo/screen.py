@@ -10,7 +10,6 @@ from types import TracebackType
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.markup import escape
-from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
@@ -52,9 +51,10 @@ class Screen:
         """Show an email as it arrived."""
         head = f"From: {mail.sender}\nTo: {', '.join(mail.recipients)}\nSubject: {mail.subject}"
         self.say(elapsed, "mail server: an email arrives")
-        self._console.print(
-            Panel(Text(f"{head}\n\n{mail.text.strip()}"), title="email", title_align="left")
-        )
+        self._console.rule("email", align="left")
+        text = Text(f"{head}\n\n{mail.text.strip()}")
+        self._console.print(text, soft_wrap=True)  # a link that is broken up cannot be followed
+        self._console.rule()
 
     def show(self, sight: Sight) -> None:
         """Renew the live table; without a terminal, nothing."""

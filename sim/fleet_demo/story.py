@@ -16,7 +16,7 @@ class Fault:
 
     robot: str = "robot_3"
     component: str = "Motor 2"
-    message: str = "winding at 131 C, drive switched off"
+    message: str = "no encoder pulses, drive switched off"
 
 
 class Step(Enum):
