@@ -112,6 +112,7 @@ def alerts() -> table.Panel:
             Column("runbooks_url", "Runbooks", hidden=True),
         ],
         sort="Since",
+        by="alertname, severity, fleet, robot, component",
     )
 
 
@@ -139,6 +140,7 @@ def fired() -> table.Panel:
                 Column("B", "Last", unit="dateTimeAsIso", width=160),
             ],
             sort="Times",
+            by="alertname, severity, fleet, robot, component",
         )
         .span(12)
         .height(10)

@@ -26,7 +26,8 @@ PARTS = {
 FLEET = Column("fleet", "Fleet")
 AVAILABLE = Column("available", "Available", unit="percentunit", width=100)
 SHARES = [AVAILABLE] + [
-    Column(part, part.capitalize(), unit="percentunit", width=110) for part in PARTS
+    Column(part, "OK" if part == "ok" else part.capitalize(), unit="percentunit", width=110)
+    for part in PARTS
 ]
 SUMS = (
     "Available is OK and WARNING, out of the time that was judged: maintenance, pending and "

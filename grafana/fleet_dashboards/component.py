@@ -37,7 +37,7 @@ def count_by_state() -> stat.Panel:
     """How many robots have it in each state."""
     panel = panels.number(
         "Robots by state of the component",
-        "On how many robots is this component well, on how many not?",
+        "On how many robots of the chosen fleets is this component well, on how many not?",
         queries.COUNT_BY_RANK,
     ).targets([panels.at_end(queries.COUNT_BY_RANK, "{{rank}}")])
     panel = panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME)
@@ -66,6 +66,7 @@ def states() -> table.Panel:
                 Column("D", "Flapping", unit="percentunit", width=90),
                 Column("E", "Changes", width=90),
             ],
+            by="fleet, robot, group",
         )
         .height(10)
         .span(16)
@@ -88,7 +89,7 @@ def values() -> timeseries.Panel:
     return (
         panels.graph(
             "$key on every robot",
-            "Which robot's value runs away from the others'? Dashed: the median.",
+            "Which robot's value runs away from the others'? Dashed: the median of all robots.",
             panels.over_time(queries.VALUE, "{{robot}} [{{unit}}]"),
             panels.over_time(queries.MEDIAN, "median", "B"),
         )
@@ -128,6 +129,7 @@ def odd_ones() -> table.Panel:
             odd,
         ],
         sort="Oddness",
+        by="fleet, robot",
     )
     background = common.TableColoredBackgroundCellOptions(
         common.TableCellBackgroundDisplayMode.BASIC

@@ -166,6 +166,7 @@ def robots() -> table.Panel:
             Column("B", "Last message", unit="dtdurations", width=160),
             Column("D", "Maintenance", mappings=MAINTENANCE, width=120),
         ],
+        by="fleet, robot",
     ).height(14)
 
 

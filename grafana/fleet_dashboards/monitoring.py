@@ -65,6 +65,7 @@ def targets() -> table.Panel:
             Column("C", "Samples", width=100),
         ],
         descending=False,
+        by="job, instance, fleet",
     ).span(12)
 
 
@@ -84,6 +85,7 @@ def hosts() -> table.Panel:
             Column("B", "Took", unit="s", width=100),
         ],
         descending=False,
+        by="job, instance, fleet, robot, uplink",
     ).span(12)
 
 
@@ -118,6 +120,7 @@ def exporters() -> table.Panel:
             ],
             sort="Fleet",
             descending=False,
+            by="fleet",
         )
         .height(8)
         .span(18)

@@ -207,6 +207,7 @@ def checks() -> table.Panel:
                 Column("B", "Found", width=90),
                 Column("C", "Expected", width=100),
             ],
+            by="fleet, robot, check",
         )
         .height(8)
         .span(12)

@@ -83,7 +83,10 @@ def inventory() -> table.Panel:
             "Where does this robot live, and what does fleet.yml say of it?",
             {"A": queries.INVENTORY},
             [
-                Column(label, label.replace("_", " ").capitalize())
+                Column(
+                    label,
+                    label.removeprefix("ros_").replace("_id", "").replace("_", " ").capitalize(),
+                )
                 for label in (
                     *("fleet", "robot", "site", "robot_group", "kind", "team", "uplink", "address"),
                     *("domain_id", "ros_namespace", "topic", "profile"),

@@ -14,7 +14,7 @@ from grafana_foundation_sdk.models import common, dashboard
 from grafana_foundation_sdk.models.prometheus import PromQueryFormat
 
 from fleet_dashboards import palette
-from fleet_dashboards.panels import WIDTH, at_end, by_thresholds
+from fleet_dashboards.panels import WIDTH, at_end, by_thresholds, tidy
 from fleet_dashboards.variables import DATASOURCE
 
 
@@ -43,18 +43,25 @@ def listing(
     queries: dict[str, str],
     columns: Sequence[Column],
     *,
+    by: str = "fleet, robot, group, component",
     sort: str = "State",
     descending: bool = True,
 ) -> table.Panel:
-    """Rows joined from instant queries on the labels that all of them have.
+    """Rows joined from instant queries on the labels ``by``.
 
-    A row that the first query does not give is dropped: it alone decides what is listed.
+    The first query decides what is listed: the others are asked only about that. Grafana could not
+    drop what is too much, because where the first finds nothing there is no field to go by.
     """
+    first = next(iter(queries.values()))
+    asked = {
+        ref: expr if expr == first else f"(\n{tidy(expr)}\n)\nand on ({by})\n(\n{tidy(first)}\n)"
+        for ref, expr in queries.items()
+    }
     panel = _table(title, description, columns)
     order = common_builders.TableSortByFieldState().display_name(sort).desc(descending)
     return (
-        panel.targets([_rows(expr, ref) for ref, expr in queries.items()])
-        .transformations(_joined(queries, columns))
+        panel.targets([_rows(expr, ref) for ref, expr in asked.items()])
+        .transformations(_joined(list(queries), columns))
         .sort_by([order])
     )
 
@@ -100,24 +107,17 @@ def _rows(expr: str, ref: str) -> prometheus.Dataquery:
 
 
 def _joined(
-    queries: dict[str, str], columns: Sequence[Column]
+    refs: Sequence[str], columns: Sequence[Column]
 ) -> list[dashboard.DataTransformerConfig]:
-    # With one query Grafana calls its value "Value", with several "Value #A".
-    def field(column: Column) -> str:
-        if not column.is_value():
-            return column.field
-        return "Value" if len(queries) == 1 else f"Value #{column.field}"
-
-    first = field(Column(next(iter(queries)), ""))
-    listed = {
-        "fieldName": first,
-        "config": {"id": "isNotNull", "options": {}},
-    }
-    return [
-        _step("merge"),
-        _step("filterByValue", filters=[listed], type="include", match="all"),
-        *_chosen({field(column): column.title for column in columns}),
-    ]
+    titles: dict[str, str] = {}
+    for column in columns:
+        if column.is_value():
+            titles[f"Value #{column.field}"] = column.title
+        else:
+            titles[column.field] = column.title
+        if column.field == refs[0]:
+            titles["Value"] = column.title  # so called where only the first query has an answer
+    return [_step("merge"), *_chosen(titles)]
 
 
 def _chosen(titles: dict[str, str]) -> list[dashboard.DataTransformerConfig]:

@@ -71,11 +71,7 @@ _COMPONENT = "by (fleet, robot, group, component)"
 FLAPPING = f"max {_COMPONENT} (ros_diagnostics_component_flap_ratio{{{_FLEET}}}) > 0.1"
 FLAPPING_SINCE = f"component:ros_diagnostics_flapping:start{{{_FLEET}}} * 1000"
 # Not over the range: that would be a rate over every component of the fleet.
-CHANGES = f"""
-  max {_COMPONENT} (ros_diagnostics_component_changes_total{{{_FLEET}}})
-and
-  {FLAPPING}
-"""
+CHANGES = f"max {_COMPONENT} (ros_diagnostics_component_changes_total{{{_FLEET}}})"
 
 
 # --- Availability. The parts of any range sum to 100 %: what is neither available nor not (planned

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-_COMPONENT = 'fleet=~"$fleet", robot=~"$robot", component="$component"'
+_ALL = 'fleet=~"$fleet", component="$component"'
+_COMPONENT = f'{_ALL}, robot=~"$robot"'
 _ROW = "by (fleet, robot, group)"
 
 STATE = f"max {_ROW} (component:ros_diagnostics_state:rank{{{_COMPONENT}}})"
-COUNT_BY_RANK = f'count_values("rank", component:ros_diagnostics_state:rank{{{_COMPONENT}}})'
+COUNT_BY_RANK = f'count_values("rank", component:ros_diagnostics_state:rank{{{_ALL}}})'
 PROBLEM_FOR = f"time() - max {_ROW} (component:ros_diagnostics_problem:start{{{_COMPONENT}}})"
 MESSAGES = f"""
 group by (fleet, robot, group, message) (
@@ -18,23 +19,28 @@ sum {_ROW} (increase(ros_diagnostics_component_changes_total{{{_COMPONENT}}}[$__
 """
 FLAP_RATIO = f"max {_ROW} (ros_diagnostics_component_flap_ratio{{{_COMPONENT}}})"
 
-# --- One key on all robots ---
-VALUE = f"""
-max by (fleet, robot, unit) (ros_diagnostics_component_value{{{_COMPONENT}, key="$key"}})
-"""
-MEDIAN = f"quantile(0.5, {VALUE})"
-_DISTANCE = f"({VALUE} - scalar({MEDIAN}))"
+# --- One key on all robots: shown for the chosen ones, compared with all ---
+
+
+def _value(robots: str) -> str:
+    family = f'ros_diagnostics_component_value{{{robots}, key="$key"}}'
+    return f"max by (fleet, robot, unit) ({family})"
+
+
+VALUE = _value(_COMPONENT)
+MEDIAN = f"quantile(0.5, {_value(_ALL)})"
 DISTANCE = f"{VALUE} - scalar({MEDIAN})"
+_DISTANCE_OF_ALL = f"abs({_value(_ALL)} - scalar({MEDIAN}))"
 # Iglewicz and Hoaglin's modified z-score: distance from the median in units of the median distance,
 # scaled to a standard deviation; where more than half are equal, of the mean distance. Beyond 3.5 a
 # robot is the odd one out. All equal: 0.
 _SPREAD = f"""
 scalar(
-    1.4826 * quantile(0.5, abs({_DISTANCE})) > 0
+    1.4826 * quantile(0.5, {_DISTANCE_OF_ALL}) > 0
   or
-    1.2533 * avg(abs({_DISTANCE})) > 0
+    1.2533 * avg({_DISTANCE_OF_ALL}) > 0
   or
     vector(1)
 )
 """
-ODDNESS = f"{_DISTANCE} / {_SPREAD}"
+ODDNESS = f"({DISTANCE}) / {_SPREAD}"

@@ -141,12 +141,16 @@ ROBOTS = f"""
   {CHOSEN}
 """
 ROBOT_SINCE = 'robot:ros_diagnostics_state:since{fleet=~"$fleet"} * 1000'
+# Received while it was scraped, a message may seem to come from the future.
 MESSAGE_AGE = """
-  time()
--
-  max by (fleet, robot) (
-    ros_diagnostics_robot_last_message_timestamp_seconds{fleet=~"$fleet"} > 0
-  )
+clamp_min(
+    time()
+  -
+    max by (fleet, robot) (
+      ros_diagnostics_robot_last_message_timestamp_seconds{fleet=~"$fleet"} > 0
+    ),
+  0
+)
 """
 TROUBLED_COMPONENTS = f"count by (fleet, robot) (\n{_IN_TROUBLE}\n)"
 MAINTENANCE = 'max by (fleet, robot) (ros_diagnostics_robot_maintenance{fleet=~"$fleet"})'

@@ -12,10 +12,14 @@ SILENT_FOR = f"time() - robot:ros_diagnostics_silent:start{{{_ROBOT}}}"
 SILENCE_REASON = f"""
 max by (reason) (ros_diagnostics_robot_silent_reason{{{_ROBOT}}} == 1)
 """
+# Received while it was scraped, a message may seem to come from the future.
 MESSAGE_AGE = f"""
-  time()
--
-  max by (fleet, robot) (ros_diagnostics_robot_last_message_timestamp_seconds{{{_ROBOT}}} > 0)
+clamp_min(
+    time()
+  -
+    max by (fleet, robot) (ros_diagnostics_robot_last_message_timestamp_seconds{{{_ROBOT}}} > 0),
+  0
+)
 """
 STALE_AFTER = f"max by (fleet, robot) (ros_diagnostics_robot_stale_after_seconds{{{_ROBOT}}})"
 CLOCK_OFFSET = f"max by (fleet, robot) (ros_diagnostics_robot_clock_offset_seconds{{{_ROBOT}}})"
