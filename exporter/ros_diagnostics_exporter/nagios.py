@@ -44,6 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code, line = UNKNOWN, f"UNKNOWN - {_clean(str(error))}"
     except _TooLateError:
         code, line = UNKNOWN, f"UNKNOWN - no answer from {options.url} in {options.timeout:g} s"
+    except Exception as error:  # noqa: BLE001 - Python's own exit code 1 would be WARNING
+        code, line = UNKNOWN, f"UNKNOWN - {type(error).__name__}: {_clean(str(error))}"
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
     print(line)  # noqa: T201

@@ -55,6 +55,7 @@ class GuardedProtocol(H11Protocol):
         """Forget the timer with the connection."""
         super().connection_lost(exc)
         self._stop_timer()
+        self.transport.close()  # Python 3.10's TLS transport does not know by itself that it is
 
     def data_received(self, data: bytes) -> None:
         """Hand the bytes on and see what the connection is waiting for now."""

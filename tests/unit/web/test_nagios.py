@@ -138,6 +138,12 @@ def test_another_server_or_an_error_is_unknown(serve, capsys):
     assert "--password-file" in capsys.readouterr().out
 
 
+def test_an_answer_in_another_form_is_unknown_and_not_a_warning(serve, capsys):
+    server = serve(fleet=lambda: fleet({"robot": "robot_1"}))
+    assert main(["-H", "robot_1", "--url", f"http://{server.addresses[0]}"]) == 3
+    assert capsys.readouterr().out == "UNKNOWN - KeyError: 'up'\n"
+
+
 def test_an_exporter_that_answers_byte_by_byte_is_not_waited_for(capsys):
     stop = threading.Event()
     with socket.create_server(("127.0.0.1", 0)) as listening:
