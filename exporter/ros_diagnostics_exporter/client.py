@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import argparse
 import base64
+import http.client
 import json
+import math
 import ssl
 import urllib.error
 import urllib.parse
@@ -40,11 +42,18 @@ def add_arguments(
     where.add_argument(
         "-t",
         "--timeout",
-        type=float,
+        type=_seconds,
         default=10.0,
         metavar="SECONDS",
         help="how long to wait for an answer (default: %(default)g)",
     )
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not 0 < seconds < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is no time to wait")
+    return seconds
 
 
 def ask_fleet(options: argparse.Namespace, robots: tuple[str, ...] = ()) -> dict[str, Any]:
@@ -80,7 +89,8 @@ def ask(options: argparse.Namespace, path: str, body: Any = None, *, method: str
             return json.loads(text) if text else None
     except urllib.error.HTTPError as error:
         raise UnreachableError(f"{url} answered {error.code} {error.reason}") from error
-    except (OSError, ValueError) as error:  # URLError is an OSError, bad JSON a ValueError
+    except (OSError, ValueError, http.client.HTTPException) as error:
+        # URLError is an OSError, bad JSON a ValueError.
         raise UnreachableError(f"{url}: {getattr(error, 'reason', None) or error}") from error
 
 

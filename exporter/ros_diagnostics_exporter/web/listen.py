@@ -34,10 +34,11 @@ def bind(address: str) -> socket.socket:
     host, port = parse_address(address)
     try:
         return _bind_everywhere(port) if host in {"", "::"} else _bind_one(host, port)
-    except OSError as error:
+    except (OSError, UnicodeError) as error:  # UnicodeError: no host can have that name
+        why = getattr(error, "strerror", None) or error
         raise ListenError(
-            f"cannot listen on {address}: {error.strerror or error}; stop the program that holds "
-            "the port, or choose another with --web.listen-address"
+            f"cannot listen on {address}: {why}; stop the program that holds the port, or choose "
+            "another with --web.listen-address"
         ) from error
 
 

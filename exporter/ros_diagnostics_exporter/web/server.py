@@ -28,7 +28,6 @@ from .tls import follow
 
 GRACE = 3  # seconds for answers under way when the server stops
 
-
 _log = logging.getLogger(__name__)
 
 

@@ -103,9 +103,10 @@ def test_the_command_asks_the_exporter(serve, capsys):
     assert main(["-H", "robot_3", "--url", url]) == 3
 
 
-def test_a_wrong_call_is_unknown_and_not_critical(capsys):
+@pytest.mark.parametrize("call", [["-N", "Motor"], ["-H", "a", "-t", "-1"], ["-H", "a", "-t", "x"]])
+def test_a_wrong_call_is_unknown_and_not_critical(call, capsys):
     with pytest.raises(SystemExit) as ended:
-        main(["-N", "Motor"])
+        main(call)
     assert ended.value.code == 3
     assert capsys.readouterr().out.startswith("UNKNOWN - ")
 
@@ -121,7 +122,12 @@ def test_an_exporter_that_is_not_there_is_unknown(capsys):
 
 @pytest.mark.parametrize(
     ("url", "complaint"),
-    [("nonsense", "unknown url type"), ("http://127.0.0.1:1/", "refused"), ("ftp://x", "UNKNOWN")],
+    [
+        ("nonsense", "unknown url type"),
+        ("http://127.0.0.1:1/", "refused"),
+        ("ftp://x", "UNKNOWN"),
+        ("http://a b", "control char"),
+    ],
 )
 def test_a_wrong_url_is_unknown(url, complaint, capsys):
     assert main(["-H", "robot_1", "--url", url]) == 3

@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from ros_diagnostics_exporter import flags
+
+
+def test_help_names_every_flag_of_its_examples_and_the_exit_codes(capsys):
+    with pytest.raises(SystemExit) as ended:
+        flags.parse(["--help"])
+    assert ended.value.code == 0
+    text = capsys.readouterr().out
+    usage, _, examples = text.partition("The smallest fleet.yml")
+    assert set(re.findall(r"--[a-z]+\.[a-z.]+", examples)) <= set(re.findall(r"--[a-z.]+", usage))
+    assert "Exit codes: 0" in examples
+
+
+@pytest.mark.parametrize("path", ["metrics", "/{job}", "/a?b", ""])
+def test_a_telemetry_path_that_is_none_is_refused(path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        flags.parse(["--web.telemetry-path", path])
+    assert ended.value.code == 2
+    assert "is no path such as /metrics" in capsys.readouterr().err
+
+
+def test_listen_addresses_may_be_repeated():
+    given = ["--web.listen-address", ":1", "--web.listen-address", "[::1]:2"]
+    assert flags.parse(given).listen_addresses == [":1", "[::1]:2"]
