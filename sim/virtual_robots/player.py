@@ -83,7 +83,8 @@ class Player:
             return
         self._look_at = now + LOOK_AT_FILES_EVERY
         for path, changed_at in self._files.items():
-            if (latest := _changed_at(path)) != changed_at:
+            latest = _changed_at(path)
+            if latest not in {None, changed_at}:
                 self._files[path] = latest
                 try:
                     self._fleet.reload(path)
@@ -92,8 +93,9 @@ class Player:
 
 
 def _changed_at(path: Path) -> int | None:
-    """When the file was last written; None while it is not there (an editor replaces it)."""
+    """When the file was last written; None while an editor replaces it: it is empty or gone."""
     try:
-        return path.stat().st_mtime_ns
+        status = path.stat()
     except FileNotFoundError:
         return None
+    return status.st_mtime_ns if status.st_size else None

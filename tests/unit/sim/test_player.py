@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from pathlib import Path
 
 import pytest
 from fleet_stories import fleet_of, level_of, of
@@ -48,3 +49,14 @@ def test_a_fleet_that_cannot_keep_up_says_so_once() -> None:
     player.play(threading.Event(), until=4.0)
     assert len(told) == 1
     assert "s late: too many for this machine now" in told[0]
+
+
+def test_settings_that_an_editor_is_replacing_are_waited_for(tmp_path: Path) -> None:
+    settings = tmp_path / "robot.yaml"
+    settings.write_text("number_of_motors: 5\n")
+    fleet = fleet_of(settings=settings)
+    player = Player(fleet, lambda *_: None, pytest.fail)
+    settings.write_text("")
+    player.play(threading.Event(), until=1.5)
+    names = fleet.member("robot_1").robot.component_names()
+    assert sum(name.startswith("Motor") for name in names) == 5
