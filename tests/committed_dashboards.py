@@ -24,6 +24,7 @@ class Question(NamedTuple):
     ref: str
     expr: str
     instant: bool
+    points: int | None = None  # at most so many over the range; None: one a pixel
 
     def __str__(self) -> str:
         return f"{self.board} / {self.place} / {self.ref}"
@@ -44,7 +45,12 @@ def questions() -> Iterator[Question]:
         for panel in panels(board):
             for target in panel.get("targets", ()):
                 yield Question(
-                    uid, panel["title"], target["refId"], target["expr"], target["instant"]
+                    uid,
+                    panel["title"],
+                    target["refId"],
+                    target["expr"],
+                    target["instant"],
+                    panel.get("maxDataPoints"),
                 )
         for annotation in board["annotations"].get("list", ()):
             yield Question(uid, annotation["name"], "annotation", annotation["expr"], False)

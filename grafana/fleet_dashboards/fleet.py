@@ -13,6 +13,7 @@ from fleet_dashboards.palette import State
 from fleet_dashboards.queries import fleet as queries
 from fleet_dashboards.tables import Column
 
+POINTS = 400
 MAINTENANCE = palette.yes("planned", palette.MAINTENANCE_COLOUR)
 
 # How the recorded states call them; robots behind a dead uplink are silent, too.
@@ -134,12 +135,14 @@ def health() -> timeseries.Panel:
 def states_of_robots() -> statetimeline.Panel:
     """A bar for each robot."""
     link = builders.DashboardLink("Open this robot").url(links.TO_ROBOT_OF_SERIES)
-    return panels.timeline(
+    panel = panels.timeline(
         "States of the robots",
         "When was which robot in which state? Of more than 50 robots, the 50 that are worst at the "
         "end of the range: filter to see others.",
         panels.over_time(queries.WORST_ROBOTS, "{{robot}}"),
-    ).data_links([link])
+    )
+    # Every point costs a look at all robots; more of them than this nobody sees apart.
+    return panel.max_data_points(POINTS).data_links([link])
 
 
 def robots() -> table.Panel:

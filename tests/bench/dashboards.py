@@ -26,7 +26,7 @@ from ros_diagnostics_exporter.state.fleet import State, Topic
 from served_fleet import ServedFleet, serving
 
 INTERVAL = 5  # seconds, of scrapes and evaluations, as shipped
-STEP = 15  # seconds between two points of a graph of six hours on that screen
+PIXELS = 1800  # of a graph as wide as that screen: so many points it asks for
 FAULTY = 20  # every so many robots one is
 SITES = 10
 
@@ -39,22 +39,20 @@ class Cost(NamedTuple):
     series: int
 
 
-def label(number: int) -> str:
-    """The labels of a robot in what the rules record."""
-    return f'fleet="bench",robot="robot_{number}",site="site_{number % SITES}"'
-
-
 def history(robots: int, begin: float, end: float) -> Iterator[str]:
     """The states of ``robots`` robots as recorded at every evaluation; OpenMetrics."""
     times = range(int(begin), int(end), INTERVAL)
-    for name in ("robot:ros_diagnostics_state:info", "robot:ros_diagnostics_state:rank"):
-        yield f"# TYPE {name} gauge\n"
-        for number in range(robots):
-            faulty = number % FAULTY == 0
-            if name.endswith("info"):
-                series = f'{name}{{{label(number)},state="{"critical" if faulty else "ok"}"}} 1'
-            else:
-                series = f'{name}{{fleet="bench",robot="robot_{number}"}} {3 if faulty else 0}'
+    name = "robot:ros_diagnostics_state:rank"
+    yield f"# TYPE {name} gauge\n"
+    for number in range(robots):
+        rank = 0 if number % FAULTY else 3
+        series = f'{name}{{fleet="bench",robot="robot_{number}"}} {rank}'
+        yield "".join(f"{series} {each}\n" for each in times)
+    name = "site_robot_group:ros_diagnostics_robots:count"
+    yield f"# TYPE {name} gauge\n"
+    for state in ("critical", "ok"):
+        for site in range(SITES):
+            series = f'{name}{{fleet="bench",site="site_{site}",state="{state}"}} {robots // SITES}'
             yield "".join(f"{series} {each}\n" for each in times)
     yield "# EOF\n"
 
@@ -96,19 +94,18 @@ def measure(site: prometheus_site.Site, question: Question, hours: float, rounds
         if question.instant:
             series = len(site.query(expr, now))
         else:
-            series = len(site.query_range(expr, now - hours * 3600, now, STEP))
+            step = max(INTERVAL, hours * 3600 / (question.points or PIXELS))
+            series = len(site.query_range(expr, now - hours * 3600, now, step))
         seconds.append(time.time() - now)
     return Cost(question, seconds, series)
 
 
 def report(costs: list[Cost], limit: float) -> None:
     """One line for each query, the costliest first."""
-    print(f"{'median':>8}{'longest':>9}{'series':>8}   seconds; query")
+    print(f"{'least':>8}{'median':>8}{'longest':>9}{'series':>8}   seconds; query")
     for cost in sorted(costs, key=lambda each: median(each.seconds), reverse=True):
-        print(
-            f"{median(cost.seconds):>8.3f}{max(cost.seconds):>9.3f}{cost.series:>8}   "
-            f"{cost.question.place} / {cost.question.ref}"
-        )
+        spread = f"{min(cost.seconds):>8.3f}{median(cost.seconds):>8.3f}{max(cost.seconds):>9.3f}"
+        print(f"{spread}{cost.series:>8}   {cost.question.place} / {cost.question.ref}")
     over = [cost for cost in costs if median(cost.seconds) > limit]
     print(f"{len(costs)} queries, {len(over)} over {limit:g} s")
 

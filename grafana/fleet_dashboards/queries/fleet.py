@@ -7,6 +7,7 @@ _LABELS = 'fleet=~"$fleet", site=~"$site", robot_group=~"$robot_group"'
 CHOSEN = f"robot:ros_diagnostics:info{{{_LABELS}}}"
 _RANK = 'robot:ros_diagnostics_state:rank{fleet=~"$fleet"}'
 _COMPONENT = 'component:ros_diagnostics_state:rank{fleet=~"$fleet"}'
+_ROBOTS = "site_robot_group:ros_diagnostics_robots:count"
 _TROUBLE = 'component:ros_diagnostics_trouble:rank{fleet=~"$fleet"}'
 
 
@@ -16,17 +17,16 @@ def _of_chosen(expr: str) -> str:
 
 def robots_in(states: str) -> str:
     """How many robots are in a state (or several, parted by |); 0 where none is."""
-    series = f'robot:ros_diagnostics_state:info{{{_LABELS}, state=~"{states}"}}'
-    return f"count({series})\nor vector(0)"
+    return f'sum({_ROBOTS}{{{_LABELS}, state=~"{states}"}})\nor vector(0)'
 
 
 SHARE_WELL = f"""
-  count(robot:ros_diagnostics_state:info{{{_LABELS}, state=~"ok|warning"}})
+  sum({_ROBOTS}{{{_LABELS}, state=~"ok|warning"}})
 /
-  count(robot:ros_diagnostics_state:info{{{_LABELS}, state!="pending"}})
+  sum({_ROBOTS}{{{_LABELS}, state!="pending"}})
 """
 COMPONENTS_BY_RANK = f'count_values("rank", {_COMPONENT})'
-ROBOTS_BY_STATE = f"count by (state) (robot:ros_diagnostics_state:info{{{_LABELS}}})"
+ROBOTS_BY_STATE = f"sum by (state) ({_ROBOTS}{{{_LABELS}}})"
 
 # The worst at the end of the range, so that the rows stay the same over all of it.
 WORST_ROBOTS = f"""
