@@ -11,6 +11,7 @@ from typing import Any
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.ranks import RANKS, ago, faults_of, natural, state_of
 
+MESSAGE = 300  # characters of a component's message
 SHOWN = 200  # robots with problems, and as many components of one; the API has them all
 
 STYLE = """
@@ -90,7 +91,7 @@ def _faults(robot: dict[str, Any], now: float) -> Iterator[str]:
         before = each["level_before_stale"]
         was = f" (was {escape(before)})" if before else ""
         yield f"<li>{escape(each['component'])}: <span class=word>{escape(each['level'])}</span>"
-        yield f"{was} {escape(each['message'])} <span class=dim>{ago(each['since'], now)}</span>"
+        yield f"{was} {_message(each['message'])} <span class=dim>{ago(each['since'], now)}</span>"
         yield "</li>"
     yield "</ul>"
     yield from _rest(len(faults) - SHOWN, "components")
@@ -106,6 +107,10 @@ def _all(states: list[tuple[str, dict[str, Any]]]) -> Iterator[str]:
 def _rest(number: int, what: str) -> Iterator[str]:
     if number > 0:
         yield f'<p>and {number} more {what}: <a href="api/v1/fleet">Fleet (JSON)</a></p>'
+
+
+def _message(text: str) -> str:
+    return escape(text if len(text) <= MESSAGE else text[:MESSAGE] + "…")
 
 
 def _moment(unix: float) -> str:
