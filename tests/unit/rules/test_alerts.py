@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
-from shipped_rules import PROMETHEUS, ROOT, RULE_FILES, STORY_FILES, alerts, rules
+from shipped_rules import PROMETHEUS, ROOT, RULE_FILES, STORY_FILES, alerts, rules, run_tool
 
 from ros_diagnostics_exporter import metrics
 
@@ -34,6 +35,21 @@ def test_page_says_what_to_know_and_do(name: str):
 
     assert text.startswith(f"# {name}\n")
     assert re.findall(r"^## (.*)$", text, re.MULTILINE) == HEADINGS
+
+
+def test_queries_of_the_pages_can_be_typed(tmp_path: Path):
+    """Each line of a page's promql block is a query that Prometheus understands."""
+    lines = [
+        line
+        for page in PAGES.values()
+        for block in re.findall(r"```promql\n(.*?)```", page.read_text(), re.DOTALL)
+        for line in block.splitlines()
+    ]
+    checked = tmp_path / "queries.yml"
+    queries = [{"record": f"page:query:line{n}", "expr": line} for n, line in enumerate(lines)]
+    checked.write_text(yaml.safe_dump({"groups": [{"name": "pages", "rules": queries}]}))
+
+    assert f"SUCCESS: {len(lines)} rules found" in run_tool("promtool", "check", "rules", checked)
 
 
 @pytest.mark.parametrize(("name", "rule"), every_alert())
