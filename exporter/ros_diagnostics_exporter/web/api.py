@@ -23,8 +23,8 @@ from .doors import Doors
 FLEET_AGE = 1.0  # seconds that one look at the fleet serves all who ask
 MAX_EVENTS = 10_000
 CLOSED = "the lifecycle API is not enabled; start the exporter with --web.enable-lifecycle"
-_NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?", re.ASCII)
 FOREIGN = "a page of another site may not change anything here"
+_NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?")
 
 
 class RefusedError(Exception):

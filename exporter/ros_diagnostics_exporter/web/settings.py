@@ -50,10 +50,15 @@ class Settings:
 
     def _reread(self, path: Path) -> WebConfig:
         fresh = read(path)
-        if (fresh.tls_server_config is None) is not (self.context is None):
+        if (opened := _opened(self.config, fresh)) is not None:
             raise WebConfigError(
-                f"{path}: tls_server_config: TLS cannot be switched on or off while the exporter "
-                "runs; restart it"
+                f"{path}: {opened} cannot be taken away while the exporter runs: the file may be "
+                "half written. If it is meant, restart the exporter"
+            )
+        if fresh.tls_server_config is not None and self.context is None:
+            raise WebConfigError(
+                f"{path}: tls_server_config: TLS cannot be switched on while the exporter runs; "
+                "restart it"
             )
         return fresh
 
@@ -66,6 +71,21 @@ class Settings:
         tls = self.config.tls_server_config
         paths = (*((self._path,) if self._path else ()), *(tls.files if tls else ()))
         return tuple(_stat(path) for path in paths)
+
+
+def _opened(old: WebConfig, new: WebConfig) -> str | None:
+    """The key of a lock that ``old`` has and ``new`` has no more; None where there is none."""
+    for name in ("tls_server_config", "basic_auth_users"):
+        if getattr(old, name) and not getattr(new, name):
+            return name
+    if old.tls_server_config is None or new.tls_server_config is None:
+        return None
+    verified = "RequireAndVerifyClientCert"
+    if old.tls_server_config.client_auth_type == verified != new.tls_server_config.client_auth_type:
+        return "tls_server_config.client_auth_type"
+    if old.tls_server_config.client_allowed_sans and not new.tls_server_config.client_allowed_sans:
+        return "tls_server_config.client_allowed_sans"
+    return None
 
 
 def _stat(path: Path) -> tuple[int, int, int] | None:

@@ -49,9 +49,9 @@ def make_context(tls: Tls) -> ssl.SSLContext:
     context.allowed_sans = tls.client_allowed_sans
     if not tls.prefer_server_cipher_suites:
         context.options &= ~ssl.OP_CIPHER_SERVER_PREFERENCE
-    if tls.cipher_suites:
-        context.set_ciphers(":".join(tls.cipher_suites))
     try:
+        if tls.cipher_suites:
+            context.set_ciphers(":".join(tls.cipher_suites))
         context.load_cert_chain(tls.cert_file, tls.key_file, password=_refuse_password)
         if tls.client_ca_file or tls.client_ca:
             context.load_verify_locations(cafile=tls.client_ca_file, cadata=tls.client_ca)

@@ -7,11 +7,10 @@ and which of it this server cannot do.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -21,6 +20,9 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
+
+from ros_diagnostics_exporter.config import yamlfile
+from ros_diagnostics_exporter.config.yamlfile import Document
 
 _BCRYPT = re.compile(r"\$2[aby]\$(0[4-9]|1[0-9]|2[0-9]|3[01])\$[./A-Za-z0-9]{53}")
 _DURATION = re.compile(r"(\d+(?:\.\d+)?)(ms|s|m|h)")
@@ -183,16 +185,16 @@ def read(path: Path) -> WebConfig:
     Raises:
         WebConfigError: It cannot be read, or says what it may not; one line per error.
     """
-    try:
-        said = yaml.safe_load(path.read_text("utf-8")) or {}
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise WebConfigError(f"{path}: {' '.join(str(error).split())}") from error
+    document, problems = yamlfile.read(path)
+    if document is None or problems:
+        raise WebConfigError("\n".join(str(problem) for problem in problems))
+    said = {} if document.data is None else document.data
     if isinstance(said, dict) and isinstance(said.get("tls_server_config"), dict):
-        said["tls_server_config"] = _beside(path, said["tls_server_config"])
+        said = {**said, "tls_server_config": _beside(path, said["tls_server_config"])}
     try:
         return WebConfig.model_validate(said)
     except ValidationError as error:
-        raise WebConfigError("\n".join(f"{path}: {line}" for line in _lines(error))) from error
+        raise WebConfigError("\n".join(_lines(document, error))) from error
 
 
 def _beside(path: Path, tls: dict[str, Any]) -> dict[str, Any]:
@@ -203,13 +205,12 @@ def _beside(path: Path, tls: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _lines(error: ValidationError) -> list[str]:
+def _lines(document: Document, error: ValidationError) -> Iterator[str]:
     """One line an error, without what was written there: it may be a secret."""
-    lines = []
     for each in error.errors(include_url=False, include_input=False):
-        where = ".".join(str(part) for part in each["loc"])
+        where = each["loc"]
         what = each["msg"].removeprefix("Value error, ")
         if each["type"] == "extra_forbidden":
             what = "unknown key"
-        lines.append(f"{where}: {what}" if where else what)
-    return lines
+        key = ".".join(str(part) for part in where)
+        yield f"{document.path}:{document.line(where)}: " + (f"{key}: {what}" if key else what)

@@ -21,7 +21,7 @@ def test_a_wrong_web_config_is_named_and_nothing_is_served(site, tmp_path):
     for check in ([], ["--config.check"]):
         ended = site.run("--web.config.file", web, *check)
         assert ended.returncode == 2
-        assert f"{web}: basic_auth_users.alice: is not a bcrypt hash" in ended.stderr
+        assert f"{web}:1: basic_auth_users.alice: is not a bcrypt hash" in ended.stderr
 
 
 def test_a_taken_port_is_named(site, tmp_path):

@@ -112,6 +112,10 @@ def test_a_changed_password_holds_at_once_and_a_broken_file_changes_nothing(
     assert ask(server, "/", Authorization=old).status == 401
     assert caplog.text.count("is not a bcrypt hash") == 1
 
+    web_config.write_text("")  # as while somebody writes it anew
+    assert ask(server, "/").status == 401
+    assert "basic_auth_users cannot be taken away" in caplog.text
+
     web_config.unlink()
     assert ask(server, "/").status == 401
 

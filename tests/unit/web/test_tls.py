@@ -106,7 +106,19 @@ def test_tls_cannot_be_switched_off_while_it_is_served(serve, web_config, ca, ca
     server = serve(web_config=path)
     path.write_text("")
     assert ask(server, "/metrics", tls=client(ca)).status == 200
-    assert "cannot be switched on or off" in caplog.text
+    assert "tls_server_config cannot be taken away" in caplog.text
+
+
+def test_a_half_written_file_lets_nobody_in(serve, web_config, ca, caplog):
+    path = web_config(*CLIENTS, "client_allowed_sans: [prometheus.example]")
+    whole = path.read_text().splitlines(keepends=True)
+    server = serve(web_config=path)
+    for lines in range(len(whole)):
+        path.write_text("".join(whole[:lines]))
+        assert refused(server, client(ca))
+        assert refused(server, client(ca, ca.issue_cert("grafana.example")))
+        assert not refused(server, client(ca, ca.issue_cert("prometheus.example")))
+    assert "client_allowed_sans cannot be taken away" in caplog.text
 
 
 @pytest.mark.parametrize("missing", ["server.crt", "server.key", "ca.crt"])
