@@ -34,6 +34,7 @@ class Service:
 
     TICK = 0.25  # seconds between two calls of tick
     JOIN = 30.0  # seconds until a domain that could not be joined is tried again
+    GRACE = 5.0  # seconds that a write under way is waited for at the end
     LOOK = 1.0  # seconds between two looks at the config's files
 
     def __init__(
@@ -52,6 +53,8 @@ class Service:
         self._config_time = now.wall
         self._config_successful = True
         self._reloading = threading.Lock()
+        self._stopping = threading.Event()
+        self._keeper = threading.Thread(target=self._keep, name="state-file", daemon=True)
         self._watch = Watch(fleet.sources)
         self._look_at = now.mono
         self._join_at = now.mono
@@ -76,6 +79,12 @@ class Service:
     def start(self) -> None:
         """Join the fleet's domains and listen."""
         self._join()
+        self._keeper.start()
+
+    def _keep(self) -> None:
+        """Write the state file again and again; in a thread, for a disk may hang."""
+        while self.storage is not None and not self._stopping.wait(self.TICK):
+            self.storage.save(self.state, ros.read_clocks())
 
     def _join(self) -> None:
         """Be in the fleet's domains; what cannot be joined is tried again every half minute."""
@@ -94,8 +103,6 @@ class Service:
                 self.reload_quietly("its files changed")
         if now.mono >= self._join_at and self._listener.domain_ids != self.state.fleet.domain_ids:
             self._join()
-        if self.storage is not None:
-            self.storage.save(self.state, now)
 
     def reload(self) -> None:
         """Read the config again and follow it; a bad one is refused and the old one goes on.
@@ -132,7 +139,12 @@ class Service:
     def stop(self) -> None:
         """Leave the domains, and write the state a last time."""
         self._listener.stop()
-        if self.storage is not None:
+        self._stopping.set()
+        if self._keeper.is_alive():
+            self._keeper.join(self.GRACE)
+        if self._keeper.is_alive():
+            log.error("the state file is not written a last time: its disk does not answer")
+        elif self.storage is not None:
             self.storage.save(self.state, ros.read_clocks(), at_once=True)
 
     def doors(self) -> Doors:
