@@ -40,7 +40,7 @@ def by_robot() -> table.Panel:
     return tables.pivot(
         "Availability of the robots",
         f"How reliable was each robot? {SUMS} Faults are confirmed CRITICAL ones and silences; the "
-        "longest is the longest time in CRITICAL or UNKNOWN without a change between the two. As a "
+        "longest is the longest time in CRITICAL or UNKNOWN, whichever, maintenance included. As a "
         "file: menu of the panel, Inspect, Data, Download CSV.",
         queries.BY_ROBOT,
         "part",

@@ -21,7 +21,7 @@ from grafana_foundation_sdk.models import common, dashboard
 from fleet_dashboards import palette
 from fleet_dashboards.variables import DATASOURCE
 
-WIDTH = 24  # of Grafana's grid; a phone shows one panel beside nothing, whatever its width
+WIDTH = 24  # of Grafana's grid; on a phone every panel is as wide as the screen
 
 
 def over_time(expr: str, legend: str = "", ref: str = "A") -> prometheus.Dataquery:

@@ -37,7 +37,7 @@ FIRING_FOR = f"time() - {_BEGAN}"
 # --- History ---
 FIRING_BY_NAME = f'count by (alertname) (ALERTS{{alertstate="firing", {_ALERTS}}})'
 _FIRED = f'ALERTS{{alertstate="firing", {_ALERTS}}}'
-# ALERTS_FOR_STATE is when it began: every other value is another time that it fired.
+# ALERTS_FOR_STATE is when it began: every other value is another time.
 TIMES_FIRED = f"""
 sum {_ROW} (
     1 + changes(ALERTS_FOR_STATE{{{_ALERTS}}}[$__range])
@@ -111,13 +111,7 @@ _FAULTS = f"""
 """
 _LONGEST = f"""
   max by (fleet, robot) (
-    max_over_time(
-      (
-          time() - robot:ros_diagnostics_state:since{{{_FLEET}}}
-        and on (fleet, robot)
-          robot:ros_diagnostics_state:rank >= 3
-      )[$__range:1m]
-    )
+    max_over_time(robot:ros_diagnostics_down:seconds{{{_FLEET}}}[$__range])
   )
 """
 BY_ROBOT = f"""

@@ -71,21 +71,18 @@ def _faults(end: float) -> Iterator[Sample]:
     for begin, length in ((end - 7200, 600), (end - 3600, 1200)):
         for time in _every(15, begin, length):
             yield "component:ros_diagnostics_fault:confirmed", motor, begin, time
-        yield from _states("broken", begin, length, 3)
+        yield from _down("broken", begin, length)
     begin = end - 5400
     for time in _every(15, begin, 900):
         labels = 'fleet="hall",robot="silent"'
         yield "robot:ros_diagnostics_silent:confirmed", labels, begin, time
-    yield from _states("silent", begin, 900, 4)
+    yield from _down("silent", begin, 900)
 
 
-def _states(robot: str, begin: float, length: float, rank: int) -> Iterator[Sample]:
-    """A robot at a rank, and then well for a while."""
+def _down(robot: str, begin: float, length: float) -> Iterator[Sample]:
     labels = f'fleet="hall",robot="{robot}"'
-    for since, lasting, state in ((begin, length, rank), (begin + length + 15, 600, 0)):
-        for time in _every(15, since, lasting):
-            yield "robot:ros_diagnostics_state:since", labels, since, time
-            yield "robot:ros_diagnostics_state:rank", labels, state, time
+    for time in _every(15, begin, length):
+        yield "robot:ros_diagnostics_down:seconds", labels, time - begin, time
 
 
 def _alerts(end: float) -> Iterator[Sample]:

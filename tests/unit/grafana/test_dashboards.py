@@ -124,6 +124,25 @@ def test_links_of_a_table_name_columns_that_it_has(panel):
     assert set(used) <= titles
 
 
+def test_a_value_is_shown_in_the_unit_behind_its_name():
+    from fleet_dashboards import palette
+
+    (graph,) = (p for p in panels(BOARDS["ros-diagnostics-robot"]) if p["title"] == "Temperatures")
+    shown = {
+        override["matcher"]["options"]: override["properties"][0]["value"]
+        for override in graph["fieldConfig"]["overrides"]
+        if override["properties"][0]["id"] == "unit"
+    }
+
+    for unit, wanted in palette.UNITS.items():
+        found = [
+            grafana_unit
+            for regexp, grafana_unit in shown.items()
+            if re.search(regexp.strip("/"), f"Motor 1: Temperature [{unit}]")
+        ]
+        assert found == [wanted]
+
+
 def test_dashboards_link_to_one_another_and_keep_variables_and_time():
     for board in BOARDS.values():
         (link,) = board["links"]
