@@ -6,7 +6,6 @@ JSON lines on disk. Knows no clock: whoever reports an event says when it was.
 
 from __future__ import annotations
 
-import json
 import logging
 import logging.handlers
 import queue
@@ -17,6 +16,8 @@ from dataclasses import asdict, dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
+
+from ros_diagnostics_exporter.logs import to_json
 
 KINDS = ("level", "robot", "config")
 REMEMBERED = 10_000  # events in memory; some 5 MB
@@ -100,7 +101,7 @@ class EventLog:
         with self._lock:
             self._events.append(event)
         if self._file is not None:
-            self._file.write(json.dumps(_filled(event), ensure_ascii=False))
+            self._file.write(to_json(_filled(event)))
 
     def find(self, wanted: Wanted) -> list[dict[str, Any]]:
         """The events asked for as JSON objects, newest first, fields that do not apply left out."""

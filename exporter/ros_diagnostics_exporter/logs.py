@@ -6,6 +6,7 @@ import json
 import logging
 import sys
 import time
+from typing import Any
 
 FORMATS = ("logfmt", "json")
 
@@ -42,11 +43,16 @@ class _Formatter(logging.Formatter):
 def _quoted(value: str) -> str:
     """As logfmt quotes: only where it has to be, control characters escaped."""
     plain = value.isascii() and value.isprintable() and not set(value) & set(' ="\\')
-    return value if plain and value else json.dumps(value, ensure_ascii=False).translate(_CONTROLS)
+    return value if plain and value else to_json(value)
 
 
 # What JSON leaves as it is and a terminal takes for a command or a new line.
 _CONTROLS = {code: f"\\u{code:04x}" for code in (*range(0x7F, 0xA0), 0x2028, 0x2029)}
+
+
+def to_json(content: Any) -> str:
+    """JSON in one line that may be shown on a terminal; letters of all scripts stay readable."""
+    return json.dumps(content, ensure_ascii=False).translate(_CONTROLS)
 
 
 def _moment(created: float) -> str:

@@ -21,8 +21,8 @@ from pydantic import (
     model_validator,
 )
 
-from ros_diagnostics_exporter.config import yamlfile
 from ros_diagnostics_exporter.config.yamlfile import Document
+from ros_diagnostics_exporter.config.yamlfile import read as read_yaml
 
 _BCRYPT = re.compile(r"\$2[aby]\$(0[4-9]|1[0-9]|2[0-9]|3[01])\$[./A-Za-z0-9]{53}")
 _DURATION = re.compile(r"(\d+(?:\.\d+)?)(ms|s|m|h)")
@@ -185,7 +185,7 @@ def read(path: Path) -> WebConfig:
     Raises:
         WebConfigError: It cannot be read, or says what it may not; one line per error.
     """
-    document, problems = yamlfile.read(path)
+    document, problems = read_yaml(path)
     if document is None or problems:
         raise WebConfigError("\n".join(str(problem) for problem in problems))
     said = {} if document.data is None else document.data

@@ -19,9 +19,12 @@ def lines(path):
 
 def test_each_event_is_one_line_of_json_on_disk(tmp_path):
     log = EventLog(tmp_path / "events.jsonl")
-    log.record(level(1.5, "two\nlines, Übermotor \ud800"))
+    log.record(level(1.5, "two\nlines, Übermotor \ud800\x9b"))
     log.record(Event(2.0, "robot", "r", after="silent"))
     log.close()
+    written = (tmp_path / "events.jsonl").read_text("utf-8")
+    assert "Übermotor" in written
+    assert "\x9b" not in written  # a terminal would take it for the begin of a command
     first, second = lines(tmp_path / "events.jsonl")
     assert first == {
         "time": 1.5,
@@ -31,7 +34,7 @@ def test_each_event_is_one_line_of_json_on_disk(tmp_path):
         "component": "Motor 1",
         "before": "OK",
         "after": "ERROR",
-        "message": "two\nlines, Übermotor ?",
+        "message": "two\nlines, Übermotor ?\x9b",
     }
     assert second == {"time": 2.0, "kind": "robot", "robot": "r", "after": "silent"}
 
