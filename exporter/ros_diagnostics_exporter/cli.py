@@ -27,6 +27,10 @@ EXIT_USAGE = 2  # also a config that cannot be read, as argparse exits for a wro
 log = logging.getLogger("ros_diagnostics_exporter")
 
 
+class WebEndedError(Exception):
+    """The web server has ended by itself; its own log line says why."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the exporter until SIGTERM or SIGINT; the exit code."""
     own, for_ros = ros.split_arguments(sys.argv[1:] if arguments is None else arguments)
@@ -40,6 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except EventLogError as error:
         print(f"ros-diagnostics-exporter: --events.path: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
+    except WebEndedError:
+        return EXIT_FAILURE
     except (ros.RosMissingError, ListenError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_FAILURE
@@ -81,6 +87,10 @@ def _serve(options: argparse.Namespace, service: Service) -> None:
         systemd.notify("READY=1")
         log.info("serving fleet %s on %s", service.state.fleet.name, ", ".join(server.addresses))
         while not stop.is_set():
+            if (
+                not server.alive
+            ):  # nobody would see the faults any more: whoever watches restarts us
+                raise WebEndedError
             if reload.is_set():
                 reload.clear()
                 service.reload_quietly("SIGHUP")

@@ -77,6 +77,11 @@ class Server:
         self._thread.start()
         self._uvicorn.ready.wait()
 
+    @property
+    def alive(self) -> bool:
+        """Whether requests are answered."""
+        return self._thread is not None and self._thread.is_alive()
+
     def stop(self) -> None:
         """Take no more connections, finish the answers under way (3 s at most) and end."""
         if self._thread is None:
@@ -89,7 +94,11 @@ class Server:
         loop = _Loop()
         try:
             loop.run_until_complete(self._uvicorn.serve(sockets))
+        except Exception:  # noqa: BLE001 - logged; the owner sees by `alive` that it is over
+            _log.exception("the web server has ended")
         finally:
+            for each in sockets:
+                each.close()
             self._uvicorn.ready.set()
             loop.close()
 

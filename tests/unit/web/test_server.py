@@ -148,6 +148,19 @@ def test_without_a_host_both_families_are_listened_on(serve):
         socket.create_connection((host, int(port)), timeout=20).close()
 
 
+def test_a_server_that_ends_by_itself_says_so(serve, caplog, monkeypatch):
+    server = serve()
+    assert server.alive
+
+    async def broken(_counter):
+        raise RuntimeError("no more time")
+
+    monkeypatch.setattr(server._uvicorn, "on_tick", broken)
+    wait_until(lambda: not server.alive)
+    assert "the web server has ended" in caplog.text
+    assert "no more time" in caplog.text
+
+
 def test_a_stopped_server_gives_its_port_back_and_leaves_no_thread(serve):
     before = set(threading.enumerate())
     server = serve()
