@@ -26,26 +26,31 @@ WHERE = (
 
 def build() -> builders.Dashboard:
     """The dashboard of alerts and of reports about a time range."""
-    board = frame.board(
+    return frame.board(
         links.ALERTS_UID,
         "Alerts and reports",
         "What was told to whom, and how well did it all run?",
-    )
-    board = board.with_variable(variables.fleet()).time("now-24h", "now")
-    for severity in SEVERITIES:
-        board = board.with_panel(firing(severity))
-    for panel in (suppressed(), silences(), acknowledged(), alerts(), history(), fired()):
-        board = board.with_panel(panel)
-    board = board.with_row(builders.Row("Notifications"))
-    for each in (notifications(), sent(), failed(), flapping()):
-        board = board.with_panel(each)
-    board = board.with_row(builders.Row("Availability in the time range"))
-    for report in (
-        *(availability.by_robot(), availability.by_group(), availability.by_fleet()),
-        availability.over_time(),
-    ):
-        board = board.with_panel(report)
-    return board
+        [variables.fleet()],
+        [
+            *map(firing, SEVERITIES),
+            suppressed(),
+            silences(),
+            acknowledged(),
+            alerts(),
+            history(),
+            fired(),
+            "Notifications",
+            notifications(),
+            sent(),
+            failed(),
+            flapping(),
+            "Availability in the time range",
+            availability.by_robot(),
+            availability.by_group(),
+            availability.by_fleet(),
+            availability.over_time(),
+        ],
+    ).time("now-24h", "now")
 
 
 def firing(severity: str) -> stat.Panel:

@@ -17,20 +17,21 @@ ODD = 3.5  # standard deviations, as Iglewicz and Hoaglin advise
 
 def build() -> builders.Dashboard:
     """The dashboard of one component."""
-    board = frame.board(
-        links.COMPONENT_UID, "Component across the fleet", "Is it this robot, or all of them?"
+    return frame.board(
+        links.COMPONENT_UID,
+        "Component across the fleet",
+        "Is it this robot, or all of them?",
+        [variables.fleet(), variables.robots(), variables.component(), variables.key()],
+        [
+            count_by_state(),
+            states(),
+            states_over_time(),
+            "Value: $key",
+            values(),
+            oddness(),
+            odd_ones(),
+        ],
     )
-    for variable in (
-        variables.fleet(),
-        variables.robots(),
-        variables.component(),
-        variables.key(),
-    ):
-        board = board.with_variable(variable)
-    board = board.with_panel(count_by_state()).with_panel(states())
-    board = board.with_panel(states_over_time())
-    board = board.with_row(builders.Row("Value: $key"))
-    return board.with_panel(values()).with_panel(oddness()).with_panel(odd_ones())
 
 
 def count_by_state() -> stat.Panel:

@@ -32,22 +32,21 @@ QUESTIONS = {
 
 def build() -> builders.Dashboard:
     """The dashboard that opens first."""
-    board = frame.board(
-        links.FLEET_UID, "Robot fleet", "Which robot is faulty, in which part, since when?"
+    return frame.board(
+        links.FLEET_UID,
+        "Robot fleet",
+        "Which robot is faulty, in which part, since when?",
+        [variables.fleet(), variables.site(), variables.robot_group(), variables.state()],
+        [
+            *map(robots_in, palette.WORST_FIRST),
+            problems(),
+            share_well(),
+            components_by_state(),
+            health(),
+            states_of_robots(),
+            robots(),
+        ],
     )
-    for variable in (
-        variables.fleet(),
-        variables.site(),
-        variables.robot_group(),
-        variables.state(),
-    ):
-        board = board.with_variable(variable)
-    for state in palette.WORST_FIRST:
-        board = board.with_panel(robots_in(state))
-    board = board.with_panel(problems())
-    board = board.with_panel(share_well()).with_panel(components_by_state())
-    board = board.with_panel(health()).with_panel(states_of_robots())
-    return board.with_panel(robots())
 
 
 def robots_in(state: State) -> stat.Panel:

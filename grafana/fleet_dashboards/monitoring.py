@@ -16,38 +16,39 @@ WORKED = palette.worked_mappings()
 
 def build() -> builders.Dashboard:
     """The dashboard of the monitoring."""
-    board = frame.board(
+    return frame.board(
         links.MONITORING_UID,
         "Hosts and monitoring",
         "Can what the other dashboards show be trusted?",
-    ).with_variable(variables.fleet())
-    for panel in (targets(), hosts()):
-        board = board.with_panel(panel)
-    board = board.with_row(builders.Row("Exporters"))
-    for each in (
-        *(exporters(), domains_down(), messages(), rejected(), scrape_time(), cpu(), memory()),
-        *(series(), series_by_family()),
-    ):
-        board = board.with_panel(each)
-    board = board.with_row(builders.Row("Prometheus and Alertmanager"))
-    for server in (
-        *(
+        [variables.fleet()],
+        [
+            targets(),
+            hosts(),
+            "Exporters",
+            exporters(),
+            domains_down(),
+            messages(),
+            rejected(),
+            scrape_time(),
+            cpu(),
+            memory(),
+            series(),
+            series_by_family(),
+            "Prometheus and Alertmanager",
             servers.rule_failures(),
             servers.not_notified(),
             servers.alertmanagers(),
             servers.prometheus_series(),
-        ),
-        *(
             servers.cluster_members(),
             servers.reloaded(),
             servers.rule_time(),
             servers.samples(),
             servers.alerts_known(),
-        ),
-        *(servers.latency(), servers.server_cpu(), servers.server_memory()),
-    ):
-        board = board.with_panel(server)
-    return board
+            servers.latency(),
+            servers.server_cpu(),
+            servers.server_memory(),
+        ],
+    )
 
 
 def targets() -> table.Panel:

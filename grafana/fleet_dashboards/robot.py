@@ -27,43 +27,41 @@ THIRD = panels.WIDTH // 3
 
 def build() -> builders.Dashboard:
     """The dashboard of one robot."""
-    board = frame.board(links.ROBOT_UID, "Robot", "What is wrong with this robot, and what was?")
-    for variable in (
-        variables.fleet(),
-        variables.robot(),
-        variables.components(),
-        variables.unit(),
-    ):
-        board = board.with_variable(variable)
-    board = board.annotation(marks.state_changes()).annotation(marks.told())
-    for panel in (
-        *(state(), silent_for(), silence_reason(), message_age(), clock_offset(), maintenance()),
-        *(errors(), warnings(), not_heard()),
-        *(
+    board = frame.board(
+        links.ROBOT_UID,
+        "Robot",
+        "What is wrong with this robot, and what was?",
+        [variables.fleet(), variables.robot(), variables.components(), variables.unit()],
+        [
+            state(),
+            silent_for(),
+            silence_reason(),
+            message_age(),
+            clock_offset(),
+            maintenance(),
+            errors(),
+            warnings(),
+            not_heard(),
             states_of_components(),
             robot_values.battery(),
             robot_values.temperature(),
             tree(),
             checks(),
             groups(),
-        ),
-    ):
-        board = board.with_panel(panel)
-    board = board.with_row(builders.Row("Values"))
-    board = board.with_panel(robot_values.bare_values()).with_panel(robot_values.other_values())
-    board = board.with_row(builders.Row("Connection"))
-    for each in (
-        robot_connection.age_over_time(),
-        robot_connection.offset_over_time(),
-        robot_connection.receipt(),
-        robot_connection.bytes_received(),
-    ):
-        board = board.with_panel(each)
-    return (
-        board.with_panel(robot_connection.publishers())
-        .with_panel(robot_connection.rejected())
-        .with_panel(robot_connection.inventory())
+            "Values",
+            robot_values.bare_values(),
+            robot_values.other_values(),
+            "Connection",
+            robot_connection.age_over_time(),
+            robot_connection.offset_over_time(),
+            robot_connection.receipt(),
+            robot_connection.bytes_received(),
+            robot_connection.publishers(),
+            robot_connection.rejected(),
+            robot_connection.inventory(),
+        ],
     )
+    return board.annotation(marks.state_changes()).annotation(marks.told())
 
 
 def state() -> stat.Panel:

@@ -16,5 +16,5 @@ COMPONENTS_OF_FLEET = (
 )
 KEYS = 'label_values(ros_diagnostics_component_value{fleet=~"$fleet", component="$component"}, key)'
 UNITS = 'label_values(ros_diagnostics_component_value{fleet=~"$fleet", robot="$robot"}, unit)'
-# Per cent and temperatures have panels of their own, in front.
-UNITS_WITHOUT_PANEL = r"/^(?!(?:%|degC|degF|K)$).+/"
+# Temperatures have a panel of their own, in front.
+UNITS_WITHOUT_PANEL = r"/^(?!(?:degC|degF|K)$).+/"

@@ -143,6 +143,20 @@ def test_a_value_is_shown_in_the_unit_behind_its_name():
         assert found == [wanted]
 
 
+def test_every_unit_has_a_panel():
+    """Temperatures have theirs; for each other unit one is repeated."""
+    (unit,) = (
+        variable
+        for variable in BOARDS["ros-diagnostics-robot"]["templating"]["list"]
+        if variable["name"] == "unit"
+    )
+    repeated = re.compile(unit["regex"].strip("/"))
+
+    assert [each for each in ("%", "V", "degC", "degF", "K", "kB", "") if repeated.match(each)] == [
+        *("%", "V", "kB")
+    ]
+
+
 def test_dashboards_link_to_one_another_and_keep_variables_and_time():
     for board in BOARDS.values():
         (link,) = board["links"]

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from committed_dashboards import ROOT, Question, filled, questions
+from committed_dashboards import BOARDS, ROOT, Question, filled, questions
 from ros_diagnostics_exporter.metrics import ALL_FAMILIES
 
 QUESTIONS = list(questions())
@@ -90,3 +90,19 @@ def test_promtool_reads_every_expression(tmp_path: Path):
     )
 
     assert said.returncode == 0, said.stdout + said.stderr
+
+
+def test_links_in_alerts_lead_to_dashboards_and_variables_that_exist():
+    urls = {
+        rule["annotations"]["dashboard_url"]
+        for path in (ROOT / "prometheus" / "rules").glob("*.yml")
+        for group in yaml.safe_load(path.read_text())["groups"]
+        for rule in group["rules"]
+        if "dashboard_url" in rule.get("annotations", {})
+    }
+    assert urls
+
+    for url in urls:
+        board = BOARDS[re.search(r"/d/([\w-]+)", url)[1]]
+        variables = {each["name"] for each in board["templating"]["list"]}
+        assert set(re.findall(r"[?&]var-(\w+)=", url)) <= variables, url
