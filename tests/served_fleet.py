@@ -20,14 +20,14 @@ from ros_diagnostics_exporter.own_metrics import Facts, OwnMetrics
 from ros_diagnostics_exporter.state.fleet import State
 
 Speak = Callable[[State, Instant], None]
-STARTED = Instant(time.monotonic(), time.time())
 
 
 class ServedFleet:
     """A state that is told by ``speak``, and the text of a scrape."""
 
     def __init__(self, fleet: Fleet, speak: Speak) -> None:
-        self.state = State(fleet, STARTED, lambda _event: None)
+        self.started = _read_clocks()
+        self.state = State(fleet, self.started, lambda _event: None)
         self._speak = speak
         self._exposition = Exposition(self.state)
         self._own = OwnMetrics(self._facts)
@@ -38,7 +38,7 @@ class ServedFleet:
     def scrape(self) -> bytes:
         """Let the robots speak and time pass, and return the exposition."""
         with self._lock:
-            now = Instant(time.monotonic(), time.time())
+            now = _read_clocks()
             self._speak(self.state, now)
             self.state.tick(now)
             self._scrapes += 1
@@ -49,17 +49,21 @@ class ServedFleet:
             fleet=self.state.fleet.name,
             ros_distro="jazzy",
             rmw="none",
-            config_time=STARTED.wall,
+            config_time=self.started.wall,
             robots=len(self.state.robots),
             series=self._exposition.series,
             series_limit=self.state.fleet.limits.series,
             rejected=self.state.rejected,
             scrapes=self._scrapes,
             domains=self.domains,
-            discovery_time=STARTED.wall,
+            discovery_time=self.started.wall,
             storage_successful=True,
-            storage_time=STARTED.wall,
+            storage_time=self.started.wall,
         )
+
+
+def _read_clocks() -> Instant:
+    return Instant(time.monotonic(), time.time())
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""The fleet that is in every state at once, once for all tests of a worker."""
+"""The fleet that is in every state at once, once for all tests of a module."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from watched_fleet import Watched, watching
 import prometheus_site
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
     if missing := prometheus_site.missing_program():
         pytest.skip(f"{missing} is not installed")

@@ -12,7 +12,7 @@ from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.diagnostics import Array, Instant, Status
 from ros_diagnostics_exporter.state.fleet import State, Topic
 from ros_diagnostics_exporter.state.network import Endpoint
-from served_fleet import STARTED, ServedFleet
+from served_fleet import ServedFleet
 from stories import ERROR, OK, WARN, tree
 
 HALL = """
@@ -131,7 +131,7 @@ def _served(path: Path, text: str) -> ServedFleet:
                 state.receive(Topic(0, topic), Array(stamp, _statuses(name, turn), 900), now)
 
     served = ServedFleet(load(path), speak)
-    speak(served.state, STARTED)
+    speak(served.state, served.started)
     return served
 
 

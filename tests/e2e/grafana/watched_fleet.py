@@ -12,7 +12,7 @@ import past
 
 import prometheus_site
 from fleet_demo.waiting import until
-from served_fleet import STARTED, serving
+from served_fleet import serving
 
 # What blackbox_exporter answers for a ping.
 PONG = b"probe_success 1\nprobe_duration_seconds 0.25\n"
@@ -48,7 +48,7 @@ def watching(folder: Path) -> Iterator[Watched]:
     """All states are there, and told, when this yields."""
     hall, annex = every_state.every_state(folder), every_state.all_well(folder)
     annex.domains[7] = False
-    past_end = past.write(folder / "past.txt", STARTED.wall)
+    past_end = past.write(folder / "past.txt", hall.started.wall)
     with ExitStack() as open_:
         serve = {
             "hall": open_.enter_context(serving(hall.scrape)),
