@@ -115,10 +115,16 @@ class _Uvicorn(uvicorn.Server):
         self.ready.set()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        # Before uvicorn's own time is up: it would cancel the answers and log each as an error.
+        timer = asyncio.get_running_loop().call_later(GRACE, self._abort_connections)
         await super().shutdown(sockets)
+        timer.cancel()
+        self._abort_connections()
+        await asyncio.sleep(0)  # lets the loop close them
+
+    def _abort_connections(self) -> None:
         for connection in list(self.server_state.connections):
             cast(GuardedProtocol, connection).abort()
-        await asyncio.sleep(0)  # lets the loop close them
 
 
 class _Loop(asyncio.SelectorEventLoop):
@@ -155,7 +161,7 @@ def _configure(app: Starlette, settings: Settings) -> uvicorn.Config:
         server_header=False,
         backlog=BACKLOG,
         timeout_keep_alive=int(TIMEOUTS[Phase.IDLE]) + 1,  # the guard's own comes before it
-        timeout_graceful_shutdown=GRACE,
+        timeout_graceful_shutdown=GRACE + 5,
         h11_max_incomplete_event_size=MAX_HEADER_BYTES,
     )
     config.load()
