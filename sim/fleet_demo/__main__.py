@@ -32,13 +32,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     seconds = _parser().parse_args(argv).seconds
     console = Console(width=None if sys.stdout.isatty() else 100)
     for number in ENDING:
-        signal.signal(number, _interrupt)
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup's is kept
+            signal.signal(number, _interrupt)
     try:
         wrong = _demo(seconds, console)
     except KeyboardInterrupt:
         console.print("ended")
         return 0 if seconds is None else 130
-    except (MissingProgram, GoneForGoodError, RuntimeError, TimeoutError) as error:
+    except (MissingProgram, GoneForGoodError, RuntimeError, LookupError, OSError) as error:
         wrong = [str(error)]
     for sentence in wrong:
         print(f"demo: {sentence}", file=sys.stderr)

@@ -44,6 +44,7 @@ class Performance:
                 self._go_on_with_the_story()
             self._screen.show(self._sight)
             time.sleep(EVERY)
+        self._tell_what_happened()
         self._screen.print_table(self._sight)
         return self._watch.still_gone() + story.verdict(self._stack.inbox.mails(), self._fault)
 

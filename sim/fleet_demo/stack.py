@@ -74,13 +74,14 @@ class Stack:
         """Give a robot's component a level (error, warn, stale; ok repairs it); done on return.
 
         Raises:
-            subprocess.CalledProcessError: The robots refuse it; its stderr says why.
-            subprocess.TimeoutExpired: They do not answer.
+            RuntimeError: The robots refuse it or do not answer; the text says why.
         """
         argv = programs.fault(robot, component, level, message, self.domain_id)
-        subprocess.run(
-            argv, env=self.environment, check=True, capture_output=True, text=True, timeout=30
+        done = subprocess.run(
+            argv, env=self.environment, check=False, capture_output=True, text=True, timeout=60
         )
+        if done.returncode != 0:
+            raise RuntimeError(f"{component} of {robot} did not become {level}: {done.stderr}")
 
     def query(self, promql: str) -> list[asking.Sample]:
         """Return the instant vector of ``promql`` from Prometheus."""
@@ -96,6 +97,8 @@ def running(folder: Path, plan: Plan, inbox: Inbox) -> Iterator[Stack]:
     Raises:
         programs.MissingProgram: A program is not installed.
         RuntimeError: A program ended; the text has its last output.
+        LookupError: The shipped configuration is not what is edited here.
+        OSError: The mail server's port is taken.
         TimeoutError: Not ready in time; the text says what is missing.
     """
     with ExitStack() as ending:
@@ -179,7 +182,10 @@ def _not_ready(stack: Stack, robots: int) -> str:
     for server in stack.servers:
         if server.address and not server.answers("/-/ready"):
             return f"{server.name} at http://{server.address}/-/ready"
-    states = stack.query("robot:ros_diagnostics_state:rank")
+    try:
+        states = stack.query("robot:ros_diagnostics_state:rank")
+    except asking.Unanswered as error:  # the server has ended since it was asked
+        return str(error)
     well = [each for each in states if each.value == 0]
     if len(well) < robots:
         return f"{robots} robots that Prometheus calls OK; there are {len(well)}"
