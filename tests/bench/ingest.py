@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import serialize_message
 
 from bench.robots import aggregated_array
@@ -15,6 +14,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.diagnostics import Array, Instant
 from ros_diagnostics_exporter.ros import decode
 from ros_diagnostics_exporter.state.fleet import State, Topic
+from ros_publisher import message
 
 ROUNDS = 5_000
 TOPIC = Topic(0, "/robot/diagnostics_agg")
@@ -26,20 +26,7 @@ def _state() -> State:
 
 
 def _message(array: Array) -> bytes:
-    return serialize_message(
-        DiagnosticArray(
-            status=[
-                DiagnosticStatus(
-                    level=bytes([each.level]),
-                    name=each.name,
-                    message=each.message,
-                    hardware_id=each.hardware_id,
-                    values=[KeyValue(key=key, value=value) for key, value in each.values],
-                )
-                for each in array.statuses
-            ]
-        )
-    )
+    return bytes(serialize_message(message(array.statuses)))
 
 
 def _ingest(arrays: list[Array]) -> float:
