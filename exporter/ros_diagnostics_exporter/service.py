@@ -78,7 +78,7 @@ class Service:
 
     def start(self) -> None:
         """Join the fleet's domains and listen."""
-        self._join()
+        self.join()
         self._keeper.start()
 
     def _keep(self) -> None:
@@ -86,7 +86,7 @@ class Service:
         while self.storage is not None and not self._stopping.wait(self.TICK):
             self.storage.save(self.state, ros.read_clocks())
 
-    def _join(self) -> None:
+    def join(self) -> None:
         """Be in the fleet's domains; what cannot be joined is tried again every half minute."""
         self._join_at = ros.read_clocks().mono + self.JOIN
         self._listener.join(self.state.fleet.domain_ids)
@@ -102,7 +102,7 @@ class Service:
             if self._watch.look():
                 self.reload_quietly("its files changed")
         if now.mono >= self._join_at and self._listener.domain_ids != self.state.fleet.domain_ids:
-            self._join()
+            self.join()
 
     def reload(self) -> None:
         """Read the config again and follow it; a bad one is refused and the old one goes on.
@@ -121,7 +121,7 @@ class Service:
                 raise
             self._watch.watch(fleet.sources)
             self.state.configure(fleet, now)
-            self._join()
+            self.join()
             self._config_successful, self._config_time = True, now.wall
             self.events.record(Event(now.wall, "config", after="read"))
             for warning in fleet.warnings:

@@ -69,9 +69,20 @@ def _fleet(domain_id: int, clocks: Clocks) -> str:
 fleet: {FLEET}
 profiles:
   default: {{stale_after: {clocks.stale_after}s, confirm_after: {clocks.confirm_after}s}}
+  thesis:
+    checks:
+      motors: {{match: [Motor], expect: 3}}
+      batteries: {{match: [Battery], expect: 2}}
+    values:
+      - component: Battery
+        key: Level
+        metric: ros_battery_charge_ratio
+        unit: ratio
+        scale: 0.01
 discovery:
   - topic: "/{{robot}}/diagnostics_agg"
     domain_ids: [{domain_id}]
+    profile: thesis
     labels: {{site: hall}}
 """
 
