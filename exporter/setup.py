@@ -24,6 +24,7 @@ setup(
     entry_points={
         "console_scripts": [
             f"check_ros_diagnostics = {NAME}.nagios:main",
+            f"ros-diagnostics-ack = {NAME}.ack:main",
             f"ros-diagnostics-exporter = {NAME}.cli:main",
             f"ros-diagnostics-status = {NAME}.status:main",
         ],

@@ -17,9 +17,13 @@ PATIENCE = 20.0  # seconds that a program may be gone
 
 
 class Performance:
-    """Breaks and repairs the motor, tells each change, and judges the emails at the end."""
+    """Breaks and repairs the motor, tells each change, and judges the emails at the end.
 
-    def __init__(self, stack: Stack, screen: Screen) -> None:
+    ``with_story`` False: what happens is the robots' own scenario; no email is expected or wrong.
+    """
+
+    def __init__(self, stack: Stack, screen: Screen, *, with_story: bool = True) -> None:
+        self._with_story = with_story
         self._stack = stack
         self._screen = screen
         self._fault = Fault()
@@ -40,13 +44,16 @@ class Performance:
         self._screen.print_table(self._sight)
         while seconds is None or self._elapsed() < seconds:
             self._tell_what_happened()
-            if self._watch.all_live:
+            if self._with_story and self._watch.all_live:
                 self._go_on_with_the_story()
             self._screen.show(self._sight)
             time.sleep(EVERY)
         self._tell_what_happened()
         self._screen.print_table(self._sight)
-        return self._watch.still_gone() + story.verdict(self._stack.inbox.mails(), self._fault)
+        wrong = self._watch.still_gone()
+        if self._with_story:
+            wrong += story.verdict(self._stack.inbox.mails(), self._fault)
+        return wrong
 
     def _elapsed(self) -> float:
         return time.monotonic() - self._began

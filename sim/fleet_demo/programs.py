@@ -37,10 +37,14 @@ def distributed(*names: str) -> str:
     raise MissingProgram(f"{names[0]}: no such program in PATH; ./run installs it with apt")
 
 
-def virtual_robots(robots: int, seed: int, domain_id: int) -> list[str]:
-    """Return the command that publishes the diagnostics of ``robots`` robots."""
-    counts = ["--robots", str(robots), "--seed", str(seed)]
-    return [own("virtual-robots"), *counts, "--domain-id", str(domain_id)]
+def virtual_robots(
+    robots: int, seed: int, domain_id: int, scenario: Path | None = None
+) -> list[str]:
+    """Return the command that publishes the diagnostics of ``robots`` robots, or of a scenario."""
+    fleet = ["--robots", str(robots), "--seed", str(seed)]
+    if scenario is not None:
+        fleet = ["--scenario", str(scenario)]
+    return [own("virtual-robots"), *fleet, "--domain-id", str(domain_id)]
 
 
 def fault(robot: str, component: str, level: str, message: str, domain_id: int) -> list[str]:

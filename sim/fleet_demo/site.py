@@ -82,7 +82,12 @@ profiles:
 discovery:
   - topic: "/{{robot}}/diagnostics_agg"
     domain_ids: [{domain_id}]
+    include: ["robot_*"]
     profile: thesis
+    labels: {{site: hall}}
+  - topic: "/{{robot}}/diagnostics_agg"        # whoever else a scenario brings
+    domain_ids: [{domain_id}]
+    exclude: ["robot_*"]
     labels: {{site: hall}}
 """
 

@@ -44,10 +44,11 @@ class Server:
 
 @dataclass(frozen=True)
 class Plan:
-    """What to start."""
+    """What to start: so many robots, or those of a scenario, of which one must become OK."""
 
     robots: int = 10
     seed: int = 1
+    scenario: Path | None = None
     clocks: site.Clocks = field(default_factory=site.Clocks)
 
 
@@ -110,7 +111,7 @@ def running(folder: Path, plan: Plan, inbox: Inbox) -> Iterator[Stack]:
         for server in (*stack.servers, *([stack.grafana] if stack.grafana else [])):
             ending.callback(server.process.stop)
             server.process.start()
-        _wait_until_ready(stack, plan.robots)
+        _wait_until_ready(stack, plan.robots if plan.scenario is None else 1)
         yield stack
 
 
@@ -129,7 +130,10 @@ def _prepare(folder: Path, domain_id: int, plan: Plan, inbox: Inbox) -> Stack:
         environment,
         addresses,
         inbox,
-        server("virtual-robots", programs.virtual_robots(plan.robots, plan.seed, domain_id)),
+        server(
+            "virtual-robots",
+            programs.virtual_robots(plan.robots, plan.seed, domain_id, plan.scenario),
+        ),
         server(
             "ros-diagnostics-exporter",
             programs.exporter(configs.fleet, addresses.exporter, folder / "state.json"),
