@@ -106,12 +106,10 @@ class Roster:
     def add(self, settings: config.Robot, *, declared: bool) -> Robot | None:
         """A new robot; None, said and counted once, where there is no room for it."""
         if len(self.robots) >= self._fleet.limits.robots:
-            topic = Topic(settings.domain_id, settings.topic_agg or settings.topic_raw or "")
-            self._refuse(topic, settings.name, "robot_limit", "the limit of robots is reached")
+            self._shut_out(settings, "robot_limit", "the limit of robots is reached")
             return None
         if not self.budget.take(SERIES_OF_ROBOT):
-            topic = Topic(settings.domain_id, settings.topic_agg or settings.topic_raw or "")
-            self._refuse(topic, settings.name, "series_limit", "the limit of series is reached")
+            self._shut_out(settings, "series_limit", "the limit of series is reached")
             return None
         robot = Robot(settings, self._fleet.limits, self.budget, self._changed, declared=declared)
         self.robots[settings.name] = robot
@@ -166,6 +164,10 @@ class Roster:
             self._refuse(topic, name, "duplicate_robot", "that name is taken")
             return None
         return robot
+
+    def _shut_out(self, settings: config.Robot, reason: str, why: str) -> None:
+        topic = Topic(settings.domain_id, settings.topic_agg or settings.topic_raw or "")
+        self._refuse(topic, settings.name, reason, why)
 
     def _refuse(self, topic: Topic, name: str, reason: str, why: str) -> None:
         """Say once that a robot is not taken in."""
