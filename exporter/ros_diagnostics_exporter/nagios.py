@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.client import UnreachableError, add_arguments, ask_fleet
+from ros_diagnostics_exporter.ranks import as_planned
 
 OK, WARNING, CRITICAL, UNKNOWN = range(4)  # exit codes
 # Level -> the word of its list, worst first; the order of the lists.
@@ -64,7 +65,7 @@ def check(fleet: dict[str, Any], name: str, pattern: str) -> tuple[int, str]:
     if not components and not groups:
         return CRITICAL, f"CRITICAL - no sensor matches '{_clean(pattern)}'"
     lists = _lists(groups, components)
-    code = _judge(lists)
+    code = _judge(_lists(groups, [each for each in components if not as_planned(each)]))
     word = ("OK", "WARNING", "CRITICAL")[code]
     told = ", ".join(
         f"{LISTS[level]} sensor(s) list: {', '.join(paths)}"
@@ -85,7 +86,10 @@ def _lists(groups: list[dict[str, Any]], components: list[dict[str, Any]]) -> di
 
 
 def _judge(lists: dict[str, list[str]]) -> int:
-    """STALE is CRITICAL, as it was in the thesis: a sensor that says nothing may hide anything."""
+    """STALE is CRITICAL, as it was in the thesis: a sensor that says nothing may hide anything.
+
+    Except where fleet.yml plans it: such sensors are listed and not judged.
+    """
     if lists["ERROR"] or lists["STALE"]:
         return CRITICAL
     return WARNING if lists["WARN"] else OK
@@ -145,7 +149,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="check_ros_diagnostics",
         description="Check a robot's diagnostics, as a ROS diagnostics exporter knows them.",
-        epilog="Exit codes: 0 OK, 1 WARNING, 2 CRITICAL (also STALE, and no sensor that matches), "
+        epilog="Exit codes: 0 OK, 1 WARNING, 2 CRITICAL (also STALE that is not planned, "
+        "and no sensor that matches), "
         "3 UNKNOWN (exporter or robot not reachable, wrong call).",
     )
     parser.add_argument(

@@ -1,7 +1,8 @@
-"""What a robot's state is called for people, from the fleet as /api/v1/fleet shows it.
+"""What the states of robots and components are called for people, and which is the worse.
 
-The words and ranks are those of the recording rules: STALE has the number 3 as a level, and is
-milder than an ERROR all the same.
+Words, ranks and judgement are those of the recording rules: STALE has the number 3 as a level, and
+is milder than an ERROR all the same, unless fleet.yml says that it is not. Robots and components
+are given as /api/v1/fleet shows them.
 """
 
 from __future__ import annotations
@@ -13,12 +14,42 @@ RANKS = {"UNKNOWN": 4, "CRITICAL": 3, "STALE": 2, "WARNING": 1, "OK": 0, "PENDIN
 OF_LEVEL = {"OK": "OK", "WARN": "WARNING", "ERROR": "CRITICAL", "STALE": "STALE"}
 
 
+def component_state(level: str, before_stale: str | None, *, stale_is_critical: bool) -> str:
+    """A component's state in one word. An ERROR that fell silent is still CRITICAL.
+
+    ``stale_is_critical`` is to be False for a component whose STALE is planned.
+    """
+    if level == "STALE" and (stale_is_critical or before_stale == "ERROR"):
+        return "CRITICAL"
+    return OF_LEVEL[level]
+
+
 def state_of(robot: dict[str, Any]) -> str:
     """A robot's state in one word: UNKNOWN is silent, PENDING was never seen."""
     if not robot["up"]:
         return "PENDING" if robot["silent_reason"] == "never_seen" else "UNKNOWN"
-    words = (OF_LEVEL[component["level"]] for component in robot["components"])
+    words = [each["state"] for each in robot["components"] if not as_planned(each)]
+    words += ["CRITICAL" for _short in robot["short_checks"]]
     return max(words, key=RANKS.__getitem__, default="OK")
+
+
+def as_planned(component: dict[str, Any]) -> bool:
+    """Whether the component is STALE because fleet.yml plans it: that worries nobody."""
+    return bool(component["planned_stale"]) and component["state"] == "STALE"
+
+
+def level_told(component: dict[str, Any]) -> str:
+    """The component's level, and what it counts as where that is another."""
+    level, state = component["level"], component["state"]
+    return f"{level}, counts as {state}" if state != OF_LEVEL[level] else str(level)
+
+
+def short_told(robot: dict[str, Any]) -> list[str]:
+    """The robot's checks that find too few components, as "check motors finds 1 of 2"."""
+    return [
+        f"check {each['check']} finds {each['found']} of {each['expected']}"
+        for each in robot["short_checks"]
+    ]
 
 
 def natural(name: str) -> list[tuple[int, str]]:
@@ -28,15 +59,17 @@ def natural(name: str) -> list[tuple[int, str]]:
 
 
 def faults_of(robot: dict[str, Any]) -> list[dict[str, Any]]:
-    """The robot's components that are not OK, worst first.
+    """The robot's components that are not OK, and not by plan, worst first.
 
     All of a silent robot is STALE, which says no more than that it is silent: of its components
     only those count that were in a fault before.
     """
-    faults = [each for each in robot["components"] if each["level"] != "OK"]
+    faults = [
+        each for each in robot["components"] if each["level"] != "OK" and not as_planned(each)
+    ]
     if not robot["up"]:
         faults = [each for each in faults if each["level_before_stale"] in {"WARN", "ERROR"}]
-    return sorted(faults, key=lambda each: (-RANKS[OF_LEVEL[each["level"]]], each["component"]))
+    return sorted(faults, key=lambda each: (-RANKS[each["state"]], each["component"]))
 
 
 def ago(since: float | None, now: float) -> str:

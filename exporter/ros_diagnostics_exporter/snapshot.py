@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
 from ros_diagnostics_exporter.diagnostics import Instant, Level
+from ros_diagnostics_exporter.ranks import component_state
 from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.fleet import State
 from ros_diagnostics_exporter.state.robot import Robot
@@ -70,18 +72,32 @@ def _robot(robot: Robot) -> dict[str, Any]:
         "topic": settings.topic_agg or settings.topic_raw,
         "profile": settings.profile.name,
         "maintenance": robot.maintenance,
+        "short_checks": list(_short_checks(robot)) if robot.up else [],
         "groups": [
             {"group": path, "level": Level(level).name, "message": message}
             for path, (level, message) in robot.groups.items()
         ],
         "components": [
-            _component(component) for component in robot.components.values() if component.level >= 0
+            _component(component, stale_is_critical=settings.profile.stale_is_critical)
+            for component in robot.components.values()
+            if component.level >= 0
         ],
     }
 
 
-def _component(component: Component) -> dict[str, Any]:
-    before = component.before_stale
+def _short_checks(robot: Robot) -> Iterator[dict[str, Any]]:
+    """The checks that find fewer components than fleet.yml expects."""
+    expected = {check.name: check.expect for check in robot.settings.profile.checks}
+    for name, counts in robot.members.count_checks():
+        least = expected[name]
+        if least is not None and sum(counts) < least:
+            yield {"check": name, "found": sum(counts), "expected": least}
+
+
+def _component(component: Component, *, stale_is_critical: bool) -> dict[str, Any]:
+    level = Level(component.level).name
+    before = None if component.before_stale is None else Level(component.before_stale).name
+    planned = component.rule is not None and component.rule.planned_stale
     pairs = component.last.values if component.last is not None else ()
     numbers = {value.key: value for value in component.values.all}
     values = []
@@ -99,9 +115,13 @@ def _component(component: Component) -> dict[str, Any]:
         "component": component.name,
         "group": component.group,
         "hardware_id": component.hardware_id,
-        "level": Level(component.level).name,
+        "level": level,
         "reported_level": Level(component.reported).name,
-        "level_before_stale": None if before is None else Level(before).name,
+        "level_before_stale": before,
+        "state": component_state(
+            level, before, stale_is_critical=stale_is_critical and not planned
+        ),
+        "planned_stale": planned,
         "message": component.message,
         "since": component.since,
         "problem_since": component.problem_since,

@@ -18,7 +18,15 @@ from rich.text import Text
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.client import UnreachableError, add_arguments, ask_fleet
-from ros_diagnostics_exporter.ranks import OF_LEVEL, RANKS, ago, faults_of, natural, state_of
+from ros_diagnostics_exporter.ranks import (
+    RANKS,
+    ago,
+    faults_of,
+    level_told,
+    natural,
+    short_told,
+    state_of,
+)
 
 COLOURS = {
     "UNKNOWN": "magenta",
@@ -121,9 +129,10 @@ def _table(*titles: str) -> Table:
 def _told(robot: dict[str, Any], now: float) -> Text:
     parts = [f"silent: {robot['silent_reason']}"] if not robot["up"] else []
     parts += ["in maintenance"] if robot["maintenance"] else []
+    parts += short_told(robot)
     faults = faults_of(robot)
     parts += [
-        f"{each['component']} {each['level']}: {each['message']} {ago(each['since'], now)}"
+        f"{each['component']} {level_told(each)}: {each['message']} {ago(each['since'], now)}"
         for each in faults[:FAULTS_SHOWN]
     ]
     if len(faults) > FAULTS_SHOWN:
@@ -136,7 +145,7 @@ def _components(robots: list[dict[str, Any]], now: float) -> Table:
     for robot in robots:
         for each in robot["components"]:
             table.add_row(
-                _coloured(OF_LEVEL[each["level"]]),
+                _coloured(each["state"]),
                 _plain(robot["robot"]),
                 _plain(f"{each['group']} {each['component']}"),
                 _plain(f"{each['message']} {ago(each['since'], now)}"),

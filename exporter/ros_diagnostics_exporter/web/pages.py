@@ -9,7 +9,15 @@ from html import escape
 from typing import Any
 
 from ros_diagnostics_exporter import __version__
-from ros_diagnostics_exporter.ranks import RANKS, ago, faults_of, natural, state_of
+from ros_diagnostics_exporter.ranks import (
+    RANKS,
+    ago,
+    faults_of,
+    level_told,
+    natural,
+    short_told,
+    state_of,
+)
 
 MESSAGE = 300  # characters of a component's message
 SHOWN = 200  # robots with problems, and as many components of one; the API has them all
@@ -87,10 +95,12 @@ def _problems(states: list[tuple[str, dict[str, Any]]], fleet: dict[str, Any]) -
 def _faults(robot: dict[str, Any], now: float) -> Iterator[str]:
     faults = faults_of(robot)
     yield "<ul>"
+    for short in short_told(robot):
+        yield f"<li>{escape(short)}</li>"
     for each in faults[:SHOWN]:
         before = each["level_before_stale"]
         was = f" (was {escape(before)})" if before else ""
-        yield f"<li>{escape(each['component'])}: <span class=word>{escape(each['level'])}</span>"
+        yield f"<li>{escape(each['component'])}: <span class=word>{escape(level_told(each))}</span>"
         yield f"{was} {_message(each['message'])} <span class=dim>{ago(each['since'], now)}</span>"
         yield "</li>"
     yield "</ul>"

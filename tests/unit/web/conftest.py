@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 import trustme
 
+from ros_diagnostics_exporter.ranks import OF_LEVEL
 from ros_diagnostics_exporter.web.doors import Doors
 from ros_diagnostics_exporter.web.server import Server
 
@@ -31,6 +32,8 @@ def component(name: str, level: str, **changed: Any) -> dict[str, Any]:
         "level": level,
         "reported_level": level,
         "level_before_stale": "OK" if level == "STALE" else None,
+        "state": OF_LEVEL[level],
+        "planned_stale": False,
         "message": f"{name} says {level}",
         "since": 1_000.0,
         "problem_since": None if level == "OK" else 1_000.0,
@@ -55,6 +58,7 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
         "topic": f"/{name}/diagnostics_agg",
         "profile": "default",
         "maintenance": False,
+        "short_checks": [],
         "groups": [{"group": "/Motor", "level": "OK", "message": "OK"}],
         "components": list(components),
         **changed,

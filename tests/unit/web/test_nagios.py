@@ -56,6 +56,14 @@ def test_case_does_not_matter(name):
     assert said(name) == (2, "CRITICAL - CRITICAL sensor(s) list: /Motor/Motor 2")
 
 
+def test_what_is_stale_by_plan_is_listed_and_not_judged():
+    planned = component("Pendant", "STALE", group="", planned_stale=True, **NO_VALUES)
+    failed = {**planned, "state": "CRITICAL", "level_before_stale": "ERROR"}
+    listed = "STALE sensor(s) list: Pendant"
+    assert said("pendant", robot("robot_1", planned)) == (0, f"OK - {listed}")
+    assert said("pendant", robot("robot_1", failed)) == (2, f"CRITICAL - {listed}")
+
+
 def test_stale_sensors_have_a_list_of_their_own_and_are_critical():
     stale = robot("robot_1", component("Motor 1", "STALE"), component("Motor 2", "OK"), groups=[])
     assert said("", stale) == (

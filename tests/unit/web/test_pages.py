@@ -100,3 +100,20 @@ def test_a_thousand_robots_make_a_page_that_a_phone_can_show():
     page = landing(fleet(*broken), "/metrics")
     assert "and 800 more robots with problems" in page
     assert len(page) < 500_000
+
+
+def test_stale_counts_as_what_fleet_yml_says():
+    critical = component("Arm", "STALE", state="CRITICAL")
+    planned = component("Pendant", "STALE", planned_stale=True)
+    text = read(landing(fleet(robot("a", critical, planned), robot("b", planned)), "/m")).text
+    assert state_of(robot("a", critical, planned)) == "CRITICAL"
+    assert state_of(robot("b", planned)) == "OK"
+    assert "Arm: STALE, counts as CRITICAL (was OK)" in text
+    assert "Pendant" not in text
+
+
+def test_a_check_that_finds_too_few_is_critical_and_says_how_few():
+    short = {"check": "motors", "found": 1, "expected": 2}
+    said = robot("a", component("Motor 1", "OK"), short_checks=[short])
+    assert state_of(said) == "CRITICAL"
+    assert "check motors finds 1 of 2" in read(landing(fleet(said), "/m")).text

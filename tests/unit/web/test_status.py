@@ -85,6 +85,19 @@ def test_what_a_robot_says_does_not_reach_the_terminal_as_a_command(serve, capsy
         assert "[bold]" in "".join(text.split())
 
 
+def test_states_are_those_of_the_rules(serve, capsys):
+    short = {"check": "motors", "found": 1, "expected": 2}
+    stale = component("Arm", "STALE", state="CRITICAL")
+    planned = component("Pendant", "STALE", planned_stale=True)
+    robots = (robot("a", stale), robot("b", planned), robot("c", short_checks=[short]))
+    server = serve(fleet=lambda: fleet(*robots))
+    assert main(["--url", f"http://{server.addresses[0]}"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "Arm STALE, counts as CRITICAL: Arm says STALE" in text
+    assert "check motors finds 1 of 2" in text
+    assert "2 CRITICAL, 1 OK" in text
+
+
 def test_an_unknown_state_is_refused(capsys):
     with pytest.raises(SystemExit) as ended:
         main(["--state", "bad"])
