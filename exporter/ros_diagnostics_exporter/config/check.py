@@ -47,9 +47,7 @@ def _robot(robot: Robot) -> str:
     topics = " and ".join(filter(None, (robot.topic_agg, robot.topic_raw)))
     return _joined(
         f"{robot.name}: domain {robot.domain_id}, {topics}, source {robot.source.value}",
-        f"profile {robot.profile.name}",
-        robot.address and f"address {robot.address}",
-        _pairs(robot.labels),
+        *_settings(robot),
     )
 
 
@@ -60,10 +58,14 @@ def _discovery(discovery: Discovery) -> str:
         discovery.include and f"only {_patterns(discovery.include)}",
         discovery.exclude and f"not {_patterns(discovery.exclude)}",
         f"source {discovery.source.value}",
-        f"profile {discovery.profile.name}",
-        discovery.address and f"address {discovery.address}",
-        _pairs(discovery.labels),
+        *_settings(discovery),
     )
+
+
+def _settings(found: Robot | Discovery) -> tuple[str, str, str]:
+    """What a robot is given, whether it is declared or discovered."""
+    address = f"address {found.address}" if found.address else ""
+    return f"profile {found.profile.name}", address, _pairs(found.labels)
 
 
 def _shared(shared: Shared) -> str:
