@@ -15,10 +15,33 @@ from virtual_robots.aggregator import Aggregator, load_parameters
 LAUNCH_FILE = Path(__file__).parents[3] / "sim" / "ros_launch" / "real_aggregator.launch.py"
 
 
+# The keywords that the launch file may use, as launch and launch_ros of Jazzy document them:
+# a stand-in that takes anything would pass a word that the real one refuses.
+KEYWORDS = {
+    "LaunchDescription": set(),
+    "LaunchConfiguration": {"default"},
+    "DeclareLaunchArgument": {"default_value", "description", "choices"},
+    "OpaqueFunction": {"function", "args", "kwargs"},
+    "ExecuteProcess": {"cmd", "name", "cwd", "env", "additional_env", "output", "on_exit"},
+    "Node": {
+        "package",
+        "executable",
+        "name",
+        "namespace",
+        "parameters",
+        "remappings",
+        "arguments",
+        "output",
+    },
+}
+
+
 class Asked:
     """Stands for any launch action: what it was made with."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
+        unknown = options.keys() - KEYWORDS[type(self).__name__]
+        assert not unknown, f"{type(self).__name__} takes no {unknown}"
         self.arguments, self.options = arguments, options
 
     def perform(self, context: dict[str, str]) -> str:
