@@ -16,6 +16,7 @@ from ros_diagnostics_exporter import metrics
 from ros_diagnostics_exporter.metrics import Family
 from ros_diagnostics_exporter.sample_text import RobotText, escape
 from ros_diagnostics_exporter.state.fleet import State
+from ros_diagnostics_exporter.state.reasons import SHUT_OUT
 
 
 class Exposition:
@@ -50,7 +51,7 @@ class Exposition:
         """Robots that the limits keep out have one sample: why nothing is heard of them."""
         fleet, name = escape(self._state.fleet.name), metrics.ROBOT_SILENT_REASON.name
         return "".join(
-            f'{name}{{fleet="{fleet}",robot="{escape(robot)}",reason="limit"}} 1\n'
+            f'{name}{{fleet="{fleet}",robot="{escape(robot)}",reason="{SHUT_OUT}"}} 1\n'
             for robot in self._state.shut_out
         ).encode()
 

@@ -45,7 +45,8 @@ ROBOT_UP = _family(
 ROBOT_SILENT_REASON = _family(
     "robot_silent_reason",
     "gauge",
-    "Why a robot is not up: the reason that holds is 1.",
+    "Why a robot is not up: the reason that holds is 1, others that once held are 0 (never_seen, "
+    "publisher_gone, mute, undecodable, wrong_type, domain_unreachable, limit).",
     (*ROBOT, "reason"),
 )
 ROBOT_LAST_MESSAGE = _family(

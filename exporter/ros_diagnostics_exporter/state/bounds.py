@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 
-Reject = Callable[[str], None]  # told the reason of what is not taken in
+from ros_diagnostics_exporter.state.reasons import Rejection
+
+Reject = Callable[[Rejection], None]  # told the reason of what is not taken in
 
 
 def bounded(text: str, length: int) -> str:

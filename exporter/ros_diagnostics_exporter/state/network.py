@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from ros_diagnostics_exporter.state.reasons import Silence
+
 
 class Endpoint(NamedTuple):
     """What the graph shows of one topic.
@@ -41,7 +43,7 @@ class Network:
         return sum(endpoint.publishers for endpoint in self._endpoints.values())
 
     @property
-    def obstacle(self) -> str | None:
+    def obstacle(self) -> Silence | None:
         """The reason, if the graph shows why nothing can arrive."""
         if not self.domain_up:
             return "domain_unreachable"

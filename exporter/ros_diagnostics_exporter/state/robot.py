@@ -16,6 +16,7 @@ from ros_diagnostics_exporter.state.component import Component, Identity
 from ros_diagnostics_exporter.state.intake import RawIntake, TreeIntake
 from ros_diagnostics_exporter.state.members import Members
 from ros_diagnostics_exporter.state.network import Network
+from ros_diagnostics_exporter.state.reasons import Rejection, Silence
 from ros_diagnostics_exporter.state.remembered import RememberedRobot
 from ros_diagnostics_exporter.state.versions import Versions
 
@@ -104,13 +105,13 @@ class Robot:
         intake = self._raw if raw else self._tree
         intake.take(array.statuses, now)
 
-    def reject(self, reason: str) -> None:
+    def reject(self, reason: Rejection) -> None:
         """Count something that was not taken in."""
         self.rejected[reason] += 1
         self.versions.receipt += 1
 
     @property
-    def silent_reason(self) -> str | None:
+    def silent_reason(self) -> Silence | None:
         """Why nothing arrives, in one word; None while the robot is up."""
         if self.up:
             return None

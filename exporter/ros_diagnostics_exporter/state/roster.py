@@ -16,6 +16,7 @@ from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.state.bounds import Budget, bounded
 from ros_diagnostics_exporter.state.discovery import found_robot, robot_name
 from ros_diagnostics_exporter.state.network import Endpoint
+from ros_diagnostics_exporter.state.reasons import FleetRejection
 from ros_diagnostics_exporter.state.remembered import RememberedRobot
 from ros_diagnostics_exporter.state.robot import Changed, Robot
 from ros_diagnostics_exporter.state.shared import Splitter
@@ -165,11 +166,11 @@ class Roster:
             return None
         return robot
 
-    def _shut_out(self, settings: config.Robot, reason: str, why: str) -> None:
+    def _shut_out(self, settings: config.Robot, reason: FleetRejection, why: str) -> None:
         topic = Topic(settings.domain_id, settings.topic_agg or settings.topic_raw or "")
         self._refuse(topic, settings.name, reason, why)
 
-    def _refuse(self, topic: Topic, name: str, reason: str, why: str) -> None:
+    def _refuse(self, topic: Topic, name: str, reason: FleetRejection, why: str) -> None:
         """Say once that a robot is not taken in."""
         if (topic, name) in self._refused or len(self._refused) >= MOST_REFUSALS:
             return

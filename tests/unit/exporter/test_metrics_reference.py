@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
-import ros_diagnostics_exporter
-from ros_diagnostics_exporter.metrics import ALL_FAMILIES
+from ros_diagnostics_exporter.metrics import ALL_FAMILIES, ROBOT_SILENT_REASON
 from ros_diagnostics_exporter.metrics_reference import main, renewed
+from ros_diagnostics_exporter.state.reasons import SHUT_OUT, FleetRejection, Rejection, Silence
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "metrics.md"
-STATE = Path(ros_diagnostics_exporter.__file__).parent / "state"
 
 
 def test_the_tables_are_what_the_code_says():
@@ -35,14 +35,22 @@ def test_a_document_without_a_table_is_refused():
         renewed("<!-- families of rockets -->\n<!-- end -->")
 
 
-def test_every_reason_of_the_state_is_explained_and_no_other():
-    code = "\n".join(path.read_text("utf-8") for path in STATE.glob("*.py"))
-    counted = set(re.findall(r"reject\(\s*\"(\w+)\"", code))
-    counted |= set(re.findall(r"rejected\[\"(\w+)\"\]", code))
-    assert len(counted) >= 6
-    text = DOCUMENT.read_text("utf-8")
-    rows = [row.split("|")[1] for row in text.splitlines() if re.match(r"\| `[a-z_]+`", row)]
-    explained = {word for row in rows for word in re.findall(r"`([a-z_]+)`", row)}
-    assert counted <= explained
-    reasons = {word for word in explained if not word.startswith("ros_diagnostics_")}
-    assert all(f'"{reason}"' in code for reason in reasons)
+@pytest.mark.parametrize(
+    ("table", "reasons"),
+    [
+        ("`robot_silent_reason` says", {*get_args(Silence), SHUT_OUT}),
+        ("`robot_rejected_total` counts", set(get_args(Rejection))),
+        ("`exporter_rejected_total` counts", set(get_args(FleetRejection))),
+    ],
+)
+def test_every_reason_is_explained_and_no_other(table, reasons):
+    """That the state uses no reason beyond these is checked by their types."""
+    _, _, after = DOCUMENT.read_text("utf-8").partition(f"\n{table}")
+    rows = re.search(r"(\n\|.*)+", after)[0].splitlines()
+    cells = [row.split("|")[1] for row in rows if row.startswith("| `")]
+    assert {word for cell in cells for word in re.findall(r"`(\w+)`", cell)} == reasons
+
+
+def test_the_help_of_silence_names_every_reason():
+    named = ROBOT_SILENT_REASON.help.partition("(")[2]
+    assert set(re.findall(r"\w+", named)) == {*get_args(Silence), SHUT_OUT}

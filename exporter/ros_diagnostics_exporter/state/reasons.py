@@ -1,0 +1,25 @@
+"""The words for why nothing is heard of a robot, and why something was not taken in.
+
+docs/metrics.md explains each of them to operators; a test compares the two.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+Silence = Literal[
+    "never_seen", "publisher_gone", "mute", "undecodable", "wrong_type", "domain_unreachable"
+]
+# Of a robot that the limits keep out nothing else is known.
+SHUT_OUT = "limit"
+Rejection = Literal[
+    "undecodable",
+    "bad_level",
+    "component_limit",
+    "value_limit",
+    "series_limit",
+    "label_length",
+    "unit_changed",
+]
+# Of what belongs to no known robot.
+FleetRejection = Literal["no_robot", "duplicate_robot", "robot_limit", "series_limit"]
