@@ -170,6 +170,12 @@ COMPONENT_VALUE = _family(
     "A key-value that is a number, in the unit the driver gave; absent while STALE.",
     (*COMPONENT, "key", "unit"),
 )
+COMPONENT_GUARDED_VALUE = _family(
+    "component_guarded_value",
+    "gauge",
+    "component_value of the values with thresholds: rules read these few instead of all values.",
+    (*COMPONENT, "key", "unit"),
+)
 COMPONENT_VALUE_THRESHOLD = _family(
     "component_value_threshold",
     "gauge",
@@ -211,6 +217,7 @@ FLEET_FAMILIES = (
     COMPONENT_MESSAGE,
     COMPONENT_INFO,
     COMPONENT_VALUE,
+    COMPONENT_GUARDED_VALUE,
     COMPONENT_VALUE_THRESHOLD,
     GROUP_LEVEL,
 )

@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.state.versions import Versions
 
 _TO_ESCAPE = re.compile(r'[\\"\n]')
 _ESCAPES = {"\\": r"\\", '"': r"\"", "\n": r"\n"}
+_VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_GUARDED_VALUE.name}
 _WORDS = tuple(level.name.lower() for level in Level)
 
 
@@ -93,14 +94,17 @@ class RobotText:
                 if value.metric is not None:
                     name = value.metric
                     self._values.setdefault(name, []).append((f"{name}{key}}} ", value))
-                # Rules compare thresholds with this family, whatever else the value is called.
-                if value.metric is None or (value.rule and value.rule.thresholds):
+                key += f',unit="{escape(value.unit)}"}} '
+                guarded = bool(value.rule and value.rule.thresholds)
+                if value.metric is None or guarded:
                     name = metrics.COMPONENT_VALUE.name
-                    prefix = f'{name}{key},unit="{escape(value.unit)}"}} '
-                    self._values.setdefault(name, []).append((prefix, value))
+                    self._values.setdefault(name, []).append((name + key, value))
+                if guarded:
+                    name = metrics.COMPONENT_GUARDED_VALUE.name
+                    self._values.setdefault(name, []).append((name + key, value))
         for name in self.promoted:
             self.chunks.pop(name, None)
-        self.promoted = self._values.keys() - {metrics.COMPONENT_VALUE.name}
+        self.promoted = self._values.keys() - _VALUES
         name = metrics.COMPONENT_INFO.name
         self._set(
             metrics.COMPONENT_INFO,
@@ -246,8 +250,8 @@ class RobotText:
             self.chunks[name] = "".join(
                 [f"{prefix}{number(value.number)}\n" for prefix, value in rows]
             ).encode()
-        if metrics.COMPONENT_VALUE.name not in self._values:
-            self.chunks.pop(metrics.COMPONENT_VALUE.name, None)
+        for name in _VALUES - self._values.keys():
+            self.chunks.pop(name, None)
 
     def _render_groups(self) -> None:
         family = metrics.GROUP_LEVEL

@@ -119,7 +119,7 @@ class ValueEntry(Entry):
     offset: float | None = optional("Added after `scale`.", example=-273.15, default=0)
     metric: MetricName | None = optional(
         "Exported under this name of its own, in a base unit, in place of `component_value`; "
-        "beside it where there are `thresholds`, because rules compare them there.",
+        "beside it where there are `thresholds`, so that panels draw both together.",
         example="ros_battery_voltage_volts",
     )
     thresholds: ThresholdsEntry | None = optional(

@@ -202,8 +202,9 @@ def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
 
     promoted = story.sample("ros_charge_ratio", key="Charge")
     value = story.sample("component_value", key="Charge", unit="ratio")
+    guarded = story.sample("component_guarded_value", key="Charge", unit="ratio")
     bound = story.sample("component_value_threshold", key="Charge", unit="ratio")
-    assert (promoted, value, bound) == (0.17, 0.17, 0.2)
+    assert (promoted, value, guarded, bound) == (0.17, 0.17, 0.17, 0.2)
 
 
 def test_a_threshold_stands_beside_its_value():
@@ -214,12 +215,25 @@ def test_a_threshold_stands_beside_its_value():
     assert (value, bound) == (21.5, 22.0)
 
 
+def test_rules_find_the_values_with_thresholds_by_themselves():
+    """Selecting all values of a big fleet for these few costs more than all other rules together."""
+    rule = ValueRule(key=re.compile("Voltage"), thresholds=(Threshold("low", "warning", 22.0),))
+    robot = Robot("r", topic_agg="/r/diagnostics_agg", profile=Profile(values=(rule,)))
+    story = Story(fleet=Fleet("f", (robot,)))
+    values = (("Voltage", "21.5 V"), ("Current", "3 A"))
+    story.agg(*tree(All=[Status(OK, "Battery", "OK", "b-1", values)]))
+
+    assert story.sample("component_value", key="Current") == 3
+    [(labels, value)] = story.samples()["component_guarded_value"].items()
+    assert (dict(labels)["key"], dict(labels)["unit"], value) == ("Voltage", "V", 21.5)
+
+
 def test_values_of_a_stale_component_are_not_shown():
     story = full_story()
     story.at(10)
 
     assert story.sample("component_level", component="Battery") == STALE
-    assert "component_value" not in story.samples()
+    assert not {"component_value", "component_guarded_value"} & story.samples().keys()
 
     story.agg(*tree(All=[Status(OK, "Battery", "OK", "b-1", (("Voltage", "25 V"),))]))
     assert story.sample("component_value", component="Battery", key="Voltage") == 25
