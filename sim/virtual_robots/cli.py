@@ -20,8 +20,8 @@ from virtual_robots.terminal import complain
 
 COMMANDS = """commands:
   virtual-robots [run] [options]   publish a fleet of virtual robots until interrupted
-  virtual-robots fault ROBOT COMPONENT LEVEL
-                                   break or repair a component while they run
+  virtual-robots fault ROBOT [COMPONENT] LEVEL
+                                   break or repair a component, or a robot, while they run
   virtual-robots replay FILE...    publish recorded diagnostics (rosbag2, JSON)
   virtual-robots record OUTPUT     write the diagnostics of a domain into a bag (rosbag2)
   virtual-robots COMMAND --help    what a command takes
@@ -95,13 +95,16 @@ def _run_parser() -> argparse.ArgumentParser:
 def _fault_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "virtual-robots fault",
-        description="Break or repair a component of a running virtual robot."
+        description="Break or repair a component of a running virtual robot, or let something"
+        " happen to the robot as a whole."
         " The same as: ros2 param set /virtual_robots 'ROBOT.COMPONENT' 'LEVEL: MESSAGE'",
     )
     parser.add_argument("robot", help="such as robot_3")
-    parser.add_argument("component", help="such as 'Motor 2'")
+    parser.add_argument("component", nargs="?", help="such as 'Motor 2'; none: the whole robot")
     parser.add_argument(
-        "level", help="ok, warn, error, stale, silent, flap, or a fault of the robot's kind"
+        "level",
+        help="ok, warn, error, stale, silent, flap, or a fault of the robot's kind;"
+        " of a whole robot: hang, resume, crash, leave, join, 'clock_jump: 30', ...",
     )
     parser.add_argument("--message", default="", help="the status message; default: the kind's")
     add_domain(parser)

@@ -52,10 +52,10 @@ def run(options: argparse.Namespace) -> None:
 
 
 def fault(options: argparse.Namespace) -> None:
-    """Set the parameter that stands for a component."""
+    """Set the parameter that stands for a component, or for a whole robot."""
     order = f"{options.level}: {options.message}" if options.message else options.level
-    domain_id = chosen_domain_id(options.domain_id)
-    set_parameter(domain_id, f"{options.robot}.{options.component}", order)
+    target = f"{options.robot}.{options.component}" if options.component else options.robot
+    set_parameter(chosen_domain_id(options.domain_id), target, order)
 
 
 def fleet_of(options: argparse.Namespace) -> tuple[Fleet, float]:

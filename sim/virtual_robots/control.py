@@ -19,10 +19,13 @@ from rclpy.parameter import Parameter
 from virtual_robots.ros import RosError, quiet_node, ros_context
 
 CONTROL_NODE = "virtual_robots"
+OF_EVERY_NODE = {"use_sim_time", "start_type_description_service"}
 
 
 class Control:
     """The node `/virtual_robots`: its parameter `ROBOT.COMPONENT` is that component's fault.
+
+    Its parameter `ROBOT` is what happens to the robot as a whole.
 
     ``decide`` is called with name and value of each one that someone sets, in another thread; it
     raises ValueError or KeyError with the reason to refuse it.
@@ -53,8 +56,8 @@ class Control:
 
     def _on_set(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
         for parameter in parameters:
-            if "." not in parameter.name:
-                continue  # use_sim_time and the like
+            if parameter.name in OF_EVERY_NODE:
+                continue
             try:
                 self._decide(parameter.name, str(parameter.value))
             except (ValueError, KeyError) as error:

@@ -35,6 +35,30 @@ class Order(NamedTuple):
 Deed = Callable[[Fleet, Member, Order, float], Iterator[Happening]]
 
 
+def order_of(text: str) -> Order:
+    """Read `WHAT` or `WHAT: NUMBER`, as a person orders it while the robots run.
+
+    The number is what the deed needs most: seconds off of a clock jump, arrays a second of a flood,
+    else how many seconds it lasts. Raises ValueError with a text.
+    """
+    what, _, number = (part.strip() for part in text.partition(":"))
+    if what not in DEEDS:
+        raise ValueError(f"{what!r} cannot happen to a whole robot, only {', '.join(DEEDS)}")
+    if not number:
+        return Order(what)
+    try:
+        value = float(number)
+    except ValueError:
+        raise ValueError(f"{what}: {number!r} is no number") from None
+    bounds = {"clock_jump": (-3e8, 3e8), "flood": (1e-3, 1e4)}  # ROS' stamps end in 2038
+    low, high = bounds.get(what, (0.0, 1e9))
+    if not low <= value <= high:
+        raise ValueError(f"{what}: {number} must be between {low:g} and {high:g}")
+    if what == "clock_jump":
+        return Order(what, by=value)
+    return Order(what, rate=value) if what == "flood" else Order(what, length=value)
+
+
 def order(fleet: Fleet, robot: str, wanted: Order) -> Iterator[Happening]:
     """Let it happen to the robot now. Raises KeyError for a robot that is not there."""
     return DEEDS[wanted.what](fleet, fleet.member(robot), wanted, fleet.now)

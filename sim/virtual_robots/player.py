@@ -13,10 +13,12 @@ from pathlib import Path
 from virtual_robots.components import Fault
 from virtual_robots.documents import DocumentError
 from virtual_robots.fleet import Fleet
+from virtual_robots.life import order, order_of
 from virtual_robots.members import Happening
 
 # Waking up for every single one of a thousand robots would cost more than their messages.
 SHORTEST_SLEEP = 0.005
+LONGEST_SLEEP = 0.2  # an order from outside shall not wait for the next message of some robot
 LOOK_AT_FILES_EVERY = 1.0
 TOO_LATE = 1.0
 COMPLAIN_AGAIN_AFTER = 60.0
@@ -58,18 +60,24 @@ class Player:
             if now >= until:
                 return
             wait = min(self._fleet.next_at(), until) - (time.monotonic() - started)
-            stop.wait(max(SHORTEST_SLEEP, wait))
+            stop.wait(min(max(SHORTEST_SLEEP, wait), LONGEST_SLEEP))
 
-    def inject(self, target: str, order: str) -> None:
-        """Obey `ROBOT.COMPONENT` and `LEVEL[: MESSAGE]`, from any thread.
+    def inject(self, target: str, wanted: str) -> None:
+        """Obey an order to a component or a robot, from any thread.
 
+        They are `ROBOT.COMPONENT` and `LEVEL[: MESSAGE]`, or `ROBOT` and `WHAT[: NUMBER]`.
         Raises ValueError or KeyError with the reason to refuse it.
         """
         robot, _, component = target.partition(".")
-        what, _, message = (part.strip() for part in order.partition(":"))
         with self._lock:
-            fault = None if what == "ok" else Fault(what, self._fleet.now, message)
-            self._fleet.inject(robot, component, fault)
+            if component:
+                what, _, message = (part.strip() for part in wanted.partition(":"))
+                fault = None if what == "ok" else Fault(what, self._fleet.now, message)
+                self._fleet.inject(robot, component, fault)
+                return
+            self._fleet.member(robot)
+            deed = order_of(wanted)
+            self._fleet.plan(self._fleet.now, lambda _: order(self._fleet, robot, deed))
 
     def _judge_delay(self, now: float) -> None:
         """A fleet that cannot keep up must not be taken for one that loses messages."""

@@ -77,6 +77,25 @@ def test_a_fault_is_injected_and_repaired_by_command(
     listener.until(lambda: latest_is(0), "a repaired motor")
 
 
+def test_a_whole_robot_falls_silent_and_returns_by_command(
+    virtual_robots: Callable[..., Process], command: Command, listener: Any
+) -> None:
+    listener.listen("/robot_1/diagnostics")
+    listener.listen("/robot_2/diagnostics")
+    virtual_robots("--robots", "2")
+
+    def heard(robot: str = "robot_1") -> int:
+        return len(listener.of(f"/{robot}/diagnostics"))
+
+    listener.until(heard, "robot_1")
+    done = command("fault", "robot_1", "hang")
+    assert (done.returncode, done.stderr) == (0, "")
+    listener.until(lambda: heard("robot_2") >= heard() + 4, "robot_2 alone")
+    silent = heard()
+    assert command("fault", "robot_1", "resume").returncode == 0
+    listener.until(lambda: heard() > silent, "robot_1 again")
+
+
 def test_a_fault_for_nobody_is_refused_with_what_there_is(
     virtual_robots: Callable[..., Process], command: Command
 ) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from pathlib import Path
 
 import pytest
 from fleet_stories import fleet_of, level_of, of
 
+from fleet_demo.waiting import until
 from virtual_robots.components import UnknownFaultError
 from virtual_robots.diagnostics import ERROR
 from virtual_robots.members import Happening, Topic
@@ -39,6 +41,48 @@ def test_an_order_becomes_a_fault() -> None:
     assert level_of(of(fleet.advance(6.0), Topic.RAW)[-1], "Motor 2") == 0
     with pytest.raises(UnknownFaultError):
         player.inject("robot_1.Motor 2", "explode")
+
+
+def test_an_order_for_a_whole_robot_happens_to_it() -> None:
+    fleet = fleet_of()
+    player = Player(fleet, lambda *_: None, pytest.fail)
+    player.inject("robot_1", "clock_jump: -30")
+    last = of(fleet.advance(4.0), Topic.RAW)[-1]
+    assert last.stamp == pytest.approx(last.at - 30)
+    player.inject("robot_1", "hang")
+    assert list(fleet.advance(8.0)) == []
+    player.inject("robot_1", "resume")
+    assert of(fleet.advance(12.0), Topic.RAW)
+
+
+@pytest.mark.parametrize(
+    ("order", "reason"),
+    [
+        ("dance", "'dance' cannot happen to a whole robot, only join, leave"),
+        ("hang: long", "hang: 'long' is no number"),
+        ("flood: 0", "flood: 0 must be between 0.001 and 10000"),
+        ("hang: nan", "hang: nan must be between"),
+    ],
+)
+def test_an_order_that_cannot_be_is_refused_with_what_can(order: str, reason: str) -> None:
+    player = Player(fleet_of(), lambda *_: None, pytest.fail)
+    with pytest.raises(ValueError, match=re.escape(reason)):
+        player.inject("robot_1", order)
+
+
+def test_robots_that_all_stand_still_are_waited_for() -> None:
+    """Nothing is due any more, ever, unless somebody orders it."""
+    fleet = fleet_of()
+    stop = threading.Event()
+    player = Player(fleet, lambda *_: None, pytest.fail)
+    player.inject("robot_1", "hang")
+    played = threading.Thread(target=player.play, args=(stop,))
+    played.start()
+    until(lambda: fleet.next_at() == float("inf"), "the end of all that was due")
+    until(lambda: fleet.now > 2.0, "time that goes on")
+    stop.set()
+    played.join(timeout=10)
+    assert not played.is_alive()
 
 
 def test_a_fleet_that_cannot_keep_up_says_so_once() -> None:

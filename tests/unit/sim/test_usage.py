@@ -49,7 +49,7 @@ def test_each_command_says_what_it_takes(command: str, capsys: pytest.CaptureFix
         (["--robots", "2", "--scenario", "s.yaml"], "not allowed with"),
         (["--aggregator", "4.0.0"], "invalid choice: '4.0.0'"),
         (["--duration", "-1"], "must be a number above 0"),
-        (["fault", "robot_1", "Motor 1"], "the following arguments are required: level"),
+        (["fault", "robot_1"], "the following arguments are required: level"),
         (["replay", "f.mcap", "--namespace", "my robot"], "must be a ROS namespace"),
         (["replay"], "the following arguments are required: FILE"),
     ],
