@@ -216,7 +216,7 @@ def test_a_threshold_stands_beside_its_value():
 
 
 def test_rules_find_the_values_with_thresholds_by_themselves():
-    """Selecting all values of a big fleet for these few costs more than all other rules together."""
+    """Selecting all values of a big fleet for these few would cost more than all other rules."""
     rule = ValueRule(key=re.compile("Voltage"), thresholds=(Threshold("low", "warning", 22.0),))
     robot = Robot("r", topic_agg="/r/diagnostics_agg", profile=Profile(values=(rule,)))
     story = Story(fleet=Fleet("f", (robot,)))
