@@ -53,6 +53,8 @@ class Performance:
         wrong = self._watch.still_gone()
         if self._with_story:
             wrong += story.verdict(self._stack.inbox.mails(), self._fault)
+            if wrong and self._step is not Step.OVER:
+                wrong.append(story.cut_short(self._step))
         return wrong
 
     def _elapsed(self) -> float:

@@ -80,3 +80,12 @@ def verdict(mails: Sequence[Mail], fault: Fault) -> list[str]:
         else:
             wrong.append(f"this email was not expected: {each}")
     return wrong
+
+
+def cut_short(at: Step) -> str:
+    """Say where the story stood when the time was over, and the way out."""
+    return (
+        f"the time was over while {at.value}; the story takes about 70 seconds on a machine with"
+        " nothing else to do: give it more with --seconds 150, or see the lines above for what it"
+        " waited for"
+    )

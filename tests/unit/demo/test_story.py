@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fleet_demo.mail import Mail
-from fleet_demo.story import Fault, Pace, Step, expected, step, verdict
+from fleet_demo.story import Fault, Pace, Step, cut_short, expected, step, verdict
 
 FAULT = Fault("robot_7", "Motor 1", "hot")
 PACE = Pace(well=10, told=5)
@@ -58,3 +58,10 @@ def test_every_other_set_of_mails_is_told_mail_by_mail(arrived, wrong):
     assert len(sentences) == len(wrong)
     for sentence, part in zip(sentences, wrong, strict=True):
         assert part in sentence
+
+
+def test_a_story_that_was_cut_short_says_where_it_stood_and_how_to_give_it_more_time():
+    assert "while the motor is repaired, the email about that is awaited" in cut_short(
+        Step.REPAIRED
+    )
+    assert "--seconds 150" in cut_short(Step.REPAIRED)
