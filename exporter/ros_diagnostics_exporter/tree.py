@@ -24,6 +24,8 @@ _HEADER_MESSAGE = re.compile(
 
 # No aggregator has this many groups; who invents names without end is not remembered further.
 _MOST_GROUPS = 4096
+# Nor so many levels; a name that is nothing but slashes must not cost its square.
+_MOST_LEVELS = 64
 
 
 class Leaf(NamedTuple):
@@ -90,10 +92,11 @@ class TreeReader:
 
     def _parse(self, statuses: Sequence[Status], names: list[str]) -> Structure:
         found = _components_after_headers(statuses)
-        prefixes = {path for name in names for path in _paths_above(name)}
+        known = set(names)
+        prefixes = {path for name in known for path in _paths_above(name) if path in known}
         if len(self.groups) < _MOST_GROUPS:
             self.groups.update(name for name in names if name in prefixes)
-        self._seen_child = self._seen_child or not prefixes.isdisjoint(names)
+        self._seen_child = self._seen_child or bool(prefixes)
         keyed = bool(found)
         earlier: set[str] = set()
         for row, status in enumerate(statuses):
@@ -126,9 +129,11 @@ class TreeReader:
 
 
 def _paths_above(name: str) -> Iterable[str]:
-    """Every path above a row's name, the longest first: "/a/b/c" -> "/a/b", "/a"."""
+    """The paths above a row's name, the longest first: "/a/b/c" -> "/a/b", "/a"."""
     end = name.rfind("/")
-    while end > 0:
+    for _level in range(_MOST_LEVELS):
+        if end <= 0:
+            return
         yield name[:end]
         end = name.rfind("/", 0, end)
 

@@ -58,7 +58,8 @@ def readings(key: str, text: str) -> tuple[Reading, ...]:
         key: diagnostic_msgs/KeyValue.key as published.
         text: diagnostic_msgs/KeyValue.value as published.
     """
-    name, key_unit, is_identifier = _describe(key)
+    describe = _describe if len(key) <= _LONGEST_KEPT else _describe.__wrapped__
+    name, key_unit, is_identifier = describe(key)
     if is_identifier:
         return ()
     text = text.strip(" \t\r\n")
@@ -70,6 +71,9 @@ def readings(key: str, text: str) -> tuple[Reading, ...]:
     if brackets is None:
         return ()
     return _elements(name, key_unit, brackets[1])
+
+
+_LONGEST_KEPT = 256  # characters of a key that is remembered, so that what is kept is bounded
 
 
 @lru_cache(maxsize=65_536)

@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 from ros_diagnostics_exporter.state.reasons import Rejection
 
-Reject = Callable[[Rejection], None]  # told the reason of what is not taken in
+# Told the reason of what is not taken in, and its name.
+Reject = Callable[[Rejection, str], None]
 
 
 def bounded(text: str, length: int) -> str:

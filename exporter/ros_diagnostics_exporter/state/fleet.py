@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.state.remembered import RememberedRobot
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.roster import Roster, Topic, takes
 from ros_diagnostics_exporter.state.shared import Splitter
+from ros_diagnostics_exporter.state.trimming import trimmed
 
 __all__ = ["State", "Topic"]
 
@@ -46,6 +47,11 @@ class State:
         """Take in an array that arrived on a wanted topic."""
         with self.lock:
             self._now = now
+            cut = trimmed(array)
+            if cut is not array:
+                array = cut
+                for robot, _raw in self._roster.bindings.get(topic, ()):
+                    robot.refuse("label_length", topic.name)
             splitter = self._roster.splitters.get(topic)
             if splitter is not None:
                 self._receive_shared(topic, splitter, array, now)

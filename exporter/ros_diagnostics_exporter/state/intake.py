@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ros_diagnostics_exporter.config.fleet import Limits
 from ros_diagnostics_exporter.diagnostics import Instant, Status
-from ros_diagnostics_exporter.state.bounds import bounded
+from ros_diagnostics_exporter.state.bounds import Reject, bounded
 from ros_diagnostics_exporter.state.component import STALE, Component
 from ros_diagnostics_exporter.state.members import Members
 from ros_diagnostics_exporter.state.versions import Versions
 from ros_diagnostics_exporter.tree import Structure, TreeReader
 
+MOST_PARTED = 4096  # names of one robot that two components carry
+
 
 class TreeIntake:
     """Takes the arrays of one robot's aggregator: complete, so who is missing is STALE."""
 
-    def __init__(self, members: Members, versions: Versions, label_length: int) -> None:
+    def __init__(
+        self, members: Members, versions: Versions, limits: Limits, reject: Reject
+    ) -> None:
         self.groups: dict[str, tuple[int, str]] = {}  # path -> (level, message) as reported
         self._members = members
         self._versions = versions
-        self._label_length = label_length
+        self._limits = limits
+        self._reject = reject
         self._reader = TreeReader()
         self._structure: Structure | None = None
         self._removals = 0  # of the members, when the plan was made
@@ -43,8 +49,9 @@ class TreeIntake:
         for component in self._missing:
             self._members.lose(component, now)
 
-    def start_over(self) -> None:
+    def start_over(self, limits: Limits) -> None:
         """Look for the components anew at the next array: the config may want others."""
+        self._limits = limits
         self._structure = None
 
     def _adopt(self, structure: Structure, now: Instant) -> None:
@@ -80,7 +87,10 @@ class TreeIntake:
         groups: dict[str, tuple[int, str]] = {}
         for row, path in structure.groups:
             level = min(statuses[row].level, STALE)
-            label = bounded(path, self._label_length)
+            label = bounded(path, self._limits.label_length)
+            if label not in groups and len(groups) >= self._limits.components:
+                self._reject("component_limit", path)
+                break
             if label not in groups or level > groups[label][0]:
                 groups[label] = (level, statuses[row].message)
         if groups != self.groups:
@@ -110,7 +120,7 @@ class RawIntake:
 
     def part(self, name: str) -> None:
         """Tell the components of this name apart by their hardware_id from now on."""
-        if name not in self._parted:
+        if name not in self._parted and len(self._parted) < MOST_PARTED:
             self._parted.add(name)
             self._members.part(name)
 

@@ -61,13 +61,13 @@ class Members:
         if rule is not None and rule.ignore:
             return None
         if len(self.all) >= self._limits.components:
-            self._reject("component_limit")
+            self._reject("component_limit", identity[0])
             return None
         if not self._budget.take(SERIES_OF_COMPONENT):
-            self._reject("series_limit")
+            self._reject("series_limit", identity[0])
             return None
         if len(identity[0]) > self._limits.label_length:
-            self._reject("label_length")
+            self._reject("label_length", identity[0])
         values = self._values(identity[0])
         component = Component(identity, self._label(identity), rule, values, now)
         self.all[identity] = component
@@ -141,13 +141,16 @@ class Members:
     def hear(self, component: Component, status: Status, now: Instant) -> None:
         """Take one status of one component."""
         component.listed = now.mono
+        if len(status.values) > self._limits.values:
+            self._reject("value_limit", component.name)
+            status = status._replace(values=status.values[: self._limits.values])
         if status == component.last and component.reported == status.level:
             if status.level != STALE:
                 component.heard = now.mono
             return
         said = status.level
         if said > STALE:
-            self._reject("bad_level")
+            self._reject("bad_level", component.name)
             said = ERROR  # as diagnostic_aggregator reads it (status_item.hpp, valToLevel)
         component.last = status
         if status.hardware_id and status.hardware_id != component.hardware_id:

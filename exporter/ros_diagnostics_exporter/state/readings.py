@@ -105,13 +105,14 @@ class Values:
             row: list[Value] = []
             self._rows.append(row)
             for reading in self._read(key, text):
+                if len(self.all) >= most:
+                    self._reject("value_limit", key)
+                    continue
                 value = self._admit(reading, self._rules.get(key), seen)
                 if value is None:
                     continue
-                if len(self.all) >= most:
-                    self._reject("value_limit")
-                elif not self._budget.take(1):
-                    self._reject("series_limit")
+                if not self._budget.take(1):
+                    self._reject("series_limit", key)
                 else:
                     row.append(value)
                     self.all.append(value)
@@ -145,9 +146,11 @@ class Values:
         seen.add(key)
         unit = reading.unit
         if math.isfinite(reading.number):
+            if key not in self._units and len(self._units) >= 2 * self._limits[0]:
+                self._units.clear()  # a robot that invents keys without end
             unit = self._units.setdefault(key, unit)
             if unit != reading.unit:
-                self._reject("unit_changed")
+                self._reject("unit_changed", key)
                 return None
         else:  # "nan" and "inf" come without the unit that the number has
             unit = self._units.get(key, unit)

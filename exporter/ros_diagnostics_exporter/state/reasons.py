@@ -21,5 +21,15 @@ Rejection = Literal[
     "label_length",
     "unit_changed",
 ]
+# What is said of them in the log.
+TOLD: dict[Rejection, str] = {
+    "undecodable": "a message is no DiagnosticArray",
+    "bad_level": "a level above 3 counts as ERROR",
+    "component_limit": "more components or groups than limits.components are left out",
+    "value_limit": "more values of a component than limits.values are left out",
+    "series_limit": "limits.series is reached, what is new is left out",
+    "label_length": "a text is too long and is cut",
+    "unit_changed": "a value in another unit than at first is left out",
+}
 # Of what belongs to no known robot.
 FleetRejection = Literal["no_robot", "duplicate_robot", "robot_limit", "series_limit"]

@@ -6,6 +6,7 @@ whole.
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Callable, Mapping
 
@@ -16,9 +17,11 @@ from ros_diagnostics_exporter.state.component import Component, Identity
 from ros_diagnostics_exporter.state.intake import RawIntake, TreeIntake
 from ros_diagnostics_exporter.state.members import Members
 from ros_diagnostics_exporter.state.network import Network
-from ros_diagnostics_exporter.state.reasons import Rejection, Silence
+from ros_diagnostics_exporter.state.reasons import TOLD, Rejection, Silence
 from ros_diagnostics_exporter.state.remembered import RememberedRobot
 from ros_diagnostics_exporter.state.versions import Versions
+
+log = logging.getLogger(__name__)
 
 Changed = Callable[["Robot", Component, int, Instant], None]  # told the level before
 
@@ -54,16 +57,17 @@ class Robot:
         self.network = Network()
         self.maintenance = False
         self.rejected: Counter[str] = Counter()
+        self._said: set[Rejection] = set()
         self.versions = Versions()
         self.members = Members(
             settings.profile,
             limits,
             budget=budget,
             versions=self.versions,
-            reject=self.reject,
+            reject=self.refuse,
             changed=lambda component, before, now: changed(self, component, before, now),
         )
-        self._tree = TreeIntake(self.members, self.versions, limits.label_length)
+        self._tree = TreeIntake(self.members, self.versions, limits, self.refuse)
         self._raw = RawIntake(self.members)
 
     @property
@@ -87,7 +91,8 @@ class Robot:
         self.versions.inventory += 1
         self.versions.structure += 1
         if judged_anew:
-            self._tree.start_over()
+            self._tree.start_over(limits)
+            self._said.clear()
             self.members.configure(settings.profile, limits, now)
 
     # -- what comes in -----------------------------------------------------------------------
@@ -109,6 +114,19 @@ class Robot:
         """Count something that was not taken in."""
         self.rejected[reason] += 1
         self.versions.receipt += 1
+
+    def refuse(self, reason: Rejection, what: str) -> None:
+        """Count it, and say it the first time; ``what`` is an example of the robot's own words."""
+        self.reject(reason)
+        if reason not in self._said:
+            self._said.add(reason)
+            log.warning(
+                "robot %r: %s, for example %.80r; said once, counted in robot_rejected_total as %s",
+                self.settings.name,
+                TOLD[reason],
+                what,
+                reason,
+            )
 
     @property
     def silent_reason(self) -> Silence | None:
