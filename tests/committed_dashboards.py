@@ -73,6 +73,7 @@ def filled(expr: str, chosen: dict[str, str] | None = None) -> str:
     """The expression as Grafana sends it: variables filled in, all chosen unless ``chosen``."""
     values = {
         "state:raw": ">= -1",
+        "problems:raw": "== 0",
         "__range": "1h",
         "__rate_interval": "1m",
         "__interval": "15s",

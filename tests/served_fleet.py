@@ -13,6 +13,8 @@ from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from fleet_demo.ports import free_port
+from ros_diagnostics_exporter.acknowledgement import Acknowledgement
+from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.exposition import Exposition
@@ -29,7 +31,8 @@ class ServedFleet:
         self.started = _read_clocks()
         self.state = State(fleet, self.started, lambda _event: None)
         self._speak = speak
-        self._exposition = Exposition(self.state)
+        self.alertmanager: Alertmanager | None = None  # asked for acknowledgements at each scrape
+        self._exposition = Exposition(self.state, self._acknowledged)
         self._own = OwnMetrics(self._facts)
         self.domains = dict.fromkeys(fleet.domain_ids, True)
         self._scrapes = 0
@@ -42,7 +45,13 @@ class ServedFleet:
             self._speak(self.state, now)
             self.state.tick(now)
             self._scrapes += 1
+            if self.alertmanager is not None:
+                self.alertmanager.look(self.state.fleet.name, now)
             return self._exposition.render() + self._own.render()
+
+    def _acknowledged(self) -> list[Acknowledgement]:
+        alertmanager = self.alertmanager
+        return [] if alertmanager is None else alertmanager.known(_read_clocks().wall)
 
     def _facts(self) -> Facts:
         return Facts(
@@ -59,6 +68,7 @@ class ServedFleet:
             discovery_time=self.started.wall,
             storage_successful=True,
             storage_time=self.started.wall,
+            alertmanager_up=self.alertmanager and self.alertmanager.answers(_read_clocks()),
         )
 
 

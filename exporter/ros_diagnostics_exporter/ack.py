@@ -20,10 +20,10 @@ from rich.console import Console
 from rich.table import Table
 
 from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.acknowledgement import ESCALATION, IDENTITY
 from ros_diagnostics_exporter.client import UnreachableError, add_arguments, ask
 
 DEFAULT_URL = "http://127.0.0.1:9093"
-ESCALATION = "RosDiagnosticsUnacknowledged"
 # The alerts that are acknowledged, by the word for their state.
 STATES = {
     "RosDiagnosticsComponentCritical": "CRITICAL",
@@ -31,8 +31,6 @@ STATES = {
     "RosDiagnosticsComponentStale": "STALE",
     "RosDiagnosticsRobotSilent": "SILENT",
 }
-# What tells one fault from all others; `since` tells it from the next one of the same component.
-IDENTITY = ("fleet", "robot", "group", "component", "state")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

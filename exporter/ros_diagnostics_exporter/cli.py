@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from contextlib import closing
 
 from ros_diagnostics_exporter import flags, logs, ros, systemd
+from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
@@ -63,9 +64,27 @@ def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
         log.warning(warning)
     ros.check_ros()
     with closing(EventLog(options.events_path)) as events:
-        service = Service(fleet, options.config_file, options.storage_path, events, for_ros)
+        service = Service(
+            fleet,
+            options.config_file,
+            options.storage_path,
+            events,
+            for_ros,
+            alertmanager=_alertmanager(options),
+        )
         _serve(options, service)
     return 0
+
+
+def _alertmanager(options: argparse.Namespace) -> Alertmanager | None:
+    if not options.alertmanager_urls:
+        return None
+    return Alertmanager(
+        options.alertmanager_urls,
+        user=options.alertmanager_user,
+        password_file=options.alertmanager_password_file,
+        ca_file=options.alertmanager_ca_file,
+    )
 
 
 def _serve(options: argparse.Namespace, service: Service) -> None:

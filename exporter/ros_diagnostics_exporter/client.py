@@ -11,6 +11,7 @@ import http.client
 import json
 import math
 import ssl
+import time
 import urllib.error
 import urllib.parse
 import urllib.request
@@ -18,6 +19,8 @@ from pathlib import Path
 from typing import Any
 
 DEFAULT_URL = "http://127.0.0.1:9877"
+LIMIT = 256 * 1024 * 1024  # bytes of an answer; a fleet of 1,000 robots has some four million
+PART = 64 * 1024  # bytes read at once
 
 
 class UnreachableError(Exception):
@@ -70,28 +73,51 @@ def ask_fleet(options: argparse.Namespace, robots: tuple[str, ...] = ()) -> dict
     return fleet
 
 
-def ask(options: argparse.Namespace, path: str, body: Any = None, *, method: str = "") -> Any:
+def ask(
+    options: argparse.Namespace,
+    path: str,
+    body: Any = None,
+    *,
+    method: str = "",
+    limit: int = LIMIT,
+) -> Any:
     """The JSON that the server answers; a ``body`` is posted as JSON. None for an empty answer.
 
     Raises:
-        UnreachableError: No answer, a refusal, or no JSON.
+        UnreachableError: No answer, a refusal, more than ``limit`` bytes, or no JSON.
     """
     url = options.url.rstrip("/") + path
-    headers = _login(options) | ({} if body is None else {"Content-Type": "application/json"})
     content = None if body is None else json.dumps(body).encode()
     try:
+        headers = _login(options) | ({} if body is None else {"Content-Type": "application/json"})
         opener = urllib.request.build_opener(*_handlers(options))
         request = urllib.request.Request(  # noqa: S310 - the user's
             url, content, headers, method=method or None
         )
         with opener.open(request, timeout=options.timeout) as answer:
-            text = answer.read()
+            text = _read(answer, limit, time.monotonic() + options.timeout)
             return json.loads(text) if text else None
     except urllib.error.HTTPError as error:
         raise UnreachableError(f"{url} answered {error.code} {error.reason}") from error
-    except (OSError, ValueError, http.client.HTTPException) as error:
-        # URLError is an OSError, bad JSON a ValueError.
+    except (OSError, ValueError, RecursionError, http.client.HTTPException) as error:
+        # URLError is an OSError, bad JSON a ValueError, JSON nested without end a RecursionError.
         raise UnreachableError(f"{url}: {getattr(error, 'reason', None) or error}") from error
+
+
+def _read(answer: http.client.HTTPResponse, limit: int, deadline: float) -> bytes:
+    """All of the answer: the socket's own timeout lets through what comes byte by byte."""
+    parts: list[bytes] = []
+    size = 0
+    while part := answer.read1(PART):
+        parts.append(part)
+        size += len(part)
+        if size > limit:
+            raise ValueError(f"answered more than {limit} bytes")
+        if time.monotonic() > deadline:
+            raise TimeoutError("timed out")
+    if answer.length:  # what is missing; only read() would have noticed
+        raise http.client.IncompleteRead(b"".join(parts), answer.length)
+    return b"".join(parts)
 
 
 def _handlers(options: argparse.Namespace) -> list[urllib.request.BaseHandler]:

@@ -10,20 +10,27 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from ros_diagnostics_exporter import metrics
+from ros_diagnostics_exporter.acknowledgement import Acknowledgement
 from ros_diagnostics_exporter.metrics import Family
-from ros_diagnostics_exporter.sample_text import RobotText, escape
+from ros_diagnostics_exporter.sample_text import RobotText, escape, number
 from ros_diagnostics_exporter.state.fleet import State
 from ros_diagnostics_exporter.state.reasons import SHUT_OUT
 
 
 class Exposition:
-    """The fleet's families as text."""
+    """The fleet's families as text.
 
-    def __init__(self, state: State) -> None:
+    ``acknowledged`` is asked at each scrape which acknowledgements hold.
+    """
+
+    def __init__(
+        self, state: State, acknowledged: Callable[[], Iterable[Acknowledgement]] = tuple
+    ) -> None:
         self._state = state
+        self._acknowledged = acknowledged
         self._texts: dict[str, RobotText] = {}
         self._lock = threading.Lock()
         self.series: Counter[str] = Counter()  # by family, at the last scrape
@@ -36,7 +43,7 @@ class Exposition:
             families = (*metrics.FLEET_FAMILIES, *map(_promoted_family, promoted))
             parts: list[bytes] = []
             series: Counter[str] = Counter()
-            more = {metrics.ROBOT_SILENT_REASON.name: self._shut_out()}
+            more = {metrics.ROBOT_SILENT_REASON.name: self._shut_out(), **self._acknowledgements()}
             for family in families:
                 chunks = [chunk for text in texts if (chunk := text.chunks.get(family.name))]
                 chunks.extend(filter(None, [more.get(family.name)]))
@@ -54,6 +61,25 @@ class Exposition:
             f'{name}{{fleet="{fleet}",robot="{escape(robot)}",reason="{SHUT_OUT}"}} 1\n'
             for robot in self._state.shut_out
         ).encode()
+
+    def _acknowledgements(self) -> dict[str, bytes]:
+        """Those of known robots, both families of them."""
+        fleet, when, since = escape(self._state.fleet.name), "", ""
+        for each in self._acknowledged():
+            if each.robot not in self._texts:
+                continue
+            fault = f'fleet="{fleet}"' + "".join(
+                f',{name}="{escape(value)}"'
+                for name in metrics.ACKNOWLEDGED_SINCE.labels[1:]
+                if (value := getattr(each, name))
+            )
+            words = f',author="{escape(each.author)}",comment="{escape(each.comment)}"'
+            when += f"{metrics.ACKNOWLEDGED.name}{{{fault}{words}}} {number(each.at)}\n"
+            since += f"{metrics.ACKNOWLEDGED_SINCE.name}{{{fault}}} {number(each.since)}\n"
+        return {
+            metrics.ACKNOWLEDGED.name: when.encode(),
+            metrics.ACKNOWLEDGED_SINCE.name: since.encode(),
+        }
 
     def _update(self) -> Iterable[RobotText]:
         """Bring every robot's text up to date, holding the state for one robot at a time."""

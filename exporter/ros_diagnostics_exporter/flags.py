@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.logs import FORMATS
@@ -42,8 +43,12 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     _add_fleet(parser)
     _add_web(parser)
+    _add_alertmanager(parser)
     _add_logs(parser)
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    if options.alertmanager_user and not options.alertmanager_password_file:
+        parser.error("--alertmanager.user needs --alertmanager.password-file")
+    return options
 
 
 def _add_fleet(parser: argparse.ArgumentParser) -> None:
@@ -114,6 +119,40 @@ def _add_web(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_alertmanager(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("Alertmanager, to show which faults are acknowledged")
+    group.add_argument(
+        "--alertmanager.url",
+        dest="alertmanager_urls",
+        action="append",
+        type=_url,
+        metavar="URL",
+        help="ask it every few seconds for this fleet's acknowledgements and export them; may be "
+        "given more than once for a pair: the first that answers is believed (default: nobody is "
+        "asked)",
+    )
+    group.add_argument(
+        "--alertmanager.user",
+        dest="alertmanager_user",
+        metavar="NAME",
+        help="for basic auth",
+    )
+    group.add_argument(
+        "--alertmanager.password-file",
+        dest="alertmanager_password_file",
+        type=Path,
+        metavar="FILE",
+        help="the user's password, in one line",
+    )
+    group.add_argument(
+        "--alertmanager.ca-file",
+        dest="alertmanager_ca_file",
+        type=Path,
+        metavar="FILE",
+        help="CA of its TLS (default: the system's)",
+    )
+
+
 def _add_logs(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("log, on standard error")
     group.add_argument(
@@ -130,6 +169,18 @@ def _add_logs(parser: argparse.ArgumentParser) -> None:
         default="logfmt",
         help="(default: %(default)s)",
     )
+
+
+def _url(text: str) -> str:
+    found = urlsplit(text)
+    if found.scheme not in {"http", "https"} or not found.hostname or found.query or found.fragment:
+        raise argparse.ArgumentTypeError(f"{text!r} is no URL such as http://localhost:9093")
+    if "@" in found.netloc:
+        raise argparse.ArgumentTypeError(
+            "a URL in a flag is seen by everybody: give the user as --alertmanager.user and the "
+            "password in --alertmanager.password-file"
+        )
+    return text
 
 
 def _path(text: str) -> str:

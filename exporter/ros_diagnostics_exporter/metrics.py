@@ -188,6 +188,20 @@ GROUP_LEVEL = _family(
     "A parent's level as the robot's own aggregator reported it.",
     (*ROBOT, "group"),
 )
+ACKNOWLEDGED = _family(
+    "acknowledged_timestamp_seconds",
+    "gauge",
+    "When a fault was acknowledged (Unix time), by whom and with which words. Only with "
+    "--alertmanager.url, and while the acknowledgement is in force; it may be that of an earlier "
+    "fault. Without group, component and state where the whole robot is silent.",
+    (*COMPONENT, "state", "author", "comment"),
+)
+ACKNOWLEDGED_SINCE = _family(
+    "acknowledged_since_timestamp_seconds",
+    "gauge",
+    "When the fault began that was acknowledged (Unix time): it is for that one and for no later.",
+    (*COMPONENT, "state"),
+)
 
 FLEET_FAMILIES = (
     ROBOT_INFO,
@@ -220,6 +234,8 @@ FLEET_FAMILIES = (
     COMPONENT_GUARDED_VALUE,
     COMPONENT_VALUE_THRESHOLD,
     GROUP_LEVEL,
+    ACKNOWLEDGED,
+    ACKNOWLEDGED_SINCE,
 )
 
 FLEET = ("fleet",)
@@ -294,6 +310,12 @@ EXPORTER_STORAGE_TIME = _family(
     "When the state file was last written (Unix time); only with --storage.path.",
     FLEET,
 )
+EXPORTER_ALERTMANAGER_UP = _family(
+    "exporter_alertmanager_up",
+    "gauge",
+    "1 while Alertmanager answers when asked for acknowledgements; only with --alertmanager.url.",
+    FLEET,
+)
 
 EXPORTER_FAMILIES = (
     EXPORTER_BUILD_INFO,
@@ -311,6 +333,7 @@ EXPORTER_FAMILIES = (
     EXPORTER_DISCOVERY_TIME,
     EXPORTER_STORAGE_OK,
     EXPORTER_STORAGE_TIME,
+    EXPORTER_ALERTMANAGER_UP,
 )
 
 ALL_FAMILIES = FLEET_FAMILIES + EXPORTER_FAMILIES

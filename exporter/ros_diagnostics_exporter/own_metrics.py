@@ -37,6 +37,7 @@ class Facts:
     discovery_time: float = 0.0
     storage_successful: bool | None = None  # None: no state file is kept
     storage_time: float = 0.0
+    alertmanager_up: bool | None = None  # None: it is not asked
 
 
 class OwnMetrics(Collector):
@@ -96,3 +97,5 @@ def _samples(facts: Facts) -> Iterable[tuple[Family, list[tuple[list[str], float
     if facts.storage_successful is not None:
         yield metrics.EXPORTER_STORAGE_OK, [([], float(facts.storage_successful))]
         yield metrics.EXPORTER_STORAGE_TIME, [([], facts.storage_time)]
+    if facts.alertmanager_up is not None:
+        yield metrics.EXPORTER_ALERTMANAGER_UP, [([], float(facts.alertmanager_up))]

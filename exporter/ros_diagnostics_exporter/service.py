@@ -13,6 +13,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ros_diagnostics_exporter import ros, snapshot
+from ros_diagnostics_exporter.acknowledgement import Acknowledgement
+from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
@@ -44,6 +46,8 @@ class Service:
         storage_path: Path | None,
         events: EventLog | None = None,
         ros_arguments: tuple[str, ...] = (),
+        *,
+        alertmanager: Alertmanager | None = None,
     ) -> None:
         now = ros.read_clocks()
         self.events = events or EventLog()
@@ -55,11 +59,13 @@ class Service:
         self._reloading = threading.Lock()
         self._stopping = threading.Event()
         self._keeper = threading.Thread(target=self._keep, name="state-file", daemon=True)
+        self._alertmanager = alertmanager
+        self._asker = threading.Thread(target=self._ask, name="alertmanager", daemon=True)
         self._watch = Watch(fleet.sources)
         self._look_at = now.mono
         self._join_at = now.mono
         self._distribution, self._rmw = ros.describe_ros()
-        self._exposition = Exposition(self.state)
+        self._exposition = Exposition(self.state, self._acknowledged)
         self._own = OwnMetrics(self._facts)
         self._scrapes = 0
         self._scrape_seconds = 0.0
@@ -80,11 +86,18 @@ class Service:
         """Join the fleet's domains and listen."""
         self.join()
         self._keeper.start()
+        self._asker.start()
 
     def _keep(self) -> None:
         """Write the state file again and again; in a thread, for a disk may hang."""
         while self.storage is not None and not self._stopping.wait(self.TICK):
             self.storage.save(self.state, ros.read_clocks())
+
+    def _ask(self) -> None:
+        """Ask Alertmanager again and again; in a thread, for it may hang."""
+        while self._alertmanager is not None and not self._stopping.is_set():
+            self._alertmanager.look(self.state.fleet.name, ros.read_clocks())
+            self._stopping.wait(self._alertmanager.INTERVAL)
 
     def join(self) -> None:
         """Be in the fleet's domains; what cannot be joined is tried again every half minute."""
@@ -199,10 +212,15 @@ class Service:
     def _forget(self, robot: str, component: str | None) -> int:
         return self.state.forget(robot, component, ros.read_clocks())
 
+    def _acknowledged(self) -> list[Acknowledgement]:
+        if self._alertmanager is None:
+            return []
+        return self._alertmanager.known(ros.read_clocks().wall)
+
     def _facts(self) -> Facts:
         joined = self._listener.domain_ids
         domains = {domain_id: domain_id in joined for domain_id in self.state.fleet.domain_ids}
-        storage = self.storage
+        storage, alertmanager = self.storage, self._alertmanager
         return Facts(
             fleet=self.state.fleet.name,
             ros_distro=self._distribution,
@@ -221,4 +239,7 @@ class Service:
             discovery_time=self._listener.last_look,
             storage_successful=None if storage is None else storage.successful,
             storage_time=0.0 if storage is None else storage.written_at,
+            alertmanager_up=None
+            if alertmanager is None
+            else alertmanager.answers(ros.read_clocks()),
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from grafana_foundation_sdk.builders import dashboard as builders
-from grafana_foundation_sdk.builders import stat, table, text, timeseries
+from grafana_foundation_sdk.builders import stat, table, timeseries
 from grafana_foundation_sdk.models import common
 
 from fleet_dashboards import availability, frame, links, palette, panels, tables, variables
@@ -16,6 +16,8 @@ SEVERITIES = {
     "info": (palette.NEUTRAL, "What is only to be known"),
 }
 ALERT = Column("alertname", "Alert", link="${__data.fields.Runbooks}/${__data.fields.Alert}.md")
+# Grafana's own list, from the data source that is provisioned for Alertmanager.
+SILENCES_PAGE = "/alerting/silences?alertmanager=ROS%20diagnostics%20Alertmanager"
 WHERE = (
     Column("severity", "Severity", mappings=palette.severity_mappings(), width=100),
     Column("fleet", "Fleet", width=110),
@@ -35,8 +37,9 @@ def build() -> builders.Dashboard:
             *map(firing, SEVERITIES),
             suppressed(),
             silences(),
-            acknowledged(),
+            taken_care_of(),
             alerts(),
+            acknowledged(),
             history(),
             fired(),
             "Notifications",
@@ -80,26 +83,40 @@ def suppressed() -> stat.Panel:
 
 def silences() -> stat.Panel:
     """Silences and acknowledgements now."""
+    link = builders.DashboardLink("Look at them").url(SILENCES_PAGE)
     return panels.number(
         "Silences",
-        "How many silences and acknowledgements are in force?",
+        "How many silences and acknowledgements are in force? A click lists them.",
         queries.SILENCES,
+    ).data_links([link])
+
+
+def taken_care_of() -> stat.Panel:
+    """Faults that somebody looks after."""
+    return panels.number(
+        "Faults in care",
+        "How many of the present faults are acknowledged?",
+        queries.ACKNOWLEDGED_COUNT,
     )
 
 
-def acknowledged() -> text.Panel:
-    """The way to the list that Grafana itself makes of them."""
-    return (
-        panels.note(
-            "Acknowledged",
-            "Who acknowledged what, and why? Prometheus is not told; Grafana lists it from "
-            "Alertmanager.",
-            "[Who acknowledged what, and why]"
-            "(/alerting/silences?alertmanager=ROS%20diagnostics%20Alertmanager)",
-        )
-        .height(4)
-        .span(4)
-    )
+def acknowledged() -> table.Panel:
+    """Who takes care of what: Nagios' comments."""
+    return tables.listing(
+        "Acknowledged",
+        "Who takes care of which fault, since when, and with which words? Only faults that go on; "
+        "made with ros-diagnostics-ack, read by an exporter with --alertmanager.url.",
+        {"A": queries.ACKNOWLEDGED, "B": queries.ACKNOWLEDGED_FAULT},
+        [
+            *WHERE[1:],
+            Column("state", "Fault", width=100),
+            Column("B", "Faulty since", unit="dateTimeAsIsoNoDateIfToday", width=160),
+            Column("A", "Acknowledged", unit="dateTimeAsIsoNoDateIfToday", width=160),
+            Column("author", "By", width=140),
+            Column("comment", "Words"),
+        ],
+        sort="Acknowledged",
+    ).height(8)
 
 
 def alerts() -> table.Panel:

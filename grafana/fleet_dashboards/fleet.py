@@ -36,7 +36,13 @@ def build() -> builders.Dashboard:
         links.FLEET_UID,
         "Robot fleet",
         "Which robot is faulty, in which part, since when?",
-        [variables.fleet(), variables.site(), variables.robot_group(), variables.state()],
+        [
+            variables.fleet(),
+            variables.site(),
+            variables.robot_group(),
+            variables.state(),
+            variables.problems(),
+        ],
         [
             *map(robots_in, palette.WORST_FIRST),
             problems(),
@@ -70,7 +76,9 @@ def problems() -> table.Panel:
         "Problems",
         "What is wrong now, where, since when, and what does the driver say? Worst first. A silent "
         "robot is one row. Confirmed is what has lasted for the robot's confirm_after and is told; "
-        "the rest may yet pass. Planned stands for maintenance from fleet.yml.",
+        "the rest may yet pass. Acknowledged says who takes care of just this fault, and with "
+        "which words. Planned stands for maintenance from fleet.yml. Unhandled, at the top, leaves "
+        "out what is acknowledged or planned.",
         {
             "A": queries.PROBLEMS,
             "B": queries.PROBLEM_SINCE,
@@ -78,6 +86,7 @@ def problems() -> table.Panel:
             "D": queries.CONFIRMED,
             "E": queries.MESSAGES,
             "F": queries.PROBLEMS_IN_MAINTENANCE,
+            "G": queries.ACKNOWLEDGED,
         },
         [
             tables.STATE,
@@ -88,6 +97,7 @@ def problems() -> table.Panel:
             Column("C", "For", unit="dtdurations", width=160),
             Column("D", "Confirmed", mappings=CONFIRMED, width=110),
             Column("message", "Message"),
+            Column("acknowledged", "Acknowledged"),
             Column("F", "Maintenance", mappings=MAINTENANCE, width=120),
         ],
     ).height(12)

@@ -96,7 +96,8 @@ def exporters() -> table.Panel:
         tables.listing(
             "Exporters",
             "Which version serves each fleet, with how many robots, and did its config and its "
-            "state file work the last time?",
+            "state file work the last time? Acknowledgements: whether Alertmanager answers when "
+            "asked for them; empty where it is not asked.",
             {
                 "A": queries.BUILD,
                 "B": queries.CONFIG_OK,
@@ -106,6 +107,7 @@ def exporters() -> table.Panel:
                 "F": queries.ROBOTS,
                 "G": queries.DOMAINS,
                 "H": queries.DISCOVERY_AGE,
+                "I": queries.ALERTMANAGER_UP,
             },
             [
                 FLEET,
@@ -118,6 +120,7 @@ def exporters() -> table.Panel:
                 Column("C", "Config read", unit="dateTimeAsIso", width=170),
                 Column("D", "State file", mappings=WORKED, width=90),
                 Column("E", "State written", unit="dateTimeAsIso", width=170),
+                Column("I", "Acknowledgements", mappings=UP, width=140),
             ],
             sort="Fleet",
             descending=False,

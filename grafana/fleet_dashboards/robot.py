@@ -175,6 +175,7 @@ def tree() -> table.Panel:
             "D": queries.HARDWARE,
             "E": queries.LEVEL_BEFORE,
             "F": queries.CHANGES,
+            "G": queries.ACKNOWLEDGED,
         },
         [
             Column("group", "Group"),
@@ -182,6 +183,7 @@ def tree() -> table.Panel:
             tables.STATE,
             Column("B", "Since", unit="dateTimeAsIsoNoDateIfToday", width=160),
             MESSAGE,
+            Column("acknowledged", "Acknowledged"),
             Column("E", "Before", mappings=palette.state_mappings(), width=110),
             Column("F", "Changes", width=90),
             Column("hardware_id", "Hardware"),

@@ -66,10 +66,19 @@ def state() -> builders.CustomVariable:
     """A state to look at. Its value is a comparison: a rank is a number, not a label."""
     choices = {"All": ">= -1", "Not OK": "!= 0"}
     choices |= {each.word: f"== {each.rank}" for each in palette.WORST_FIRST}
+    return _choice("state", "State", choices)
+
+
+def problems() -> builders.CustomVariable:
+    """Whether to leave out what is being taken care of; the value is a comparison, as above."""
+    return _choice("problems", "Problems", {"All": "== 0", "Unhandled": "== 1"})
+
+
+def _choice(name: str, label: str, choices: dict[str, str]) -> builders.CustomVariable:
     values = ", ".join(f"{text} : {value}" for text, value in choices.items())
     options = [dashboard.VariableOption(False, text, value) for text, value in choices.items()]
     options[0].selected = True
-    variable = builders.CustomVariable("state").label("State").values(values)
+    variable = builders.CustomVariable(name).label(label).values(values)
     return variable.current(options[0]).options(options).allow_custom_value(False)
 
 

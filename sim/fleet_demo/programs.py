@@ -54,13 +54,14 @@ def fault(robot: str, component: str, level: str, message: str, domain_id: int) 
     return [own("virtual-robots"), "fault", robot, component, level, *said, *where]
 
 
-def exporter(config: Path, address: str, storage: Path) -> list[str]:
+def exporter(config: Path, address: str, storage: Path, alertmanager: str) -> list[str]:
     """Return the command that serves the fleet of ``config`` at ``address``."""
     return [
         own("ros-diagnostics-exporter"),
         f"--config.file={config}",
         f"--web.listen-address={address}",
         f"--storage.path={storage}",
+        f"--alertmanager.url=http://{alertmanager}",
     ]
 
 

@@ -136,7 +136,9 @@ def _prepare(folder: Path, domain_id: int, plan: Plan, inbox: Inbox) -> Stack:
         ),
         server(
             "ros-diagnostics-exporter",
-            programs.exporter(configs.fleet, addresses.exporter, folder / "state.json"),
+            programs.exporter(
+                configs.fleet, addresses.exporter, folder / "state.json", addresses.alertmanager
+            ),
             addresses.exporter,
         ),
         server(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fleet_dashboards.queries.rows import acknowledged, robot_row
+
 _FLEET = 'fleet=~"$fleet"'
 # The Watchdog fires always, to prove that alerts arrive: it says nothing of robots.
 _ALERTS = f'{_FLEET}, alertname!="RosDiagnosticsWatchdog"'
@@ -16,6 +18,16 @@ def firing(severity: str) -> str:
 
 SUPPRESSED = 'max(sum by (instance) (alertmanager_alerts{state="suppressed"}))'
 SILENCES = 'max(sum by (instance) (alertmanager_silences{state="active"}))'
+
+ACKNOWLEDGED = f"({acknowledged(_FLEET)}) * 1000"
+ACKNOWLEDGED_COUNT = f"count({acknowledged(_FLEET)})\nor vector(0)"
+ACKNOWLEDGED_FAULT = f"""
+max by (fleet, robot, group, component) (
+    component:ros_diagnostics_fault:confirmed{{{_FLEET}}}
+  or
+    {robot_row(f"robot:ros_diagnostics_silent:confirmed{{{_FLEET}}}")}
+) * 1000
+"""
 
 FIRING = f'group {_ROW} (ALERTS{{alertstate="firing", {_ALERTS}}})'
 # The address under which the site serves its runbooks, beside every alert.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fleet_dashboards.queries.rows import acknowledged, check_row, robot_row, who_and_why
+
 _LABELS = 'fleet=~"$fleet", site=~"$site", robot_group=~"$robot_group"'
 # The robots that the filters leave: joined to what is asked of them.
 CHOSEN = f"robot:ros_diagnostics:info{{{_LABELS}}}"
@@ -43,17 +45,6 @@ and on (fleet, robot)
 # or was never seen. Rows of one problem have the same four labels in all queries. ---
 
 
-def _robot_row(expr: str) -> str:
-    row = f'label_replace({expr}, "component", "(robot)", "", "")'
-    return f'label_replace({row}, "group", "-", "", "")'
-
-
-def _check_row(expr: str) -> str:
-    row = f'label_replace({expr}, "component", "(check $1)", "check", "(.*)")'
-    row = f'label_replace({row}, "group", "-", "", "")'
-    return f"max by (fleet, robot, group, component) ({row})"
-
-
 _IN_TROUBLE = f"""
     (
         {_TROUBLE} > 0
@@ -66,38 +57,46 @@ _IN_TROUBLE = f"""
     )
 """
 _SHORT = 'check:ros_diagnostics_short:start{fleet=~"$fleet"}'
+# What is acknowledged or planned is left out where the variable says "== 1", and is not ("== 0").
 PROBLEMS = _of_chosen(f"""
   (
 {_IN_TROUBLE}
     unless on (fleet, robot)
       {_RANK} == 4
   or
-    {_robot_row(f"({_RANK} > 3 or {_RANK} < 0)")}
+    {robot_row(f"({_RANK} > 3 or {_RANK} < 0)")}
   or
-    {_check_row(f"{_SHORT} * 0 + 3")}
+    {check_row(f"{_SHORT} * 0 + 3")}
   ) ${{state:raw}}
+  unless on (fleet, robot, group, component)
+    (
+      group by (fleet, robot, group, component) ({acknowledged('fleet=~"$fleet"')})
+      ${{problems:raw}}
+    )
+  unless on (fleet, robot)
+    (group by (fleet, robot) (robot:ros_diagnostics_maintenance:start) ${{problems:raw}})
 """)
 PROBLEM_SINCE = f"""
   component:ros_diagnostics_problem:start{{fleet=~"$fleet"}} * 1000
 or
-  {_robot_row('robot:ros_diagnostics_silent:start{fleet=~"$fleet"}')} * 1000
+  {robot_row('robot:ros_diagnostics_silent:start{fleet=~"$fleet"}')} * 1000
 or
-  {_check_row(_SHORT)} * 1000
+  {check_row(_SHORT)} * 1000
 """
 PROBLEM_FOR = f"""
   time() - component:ros_diagnostics_problem:start{{fleet=~"$fleet"}}
 or
-  time() - {_robot_row('robot:ros_diagnostics_silent:start{fleet=~"$fleet"}')}
+  time() - {robot_row('robot:ros_diagnostics_silent:start{fleet=~"$fleet"}')}
 or
-  time() - {_check_row(_SHORT)}
+  time() - {check_row(_SHORT)}
 """
 CONFIRMED = f"""
 group by (fleet, robot, group, component) (
     component:ros_diagnostics_fault:confirmed{{fleet=~"$fleet"}}
   or
-    {_robot_row('robot:ros_diagnostics_silent:confirmed{fleet=~"$fleet"}')}
+    {robot_row('robot:ros_diagnostics_silent:confirmed{fleet=~"$fleet"}')}
   or
-    {_check_row('check:ros_diagnostics_short:confirmed{fleet=~"$fleet"}')}
+    {check_row('check:ros_diagnostics_short:confirmed{fleet=~"$fleet"}')}
 )
 """
 MESSAGES = f"""
@@ -105,17 +104,17 @@ group by (fleet, robot, group, component, message) (
     ros_diagnostics_component_message_info{{fleet=~"$fleet"}}
   or
     label_replace(
-      {_robot_row('robot:ros_diagnostics_unreachable:info{fleet=~"$fleet"}')},
+      {robot_row('robot:ros_diagnostics_unreachable:info{fleet=~"$fleet"}')},
       "message", "unreachable: its uplink does not answer", "", ""
     )
   or on (fleet, robot, group, component)
     label_replace(
-      {_robot_row('ros_diagnostics_robot_silent_reason{fleet=~"$fleet"} == 1')},
+      {robot_row('ros_diagnostics_robot_silent_reason{fleet=~"$fleet"} == 1')},
       "message", "$1", "reason", "(.*)"
     )
   or on (fleet, robot, group, component)
     label_replace(
-      {_check_row(_SHORT)},
+      {check_row(_SHORT)},
       "message", "finds fewer components than fleet.yml expects", "", ""
     )
 )
@@ -125,14 +124,15 @@ group by (fleet, robot, group, component) (
   (
       component:ros_diagnostics_problem:start{{fleet=~"$fleet"}}
     or
-      {_robot_row('robot:ros_diagnostics_silent:start{fleet=~"$fleet"}')}
+      {robot_row('robot:ros_diagnostics_silent:start{fleet=~"$fleet"}')}
     or
-      {_check_row(_SHORT)}
+      {check_row(_SHORT)}
   )
   and on (fleet, robot)
     robot:ros_diagnostics_maintenance:start
 )
 """
+ACKNOWLEDGED = who_and_why('fleet=~"$fleet"')
 
 # --- Robots, a row each ---
 ROBOTS = f"""

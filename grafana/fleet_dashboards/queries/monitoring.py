@@ -32,6 +32,7 @@ max by (fleet) (
   ros_diagnostics_exporter_storage_last_write_success_timestamp_seconds{{{_FLEET}}}
 ) * 1000
 """
+ALERTMANAGER_UP = f"max by (fleet) (ros_diagnostics_exporter_alertmanager_up{{{_FLEET}}})"
 DOMAINS_DOWN = f"""
 group by (fleet, domain_id) (ros_diagnostics_exporter_domain_up{{{_FLEET}}} == 0)
 """

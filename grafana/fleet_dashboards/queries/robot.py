@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fleet_dashboards.queries.rows import who_and_why
+
 _ROBOT = 'fleet=~"$fleet", robot="$robot"'
 _CHOSEN = f'{_ROBOT}, component=~"$component"'
 _ROW = "by (fleet, robot, group, component)"
@@ -54,6 +56,7 @@ max {_ROW} (ros_diagnostics_component_since_timestamp_seconds{{{_CHOSEN}}}) * 10
 CHANGES = f"""
 sum {_ROW} (increase(ros_diagnostics_component_changes_total{{{_CHOSEN}}}[$__range]))
 """
+ACKNOWLEDGED = who_and_why(_ROBOT)
 GROUPS = f"max by (group) (ros_diagnostics_group_level{{{_ROBOT}}}) ^ 3 % 5"
 CHECKS = f"check:ros_diagnostics_state:rank{{{_ROBOT}}}"
 CHECK_FOUND = f"""

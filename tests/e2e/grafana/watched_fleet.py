@@ -12,7 +12,9 @@ import past
 
 import prometheus_site
 from fleet_demo.waiting import until
-from served_fleet import serving
+from ros_diagnostics_exporter import ack
+from ros_diagnostics_exporter.alertmanager import Alertmanager
+from served_fleet import ServedFleet, serving
 
 # What blackbox_exporter answers for a ping.
 PONG = b"probe_success 1\nprobe_duration_seconds 0.25\n"
@@ -69,7 +71,28 @@ def watching(folder: Path) -> Iterator[Watched]:
         )
         for what, expr in COME_ABOUT.items():
             until(lambda expr=expr: site.query(expr), what, 90, every=0.5)
+        _acknowledge(site, hall)
         yield Watched(site, past_end)
+
+
+def _acknowledge(site: prometheus_site.Site, hall: ServedFleet) -> None:
+    """Somebody takes care of a fault and of a silent robot, and Prometheus knows."""
+    url = f"http://{site.alertmanager}"
+    hall.alertmanager = Alertmanager([url])
+    for words in (
+        ("broken", "Motor 1", "--author", "ann", "--comment", "spare part ordered"),
+        ("silent", "--author", "bob", "--comment", "carried to the workshop"),
+    ):
+        until(lambda words=words: ack.main([*words, "--url", url]) == 0, f"{words[0]} is told", 30)
+    until(
+        lambda: (
+            site.query("component:ros_diagnostics_fault:acknowledged")
+            and site.query("robot:ros_diagnostics_silent:acknowledged")
+            and site.query('sum(alertmanager_silences{state="active"}) == 2')
+        ),
+        "acknowledged faults",
+        30,
+    )
 
 
 def _probe(kind: str, address: str, **labels: str) -> dict[str, object]:

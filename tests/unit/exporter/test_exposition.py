@@ -164,6 +164,7 @@ def test_every_family_but_those_of_absent_things_is_served_with_its_labels():
     story = full_story()
     samples = story.samples()
     absent = {"check_expected_components", "robot_clock_offset_seconds", "robot_silent_reason"}
+    absent |= {"acknowledged_timestamp_seconds", "acknowledged_since_timestamp_seconds"}
     for family in metrics.FLEET_FAMILIES:
         name = family.name.removeprefix(metrics.PREFIX)
         if name in absent:
@@ -300,7 +301,7 @@ def test_the_series_of_the_last_scrape_are_counted_by_family():
 
 
 def test_the_exporters_own_families_are_those_of_the_table():
-    facts = Facts("f", "jazzy", "rmw_fastrtps_cpp", storage_successful=True)
+    facts = Facts("f", "jazzy", "rmw_fastrtps_cpp", storage_successful=True, alertmanager_up=True)
     facts.series, facts.rejected, facts.domains = {"x": 1}, {"robot_limit": 2}, {0: True, 1: False}
     own = OwnMetrics(lambda: facts)
 

@@ -28,3 +28,27 @@ def test_a_telemetry_path_that_is_none_is_refused(path, capsys):
 def test_listen_addresses_may_be_repeated():
     given = ["--web.listen-address", ":1", "--web.listen-address", "[::1]:2"]
     assert flags.parse(given).listen_addresses == [":1", "[::1]:2"]
+
+
+@pytest.mark.parametrize(
+    ("url", "why"),
+    [
+        ("localhost:9093", "is no URL"),
+        ("ftp://a", "is no URL"),
+        ("http://", "is no URL"),
+        ("http://ann:secret@a:9093", "--alertmanager.password-file"),
+    ],
+)
+def test_a_url_of_alertmanager_that_is_none_or_tells_a_password_is_refused(url, why, capsys):
+    with pytest.raises(SystemExit) as ended:
+        flags.parse(["--alertmanager.url", url])
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert why in said
+    assert "secret" not in said
+
+
+def test_a_user_without_a_password_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        flags.parse(["--alertmanager.url", "http://a:9093", "--alertmanager.user", "ann"])
+    assert "--alertmanager.password-file" in capsys.readouterr().err
