@@ -29,6 +29,9 @@ COME_ABOUT = {
     "a confirmed silence": 'robot:ros_diagnostics_silent:confirmed{robot="silent"}',
     "a short check": "check:ros_diagnostics_short:confirmed",
     "flapping": "component:ros_diagnostics_flapping:start",
+    "low values": (
+        'count(ALERTS{alertname="RosDiagnosticsValueWarning", alertstate="firing"}) == 2'
+    ),
     "planned maintenance": "robot:ros_diagnostics_maintenance:start",
     "scraped servers": 'count(up{job=~"prometheus|alertmanager"} == 1) == 2',
     "a ping": "count(probe_success) == 2",
