@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
+import yaml
 
 from ros_diagnostics_exporter import flags
 
@@ -15,6 +17,15 @@ def test_help_names_every_flag_of_its_examples_and_the_exit_codes(capsys):
     usage, _, examples = text.partition("The smallest fleet.yml")
     assert set(re.findall(r"--[a-z]+\.[a-z.]+", examples)) <= set(re.findall(r"--[a-z.]+", usage))
     assert "Exit codes: 0" in examples
+
+
+def test_helps_scrape_config_is_the_job_that_the_shipped_rules_know():
+    shipped = Path(__file__).parents[3] / "prometheus" / "prometheus.yml"
+    jobs = [each["job_name"] for each in yaml.safe_load(shipped.read_text())["scrape_configs"]]
+    example = re.search(r"scrape_configs: (\[.*?\n.*?\])$", flags.EPILOG, re.MULTILINE)
+    (job,) = yaml.safe_load(example[1])
+    assert job["job_name"] in jobs
+    assert job["honor_labels"] is True
 
 
 @pytest.mark.parametrize("path", ["metrics", "/{job}", "/a?b", ""])
