@@ -10,6 +10,7 @@ import logging
 import threading
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from ros_diagnostics_exporter import ros, snapshot
@@ -117,8 +118,10 @@ class Service:
         if now.mono >= self._join_at and self._listener.domain_ids != self.state.fleet.domain_ids:
             self.join()
 
-    def reload(self) -> None:
+    def reload(self, why: str = "POST /-/reload") -> None:
         """Read the config again and follow it; a bad one is refused and the old one goes on.
+
+        Both are logged, with ``why`` it was read.
 
         Raises:
             ConfigError: the config cannot be used.
@@ -131,23 +134,23 @@ class Service:
                 self._config_successful = False
                 self._watch.watch(error.sources)
                 self.events.record(Event(now.wall, "config", after="refused", message=str(error)))
+                log.error(
+                    "the config was not taken over (%s), the old one goes on:\n%s", why, error
+                )
                 raise
             self._watch.watch(fleet.sources)
             self.state.configure(fleet, now)
             self.join()
             self._config_successful, self._config_time = True, now.wall
             self.events.record(Event(now.wall, "config", after="read"))
+            log.info("the config was read again: %s", why)
             for warning in fleet.warnings:
                 log.warning("%s", warning)
 
     def reload_quietly(self, why: str) -> None:
-        """Read the config again; a bad one is logged."""
-        try:
-            self.reload()
-        except ConfigError as error:
-            log.error("the config was not taken over (%s), the old one goes on:\n%s", why, error)
-        else:
-            log.info("the config was read again: %s", why)
+        """Read the config again; a bad one is refused, which the log has said."""
+        with suppress(ConfigError):
+            self.reload(why)
 
     def stop(self) -> None:
         """Leave the domains, and write the state a last time."""

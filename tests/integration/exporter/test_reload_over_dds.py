@@ -31,7 +31,7 @@ def fleet_file(path, domain_id: int, *names: str) -> None:
 
 
 def test_robots_come_and_go_by_files_while_a_fault_is_on(
-    ros_domain, robots, run_exporter, tmp_path
+    ros_domain, robots, run_exporter, tmp_path, caplog
 ):
     path = tmp_path / "fleet.yml"
     fleet_file(path, ros_domain, "faulty", "leaving")
@@ -72,6 +72,7 @@ def test_robots_come_and_go_by_files_while_a_fault_is_on(
         assert running.sample("component_level", robot="coming") == 2
         with pytest.raises(ConfigError):
             running.service.reload()
+        assert caplog.text.count("the config was not taken over (POST /-/reload)") == 1
 
         fleet_file(path, ros_domain, "faulty")
         running.wait_for("exporter_config_last_reload_successful", 1)
