@@ -17,7 +17,7 @@ from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.events import EventLog, EventLogError
 from ros_diagnostics_exporter.service import Service
-from ros_diagnostics_exporter.web.listen import ListenError
+from ros_diagnostics_exporter.web.listen import AddressError, ListenError
 from ros_diagnostics_exporter.web.server import Server
 from ros_diagnostics_exporter.web.settings import Settings
 from ros_diagnostics_exporter.web.webconfig import WebConfigError
@@ -44,6 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_USAGE
     except EventLogError as error:
         print(f"ros-diagnostics-exporter: --events.path: {error}", file=sys.stderr)  # noqa: T201
+        return EXIT_USAGE
+    except AddressError as error:
+        print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
     except WebEndedError:
         return EXIT_FAILURE

@@ -13,6 +13,10 @@ class ListenError(OSError):
     """An address cannot be listened on; the text names it and the way out."""
 
 
+class AddressError(ListenError):
+    """What should be an address is none."""
+
+
 def bind_all(addresses: Sequence[str]) -> list[socket.socket]:
     """Listening sockets for all ``addresses``, or for none.
 
@@ -46,16 +50,16 @@ def parse_address(address: str) -> tuple[str, int]:
     """``host:port`` in its two parts; brackets around an IPv6 host are taken off.
 
     Raises:
-        ListenError: There is no port, or the host is an IPv6 address without brackets.
+        AddressError: There is no port, or the host is an IPv6 address without brackets.
     """
     host, colon, port = address.rpartition(":")
     bare = host[1:-1] if host.startswith("[") and host.endswith("]") else host
     if not colon or not port.isascii() or not port.isdigit() or int(port) > 65535:
-        raise ListenError(
+        raise AddressError(
             f"listen address {address!r} has no port 0..65535; write host:port, :port or [::1]:port"
         )
     if ":" in host and bare == host:
-        raise ListenError(f"listen address {address!r} has an IPv6 host; write it as [host]:port")
+        raise AddressError(f"listen address {address!r} has an IPv6 host; write it as [host]:port")
     return bare, int(port)
 
 

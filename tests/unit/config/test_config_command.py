@@ -23,3 +23,10 @@ def test_all_that_is_wrong_goes_to_stderr_and_the_exit_code_is_2(capsys, monkeyp
     assert main([*check, "--config.file", BAD.name]) == 2
     out, err = capsys.readouterr()
     assert (out, err) == ("", BAD.with_suffix(".txt").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("address", ["nonsense", ":99999", "::1:9877"])
+def test_an_address_that_is_none_is_wrong_usage_and_not_tried_again(capsys, address):
+    """Systemd starts the exporter again at exit code 1, when the port is taken."""
+    assert main(["--config.file", str(EXAMPLE), "--web.listen-address", address]) == 2
+    assert f"listen address '{address}' has" in capsys.readouterr().err
