@@ -68,7 +68,7 @@ class State:
     def _receive_shared(self, topic: Topic, splitter: Splitter, array: Array, now: Instant) -> None:
         parts, unknown = splitter.split(array.statuses)
         if unknown:
-            self._roster.rejected["no_robot"] += unknown
+            self._roster.refuse_unknown(topic, unknown)
         for name, statuses in parts.items():
             robot = self._roster.on_shared_topic(topic, name)
             if robot is not None:

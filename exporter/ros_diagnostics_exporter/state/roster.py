@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.config import fleet as config
-from ros_diagnostics_exporter.diagnostics import Instant
+from ros_diagnostics_exporter.diagnostics import Instant, Status
 from ros_diagnostics_exporter.state.bounds import Budget, bounded
 from ros_diagnostics_exporter.state.discovery import found_robot, robot_name
 from ros_diagnostics_exporter.state.network import Endpoint
@@ -165,6 +165,21 @@ class Roster:
             self._refuse(topic, name, "duplicate_robot", "that name is taken")
             return None
         return robot
+
+    def refuse_unknown(self, topic: Topic, statuses: Sequence[Status]) -> None:
+        """Count statuses of a shared topic that name no robot; say an example, once a topic."""
+        self.rejected["no_robot"] += len(statuses)
+        if (topic, "") not in self._refused:
+            self._refused.add((topic, ""))
+            log.warning(
+                "a status on the shared topic %s in domain %d names no robot: name %.80r, "
+                "hardware_id %.80r; said once, counted in exporter_rejected_total as no_robot. "
+                "Change by or pattern in fleet.yml, or mend the driver",
+                topic.name,
+                topic.domain_id,
+                statuses[0].name,
+                statuses[0].hardware_id,
+            )
 
     def _shut_out(self, settings: config.Robot, reason: FleetRejection, why: str) -> None:
         topic = Topic(settings.domain_id, settings.topic_agg or settings.topic_raw or "")

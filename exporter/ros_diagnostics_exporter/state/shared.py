@@ -17,8 +17,8 @@ class Splitter:
         self.settings = settings
         self._tree = TreeReader()
 
-    def split(self, statuses: Sequence[Status]) -> tuple[dict[str, list[Status]], int]:
-        """(robot -> its statuses, how many name no robot).
+    def split(self, statuses: Sequence[Status]) -> tuple[dict[str, list[Status]], list[Status]]:
+        """(robot -> its statuses, those that name no robot).
 
         What a robot gets of an aggregated array is a whole array again: for each group a header,
         then the robot's components of that group.
@@ -48,13 +48,13 @@ class Splitter:
 
     def _part(
         self, statuses: Sequence[tuple[str, Status]], *, headers: bool
-    ) -> tuple[dict[str, list[Status]], int]:
+    ) -> tuple[dict[str, list[Status]], list[Status]]:
         found: dict[str, dict[str, list[Status]]] = {}
-        unknown = 0
+        unknown: list[Status] = []
         for group, status in statuses:
             named = shared_identity(self.settings, status.hardware_id, status.name)
             if named is None:
-                unknown += 1
+                unknown.append(status)
                 continue
             robot, component = named
             own = status._replace(name=component)

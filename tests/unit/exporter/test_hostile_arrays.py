@@ -5,11 +5,14 @@ A test that needs the square of what was sent would run into its time-out.
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import get_args
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Robot, Source
+import ros_diagnostics_exporter
+from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Robot, Shared, Source
 from ros_diagnostics_exporter.diagnostics import Array, Status
 from ros_diagnostics_exporter.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.state.fleet import Topic
@@ -18,6 +21,8 @@ from ros_diagnostics_exporter.state.trimming import MOST_TEXT, trimmed
 from ros_diagnostics_exporter.values import _LONGEST_KEPT, _describe, readings
 from stories import ERROR, OK, Story, tree
 
+STATE = Path(ros_diagnostics_exporter.__file__).parent / "state"
+RUNBOOKS = Path(__file__).parents[3] / "docs" / "alerts"
 LONG = "x" * 1_000_000
 SLASHES = "/" * 1_000_000
 AGG = Topic(0, "/r/diagnostics_agg")
@@ -118,3 +123,22 @@ def test_groups_are_as_many_as_the_limits_allow():
 
 def test_every_refusal_has_its_words():
     assert TOLD.keys() == set(get_args(Rejection))
+
+
+def test_statuses_that_name_no_robot_are_counted_and_an_example_is_said_once(caplog):
+    shared = Shared("/diagnostics", raw=True)
+    story = Story(fleet=Fleet("f", shared=(shared,)))
+    for _ in range(2):
+        send(story, Topic(0, "/diagnostics"), Status(OK, "Motor"), Status(OK, "Arm", "", "r1"))
+
+    assert set(story.state.robots) == {"r1"}
+    assert story.state.rejected["no_robot"] == 2
+    assert caplog.text.count("names no robot: name 'Motor', hardware_id ''") == 1
+
+
+@pytest.mark.parametrize("page", ["LimitHit", "UnknownRejected"])
+def test_the_runbooks_find_in_the_log_what_is_said_there(page):
+    runbook = (RUNBOOKS / f"RosDiagnostics{page}.md").read_text()
+    (words,) = re.findall(r'grep (?:-E )?"([^"]+)"', runbook)
+    said = "\n".join(path.read_text() for path in STATE.glob("ro*.py"))
+    assert all(word in said for word in words.split("|"))
