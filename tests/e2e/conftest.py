@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from e2e.amazon import SENT
+from fleet_demo import asking
 from fleet_demo.mail import Inbox
 from fleet_demo.stack import Plan, Stack, running
 from fleet_demo.waiting import until
@@ -58,3 +62,14 @@ def wait_for_scrapes(stack: Stack) -> Callable[[int], None]:
         until(lambda: scrapes() >= before + number, f"{number} scrapes of the exporter", 120)
 
     return wait
+
+
+@pytest.fixture
+def amazon(free_port: Callable[[], int], start_process: Callable[..., Any]) -> str:
+    """The address of a server that takes text messages as Amazon SNS does."""
+    port = free_port()
+    argv = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)]
+    start_process("moto", argv)
+    address = f"127.0.0.1:{port}"
+    until(lambda: asking.answers(address, SENT), "moto's server answers", 60)
+    return address

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from e2e.handing import hand
 from fleet_demo.asking import answers
 from fleet_demo.programs import alertmanager
 from fleet_demo.site import CHECKOUT
@@ -48,12 +49,7 @@ class Alertmanager:
 
     def tell(self, *alerts: dict[str, Any]) -> None:
         """Hand alerts over as Prometheus does."""
-        request = urllib.request.Request(
-            f"{self.url}/api/v2/alerts",
-            json.dumps(alerts).encode(),
-            {"Content-Type": "application/json"},
-        )
-        urllib.request.urlopen(request, timeout=10).close()
+        hand(self.url.removeprefix("http://"), *alerts)
 
     def states(self) -> dict[str, str]:
         """What Alertmanager makes of each alert, by its name: unprocessed, active, suppressed."""

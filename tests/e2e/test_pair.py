@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
-import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
 
-from fleet_demo import asking
+from e2e.cluster import PEER_TIMEOUT, clustered, sees_two
+from e2e.handing import hand
 from fleet_demo.mail import Inbox, MailServer
 from fleet_demo.processes import Process
 from fleet_demo.programs import alertmanager
 from fleet_demo.site import CHECKOUT
 from fleet_demo.waiting import until
 
-PEER_TIMEOUT = 2  # seconds that the second waits for the first to have mailed
 PROBLEM = "** PROBLEM ** f/r1 Motor 1 is CRITICAL"
 RECOVERY = "** RECOVERY ** f/r1 Motor 1 is no longer CRITICAL"
 
@@ -34,18 +31,9 @@ class Pair:
 
     def tell(self, *, over: bool = False) -> None:
         labels = {"alertname": "RosDiagnosticsComponentCritical", "fleet": "f", "robot": "r1"}
-        alert: dict[str, Any] = {"labels": {**labels, "component": "Motor 1"}}
-        if over:
-            alert["endsAt"] = "2026-01-01T00:00:00Z"
         for address, process in self.halves:
             if process.alive:
-                self._post(address, alert)
-
-    def _post(self, address: str, alert: dict[str, Any]) -> None:
-        body = json.dumps([alert]).encode()
-        header = {"Content-Type": "application/json"}
-        request = urllib.request.Request(f"http://{address}/api/v2/alerts", body, header)
-        urllib.request.urlopen(request, timeout=10).close()
+                hand(address, {"labels": {**labels, "component": "Motor 1"}}, over=over)
 
     def subjects(self) -> list[str]:
         return [mail.subject for mail in self.inbox.mails()]
@@ -76,24 +64,11 @@ def pair(
     for number, (mine, other) in enumerate([gossip, gossip[::-1]]):
         address = f"127.0.0.1:{free_port()}"
         alone = alertmanager(config, address, tmp_path / f"data{number}")
-        argv = [part for part in alone if not part.startswith("--cluster.")]
-        cluster = [
-            f"--cluster.listen-address={mine}",
-            f"--cluster.peer={other}",
-            f"--cluster.peer-timeout={PEER_TIMEOUT}s",
-        ]
-        pair.halves.append((address, start_process(f"half{number}", [*argv, *cluster])))
-    until(lambda: all(_sees_two(address) for address, _ in pair.halves), "the pair", 60)
+        process = start_process(f"half{number}", clustered(alone, mine, other))
+        pair.halves.append((address, process))
+    until(lambda: all(sees_two(address) for address, _ in pair.halves), "the pair", 60)
     yield pair
     server.stop()
-
-
-def _sees_two(address: str) -> bool:
-    try:
-        cluster = asking.get_json(address, "/api/v2/status")["cluster"]
-    except asking.Unanswered:
-        return False
-    return cluster["status"] == "ready" and len(cluster["peers"]) == 2
 
 
 @pytest.mark.parametrize("killed", [0, 1])

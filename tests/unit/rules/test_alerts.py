@@ -88,7 +88,31 @@ def test_settings_are_all_used_and_all_there():
     }
     computed = {rule["record"] for rule in rules() if "record" in rule} - recorded
 
-    assert used - computed == recorded - {"ros_diagnostics:site:info"}
+    assert used - computed == {name for name in recorded if SETTING.fullmatch(name)}
+
+
+@pytest.mark.parametrize(
+    ("moment", "told"),
+    [  # 1970 began with a Thursday
+        ("6h59m", False),
+        ("7h", True),
+        ("18h59m", True),
+        ("19h", False),
+        ("31h", True),
+        ("55h", False),
+        ("79h", False),
+        ("103h", True),
+    ],
+)
+def test_the_working_hours_in_the_comment_of_the_settings(moment: str, told: bool, tmp_path: Path):
+    text = (PROMETHEUS / "rules" / "settings.yml").read_text()
+    [hours] = re.findall(r"^      #   (vector\(1\) and .*)$", text, re.MULTILINE)
+    samples = [{"labels": "{}", "value": 1}] if told else []
+    question = {"expr": hours, "eval_time": moment, "exp_samples": samples}
+    story = tmp_path / "hours.yml"
+    story.write_text(yaml.safe_dump({"tests": [{"promql_expr_test": [question]}]}))
+
+    run_tool("promtool", "test", "rules", story)
 
 
 def test_rules_read_only_families_that_the_exporter_serves():
