@@ -8,6 +8,7 @@ in the mail server. The target: p95 at most 12 s plus confirm_after.
 from __future__ import annotations
 
 import argparse
+import os
 import random
 import tempfile
 import threading
@@ -33,6 +34,7 @@ from fleet_demo.waiting import until
 MOTOR = "Motor 2"
 ROBOTS = 40  # of which so few break at a time that no rule takes it for a common cause
 AT_A_TIME = 8
+TARGET = 12.0  # seconds beyond confirm_after
 SPREAD = 10.0  # seconds over which the faults of one round are spread: two rounds of every clock
 TOPICS = ("diagnostics", "diagnostics_agg")
 STAGES = (
@@ -80,7 +82,7 @@ def listening(domain_id: int, robots: list[str]) -> Iterator[Ears]:
     ears = Ears()
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain_id)
-    node = rclpy.create_node("fault_to_email", context=context, start_parameter_services=False)
+    node = rclpy.create_node("notify_bench", context=context, start_parameter_services=False)
     node.create_subscription(ParameterEvent, "/parameter_events", ears.on_parameters, 100)
     for robot in robots:
         for topic in TOPICS:
@@ -166,7 +168,11 @@ def moments(stack: Stack, robot: str, ears: Ears, began: float) -> list[float]:
 
 
 def measure(stack: Stack, robots: list[str]) -> list[list[float]]:
-    """Break and repair the robots once; return for each the moments of all stages."""
+    """Break and repair the robots once; return for each the moments of all stages.
+
+    Raises:
+        TimeoutError: A mail is missing; the text says whose, and how far it has come.
+    """
     began = time.time()
     with listening(stack.domain_id, robots) as ears:
         arrived = fire(stack, robots)
@@ -174,8 +180,32 @@ def measure(stack: Stack, robots: list[str]) -> list[list[float]]:
     rows = [[*moments(stack, robot, ears, began), arrived[robot], told[robot]] for robot in robots]
     for robot in robots:
         stack.fault(robot, MOTOR, "ok")
-    until(lambda: len(mails(stack, "RECOVERY", began)) == len(robots), "the recoveries", 90)
+
+    def missing() -> set[str]:
+        return set(robots) - set(mails(stack, "RECOVERY", began))
+
+    until(
+        lambda: not missing(), lambda: f"the recoveries of {where_it_stands(stack, missing())}", 90
+    )
     return rows
+
+
+def where_it_stands(stack: Stack, robots: set[str]) -> str:
+    """Say how far the end of a fault has come for each robot whose recovery is missing."""
+    told = asking.get_json(stack.addresses.alertmanager, "/api/v2/alerts")
+    states = {
+        each["labels"]["robot"]: each["status"]["state"]
+        for each in told
+        if each["labels"]["alertname"] == "RosDiagnosticsComponentCritical"
+    }
+    levels = {
+        each.labels["robot"]: each.value
+        for each in stack.query(f'ros_diagnostics_component_level{{component="{MOTOR}"}}')
+    }
+    return "; ".join(
+        f"{robot} (level {levels.get(robot)}, alert {states.get(robot, 'gone')})"
+        for robot in sorted(robots)
+    )
 
 
 def report(rows: list[list[float]], confirm_after: float) -> str:
@@ -189,16 +219,22 @@ def report(rows: list[list[float]], confirm_after: float) -> str:
             f" {median(total):19.2f} {max(total):6.2f}"
         )
     total = [row[-1] - row[0] for row in rows]
-    p95 = quantiles(total, n=20)[-1]
-    lines.append(f"{len(rows)} faults: p95 {p95:.1f} s; target {12 + confirm_after:.0f} s")
-    return "\n".join(lines)
+    p95, target = quantiles(total, n=20)[-1], TARGET + confirm_after
+    return "\n".join(
+        [
+            *lines,
+            f"{len(rows)} faults, s: p50 {median(total):.1f}, p95 {p95:.1f}, max {max(total):.1f}",
+            f"p95 is {p95 / target:.2f} of the target, {TARGET:g} s + confirm_after = {target:g} s",
+        ]
+    )
 
 
 def main() -> None:
     """Run the rounds and print the table."""
-    parser = argparse.ArgumentParser("./run bench fault_to_email", description=__doc__)
-    parser.add_argument("--rounds", type=int, default=3, help=f"of {AT_A_TIME} faults each")
+    parser = argparse.ArgumentParser("./run bench notify", description=__doc__)
+    parser.add_argument("--rounds", type=int, default=7, help=f"of {AT_A_TIME} faults each")
     rounds = parser.parse_args().rounds
+    print(f"load before the start: {os.getloadavg()[0]:.1f} on {os.cpu_count()} CPUs")
     plan = Plan(robots=ROBOTS)
     rows: list[list[float]] = []
     with tempfile.TemporaryDirectory() as folder, running(Path(folder), plan, Inbox()) as stack:
