@@ -146,8 +146,8 @@ def states_of_robots() -> statetimeline.Panel:
     link = builders.DashboardLink("Open this robot").url(links.TO_ROBOT_OF_SERIES)
     panel = panels.timeline(
         "States of the robots",
-        "When was which robot in which state? Of more than 50 robots, the 50 that are worst at the "
-        "end of the range: filter to see others.",
+        "When was which robot in which state? The worst of each minute, half a minute late. Of "
+        "more than 50 robots, the 50 that are worst at the end of the range: filter to see others.",
         panels.over_time(queries.WORST_ROBOTS, "{{robot}}"),
     )
     # Every point costs a look at all robots; more of them than this nobody sees apart.

@@ -2,7 +2,8 @@
 
 The shipped configuration; one robot in twenty is faulty. The recorded states go back as every
 evaluation would have left it. Target: each query of the fleet dashboard within 1 s, over its own
-time range, asked as Grafana does for a screen of 1,920 pixels.
+time range, asked as Grafana does for a screen of 1,920 pixels. With --month instead the reports of
+*Alerts and reports* about a month: no target but patience, for they are asked once a month.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from statistics import median
 from typing import NamedTuple
 
 import prometheus_site
+from bench import month
 from bench.robots import aggregated_array
 from committed_dashboards import Question, filled, questions
 from fleet_demo.waiting import until
@@ -26,6 +28,7 @@ from ros_diagnostics_exporter.state.fleet import State, Topic
 from served_fleet import ServedFleet, serving
 
 INTERVAL = 5  # seconds, of scrapes and evaluations, as shipped
+THINNED = 30  # seconds, of rules/timeline.yml
 PIXELS = 1800  # of a graph as wide as that screen: so many points it asks for
 FAULTY = 20  # every so many robots one is
 SITES = 10
@@ -41,13 +44,13 @@ class Cost(NamedTuple):
 
 def history(robots: int, begin: float, end: float) -> Iterator[str]:
     """The states of ``robots`` robots as recorded at every evaluation; OpenMetrics."""
-    times = range(int(begin), int(end), INTERVAL)
-    name = "robot:ros_diagnostics_state:rank"
+    name = "robot:ros_diagnostics_state:max1m"
     yield f"# TYPE {name} gauge\n"
     for number in range(robots):
         rank = 0 if number % FAULTY else 3
         series = f'{name}{{fleet="bench",robot="robot_{number}"}} {rank}'
-        yield "".join(f"{series} {each}\n" for each in times)
+        yield "".join(f"{series} {each}\n" for each in range(int(begin), int(end), THINNED))
+    times = range(int(begin), int(end), INTERVAL)
     name = "site_robot_group:ros_diagnostics_robots:count"
     yield f"# TYPE {name} gauge\n"
     for state in ("critical", "ok"):
@@ -110,14 +113,8 @@ def report(costs: list[Cost], limit: float) -> None:
     print(f"{len(costs)} queries, {len(over)} over {limit:g} s")
 
 
-def main() -> None:
-    """Print what each query of a dashboard costs."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", type=int, default=1000)
-    parser.add_argument("--hours", type=float, default=6.0, help="time range, and history")
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--dashboard", default="ros-diagnostics-fleet", help="its uid")
-    options = parser.parse_args()
+def dashboard(options: argparse.Namespace) -> None:
+    """Print what each query of one dashboard costs."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="bench-dashboards-")))
         now = time.time()
@@ -138,6 +135,34 @@ def main() -> None:
         print(f"{options.robots} robots, {series} series, {options.hours:g} h")
         asked = [each for each in questions() if each.board == options.dashboard]
         report([measure(site, each, options.hours, options.rounds) for each in asked], 1.0)
+
+
+def availability(options: argparse.Namespace) -> None:
+    """Print what the reports about a month cost."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="bench-month-")))
+        past = folder / "past.txt"
+        with past.open("w") as file:
+            file.writelines(month.text(options.robots, time.time()))
+        site = stack.enter_context(
+            prometheus_site.running(folder, {}, {}, interval=f"{INTERVAL}s", history=past)
+        )
+        past.unlink()
+        print(f"{options.robots} robots, {month.DAYS} days")
+        asked = [each for each in questions() if each.place.startswith("Availability ")]
+        report([measure(site, each, month.DAYS * 24, options.rounds) for each in asked], 10.0)
+
+
+def main() -> None:
+    """Print what the queries cost."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robots", type=int, default=1000)
+    parser.add_argument("--hours", type=float, default=6.0, help="time range, and history")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--dashboard", default="ros-diagnostics-fleet", help="its uid")
+    parser.add_argument("--month", action="store_true", help="the reports about a month instead")
+    options = parser.parse_args()
+    (availability if options.month else dashboard)(options)
 
 
 if __name__ == "__main__":

@@ -30,9 +30,10 @@ SHARE_WELL = f"""
 COMPONENTS_BY_RANK = f'count_values("rank", {_COMPONENT})'
 ROBOTS_BY_STATE = f"sum by (state) ({_ROBOTS}{{{_LABELS}}})"
 
-# The worst at the end of the range, so that the rows stay the same over all of it.
+# The worst at the end of the range, so that the rows stay the same over all of it. Their past is
+# the thinned one: it is read of all robots, for each point.
 WORST_ROBOTS = f"""
-  {_RANK}
+  robot:ros_diagnostics_state:max1m{{fleet=~"$fleet"}}
 and on (fleet, robot)
   topk(50,
       ({_RANK} @ end() ${{state:raw}})

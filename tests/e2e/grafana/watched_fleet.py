@@ -32,6 +32,9 @@ COME_ABOUT = {
     "low values": (
         'count(ALERTS{alertname="RosDiagnosticsValueWarning", alertstate="firing"}) == 2'
     ),
+    "the thinned past": (
+        "count(robot:ros_diagnostics_state:max1m == robot:ros_diagnostics_state:rank) == 13"
+    ),
     "planned maintenance": "robot:ros_diagnostics_maintenance:start",
     "scraped servers": 'count(up{job=~"prometheus|alertmanager"} == 1) == 2',
     "a ping": "count(probe_success) == 2",
