@@ -29,20 +29,18 @@ def ask(watched: Watched, question: Question, view: View, now: float):
 @pytest.mark.parametrize("view", VIEWS, ids=str)
 def test_expressions_return_the_cells_that_their_panels_claim(view: View, watched: Watched):
     now = watched.past_end if view.at == "past" else time.time()
-    wrong = {
-        f"{panel} / {ref}": lines
+    wrong = [
+        f"{panel} / {ref}: {line}"
         for panel, answers in view.cells.items()
         for ref, expected in answers.items()
-        if (
-            lines := differences(
-                expected,
-                found_cells(ask(watched, QUESTIONS[view.board, panel, ref], view, now)),
-                now,
-            )
+        for line in differences(
+            expected,
+            found_cells(ask(watched, QUESTIONS[view.board, panel, ref], view, now)),
+            now,
         )
-    }
+    ]
 
-    assert wrong == {}
+    assert not wrong, "\n".join(wrong)
 
 
 def test_every_expression_is_asked_and_finds_something_at_least_once():
