@@ -129,6 +129,11 @@ def test_configuration_and_templates_pass_amtool():
             "PROBLEM ** f Cam 1 of many robots is CRITICAL",
         ),
         (
+            "resolved",
+            {"alertname": "ManyComponents", "fleet": "f", "robot": "r1"},
+            "RECOVERY ** f/r1 many components is no longer CRITICAL",
+        ),
+        (
             "firing",
             {"alertname": "UplinkDown", "fleet": "f", "uplink": "ap-1"},
             "PROBLEM ** f uplink ap-1 is DOWN",
