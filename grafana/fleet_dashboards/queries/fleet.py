@@ -57,6 +57,11 @@ _IN_TROUBLE = f"""
         )
     )
 """
+# Silent or PENDING, each with a clock of its own.
+_UNHEARD = (
+    'robot:ros_diagnostics_silent:start{fleet=~"$fleet"}'
+    ' or robot:ros_diagnostics_pending:start{fleet=~"$fleet"}'
+)
 _SHORT = 'check:ros_diagnostics_short:start{fleet=~"$fleet"}'
 # What is acknowledged or planned is left out where the variable says "== 1", and is not ("== 0").
 PROBLEMS = _of_chosen(f"""
@@ -80,14 +85,14 @@ PROBLEMS = _of_chosen(f"""
 PROBLEM_SINCE = f"""
   component:ros_diagnostics_problem:start{{fleet=~"$fleet"}} * 1000
 or
-  {robot_row('robot:ros_diagnostics_silent:start{fleet=~"$fleet"}')} * 1000
+  {robot_row(_UNHEARD)} * 1000
 or
   {check_row(_SHORT)} * 1000
 """
 PROBLEM_FOR = f"""
   time() - component:ros_diagnostics_problem:start{{fleet=~"$fleet"}}
 or
-  time() - {robot_row('robot:ros_diagnostics_silent:start{fleet=~"$fleet"}')}
+  time() - {robot_row(_UNHEARD)}
 or
   time() - {check_row(_SHORT)}
 """
@@ -125,7 +130,7 @@ group by (fleet, robot, group, component) (
   (
       component:ros_diagnostics_problem:start{{fleet=~"$fleet"}}
     or
-      {robot_row('robot:ros_diagnostics_silent:start{fleet=~"$fleet"}')}
+      {robot_row(_UNHEARD)}
     or
       {check_row(_SHORT)}
   )

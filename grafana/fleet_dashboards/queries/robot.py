@@ -10,7 +10,13 @@ _ROW = "by (fleet, robot, group, component)"
 _RANK = f"component:ros_diagnostics_state:rank{{{_CHOSEN}}}"
 
 STATE = f"robot:ros_diagnostics_state:rank{{{_ROBOT}}}"
-SILENT_FOR = f"time() - robot:ros_diagnostics_silent:start{{{_ROBOT}}}"
+SILENT_FOR = f"""
+time() - (
+  robot:ros_diagnostics_silent:start{{{_ROBOT}}}
+or
+  robot:ros_diagnostics_pending:start{{{_ROBOT}}}
+)
+"""
 SILENCE_REASON = f"""
 max by (reason) (ros_diagnostics_robot_silent_reason{{{_ROBOT}}} == 1)
 """
