@@ -1,8 +1,9 @@
 """What one evaluation of all rules costs: a real Prometheus, and 1,000 robots that a state invents.
 
-The shipped configuration as it is; only addresses are set. Each share of faulty robots, all their
-components CRITICAL, is held for some evaluations: none, 5 %, the most that is told for each robot
-by itself (just below a common cause), and all. Every robot has two values with thresholds.
+The shipped configuration as it is; only addresses are set. Each case is held for some evaluations:
+all well; 5 % of all components CRITICAL, here and there; 5 % of the robots, with all they have; the
+most components that are told one by one (a common cause would tell more at once); everything.
+Every robot has two values with thresholds.
 
 Printed are the seconds of all groups for one evaluation interval (a group with a longer interval
 counts by its share of it), and their ratio to one scrape of the same fleet by the same Prometheus,
@@ -27,7 +28,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
-from bench.robots import aggregated_array
+from bench.robots import COMPONENTS, GROUPS, aggregated_array
 from fleet_demo.ports import free_port
 from fleet_demo.processes import Process
 from fleet_demo.waiting import until
@@ -46,12 +47,42 @@ from ros_diagnostics_exporter.state.fleet import State, Topic
 PROMETHEUS = Path(__file__).resolve().parents[2] / "prometheus"
 INTERVAL = 5.0
 COMMON_CAUSE = 0.3  # of the fleet, as shipped in settings.yml
-SHARES = (0.0, 0.05, COMMON_CAUSE - 0.01, 1.0)
+ALL = range(GROUPS * COMPONENTS)
 # Values that no turn of the bench takes across their thresholds.
 GUARDED = ValueRule(
     component=re.compile(r"node_[01]: part 0"),
     key=re.compile(r"Voltage 0 \(V\)"),
     thresholds=(Threshold("low", "critical", -1.0), Threshold("high", "warning", 1000.0)),
+)
+
+
+class Case(NamedTuple):
+    """Which components are CRITICAL."""
+
+    tells: str
+    components: float = 0.0  # share of all, spread over all robots
+    robots: float = 0.0  # share of the robots, in all that they have
+
+    def faulty(self, robot: int, robots: int) -> list[int]:
+        """The numbers of one robot's faulty components."""
+        if robot < round(robots * self.robots):
+            return list(ALL)
+        # Every component on the same share of the robots, and few of one robot.
+        return [n for n in ALL if (robot * 37 + n * 61) % 100 < self.components * 100]
+
+    def alerts(self, faulty: list[list[int]]) -> int:
+        """One for each component; or for a robot with all; or for a component on all."""
+        if self.robots >= COMMON_CAUSE:
+            return len(ALL)
+        return sum(1 if len(each) == len(ALL) else len(each) for each in faulty)
+
+
+CASES = (
+    Case("none"),
+    Case("5 % of the components", components=0.05),
+    Case("5 % of the robots", robots=0.05),
+    Case("most one by one", components=COMMON_CAUSE - 0.01),
+    Case("all", robots=1.0),
 )
 
 
@@ -76,16 +107,16 @@ class Target:
         self.text = b""
         self._turn = 0
 
-    def break_share(self, share: float) -> None:
-        """Every robot sends once more: all components of ``share`` of them say ERROR."""
+    def breaks(self, case: Case) -> int:
+        """Every robot sends once more; how many alerts have to come of it."""
         self._turn += 1
-        faulty = round(len(self.topics) * share)
-        arrays = [aggregated_array(self._turn), aggregated_array(self._turn, level=2)]
-        for number, topic in enumerate(self.topics):
+        faulty = [case.faulty(robot, len(self.topics)) for robot in range(len(self.topics))]
+        for topic, of in zip(self.topics, faulty, strict=True):
             instant = Instant(float(self._turn), 1.7e9 + self._turn)  # the array's own stamp
-            self._state.receive(topic, arrays[number < faulty], instant)
+            self._state.receive(topic, aggregated_array(self._turn, level=2, of=of), instant)
         own = b"# TYPE process_start_time_seconds gauge\nprocess_start_time_seconds 1.0\n"
         self.text = self._exposition.render() + own
+        return case.alerts(faulty)
 
 
 def serve(target: Target, port: int) -> ThreadingHTTPServer:
@@ -137,13 +168,14 @@ def sample(port: int, expression: str) -> float:
 
 
 def firing(port: int) -> int:
-    """How many CRITICAL components are told."""
-    return int(sample(port, 'count(ALERTS{alertname="RosDiagnosticsComponentCritical"})'))
+    """How many faults of components are told."""
+    names = "RosDiagnostics(ComponentCritical|ManyComponents|CommonCause)"
+    return int(sample(port, f'count(ALERTS{{alertname=~"{names}"}})'))
 
 
 def told(port: int, expected: int) -> bool:
-    """Whether at least so many CRITICAL components are told."""
-    return firing(port) >= expected
+    """Whether just so many are told: those of the case before are over."""
+    return firing(port) == expected
 
 
 class Costs(NamedTuple):
@@ -194,29 +226,30 @@ def main() -> None:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         stack.callback(serve(target, exporter).shutdown)
-        target.break_share(0.0)
+        target.breaks(CASES[0])
         prometheus = start_prometheus(options.prometheus, folder, exporter, port)
         stack.callback(prometheus.stop)
         until(lambda: ready(port), "Prometheus answers", 60)
+        until(lambda: sample(port, 'up{job="ros-diagnostics"}'), "the target is scraped", 60)
         version = ask(port, "/api/v1/status/buildinfo")["version"]
         series = target.text.count(b"\n") - target.text.count(b"# ")
         print(f"Prometheus {version}, {options.robots} robots, {series} series")
-        print(f"{'faulty':<8}{'told':>6}{'median':>9}{'longest':>9}{'scrapes':>9}   by group")
-        for share in SHARES:
-            target.break_share(share)
-            # All at once have a common cause, and no robot more is told for itself.
-            expected = round(options.robots * share) * 16 if share < COMMON_CAUSE else 0
-            until(partial(told, port, expected), "the faults are told", 180)
-            report(share, firing(port), watch(port, options.rounds), options.rules)
+        print(f"{'CRITICAL':<24}{'told':>6}{'median':>9}{'longest':>9}{'scrapes':>9}   by group")
+        for case in CASES:
+            until(partial(told, port, target.breaks(CASES[0])), "the case before is over", 240)
+            expected = target.breaks(case)
+            until(partial(told, port, expected), f"{expected} alerts", 240)
+            report(case, firing(port), watch(port, options.rounds), options.rules)
 
 
-def report(share: float, told: int, costs: Costs, rules: int) -> None:
-    """One line for a share of faulty robots, and one for each of its costliest rules."""
+def report(case: Case, told: int, costs: Costs, rules: int) -> None:
+    """One line for a case, and one for each of its costliest rules."""
     totals = costs.totals()
     typical = {name: median(seconds) for name, seconds in costs.groups.items()}
     each = ", ".join(f"{name.split('.')[1]} {cost:.2f}" for name, cost in typical.items())
     ratio = median(totals) / median(costs.scrapes)
-    print(f"{share:<8.0%}{told:>6}{median(totals):>9.2f}{max(totals):>9.2f}{ratio:>9.2f}   {each}")
+    numbers = f"{told:>6}{median(totals):>9.2f}{max(totals):>9.2f}{ratio:>9.2f}"
+    print(f"{case.tells:<24}{numbers}   {each}")
     by_cost = sorted(costs.rules.items(), key=lambda item: median(item[1]), reverse=True)
     for name, seconds in by_cost[:rules]:
         print(f"    {median(seconds):.3f} {name}")
