@@ -169,7 +169,7 @@ class Service:
             metrics=self.render,
             fleet=lambda: snapshot.fleet_snapshot(self.state, ros.read_clocks()),
             events=self.events.find,
-            targets=lambda job: snapshot.targets(self.state, job),
+            targets=lambda job, port: snapshot.targets(self.state, job, port),
             ready=self._ready,
             reload=self.reload,
             forget=self._forget,

@@ -13,8 +13,9 @@ from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.fleet import State
 from ros_diagnostics_exporter.state.robot import Robot
 
-# job -> what is asked of a robot with an address; "" = the bare address (ping probes)
-PORTS = {"node": ":9100", "ping": "", "ssh": ":22", "http": ":80", "tcp": ""}
+# job -> the port that is asked of a robot with an address; None where the query has to name it
+PORTS = {"node": 9100, "ssh": 22, "http": 80, "tcp": None}
+PING = "ping"  # asks no port
 
 
 def fleet_snapshot(state: State, now: Instant) -> dict[str, Any]:
@@ -31,17 +32,17 @@ def fleet_snapshot(state: State, now: Instant) -> dict[str, Any]:
     }
 
 
-def targets(state: State, job: str) -> list[dict[str, Any]]:
-    """Prometheus' http_sd list of the robots that have an address.
+def targets(state: State, job: str, port: int | None) -> list[dict[str, Any]]:
+    """Prometheus' http_sd list of the robots that have an address, at ``port`` or the job's own.
 
     Raises:
         LookupError: there is no such job.
+        ValueError: the job needs a port, or has none.
     """
-    if job not in PORTS:
-        raise LookupError(f"no job {job!r}; there are {', '.join(sorted(PORTS))}")
+    end = _end(job, port)
     return [
         {
-            "targets": [_host(settings.address) + PORTS[job]],
+            "targets": [_host(settings.address) + end],
             "labels": {
                 **settings.labels,
                 "fleet": state.fleet.name,
@@ -51,6 +52,19 @@ def targets(state: State, job: str) -> list[dict[str, Any]]:
         for robot in state.each()
         if (settings := robot.settings).address is not None
     ]
+
+
+def _end(job: str, port: int | None) -> str:
+    if job == PING:
+        if port is not None:
+            raise ValueError("a ping has no port")
+        return ""
+    if job not in PORTS:
+        raise LookupError(f"no job {job!r}; there are {', '.join(sorted([*PORTS, PING]))}")
+    port = port or PORTS[job]
+    if port is None:
+        raise ValueError(f"which port? /sd/{job}?port=NUMBER")
+    return f":{port}"
 
 
 def _host(address: str | None) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from grafana_foundation_sdk.builders import bargauge, table, timeseries
 from grafana_foundation_sdk.builders import dashboard as builders
 
-from fleet_dashboards import frame, links, palette, panels, servers, tables, variables
+from fleet_dashboards import frame, hosts, links, palette, panels, servers, tables, variables
 from fleet_dashboards.queries import monitoring as queries
 from fleet_dashboards.tables import Column
 
@@ -22,8 +22,9 @@ def build() -> builders.Dashboard:
         "Can what the other dashboards show be trusted?",
         [variables.fleet()],
         [
+            hosts.hosts(),
             targets(),
-            hosts(),
+            hosts.computers(),
             "Exporters",
             exporters(),
             domains_down(),
@@ -47,6 +48,8 @@ def build() -> builders.Dashboard:
             servers.latency(),
             servers.server_cpu(),
             servers.server_memory(),
+            "Computers over time",
+            *hosts.over_time(),
         ],
     )
 
@@ -67,26 +70,6 @@ def targets() -> table.Panel:
         ],
         descending=False,
         by="job, instance, fleet",
-    ).span(12)
-
-
-def hosts() -> table.Panel:
-    """Host checks, as Nagios' check_ping made them."""
-    return tables.listing(
-        "Hosts",
-        "Which robots and uplinks answer a ping? Only where blackbox_exporter is scraped: a robot "
-        "that answers and is silent has lost its software, not its power.",
-        {"A": queries.HOSTS, "B": queries.HOST_LATENCY},
-        [
-            Column("A", "State", mappings=UP, width=90),
-            FLEET,
-            Column("robot", "Robot"),
-            Column("uplink", "Uplink"),
-            Column("instance", "Address"),
-            Column("B", "Took", unit="s", width=100),
-        ],
-        descending=False,
-        by="job, instance, fleet, robot, uplink",
     ).span(12)
 
 

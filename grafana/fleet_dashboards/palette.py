@@ -130,6 +130,11 @@ def worked_mappings() -> list[dashboard.ValueMapping]:
     return _words({"1": ("worked", OK.colour), "0": ("failed", CRITICAL.colour)})
 
 
+def clock_mappings() -> list[dashboard.ValueMapping]:
+    """Show whether a computer's clock follows a server."""
+    return _words({"1": ("follows", OK.colour), "0": ("runs free", WARNING.colour)})
+
+
 def severity_mappings() -> list[dashboard.ValueMapping]:
     """Colour the words of an alert's severity."""
     colours = {"critical": CRITICAL.colour, "warning": WARNING.colour, "info": NEUTRAL}

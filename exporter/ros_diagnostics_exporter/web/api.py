@@ -62,11 +62,15 @@ class Api:
         return _json({"events": await self._calls.run(self._doors.events, wanted)})
 
     async def targets(self, request: Request) -> Response:
-        """Prometheus' http_sd list of a job."""
+        """Prometheus' http_sd list of a job; ``?port=`` for another port than the usual one."""
+        _only(request, "port")
+        job, port = request.path_params["job"], _whole(request.query_params, "port", 65535)
         try:
-            found = await self._calls.run(self._doors.targets, request.path_params["job"])
+            found = await self._calls.run(self._doors.targets, job, port)
         except LookupError as error:
             raise RefusedError(404, _text(error)) from error
+        except ValueError as error:
+            raise RefusedError(400, str(error)) from error
         return _json(found)
 
     async def reload(self, request: Request) -> Response:
@@ -127,7 +131,7 @@ def _wanted(request: Request) -> Wanted:
         level=_word(query, "level", Level.__members__),
         since=_number(query, "since"),
         until=_number(query, "until"),
-        limit=_limit(query),
+        limit=_whole(query, "limit", MAX_EVENTS) or 100,
     )
 
 
@@ -149,13 +153,11 @@ def _number(query: Mapping[str, str], name: str) -> float | None:
     return number
 
 
-def _limit(query: Mapping[str, str]) -> int:
-    number = _number(query, "limit")
-    if number is None:
-        return 100
-    if not (number.is_integer() and 1 <= number <= MAX_EVENTS):
-        raise RefusedError(400, f"limit is {query['limit']!r}, not a whole number 1..{MAX_EVENTS}")
-    return int(number)
+def _whole(query: Mapping[str, str], name: str, most: int) -> int | None:
+    number = _number(query, name)
+    if number is not None and not (number.is_integer() and 1 <= number <= most):
+        raise RefusedError(400, f"{name} is {query[name]!r}, not a whole number 1..{most}")
+    return None if number is None else int(number)
 
 
 def _encode_fleet(fleet: dict[str, Any], names: frozenset[str]) -> bytes:

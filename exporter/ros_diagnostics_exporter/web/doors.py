@@ -21,8 +21,9 @@ class Doors:
         metrics: The whole exposition; True asks for OpenMetrics, False for the text format 0.0.4.
         fleet: The fleet as /api/v1/fleet answers it.
         events: What happened, newest first.
-        targets: Prometheus' http_sd list of a job (node, ping, ssh, http, tcp); raises LookupError
-            for a job that is unknown.
+        targets: Prometheus' http_sd list of a job (node, ping, ssh, http, tcp), at a port if one
+            is given; raises LookupError for a job that is unknown, ValueError for a port that is
+            missing or too much.
         ready: None when messages are subscribed to, else why not.
         reload: Read the config again; raises ValueError with the text for the person who asked.
         forget: Take out a robot, or one of its components; how many components went. Raises
@@ -32,7 +33,7 @@ class Doors:
     metrics: Callable[[bool], bytes]
     fleet: Callable[[], dict[str, Any]]
     events: Callable[[Wanted], list[dict[str, Any]]]
-    targets: Callable[[str], list[dict[str, Any]]]
+    targets: Callable[[str, int | None], list[dict[str, Any]]]
     ready: Callable[[], str | None]
     reload: Callable[[], None]
     forget: Callable[[str, str | None], int]

@@ -7,12 +7,13 @@ from collections.abc import Iterator
 import pytest
 from watched_fleet import Watched, watching
 
+import host_checks
 import prometheus_site
 
 
 @pytest.fixture(scope="module")
 def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
-    if missing := prometheus_site.missing_program():
+    if missing := prometheus_site.missing_program() or host_checks.missing_program():
         pytest.skip(f"{missing} is not installed")
     with watching(tmp_path_factory.mktemp("site")) as found:
         yield found

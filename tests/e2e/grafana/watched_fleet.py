@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import every_state
 import past
 
+import host_checks
 import prometheus_site
+from fleet_demo.ports import free_port
 from fleet_demo.waiting import until
 from ros_diagnostics_exporter import ack
 from ros_diagnostics_exporter.alertmanager import Alertmanager
 from served_fleet import ServedFleet, serving
-
-# What blackbox_exporter answers for a ping.
-PONG = b"probe_success 1\nprobe_duration_seconds 0.25\n"
-SILENCE = b"probe_success 0\nprobe_duration_seconds 5\n"
 
 # What must have come about before anything is asked; each names a robot or more.
 COME_ABOUT = {
@@ -38,6 +36,7 @@ COME_ABOUT = {
     "planned maintenance": "robot:ros_diagnostics_maintenance:start",
     "scraped servers": 'count(up{job=~"prometheus|alertmanager"} == 1) == 2',
     "a ping": "count(probe_success) == 2",
+    "a computer": "rate(node_cpu_seconds_total[1m])",
     "a notification that failed": (
         'increase(alertmanager_notifications_failed_total{integration="email"}[1m]) > 0'
     ),
@@ -62,9 +61,11 @@ def watching(folder: Path) -> Iterator[Watched]:
             "hall": open_.enter_context(serving(hall.scrape)),
             "annex": open_.enter_context(serving(annex.scrape)),
         }
+        node, blackbox = open_.enter_context(host_checks.running(folder))
         probes = [
-            _probe("ping", open_.enter_context(serving(lambda: PONG)), robot="well"),
-            _probe("uplink", open_.enter_context(serving(lambda: SILENCE)), uplink="ap_9"),
+            _job("node", node, robot="well"),
+            _probe("ping", serve["hall"], blackbox, robot="well"),
+            _probe("uplink", f"127.0.0.1:{free_port()}", blackbox, uplink="ap_9"),
         ]
         site = open_.enter_context(
             prometheus_site.running(
@@ -101,6 +102,19 @@ def _acknowledge(site: prometheus_site.Site, hall: ServedFleet) -> None:
     )
 
 
-def _probe(kind: str, address: str, **labels: str) -> dict[str, object]:
+def _job(kind: str, address: str, **labels: str) -> dict[str, Any]:
     target = {"targets": [address], "labels": {"fleet": "hall", **labels}}
     return {"job_name": f"ros-diagnostics-{kind}", "static_configs": [target]}
+
+
+def _probe(kind: str, address: str, blackbox: str, **labels: str) -> dict[str, Any]:
+    """A port is asked instead of a ping: nobody needs a right for that."""
+    return _job(kind, address, **labels) | {
+        "metrics_path": "/probe",
+        "params": {"module": ["tcp_connect"]},
+        "relabel_configs": [
+            {"source_labels": ["__address__"], "target_label": "__param_target"},
+            {"source_labels": ["__param_target"], "target_label": "instance"},
+            {"target_label": "__address__", "replacement": blackbox},
+        ],
+    }

@@ -23,8 +23,10 @@ RECORDED = {
     for rule in group["rules"]
     if "record" in rule
 }
-# Of Prometheus, Alertmanager and blackbox_exporter themselves.
-FOREIGN = re.compile(r"up|ALERTS(_FOR_STATE)?|(process|prometheus|alertmanager|probe|scrape)_\w+")
+# Of Prometheus, Alertmanager, blackbox_exporter and node_exporter themselves.
+FOREIGN = re.compile(
+    r"up|ALERTS(_FOR_STATE)?|(process|prometheus|alertmanager|probe|scrape|node)_\w+"
+)
 WORDS = re.compile(
     r"and|or|unless|bool|offset|on|ignoring|group_left|group_right|by|without|inf|nan",
     re.IGNORECASE,

@@ -70,7 +70,7 @@ def fleet(*robots: dict[str, Any]) -> dict[str, Any]:
     return {"fleet": "hall", "time": 1_060.0, "version": "1", "robots": list(robots)}
 
 
-def no_targets(job: str) -> list[dict[str, Any]]:
+def no_targets(job: str, _port: int | None) -> list[dict[str, Any]]:
     raise LookupError(job)
 
 

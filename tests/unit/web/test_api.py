@@ -96,13 +96,21 @@ def test_a_wrong_filter_is_refused_by_name(plain, query):
 def test_targets_of_a_job_are_passed_on_and_an_unknown_job_is_not_found(serve):
     group = {"targets": ["10.0.0.1:9100"], "labels": {"robot": "a"}}
 
-    def targets(job: str):
+    def targets(job: str, port: int | None):
         if job != "node":
             raise LookupError(f"no job {job}")
-        return [group]
+        if port == 1:
+            raise ValueError("that one is not to be asked")
+        return [group | {"port": port}]
 
     server = serve(targets=targets)
-    assert json.loads(ask(server, "/sd/node").body) == [group]
+    assert json.loads(ask(server, "/sd/node").body) == [group | {"port": None}]
+    assert json.loads(ask(server, "/sd/node?port=19100").body) == [group | {"port": 19100}]
+    answer = ask(server, "/sd/node?port=1")
+    assert (answer.status, json.loads(answer.body)) == (
+        400,
+        {"error": "that one is not to be asked"},
+    )
     assert ask(server, "/sd/node").headers["Content-Type"] == "application/json"
     answer = ask(server, "/sd/nodes")
     assert (answer.status, json.loads(answer.body)) == (404, {"error": "no job nodes"})
@@ -166,3 +174,10 @@ def test_unknown_paths_and_methods_are_answered_as_json(serve):
     answer = ask(server, "/nothing/here")
     assert (answer.status, json.loads(answer.body)) == (404, {"error": "Not Found"})
     assert ask(server, "/metrics", "DELETE").status == 405
+
+
+@pytest.mark.parametrize("port", ["0", "65536", "ssh", "1.5", ""])
+def test_a_port_that_is_none_is_refused(plain, port):
+    answer = ask(plain, f"/sd/node?port={port}")
+    assert answer.status == 400
+    assert "port" in json.loads(answer.body)["error"]

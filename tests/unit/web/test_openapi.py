@@ -18,7 +18,9 @@ LOG.record(Event(2.0, "config"))
 SILENT = {"up": False, "silent_reason": "never_seen", "last_message": None, "topic": None}
 
 
-def _targets(job: str) -> list[dict]:
+def _targets(job: str, port: int | None) -> list[dict]:
+    if job == "ping" and port is not None:
+        raise ValueError("a ping has no port")
     if job not in {"node", "ping", "ssh", "http", "tcp"}:
         raise LookupError(f"no job {job}")
     return [{"targets": ["10.0.0.1"], "labels": {"robot": "a"}}]
