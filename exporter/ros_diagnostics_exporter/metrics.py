@@ -122,6 +122,12 @@ COMPONENT_SINCE = _family(
     "When the current level began (Unix time).",
     COMPONENT,
 )
+COMPONENT_ERROR_SINCE = _family(
+    "component_error_since_timestamp_seconds",
+    "gauge",
+    "When the component turned ERROR (Unix time); absent while it is not.",
+    COMPONENT,
+)
 COMPONENT_PROBLEM_SINCE = _family(
     "component_problem_since_timestamp_seconds",
     "gauge",
@@ -222,6 +228,7 @@ FLEET_FAMILIES = (
     COMPONENT_LEVEL,
     COMPONENT_BEFORE_STALE,
     COMPONENT_SINCE,
+    COMPONENT_ERROR_SINCE,
     COMPONENT_PROBLEM_SINCE,
     COMPONENT_CHANGES,
     COMPONENT_FLAP_RATIO,

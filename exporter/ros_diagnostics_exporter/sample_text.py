@@ -209,6 +209,7 @@ class RobotText:
             (metrics.COMPONENT_LEVEL, _level),
             (metrics.COMPONENT_BEFORE_STALE, _before_stale),
             (metrics.COMPONENT_SINCE, _since),
+            (metrics.COMPONENT_ERROR_SINCE, _error_since),
             (metrics.COMPONENT_PROBLEM_SINCE, _problem_since),
             (metrics.COMPONENT_CHANGES, _changes),
             (metrics.COMPONENT_FLAP_RATIO, _flap_ratio),
@@ -274,6 +275,10 @@ def _before_stale(component: Component) -> int | None:
 
 def _since(component: Component) -> float:
     return round(component.since, 3)
+
+
+def _error_since(component: Component) -> float | None:
+    return _since(component) if component.level == Level.ERROR else None
 
 
 def _problem_since(component: Component) -> float | None:

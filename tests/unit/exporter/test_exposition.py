@@ -208,6 +208,14 @@ def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
     assert (promoted, value, guarded, bound) == (0.17, 0.17, 0.17, 0.2)
 
 
+def test_rules_find_when_a_component_turned_error_by_itself():
+    story = full_story()
+
+    [(labels, since)] = story.samples()["component_error_since_timestamp_seconds"].items()
+    assert dict(labels)["component"] == "Laser"
+    assert since == story.sample("component_since_timestamp_seconds", component="Laser")
+
+
 def test_a_threshold_stands_beside_its_value():
     story = full_story()
 
