@@ -12,6 +12,7 @@ import argparse
 import getpass
 import sys
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from datetime import datetime, timedelta, timezone
 from typing import Any
 from urllib.parse import urlencode
@@ -24,6 +25,7 @@ from ros_diagnostics_exporter.acknowledgement import ESCALATION, IDENTITY
 from ros_diagnostics_exporter.client import UnreachableError, add_arguments, ask
 
 DEFAULT_URL = "http://127.0.0.1:9093"
+MOST_DAYS = 3650
 # The alerts that are acknowledged, by the word for their state.
 STATES = {
     "RosDiagnosticsComponentCritical": "CRITICAL",
@@ -144,6 +146,13 @@ def _name(alert: dict[str, Any]) -> str:
     return " ".join(filter(None, (f"{labels['fleet']}/{labels['robot']}", labels.get("component"))))
 
 
+def _days(text: str) -> float:
+    with suppress(ValueError):
+        if 0 < (days := float(text)) <= MOST_DAYS:
+            return days
+    raise argparse.ArgumentTypeError(f"{text!r} is not a number of days, at most {MOST_DAYS}")
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="ros-diagnostics-ack", description=__doc__)
     parser.add_argument("robot", nargs="?", metavar="ROBOT", help="whose faults")
@@ -158,8 +167,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--days",
-        type=float,
+        type=_days,
         default=30.0,
+        metavar="DAYS",
         help="how long it may last; it ends with the fault anyway (default: %(default)g)",
     )
     add_arguments(parser, "Alertmanager", DEFAULT_URL)

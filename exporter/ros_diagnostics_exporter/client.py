@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import base64
+import contextlib
 import http.client
 import json
 import math
@@ -45,18 +46,23 @@ def add_arguments(
     where.add_argument(
         "-t",
         "--timeout",
-        type=_seconds,
+        type=seconds,
         default=10.0,
         metavar="SECONDS",
         help="how long to wait for an answer (default: %(default)g)",
     )
 
 
-def _seconds(text: str) -> float:
-    seconds = float(text)
-    if not 0 < seconds < math.inf:
-        raise argparse.ArgumentTypeError(f"{text} is no time to wait")
-    return seconds
+def seconds(text: str) -> float:
+    """A flag's time to wait: seconds above 0.
+
+    Raises:
+        argparse.ArgumentTypeError: It is none.
+    """
+    with contextlib.suppress(ValueError):
+        if 0 < (number := float(text)) < math.inf:
+            return number
+    raise argparse.ArgumentTypeError(f"{text!r} is no time to wait; give seconds, as 10 or 0.5")
 
 
 def ask_fleet(options: argparse.Namespace, robots: tuple[str, ...] = ()) -> dict[str, Any]:

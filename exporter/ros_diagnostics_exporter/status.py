@@ -17,7 +17,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from ros_diagnostics_exporter import __version__
-from ros_diagnostics_exporter.client import UnreachableError, add_arguments, ask_fleet
+from ros_diagnostics_exporter.client import UnreachableError, add_arguments, ask_fleet, seconds
 from ros_diagnostics_exporter.ranks import (
     RANKS,
     ago,
@@ -201,7 +201,7 @@ def _parser() -> argparse.ArgumentParser:
     form = parser.add_mutually_exclusive_group()
     form.add_argument(
         "--watch",
-        type=float,
+        type=seconds,
         nargs="?",
         const=2.0,
         metavar="SECONDS",

@@ -11,6 +11,7 @@ import importlib
 import re
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from virtual_robots.aggregator import VERSIONS, AnalyzerConfigError
@@ -187,10 +188,9 @@ def add_domain(parser: argparse.ArgumentParser) -> None:
 
 
 def _count(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError("must be at least 1")
-    return number
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} must be at least 1, and whole")
+    return int(text)
 
 
 def _namespace(text: str) -> str:
@@ -200,10 +200,10 @@ def _namespace(text: str) -> str:
 
 
 def _positive(text: str) -> float:
-    number = float(text)
-    if not 0 < number < float("inf"):
-        raise argparse.ArgumentTypeError("must be a number above 0")
-    return number
+    with suppress(ValueError):
+        if 0 < (number := float(text)) < float("inf"):
+            return number
+    raise argparse.ArgumentTypeError(f"{text!r} must be a number above 0")
 
 
 if __name__ == "__main__":

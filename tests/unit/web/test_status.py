@@ -105,6 +105,16 @@ def test_an_unknown_state_is_refused(capsys):
     assert "BAD: not among UNKNOWN, CRITICAL" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("flag", ["--watch", "--timeout"])
+@pytest.mark.parametrize("time", ["-3", "0", "nan", "inf", "soon"])
+def test_a_time_that_is_none_is_refused(flag, time, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([flag, time])
+    assert ended.value.code == 2
+    assert f"argument {flag}" in (said := capsys.readouterr().err) or f"/{flag}" in said
+    assert f"'{time}' is no time to wait" in said
+
+
 def test_no_exporter_is_an_error_with_its_address(capsys):
     assert main(["--url", "http://127.0.0.1:1"]) == 1
     assert "ros-diagnostics-status: http://127.0.0.1:1/" in capsys.readouterr().err

@@ -1,0 +1,16 @@
+"""Wrong usage of `./run demo`: a sentence in the words of people, before anything is started."""
+
+from __future__ import annotations
+
+import pytest
+
+from fleet_demo.__main__ import main
+
+
+@pytest.mark.parametrize("seconds", ["-3", "0", "nan", "soon"])
+def test_a_time_that_is_none_is_refused(seconds, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["--seconds", seconds])
+
+    assert ended.value.code == 2
+    assert f"argument --seconds: '{seconds}' must be a number above 0" in capsys.readouterr().err
