@@ -128,6 +128,7 @@ class Service:
         """
         with self._reloading:
             now = ros.read_clocks()
+            self._watch.mark()
             try:
                 fleet = load(self._config_file)
             except ConfigError as error:

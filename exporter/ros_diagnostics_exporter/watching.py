@@ -33,12 +33,22 @@ class Watch:
     """
 
     def __init__(self, paths: Iterable[Path]) -> None:
+        self._marked: dict[Path, tuple[Path, int, int, int] | tuple[Path]] = {}
         self.watch(paths)
 
+    def mark(self) -> None:
+        """Note what the watched paths look like; to be called before they are read anew."""
+        self._marked = {each[0]: each for each in signature(self._paths)}
+
     def watch(self, paths: Iterable[Path]) -> None:
-        """Watch these paths from now on, as they are now."""
+        """Watch these paths from now on, as they were marked, or else as they are now.
+
+        So what changed while it was read is told of as a change.
+        """
         self._paths = tuple(paths)
-        self._known = self._last = signature(self._paths)
+        self._last = signature(self._paths)
+        self._known = tuple(self._marked.get(each[0], each) for each in self._last)
+        self._marked = {}
 
     def look(self) -> bool:
         """Whether there was a change since the last time that this told of one."""

@@ -239,3 +239,15 @@ def test_a_change_of_a_file_or_folder_is_told_once_and_after_it_came_to_rest(tmp
         file.unlink()
 
     assert [watch.look() for _ in range(4)] == [False, True, False, False]
+
+
+def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path):
+    file, other = tmp_path / "fleet.yml", tmp_path / "robots.yml"
+    for path in (file, other):
+        path.write_text("a")
+    watch = Watch((file,))
+    watch.mark()
+    file.write_text("longer, and written after the exporter has read it")
+    watch.watch((file, other))
+
+    assert [watch.look() for _ in range(3)] == [True, False, False]
