@@ -47,11 +47,9 @@ class State:
         """Take in an array that arrived on a wanted topic."""
         with self.lock:
             self._now = now
-            cut = trimmed(array)
-            if cut is not array:
-                array = cut
-                for robot, _raw in self._roster.bindings.get(topic, ()):
-                    robot.refuse("label_length", topic.name)
+            whole, array = array, trimmed(array)
+            if array is not whole:
+                self._roster.refuse_long(topic)
             splitter = self._roster.splitters.get(topic)
             if splitter is not None:
                 self._receive_shared(topic, splitter, array, now)

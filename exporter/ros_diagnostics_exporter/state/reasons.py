@@ -32,4 +32,6 @@ TOLD: dict[Rejection, str] = {
     "unit_changed": "a value in another unit than at first is left out",
 }
 # Of what belongs to no known robot.
-FleetRejection = Literal["no_robot", "duplicate_robot", "robot_limit", "series_limit"]
+FleetRejection = Literal[
+    "no_robot", "duplicate_robot", "robot_limit", "series_limit", "label_length"
+]

@@ -57,6 +57,7 @@ class Roster:
         self._told = told
         self.shut_out: set[str] = set()  # names of robots for which the limits leave no room
         self._refused: set[tuple[Topic, str]] = set()
+        self._unnamed: set[tuple[Topic, str]] = set()  # what was said of shared topics
         self.configure(fleet, now)
 
     def configure(self, fleet: config.Fleet, now: Instant) -> None:
@@ -64,6 +65,7 @@ class Roster:
         self._fleet = fleet
         self.budget.limit = fleet.limits.series
         self._refused.clear()
+        self._unnamed.clear()
         self.shut_out.clear()
         self.splitters = {
             Topic(each.domain_id, each.topic): Splitter(each) for each in fleet.shared
@@ -166,11 +168,27 @@ class Roster:
             return None
         return robot
 
+    def refuse_long(self, topic: Topic) -> None:
+        """Count an array whose texts had to be cut, and say it once."""
+        if topic not in self.splitters:
+            for robot, _raw in self.bindings.get(topic, ()):
+                robot.refuse("label_length", topic.name)
+            return
+        self.rejected["label_length"] += 1  # whose they are, the cut text might have said
+        if (topic, "long") not in self._unnamed:
+            self._unnamed.add((topic, "long"))
+            log.warning(
+                "a text on the shared topic %s in domain %d is too long and is cut; said once, "
+                "counted in exporter_rejected_total as label_length",
+                topic.name,
+                topic.domain_id,
+            )
+
     def refuse_unknown(self, topic: Topic, statuses: Sequence[Status]) -> None:
         """Count statuses of a shared topic that name no robot; say an example, once a topic."""
         self.rejected["no_robot"] += len(statuses)
-        if (topic, "") not in self._refused:
-            self._refused.add((topic, ""))
+        if (topic, "no robot") not in self._unnamed:
+            self._unnamed.add((topic, "no robot"))
             log.warning(
                 "a status on the shared topic %s in domain %d names no robot: name %.80r, "
                 "hardware_id %.80r; said once, counted in exporter_rejected_total as no_robot. "

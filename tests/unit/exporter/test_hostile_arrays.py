@@ -136,6 +136,18 @@ def test_statuses_that_name_no_robot_are_counted_and_an_example_is_said_once(cap
     assert caplog.text.count("names no robot: name 'Motor', hardware_id ''") == 1
 
 
+def test_a_long_text_on_a_shared_topic_is_nobodys(caplog):
+    story = Story(fleet=Fleet("f", shared=(Shared("/diagnostics", raw=True),)))
+    topic = Topic(0, "/diagnostics")
+    send(story, topic, Status(OK, "Arm", "", "r1"))
+    for _ in range(2):
+        send(story, topic, Status(OK, "Arm", LONG, "r2"))
+
+    assert story.state.rejected["label_length"] == 2
+    assert not story.state.robots["r1"].rejected
+    assert caplog.text.count("a text on the shared topic /diagnostics in domain 0 is too long") == 1
+
+
 @pytest.mark.parametrize("page", ["LimitHit", "UnknownRejected"])
 def test_the_runbooks_find_in_the_log_what_is_said_there(page):
     runbook = (RUNBOOKS / f"RosDiagnostics{page}.md").read_text()
