@@ -15,10 +15,10 @@ from ros_diagnostics_exporter.config.windows import in_maintenance
 from ros_diagnostics_exporter.diagnostics import Array, Instant, Level
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.state.component import Component
-from ros_diagnostics_exporter.state.network import Endpoint
+from ros_diagnostics_exporter.state.network import Endpoint, Topic
 from ros_diagnostics_exporter.state.remembered import RememberedRobot
 from ros_diagnostics_exporter.state.robot import Robot
-from ros_diagnostics_exporter.state.roster import Roster, Topic, takes
+from ros_diagnostics_exporter.state.roster import Roster, takes
 from ros_diagnostics_exporter.state.shared import Splitter
 from ros_diagnostics_exporter.state.trimming import trimmed
 
@@ -66,7 +66,7 @@ class State:
     def _receive_shared(self, topic: Topic, splitter: Splitter, array: Array, now: Instant) -> None:
         parts, unknown = splitter.split(array.statuses)
         if unknown:
-            self._roster.refuse_unknown(topic, unknown)
+            self._roster.refusals.unknown(topic, unknown)
         for name, statuses in parts.items():
             robot = self._roster.on_shared_topic(topic, name)
             if robot is not None:
@@ -188,13 +188,13 @@ class State:
     @property
     def rejected(self) -> Mapping[str, int]:
         """What belongs to no robot and was not taken in, by reason."""
-        return self._roster.rejected
+        return self._roster.refusals.rejected
 
     @property
     def shut_out(self) -> list[str]:
         """The robots that are not known because the limits leave no room, by name."""
         with self.lock:
-            return sorted(self._roster.shut_out)
+            return sorted(self._roster.refusals.shut_out)
 
     def wanted(self, domain_id: int) -> list[Topic]:
         """The topics to be subscribed in a domain, now."""

@@ -7,6 +7,13 @@ from typing import NamedTuple
 from ros_diagnostics_exporter.state.reasons import Silence
 
 
+class Topic(NamedTuple):
+    """A topic of one DDS domain."""
+
+    domain_id: int
+    name: str
+
+
 class Endpoint(NamedTuple):
     """What the graph shows of one topic.
 

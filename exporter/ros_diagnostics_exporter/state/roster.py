@@ -6,32 +6,20 @@ time. Guarded by the lock of the State that holds it.
 
 from __future__ import annotations
 
-import logging
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Mapping
 
 from ros_diagnostics_exporter.config import fleet as config
-from ros_diagnostics_exporter.diagnostics import Instant, Status
+from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.state.bounds import Budget, bounded
 from ros_diagnostics_exporter.state.discovery import found_robot, robot_name
-from ros_diagnostics_exporter.state.network import Endpoint
+from ros_diagnostics_exporter.state.network import Endpoint, Topic
 from ros_diagnostics_exporter.state.reasons import FleetRejection
+from ros_diagnostics_exporter.state.refusals import Refusals
 from ros_diagnostics_exporter.state.remembered import RememberedRobot
 from ros_diagnostics_exporter.state.robot import Changed, Robot
 from ros_diagnostics_exporter.state.shared import Splitter
 
-log = logging.getLogger(__name__)
-
 SERIES_OF_ROBOT = 20  # at least: robot_*, check_components of the check "all"
-MOST_REFUSALS = 1_000  # remembered, so that each is said and counted once
-
-
-class Topic(NamedTuple):
-    """A topic of one DDS domain."""
-
-    domain_id: int
-    name: str
 
 
 class Roster:
@@ -50,23 +38,18 @@ class Roster:
         self.robots: dict[str, Robot] = {}
         self.bindings: dict[Topic, list[tuple[Robot, bool]]] = {}  # robot, is the topic raw
         self.splitters: dict[Topic, Splitter] = {}
-        self.rejected: Counter[str] = Counter()
         self.budget = Budget(fleet.limits.series)
         self._fleet = fleet
         self._changed = changed
         self._told = told
-        self.shut_out: set[str] = set()  # names of robots for which the limits leave no room
-        self._refused: set[tuple[Topic, str]] = set()
-        self._unnamed: set[tuple[Topic, str]] = set()  # what was said of shared topics
+        self.refusals = Refusals()
         self.configure(fleet, now)
 
     def configure(self, fleet: config.Fleet, now: Instant) -> None:
         """Follow another config: what it leaves unchanged is not touched."""
         self._fleet = fleet
         self.budget.limit = fleet.limits.series
-        self._refused.clear()
-        self._unnamed.clear()
-        self.shut_out.clear()
+        self.refusals.start_over()
         self.splitters = {
             Topic(each.domain_id, each.topic): Splitter(each) for each in fleet.shared
         }
@@ -116,7 +99,7 @@ class Roster:
             return None
         robot = Robot(settings, self._fleet.limits, self.budget, self._changed, declared=declared)
         self.robots[settings.name] = robot
-        self.shut_out.discard(settings.name)
+        self.refusals.shut_out.discard(settings.name)
         self._bind(robot)
         self._told("known", robot)
         return robot
@@ -144,7 +127,7 @@ class Roster:
         if name is None:
             return
         if name in self.robots:
-            self._refuse(topic, name, "duplicate_robot", "that name is taken")
+            self.refusals.robot(topic, name, "duplicate_robot", "that name is taken")
         else:
             found = found_robot(discovery, name, topic.name, topic.domain_id)
             self.add(found, declared=False)
@@ -164,61 +147,22 @@ class Roster:
         if robot is None:
             return self.add(self.splitters[topic].robot(name), declared=False)
         if not any(each is robot for each, _raw in self.bindings.get(topic, ())):
-            self._refuse(topic, name, "duplicate_robot", "that name is taken")
+            self.refusals.robot(topic, name, "duplicate_robot", "that name is taken")
             return None
         return robot
 
     def refuse_long(self, topic: Topic) -> None:
         """Count an array whose texts had to be cut, and say it once."""
-        if topic not in self.splitters:
+        if topic in self.splitters:  # whose they are, the cut text might have said
+            self.refusals.long(topic)
+        else:
             for robot, _raw in self.bindings.get(topic, ()):
                 robot.refuse("label_length", topic.name)
-            return
-        self.rejected["label_length"] += 1  # whose they are, the cut text might have said
-        if (topic, "long") not in self._unnamed:
-            self._unnamed.add((topic, "long"))
-            log.warning(
-                "a text on the shared topic %s in domain %d is too long and is cut; said once, "
-                "counted in exporter_rejected_total as label_length",
-                topic.name,
-                topic.domain_id,
-            )
-
-    def refuse_unknown(self, topic: Topic, statuses: Sequence[Status]) -> None:
-        """Count statuses of a shared topic that name no robot; say an example, once a topic."""
-        self.rejected["no_robot"] += len(statuses)
-        if (topic, "no robot") not in self._unnamed:
-            self._unnamed.add((topic, "no robot"))
-            log.warning(
-                "a status on the shared topic %s in domain %d names no robot: name %.80r, "
-                "hardware_id %.80r; said once, counted in exporter_rejected_total as no_robot. "
-                "Change by or pattern in fleet.yml, or mend the driver",
-                topic.name,
-                topic.domain_id,
-                statuses[0].name,
-                statuses[0].hardware_id,
-            )
 
     def _shut_out(self, settings: config.Robot, reason: FleetRejection, why: str) -> None:
         topic = Topic(settings.domain_id, settings.topic_agg or settings.topic_raw or "")
-        self._refuse(topic, settings.name, reason, why)
-
-    def _refuse(self, topic: Topic, name: str, reason: FleetRejection, why: str) -> None:
-        """Say once that a robot is not taken in."""
-        if (topic, name) in self._refused or len(self._refused) >= MOST_REFUSALS:
-            return
-        self._refused.add((topic, name))
-        self.rejected[reason] += 1
-        if name not in self.robots:
-            self.shut_out.add(name)
-        log.warning(
-            "robot %r on topic %s in domain %d is not taken in: %s. Change fleet.yml: another "
-            "name, an exclude pattern, or higher limits",
-            name,
-            topic.name,
-            topic.domain_id,
-            why,
-        )
+        if self.refusals.robot(topic, settings.name, reason, why):
+            self.refusals.shut_out.add(settings.name)
 
     # -- topics ------------------------------------------------------------------------------
 

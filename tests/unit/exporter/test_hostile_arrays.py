@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.diagnostics import Array, Status
 from ros_diagnostics_exporter.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.state.fleet import Topic
 from ros_diagnostics_exporter.state.reasons import TOLD, Rejection
+from ros_diagnostics_exporter.state.refusals import MOST_REFUSALS
 from ros_diagnostics_exporter.state.trimming import MOST_TEXT, trimmed
 from ros_diagnostics_exporter.values import _LONGEST_KEPT, _describe, readings
 from stories import ERROR, OK, Story, tree
@@ -136,6 +137,16 @@ def test_statuses_that_name_no_robot_are_counted_and_an_example_is_said_once(cap
     assert caplog.text.count("names no robot: name 'Motor', hardware_id ''") == 1
 
 
+def test_robots_that_are_invented_without_end_are_not_remembered_without_end():
+    shared = Shared("/diagnostics", raw=True)
+    story = Story(fleet=Fleet("f", shared=(shared,), limits=Limits(robots=10)))
+    names = (f"r{n}" for n in range(3_000))
+    send(story, Topic(0, shared.topic), *(Status(OK, "Arm", "", name) for name in names))
+
+    assert len(story.state.robots) == 10
+    assert len(story.state.shut_out) == story.state.rejected["robot_limit"] == MOST_REFUSALS
+
+
 def test_a_long_text_on_a_shared_topic_is_nobodys(caplog):
     story = Story(fleet=Fleet("f", shared=(Shared("/diagnostics", raw=True),)))
     topic = Topic(0, "/diagnostics")
@@ -152,5 +163,5 @@ def test_a_long_text_on_a_shared_topic_is_nobodys(caplog):
 def test_the_runbooks_find_in_the_log_what_is_said_there(page):
     runbook = (RUNBOOKS / f"RosDiagnostics{page}.md").read_text()
     (words,) = re.findall(r'grep (?:-E )?"([^"]+)"', runbook)
-    said = "\n".join(path.read_text() for path in STATE.glob("ro*.py"))
+    said = "\n".join(path.read_text() for path in STATE.glob("r*.py"))
     assert all(word in said for word in words.split("|"))
