@@ -228,6 +228,8 @@ class State:
             self._note_component(now, robot, component, before)
 
     def _note(self, word: str, robot: Robot) -> None:
+        if word == "known":  # no scrape may see it out of a downtime that holds
+            self._plan(robot, self._now)
         self._record(Event(self._now.wall, "robot", robot.settings.name, after=word))
 
     def _note_component(

@@ -13,6 +13,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Discovery,
     Fleet,
     Limits,
+    Maintenance,
     Robot,
     Source,
 )
@@ -370,6 +371,17 @@ def discovering(**more) -> Story:
         re.compile(r"/(?P<robot>[^/]+)/diagnostics_agg"), "/{robot}/diagnostics_agg", **more
     )
     return Story(fleet=Fleet("f", discoveries=(discovery,)))
+
+
+def test_a_robot_is_in_maintenance_from_the_moment_it_is_known():
+    """Else a scrape after a restart would end the downtime, and the next begin it anew."""
+    every = Maintenance("m", {"robot": (re.compile(".*"),)}, "always")
+    found = Discovery(re.compile(r"/(?P<robot>[^/]+)/diagnostics"), "/{robot}/diagnostics")
+    story = Story(fleet=Fleet("f", (Robot("r"),), (found,), maintenance=(every,)))
+    story.state.graph(0, {"/new/diagnostics": Endpoint(1)}, story.now)
+
+    assert story.sample("robot_maintenance", robot="r") == 1
+    assert story.sample("robot_maintenance", robot="new") == 1
 
 
 def test_a_robot_is_discovered_by_its_topic_and_wants_both_of_its_topics():
