@@ -52,6 +52,15 @@ def test_every_verb_of_run_is_one():
         assert set(re.findall(r"\./run (\w+)", document.read_text())) <= verbs
 
 
+def test_every_bench_is_one():
+    told = "".join(path.read_text() for path in [*DOCUMENTS, *(CHECKOUT / "docs").glob("*.md")])
+    listed = subprocess.run(["./run", "bench"], cwd=CHECKOUT, capture_output=True, check=True)
+    named = set(re.findall(r"\./run bench (\w+)", told))
+
+    assert named
+    assert named <= set(listed.stdout.decode().split())
+
+
 def test_every_command_is_installed():
     named = set(
         re.findall(r"\b(ros-diagnostics-(?!robot)\w+|virtual-robots|check_ros_\w+)", README)
