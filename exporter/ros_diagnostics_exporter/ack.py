@@ -32,6 +32,7 @@ STATES = {
     "RosDiagnosticsComponentWarning": "WARNING",
     "RosDiagnosticsComponentStale": "STALE",
     "RosDiagnosticsRobotSilent": "SILENT",
+    "RosDiagnosticsManyComponents": "CRITICAL IN MANY COMPONENTS",
 }
 
 

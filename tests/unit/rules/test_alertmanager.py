@@ -115,6 +115,17 @@ def test_configuration_and_templates_pass_amtool():
         ),
         (
             "firing",
+            {
+                "alertname": "Unacknowledged",
+                "step": "1",
+                "state": "critical in many components",
+                "fleet": "f",
+                "robot": "r1",
+            },
+            "ESCALATION 1 ** f/r1 is CRITICAL IN MANY COMPONENTS and not acknowledged",
+        ),
+        (
+            "firing",
             {"alertname": "Unacknowledged", "step": "0", "state": "warning", **MOTOR},
             "REMINDER ** f/r1 Motor 1 is WARNING and not acknowledged",
         ),

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from shipped_rules import PROMETHEUS, ROOT, RULE_FILES, STORY_FILES, alerts, rules, run_tool
 
-from ros_diagnostics_exporter import metrics
+from ros_diagnostics_exporter import ack, metrics
 
 PAGES = {page.stem: page for page in (ROOT / "docs" / "alerts").glob("*.md")}
 HEADINGS = ["Meaning", "Impact", "Diagnosis", "Mitigation", "Tuning"]
@@ -74,6 +74,12 @@ def test_a_story_tells_that_the_alert_waits_fires_and_ends(name: str):
     ]
 
     assert any(when[:1] == [False] and when[-1:] == [False] and any(when) for when in told)
+
+
+def test_what_can_be_acknowledged_are_alerts_that_say_since_when():
+    for name in ack.STATES:
+        for rule in alerts()[name]:
+            assert "since" in rule["annotations"]
 
 
 def test_settings_are_all_used_and_all_there():
