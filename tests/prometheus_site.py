@@ -1,14 +1,19 @@
-"""A real Prometheus and a real Alertmanager with the shipped configuration, clocks shortened."""
+"""A real Prometheus and a real Alertmanager with the shipped configuration, clocks shortened.
+
+With the environment variable PROMETHEUS naming a program, that one runs instead of the
+distribution's: so the same tests try another release.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import urllib.error
 import urllib.parse
 import urllib.request
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,8 +55,13 @@ class Site:
         )["result"]
         return result
 
+    def alerts(self) -> list[dict[str, Any]]:
+        """All alerts that are active now, pending ones too, with their texts."""
+        result: list[dict[str, Any]] = self._ask("alerts")["alerts"]
+        return result
+
     def _ask(self, what: str, **parameters: object) -> dict[str, Any]:
-        body = urllib.parse.urlencode(parameters).encode()
+        body = urllib.parse.urlencode(parameters).encode() if parameters else None
         request = urllib.request.Request(f"http://{self.prometheus}/api/v1/{what}", body)
         try:
             with urllib.request.urlopen(request, timeout=60) as answer:
@@ -78,6 +88,7 @@ def running(
     probes: Sequence[dict[str, Any]] = (),
     interval: str = "1s",
     history: Path | None = None,
+    prepare: Callable[[Path], None] = lambda _: None,
 ) -> Iterator[Site]:
     """Start both servers in ``folder``; yield when both are ready; end them.
 
@@ -88,11 +99,13 @@ def running(
         probes: Scrape configurations to add, as a site adds those of its blackbox_exporter.
         interval: Of scrapes and evaluations.
         history: OpenMetrics text of the past, to begin with.
+        prepare: Called with the folder of Prometheus' configuration before it is read.
     """
     site = Site(f"127.0.0.1:{free_port()}", f"127.0.0.1:{free_port()}")
     _configure(folder, site, exporters, settings)
     _keep_pace(folder / "prometheus" / "rules" / "timeline.yml", interval)
     _edit(folder / "prometheus" / "prometheus.yml", probes, interval)
+    prepare(folder / "prometheus")
     if history is not None:
         # Blocks as long as compaction makes them; promtool reads all of the text for each.
         argv = ["promtool", "tsdb", "create-blocks-from", "--max-block-duration=744h"]
@@ -102,7 +115,7 @@ def running(
         Process(
             "prometheus",
             [
-                "prometheus",
+                os.environ.get("PROMETHEUS", "prometheus"),
                 f"--config.file={folder / 'prometheus' / 'prometheus.yml'}",
                 f"--storage.tsdb.path={folder / 'tsdb'}",
                 "--storage.tsdb.retention.time=90d",

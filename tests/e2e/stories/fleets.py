@@ -1,0 +1,188 @@
+"""The fleets of the stories: which robots there are, their fleet.yml, and the clocks.
+
+All robots are of one process in one ROS domain; each fleet has an exporter of its own, so that what
+happens to one exporter, or to half of a fleet, happens to no other story.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+INTERVAL = "2s"  # of scrapes and evaluations
+
+SETTINGS = {
+    "exporter_down_after": 12,
+    "restart_grace": 10,
+    "gone_after": 10,
+    "pending_after": 40,
+    "falling_horizon": 600,
+}
+CLOCKS = {"stale_after": "5s", "confirm_after": "6s", "flap_interval": "1s"}
+
+# Addresses that answer, and do not, at the port that stands for a ping: all of 127.0.0.0/8 is this
+# machine, and this machine always answers pings.
+ON, OFF, UPLINK = "127.0.0.2", "127.0.0.3", "127.0.0.4"
+
+HALL = {
+    "worsens": {},
+    "dozes": {},
+    "patient": {"profile": "patient"},
+    "strict": {"profile": "strict"},
+    "flaps": {"profile": "restless"},
+    "loose": {"profile": "loose"},
+    "late": {},
+    "serviced": {},
+    "mute": {},
+    "short": {"profile": "equipped"},
+    "crowded": {},
+    "ahead": {},
+    "tender": {"profile": "judged"},
+    "drains": {"profile": "watched"},
+    "collapses": {},
+    "wedged": {"address": ON},
+    "dark": {"address": OFF},
+    "far_1": {"labels": {"uplink": "ap_9"}},
+    "far_2": {"labels": {"uplink": "ap_9"}},
+}
+SOLD = {"name": "sold", "namespace": "/sold"}
+PROFILES: dict[str, Any] = {
+    "default": CLOCKS,
+    "patient": {"components": [{"match": "Sensor 2", "confirm_after": "5m"}]},
+    "strict": {
+        "stale_is_critical": True,
+        "components": [{"match": "Cam", "planned_stale": True}],
+    },
+    "restless": {"flap_interval": "2s"},
+    "loose": {"flap_interval": "500ms"},
+    "equipped": {
+        "checks": {
+            "lasers": {"match": ["Laser"], "expect": 2},
+            "cameras": {"match": ["Cam"], "expect": 1},
+        }
+    },
+    "judged": {
+        "values": [
+            {"key": "Charge", "thresholds": {"low": {"warning": 30, "critical": 15}}},
+            {"key": "Temperature*", "thresholds": {"high": {"warning": 70, "critical": 90}}},
+        ]
+    },
+    "watched": {"values": [{"key": "Charge", "thresholds": {"low": {"critical": 15}}}]},
+}
+EAST = tuple(f"east_{n}" for n in range(1, 26))
+WEST = tuple(f"west_{n}" for n in range(26, 51))
+SHAFT = ("gap", "lost")
+FLEETS = ("hall", "shaft", "yard")
+
+# Settings of a thesis' robot: too few parts, all of them, too many.
+SHORT = {"number_of_lasers": 1, "number_of_cameras": 0}
+COMPLETE = {"number_of_lasers": 2, "number_of_cameras": 1}
+CROWDED = {"number_of_motors": 30}
+
+
+def write_hall(folder: Path, domain_id: int, components: int = 25) -> Path:
+    """Write the fleet of the small stories; ``components`` is how many a robot may have."""
+    robots = [
+        {"name": name, "namespace": f"/{name}", "domain_id": domain_id, **more}
+        for name, more in HALL.items()
+    ]
+    return _write(
+        folder,
+        {
+            "fleet": "hall",
+            "limits": {"components": components},
+            "profiles": PROFILES,
+            "robots": robots,
+            "discovery": [_found(domain_id, "scrapped")],
+        },
+    )
+
+
+def write_shaft(folder: Path, domain_id: int) -> Path:
+    """Write the fleet whose exporter stalls and is killed."""
+    discovery = [_found(domain_id, *SHAFT)]
+    return _write(
+        folder, {"fleet": "shaft", "profiles": {"default": CLOCKS}, "discovery": discovery}
+    )
+
+
+def write_yard(folder: Path, domain_id: int) -> Path:
+    """Write the fleet of fifty, half of them in the east."""
+    discovery = [
+        _found(domain_id, f"{site}_*", labels={"site": site, "robot_group": "light"})
+        for site in ("east", "west")
+    ]
+    return _write(
+        folder, {"fleet": "yard", "profiles": {"default": CLOCKS}, "discovery": discovery}
+    )
+
+
+def declare(folder: Path, domain_id: int) -> Path:
+    """Declare the robot that will be taken out, in a file of its own."""
+    path = folder / "robots.d" / "sold.yml"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(yaml.safe_dump({**SOLD, "domain_id": domain_id}))
+    return path
+
+
+def plan_maintenance(folder: Path, robot: str) -> Path:
+    """Plan a downtime of the robot that lasts until its file is removed."""
+    path = folder / "maintenance.d" / f"{robot}.yml"
+    path.parent.mkdir(exist_ok=True)
+    downtime = {
+        "name": "new motor",
+        "comment": "the story of planned maintenance",
+        "selector": {"robot": robot},
+        "weekly": ["daily 00:00-24:00"],
+    }
+    path.write_text(yaml.safe_dump(downtime))
+    return path
+
+
+def equip(folder: Path, robot: str, settings: dict[str, int]) -> None:
+    """Give a robot that has a settings file these numbers of parts; it reads them at once."""
+    (folder / f"{robot}.yaml").write_text(yaml.safe_dump(settings))
+
+
+def write_scenario(folder: Path) -> Path:
+    """Write the robots; the only thing they do by themselves is one's loose contact."""
+    equip(folder, "short", SHORT)
+    equip(folder, "crowded", CROWDED)
+    here = Path(__file__).parent
+    kinds = {"tender": str(here / "tender.yaml"), "drains": str(here / "tender.yaml")}
+    robots: list[dict[str, Any]] = [
+        {"name": name, "kind": kinds.get(name, "thesis")}
+        for name in (*HALL, "sold", "scrapped", *SHAFT)
+        if name not in {"late", "short", "crowded"}
+    ]
+    robots.append({"name": "late", "absent": True})
+    robots += [{"name": name, "settings": f"{name}.yaml"} for name in ("short", "crowded")]
+    light = str(here / "light.yaml")
+    # The number in a name goes on over all entries.
+    robots = [
+        {"name": "east_{n}", "kind": light, "count": 25},
+        {"name": "west_{n}", "kind": light, "count": 25},
+        *robots,
+    ]
+    contact = {"robot": "loose", "component": "Laser 1", "what": "error", "for": 1.0}
+    events = [{"at": 5 + 7 * n, **contact} for n in range(11)]
+    path = folder / "stories.yaml"
+    path.write_text(yaml.safe_dump({"seed": 1, "robots": robots, "events": events}))
+    return path
+
+
+def _found(domain_id: int, *names: str, **more: Any) -> dict[str, Any]:
+    return {
+        "topic": "/{robot}/diagnostics_agg",
+        "domain_ids": [domain_id],
+        "include": list(names),
+        **more,
+    }
+
+
+def _write(folder: Path, config: dict[str, Any]) -> Path:
+    path = folder / "fleet.yml"
+    path.write_text(yaml.safe_dump(config, sort_keys=False))
+    return path
