@@ -1,8 +1,8 @@
 """``ros-diagnostics-ack``: say that a fault is being taken care of, and it escalates no further.
 
-An acknowledgement is a silence in Alertmanager of the fault's escalation, never of the fault's own
-alert: its recovery is told all the same. It names since when the fault has been, so it ends with
-the fault; the next fault of the same component, and a WARNING that turns CRITICAL, escalate anew.
+An acknowledgement is a silence in Alertmanager of the fault's escalation and reminders, never of
+the fault's own alert: its recovery is told all the same. It names since when the fault has been, so
+it ends with the fault; the next fault of the same component, and one that got worse, escalate anew.
 It knows the labels that prometheus/rules/escalation.yml gives, and nothing of ROS.
 """
 

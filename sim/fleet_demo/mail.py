@@ -25,13 +25,14 @@ class Mail:
     subject: str
     text: str  # the plain text part, or the HTML source where there is none
     thread: str  # the Message-ID that it answers, or its own: mails of one thread share it
+    html: str = ""  # the HTML part, where there is one
 
 
 def _read(envelope: Envelope) -> Mail:
     message = message_from_bytes(envelope.original_content or b"", policy=policy.default)
     if not isinstance(message, EmailMessage):  # what policy.default makes is one
         raise TypeError(f"not an email: {type(message)}")
-    body = message.get_body(("plain", "html"))
+    body, html = message.get_body(("plain", "html")), message.get_body(("html",))
     references = str(message["References"] or message["In-Reply-To"] or message["Message-ID"] or "")
     return Mail(
         received=time.time(),
@@ -40,6 +41,7 @@ def _read(envelope: Envelope) -> Mail:
         subject=str(message["Subject"] or ""),
         text=body.get_content().replace("\r\n", "\n") if body else "",
         thread=references.split(maxsplit=1)[0] if references else "",
+        html=html.get_content().replace("\r\n", "\n") if html else "",
     )
 
 

@@ -105,6 +105,18 @@ def test_it_holds_this_faults_escalation_and_nothing_else(running, ack):
     until(lambda: running.suppressed() == held, "only the escalation of this fault is held", 10)
 
 
+def test_it_holds_reminders_of_a_warning_too(running, ack):
+    warning = {"state": "warning", **MOTOR}
+    running.tell(fault("ComponentWarning", **warning), escalation(step="0", **warning))
+    ack("r1", "Motor 1", "--comment", "will look tomorrow")
+
+    expected = {
+        "RosDiagnosticsComponentWarning": "active",
+        "RosDiagnosticsUnacknowledged": "suppressed",
+    }
+    until(lambda: running.states() == expected, lambda: f"{running.states()}", 20)
+
+
 def test_an_acknowledged_warning_that_turns_critical_escalates(running, ack):
     running.tell(fault("ComponentWarning", state="warning", **MOTOR))
     ack("r1", "--comment", "will look tomorrow")

@@ -5,6 +5,8 @@ The tests break robots and kill programs; they post no alert and send no mail th
 
 from __future__ import annotations
 
+from html import unescape
+
 PROBLEM = "** PROBLEM ** demo/robot_2 Motor 2 is CRITICAL"
 RECOVERY = "** RECOVERY ** demo/robot_2 Motor 2 is no longer CRITICAL"
 
@@ -24,8 +26,17 @@ def test_a_motor_broken_twice_is_told_twice_and_each_recovery_too(
     for mail in mails:
         assert "robot_2" in mail.text
         assert "Motor 2" in mail.text
+        assert f"{mail.subject}</h2>" in mail.html
+    assert len({mail.thread for mail in mails}) == 1
     for problem in mails[::2]:
-        assert "winding at 131 C" in problem.text
+        for part in (problem.text, problem.html):
+            assert "winding at 131 C" in part
+            assert "Temperature" in part
+            assert "all OK" in part
+            assert "/d/ros-diagnostics-component?" in part
+            assert "/user/alerts/RosDiagnosticsComponentCritical.md" in part
+            assert "component%3D%22Motor%202%22" in part
+            assert 'ros-diagnostics-ack "robot_2" "Motor 2"' in unescape(part)
 
 
 def test_an_exporter_killed_and_restarted_while_a_motor_is_critical_sends_no_mail(

@@ -25,6 +25,7 @@ TABLE = {
     "alertname=RosDiagnosticsComponentStale severity=warning": ("email", "email"),
     "alertname=RosDiagnosticsComponentFlapping severity=warning": ("email", "email"),
     "alertname=RosDiagnosticsRobotSilent severity=critical": ("email", "sms,email"),
+    "alertname=RosDiagnosticsManyComponents severity=critical robot=r1": ("email", "sms,email"),
     "alertname=RosDiagnosticsFleetPartDown severity=critical site=hall": ("email", "sms,email"),
     "alertname=RosDiagnosticsExporterDown severity=critical fleet=f": ("email", "sms,email"),
     "alertname=RosDiagnosticsMaintenance severity=info": ("email", "email"),
