@@ -8,7 +8,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-from shipped_rules import ALERTMANAGER, run_tool
+import yaml
+from shipped_rules import ALERTMANAGER, alerts, run_tool
+
+from ros_diagnostics_exporter import ack
 
 # What begins like a route or goes on with one, behind a comment sign.
 SWITCHED_OFF = re.compile(r"^    # (?=- matchers|  )", re.MULTILINE)
@@ -67,6 +70,19 @@ def test_route_with_all_that_can_be_switched_on(labels: str, switched_on: Path):
 
 def test_configuration_with_all_that_can_be_switched_on_passes_amtool(switched_on: Path):
     assert "SUCCESS" in run_tool("amtool", "check-config", switched_on)
+
+
+def test_what_can_be_acknowledged_is_reminded_of_by_an_alert_that_it_holds():
+    """Its own route repeats it seldom, and its mail says how to acknowledge it; no other alert."""
+    config = yaml.safe_load((ALERTMANAGER / "alertmanager.yml").read_text())
+    [others] = [each for each in config["route"]["routes"] if "!~" in each.get("matchers", [""])[0]]
+    [seldom] = re.findall(r'!~ "(.*)"', others["matchers"][0])
+    mail = (ALERTMANAGER / "templates" / "email.tmpl").read_text()
+    [asked] = re.findall(r'if match "\^(RosDiagnostics\(Component.*)\$" ', mail)
+
+    assert {name for name in alerts() if re.fullmatch(seldom, name)} == set(ack.STATES)
+    escalation = {"RosDiagnosticsUnacknowledged"}
+    assert {name for name in alerts() if re.fullmatch(asked, name)} == set(ack.STATES) | escalation
 
 
 @pytest.mark.parametrize(
