@@ -16,7 +16,7 @@ import yaml
 FASTER = 10
 MILLISECONDS = {"ms": 1, "s": 1000, "m": 60_000, "h": 3_600_000}
 # A range's length, or an offset; not a word or a number that only looks like a duration.
-DURATION = re.compile(r"(?<=\[)(\d+)(ms|s|m|h)(?=[:\]])|(?<=offset )(\d+)(ms|s|m|h)\b")
+DURATION = re.compile(r"(?:(?<=\[)|(?<=\d[smh]:)|(?<=offset ))(\d+)(ms|s|m|h)\b")
 # Seconds that stand in an expression as a number, because a duration cannot: file -> the rule's
 # record, the text, and how often it is there.
 SECONDS = (

@@ -23,6 +23,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+import host_checks
 import prometheus_site
 from e2e.stories import fleets, scaled
 from fleet_demo import asking, domains, programs
@@ -30,7 +31,6 @@ from fleet_demo.ports import free_port
 from fleet_demo.processes import Process
 from fleet_demo.waiting import until
 
-BLACKBOX = ("prometheus-blackbox-exporter", "blackbox_exporter")
 STAGE = "stage"
 
 
@@ -199,7 +199,7 @@ class Stage:
         config = self.folder / "blackbox.yml"
         config.write_text(yaml.safe_dump({"modules": {"port": {"prober": "tcp", "timeout": "1s"}}}))
         address = f"--web.listen-address=127.0.0.1:{self.blackbox_port}"
-        return [programs.distributed(*BLACKBOX), f"--config.file={config}", address]
+        return [programs.distributed(*host_checks.BLACKBOX), f"--config.file={config}", address]
 
 
 @contextmanager
