@@ -235,7 +235,8 @@ def main() -> None:
         version = ask(port, "/api/v1/status/buildinfo")["version"]
         series = target.text.count(b"\n") - target.text.count(b"# ")
         print(f"Prometheus {version}, {options.robots} robots, {series} series")
-        print(f"{'CRITICAL':<24}{'told':>6}{'median':>9}{'longest':>9}{'scrapes':>9}{'series':>9}   by group")
+        columns = "".join(f"{name:>9}" for name in ("median", "longest", "scrapes", "series"))
+        print(f"{'CRITICAL':<24}{'told':>6}{columns}   seconds by group")
         for case in CASES:
             until(partial(told, port, target.breaks(CASES[0])), "the case before is over", 240)
             expected = target.breaks(case)
