@@ -37,7 +37,7 @@ def build() -> builders.Dashboard:
             *map(firing, SEVERITIES),
             suppressed(),
             silences(),
-            taken_care_of(),
+            acknowledged_faults(),
             alerts(),
             acknowledged(),
             history(),
@@ -91,10 +91,10 @@ def silences() -> stat.Panel:
     ).data_links([link])
 
 
-def taken_care_of() -> stat.Panel:
+def acknowledged_faults() -> stat.Panel:
     """Faults that somebody looks after."""
     return panels.number(
-        "Faults in care",
+        "Acknowledged faults",
         "How many of the present faults are acknowledged?",
         queries.ACKNOWLEDGED_COUNT,
     )
@@ -106,6 +106,7 @@ def acknowledged() -> table.Panel:
         "Acknowledged",
         "Who takes care of which fault, since when, and with which words? Only faults that go on; "
         "made with ros-diagnostics-ack, read by an exporter with --alertmanager.url.",
+        "Nobody has acknowledged a fault that goes on",
         {"A": queries.ACKNOWLEDGED, "B": queries.ACKNOWLEDGED_FAULT},
         [
             *WHERE[1:],
@@ -125,6 +126,7 @@ def alerts() -> table.Panel:
         "Firing alerts",
         "What fires, where, and since when? A click on the alert opens its runbook. Since is when "
         "the alert began, which is confirm_after later than the fault.",
+        "Nothing fires",
         {"A": queries.FIRING_WITH_RUNBOOK, "B": queries.FIRING_SINCE, "C": queries.FIRING_FOR},
         [
             ALERT,
@@ -154,6 +156,7 @@ def fired() -> table.Panel:
         tables.listing(
             "Fired in the time range",
             "What fired, how often, and when last? Most often first.",
+            "Nothing fired",
             {"A": queries.TIMES_FIRED, "B": queries.LAST_FIRED},
             [
                 Column("alertname", "Alert"),
@@ -212,6 +215,7 @@ def flapping() -> table.Panel:
         "Which components change their level so often that single changes are not told? The ratio "
         "is Nagios' weighted share of changes over the last 21 states; changes count since the "
         "exporter started.",
+        "Nothing flaps",
         {"A": queries.FLAPPING, "B": queries.FLAPPING_SINCE, "C": queries.CHANGES},
         [
             *WHERE[1:],

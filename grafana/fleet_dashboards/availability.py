@@ -42,8 +42,8 @@ def by_robot() -> table.Panel:
         f"How reliable was each robot? {SUMS} Faults are confirmed CRITICAL ones and silences; the "
         "longest is the longest time in CRITICAL or UNKNOWN, whichever, maintenance included. As a "
         "file: menu of the panel, Inspect, Data, Download CSV.",
+        "Nothing is recorded for this range",
         queries.BY_ROBOT,
-        "part",
         [
             FLEET,
             Column("robot", "Robot", link=links.TO_ROBOT),
@@ -51,6 +51,7 @@ def by_robot() -> table.Panel:
             Column("faults", "Faults", width=80),
             Column("longest", "Longest", unit="dtdurations", width=150),
         ],
+        label="part",
         sort="Available",
     ).height(12)
 
@@ -60,9 +61,10 @@ def by_group() -> table.Panel:
     return tables.pivot(
         "Availability of the groups",
         f"How reliable was each group of robots? {SUMS}",
+        "Nothing is recorded for this range",
         queries.BY_GROUP,
-        "part",
         [FLEET, Column("robot_group", "Group"), *SHARES],
+        label="part",
         sort="Available",
     ).height(8)
 
@@ -72,9 +74,10 @@ def by_fleet() -> table.Panel:
     return tables.pivot(
         "Availability of the fleets",
         f"How reliable was each fleet? {SUMS}",
+        "Nothing is recorded for this range",
         queries.BY_FLEET,
-        "part",
         [FLEET, *SHARES],
+        label="part",
         sort="Available",
     ).height(6)
 

@@ -51,6 +51,7 @@ def states() -> table.Panel:
         tables.listing(
             "State on each robot",
             "On which robots is this component faulty, since when, and what does it say?",
+            "No robot has this component",
             {
                 "A": queries.STATE,
                 "B": queries.PROBLEM_FOR,
@@ -120,6 +121,7 @@ def odd_ones() -> table.Panel:
         "Odd ones",
         "Which robots' values are now farthest from the median? Coloured beyond 3.5 standard "
         "deviations.",
+        "No robot has this key as a number",
         {"A": queries.VALUE, "B": queries.DISTANCE, "C": queries.ODDNESS},
         [
             FLEET,

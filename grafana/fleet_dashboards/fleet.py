@@ -79,6 +79,7 @@ def problems() -> table.Panel:
         "the rest may yet pass. Acknowledged says who takes care of just this fault, and with "
         "which words. Planned stands for maintenance from fleet.yml. Unhandled, at the top, leaves "
         "out what is acknowledged or planned.",
+        "No problems",
         {
             "A": queries.PROBLEMS,
             "B": queries.PROBLEM_SINCE,
@@ -159,6 +160,7 @@ def robots() -> table.Panel:
     return tables.listing(
         "Robots",
         "How is each robot, and when was it last heard?",
+        "No robot is left by the filters",
         {
             "A": queries.ROBOTS,
             "B": queries.MESSAGE_AGE,

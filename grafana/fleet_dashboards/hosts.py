@@ -25,6 +25,7 @@ def hosts() -> table.Panel:
         "Hosts",
         "Which robots and uplinks answer a ping? Only where blackbox_exporter is scraped: a robot "
         "that answers and is silent has lost its software, not its power.",
+        "Nothing is pinged: see the end of prometheus.yml",
         {"A": monitoring.HOSTS, "B": monitoring.HOST_LATENCY},
         [
             Column("A", "State", mappings=UP, width=90),
@@ -45,6 +46,7 @@ def computers() -> table.Panel:
         "Computers",
         "How busy, full and hot are the robots' computers? Only where node_exporter runs on them. "
         "Disk is the fullest file system, temperature the hottest sensor.",
+        "No computer is asked: see the end of prometheus.yml",
         {
             "A": queries.ANSWERS,
             "B": queries.BUSY,

@@ -59,6 +59,7 @@ def targets() -> table.Panel:
     return tables.listing(
         "Scraped",
         "Does everything answer that Prometheus scrapes, how fast, and with how much?",
+        "Nothing is scraped",
         {"A": queries.UP, "B": queries.SCRAPE_DURATION, "C": queries.SCRAPE_SAMPLES},
         [
             Column("A", "State", mappings=UP, width=90),
@@ -81,6 +82,7 @@ def exporters() -> table.Panel:
             "Which version serves each fleet, with how many robots, and did its config and its "
             "state file work the last time? Acknowledgements: whether Alertmanager answers when "
             "asked for them; empty where it is not asked.",
+            "No exporter is scraped",
             {
                 "A": queries.BUILD,
                 "B": queries.CONFIG_OK,
@@ -120,6 +122,7 @@ def domains_down() -> table.Panel:
         tables.listing(
             "DDS domains down",
             "Which DDS domains could not be joined?",
+            "All domains are joined",
             {"A": queries.DOMAINS_DOWN},
             [FLEET, Column("domain_id", "Domain")],
             sort="Domain",

@@ -128,12 +128,19 @@ def maintenance() -> stat.Panel:
 
 def errors() -> table.Panel:
     """The first box of rqt_robot_monitor."""
-    return _box("Errors", "Which components have an error, and what do they say?", queries.ERRORS)
+    return _box(
+        "Errors",
+        "Which components have an error, and what do they say?",
+        "No errors",
+        queries.ERRORS,
+    )
 
 
 def warnings() -> table.Panel:
     """The second box."""
-    return _box("Warnings", "Which components warn, and what do they say?", queries.WARNINGS)
+    return _box(
+        "Warnings", "Which components warn, and what do they say?", "No warnings", queries.WARNINGS
+    )
 
 
 def not_heard() -> table.Panel:
@@ -141,14 +148,15 @@ def not_heard() -> table.Panel:
     return _box(
         "Stale",
         "Which components stopped reporting, alone or because their robot is silent?",
+        "All report",
         queries.NOT_HEARD,
     )
 
 
-def _box(title: str, description: str, expr: str) -> table.Panel:
+def _box(title: str, description: str, empty: str, expr: str) -> table.Panel:
     answers = {"A": expr, "B": queries.PROBLEM_FOR, "C": queries.MESSAGES}
     box = tables.listing(
-        title, description, answers, [COMPONENT, MESSAGE, FOR], sort="For", descending=True
+        title, description, empty, answers, [COMPONENT, MESSAGE, FOR], sort="For", descending=True
     )
     return box.height(8).span(THIRD)
 
@@ -168,6 +176,7 @@ def tree() -> table.Panel:
         "All components",
         "How is each component, group by group? Before is what it was before it stopped reporting; "
         "changes are those of the time range.",
+        "No component was heard yet",
         {
             "A": queries.TREE,
             "B": queries.LEVEL_SINCE,
@@ -200,6 +209,7 @@ def checks() -> table.Panel:
             "Checks",
             "How do the checks of fleet.yml stand, and do they find as many components as they "
             "should?",
+            "No checks",
             {"A": queries.CHECKS, "B": queries.CHECK_FOUND, "C": queries.CHECK_EXPECTED},
             [
                 tables.STATE,
@@ -221,6 +231,7 @@ def groups() -> table.Panel:
             "Groups as the robot's aggregator reports them",
             "What does the robot's own aggregator make of it? Its roll-up differs between "
             "versions, so nothing else here is computed from it.",
+            "Its messages are not aggregated",
             {"A": queries.GROUPS},
             [tables.STATE, Column("group", "Group")],
         )

@@ -66,6 +66,7 @@ def rejected() -> table.Panel:
         tables.listing(
             "Rejected",
             "What of this robot's messages was not taken in during the time range, and why?",
+            "Nothing was rejected",
             {"A": queries.REJECTED},
             [Column("reason", "Reason"), Column("A", "Count")],
             sort="Count",
@@ -81,6 +82,7 @@ def inventory() -> table.Panel:
         tables.listing(
             "Inventory",
             "Where does this robot live, and what does fleet.yml say of it?",
+            "No such robot",
             {"A": queries.INVENTORY},
             [
                 Column(

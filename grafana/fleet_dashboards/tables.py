@@ -40,6 +40,7 @@ STATE = Column("A", "State", mappings=palette.state_mappings(), width=110)
 def listing(
     title: str,
     description: str,
+    empty: str,
     queries: dict[str, str],
     columns: Sequence[Column],
     *,
@@ -51,13 +52,14 @@ def listing(
 
     The first query decides what is listed: the others are asked only about that. Grafana could not
     drop what is too much, because where the first finds nothing there is no field to go by.
+    ``empty`` is what stands there then.
     """
     first = next(iter(queries.values()))
     asked = {
         ref: expr if expr == first else f"(\n{tidy(expr)}\n)\nand on ({by})\n(\n{tidy(first)}\n)"
         for ref, expr in queries.items()
     }
-    panel = _table(title, description, columns)
+    panel = _table(title, description, columns, empty)
     order = common_builders.TableSortByFieldState().display_name(sort).desc(descending)
     return (
         panel.targets([_rows(expr, ref) for ref, expr in asked.items()])
@@ -67,12 +69,19 @@ def listing(
 
 
 def pivot(
-    title: str, description: str, expr: str, label: str, columns: Sequence[Column], *, sort: str
+    title: str,
+    description: str,
+    empty: str,
+    expr: str,
+    columns: Sequence[Column],
+    *,
+    label: str,
+    sort: str,
 ) -> table.Panel:
     """Rows from one instant query whose ``label`` says to which column a value belongs."""
     order = common_builders.TableSortByFieldState().display_name(sort).desc(False)
     return (
-        _table(title, description, columns)
+        _table(title, description, columns, empty)
         .targets([at_end(expr)])
         .transformations(
             [
@@ -85,7 +94,7 @@ def pivot(
     )
 
 
-def _table(title: str, description: str, columns: Sequence[Column]) -> table.Panel:
+def _table(title: str, description: str, columns: Sequence[Column], empty: str) -> table.Panel:
     panel = (
         table.Panel()
         .title(title)
@@ -93,7 +102,7 @@ def _table(title: str, description: str, columns: Sequence[Column]) -> table.Pan
         .datasource(DATASOURCE)
         .color_scheme(by_thresholds())
         .filterable(True)
-        .no_value("")
+        .no_value(empty)
         .height(10)
         .span(WIDTH)
     )
@@ -134,7 +143,7 @@ def _step(identity: str, **options: object) -> dashboard.DataTransformerConfig:
 
 
 def _look(column: Column) -> list[dashboard.DynamicConfigValue]:
-    look: dict[str, object] = {}
+    look: dict[str, object] = {"noValue": ""}  # in a cell; the table's own is for no rows at all
     if column.unit:
         look["unit"] = column.unit
     if column.width:

@@ -124,6 +124,23 @@ def test_links_of_a_table_name_columns_that_it_has(panel):
     assert set(used) <= titles
 
 
+@pytest.mark.parametrize("panel", ALL_PANELS)
+def test_an_empty_table_says_what_that_means_and_an_empty_cell_nothing(panel):
+    if panel["type"] != "table":
+        return
+    columns: set[str] = set()
+    for step in panel["transformations"]:
+        columns |= set(step["options"].get("renameByName", {}).values())
+    quiet = {
+        override["matcher"]["options"]
+        for override in panel["fieldConfig"]["overrides"]
+        if {"id": "noValue", "value": ""} in override["properties"]
+    }
+
+    assert panel["fieldConfig"]["defaults"]["noValue"]
+    assert columns == quiet
+
+
 def test_a_value_is_shown_in_the_unit_behind_its_name():
     from fleet_dashboards import palette
 
