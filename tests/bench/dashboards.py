@@ -129,7 +129,7 @@ def dashboard(options: argparse.Namespace) -> None:
             )
         )
         faulty = -(-options.robots // FAULTY)
-        told = f"count(count by (robot) (component:ros_diagnostics_fault:confirmed)) == {faulty}"
+        told = f"count(robot:ros_diagnostics_fault:confirmed) == {faulty}"
         until(lambda: site.query(told), "the faults are told", 180, every=1)
         series = site.query("prometheus_tsdb_head_series")[0]["value"][1]
         print(f"{options.robots} robots, {series} series, {options.hours:g} h")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fleet_dashboards.queries.rows import acknowledged, robot_row
+from fleet_dashboards.queries.rows import acknowledged_faults, robot_row
 
 _FLEET = 'fleet=~"$fleet"'
 # The Watchdog fires always, to prove that alerts arrive: it says nothing of robots.
@@ -19,13 +19,13 @@ def firing(severity: str) -> str:
 SUPPRESSED = 'max(sum by (instance) (alertmanager_alerts{state="suppressed"}))'
 SILENCES = 'max(sum by (instance) (alertmanager_silences{state="active"}))'
 
-ACKNOWLEDGED = f"({acknowledged(_FLEET)}) * 1000"
-ACKNOWLEDGED_COUNT = f"count({acknowledged(_FLEET)})\nor vector(0)"
+ACKNOWLEDGED = f"({acknowledged_faults(_FLEET)}) * 1000"
+ACKNOWLEDGED_COUNT = f"count({acknowledged_faults(_FLEET)})\nor vector(0)"
 ACKNOWLEDGED_FAULT = f"""
 max by (fleet, robot, group, component) (
     component:ros_diagnostics_fault:confirmed{{{_FLEET}}}
   or
-    {robot_row(f"robot:ros_diagnostics_silent:confirmed{{{_FLEET}}}")}
+    {robot_row(f"robot:ros_diagnostics_fault:confirmed{{{_FLEET}}}")}
 ) * 1000
 """
 

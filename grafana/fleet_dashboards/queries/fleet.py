@@ -100,6 +100,10 @@ CONFIRMED = f"""
 group by (fleet, robot, group, component) (
     component:ros_diagnostics_fault:confirmed{{fleet=~"$fleet"}}
   or
+    ({_TROUBLE} > 0 and on (fleet, robot) robot:ros_diagnostics_many:confirmed)
+  or
+    ({_TROUBLE} > 0 and on (fleet, component) fleet_component:ros_diagnostics_common:confirmed)
+  or
     {robot_row('robot:ros_diagnostics_silent:confirmed{fleet=~"$fleet"}')}
   or
     {check_row('check:ros_diagnostics_short:confirmed{fleet=~"$fleet"}')}

@@ -16,13 +16,34 @@ def check_row(expr: str) -> str:
     return f"max by (fleet, robot, group, component) ({row})"
 
 
-def acknowledged(matchers: str) -> str:
-    """The rows that somebody takes care of; who and with which words, and since when."""
-    silent = robot_row(f"robot:ros_diagnostics_silent:acknowledged{{{matchers}}}")
+def acknowledged_faults(matchers: str) -> str:
+    """The faults that somebody takes care of; who and with which words, and since when."""
+    silent = robot_row(f'robot:ros_diagnostics_fault:acknowledged{{{matchers}, state=""}}')
+    many = robot_row(f'robot:ros_diagnostics_fault:acknowledged{{{matchers}, state!=""}}')
     return f"""
     component:ros_diagnostics_fault:acknowledged{{{matchers}}}
   or
     label_replace({silent}, "state", "silent", "", "")
+  or
+    {many}
+"""
+
+
+def acknowledged(matchers: str) -> str:
+    """The rows of problems that these are: all components of a robot acknowledged as one, too."""
+    silent = robot_row(f'robot:ros_diagnostics_fault:acknowledged{{{matchers}, state=""}}')
+    return f"""
+    component:ros_diagnostics_fault:acknowledged{{{matchers}}}
+  or
+    {silent}
+  or on (fleet, robot, group, component)
+      (
+          component:ros_diagnostics_trouble:rank{{{matchers}}} > 0
+        unless on (fleet, robot, group, component)
+          component:ros_diagnostics_fault:confirmed{{{matchers}}}
+      ) * 0
+    + on (fleet, robot) group_left (author, comment)
+      robot:ros_diagnostics_fault:acknowledged{{{matchers}, state!=""}}
 """
 
 

@@ -94,7 +94,7 @@ def _acknowledge(site: prometheus_site.Site, hall: ServedFleet) -> None:
     until(
         lambda: (
             site.query("component:ros_diagnostics_fault:acknowledged")
-            and site.query("robot:ros_diagnostics_silent:acknowledged")
+            and site.query("robot:ros_diagnostics_fault:acknowledged")
             and site.query('sum(alertmanager_silences{state="active"}) == 2')
         ),
         "acknowledged faults",
