@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from fleet_dashboards.queries.rows import component_rank
+
 _ALL = 'fleet=~"$fleet", component="$component"'
 _COMPONENT = f'{_ALL}, robot=~"$robot"'
 _ROW = "by (fleet, robot, group)"
 
-STATE = f"max {_ROW} (component:ros_diagnostics_state:rank{{{_COMPONENT}}})"
-COUNT_BY_RANK = f'count_values("rank", component:ros_diagnostics_state:rank{{{_ALL}}})'
+STATE = f"max {_ROW} ({component_rank(_COMPONENT)})"
+COUNT_BY_RANK = f'count_values("rank", {component_rank(_ALL)})'
 PROBLEM_FOR = f"time() - max {_ROW} (component:ros_diagnostics_problem:start{{{_COMPONENT}}})"
 MESSAGES = f"""
 group by (fleet, robot, group, message) (

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from fleet_dashboards.queries.rows import who_and_why
+from fleet_dashboards.queries.rows import component_rank, who_and_why
 
 _ROBOT = 'fleet=~"$fleet", robot="$robot"'
 _CHOSEN = f'{_ROBOT}, component=~"$component"'
 _ROW = "by (fleet, robot, group, component)"
-_RANK = f"component:ros_diagnostics_state:rank{{{_CHOSEN}}}"
+_RANK = component_rank(_CHOSEN)
 
 STATE = f"robot:ros_diagnostics_state:rank{{{_ROBOT}}}"
 SILENT_FOR = f"""

@@ -9,6 +9,15 @@ def robot_row(expr: str) -> str:
     return f'label_replace({row}, "group", "-", "", "")'
 
 
+def component_rank(selector: str) -> str:
+    """The rank of each chosen component as of now; recorded is that of all, a bit later."""
+    return (
+        "max by (fleet, robot, group, component) ("
+        f"component:ros_diagnostics_trouble:rank{{{selector}}}"
+        f" or ros_diagnostics_component_level{{{selector}}} * 0)"
+    )
+
+
 def check_row(expr: str) -> str:
     """A row for a check of fleet.yml."""
     row = f'label_replace({expr}, "component", "(check $1)", "check", "(.*)")'

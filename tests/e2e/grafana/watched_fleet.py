@@ -34,6 +34,9 @@ COME_ABOUT = {
         "count(robot:ros_diagnostics_state:max1m == robot:ros_diagnostics_state:rank) == 13"
     ),
     "planned maintenance": "robot:ros_diagnostics_maintenance:start",
+    "the components of silent robots": (
+        'count(component:ros_diagnostics_state:rank{robot=~"silent|cut_off"} == 4) == 4'
+    ),
     "scraped servers": 'count(up{job=~"prometheus|alertmanager"} == 1) == 2',
     "a ping": "count(probe_success) == 2",
     "a computer": "rate(node_cpu_seconds_total[1m])",
