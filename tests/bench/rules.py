@@ -1,8 +1,8 @@
 """What one evaluation of all rules costs: a real Prometheus, and 1,000 robots that a state invents.
 
 The shipped configuration as it is; only addresses are set. Each case is held for some evaluations:
-all well; 5 % of all components CRITICAL, here and there; 5 % of the robots, with all they have; the
-most components that are told one by one (a common cause would tell more at once); everything.
+all well; 5 % of the robots CRITICAL, with all they have; 5 % of all components, here and there;
+everything; the most components that are told one by one (a common cause would tell more at once).
 Every robot has two values with thresholds.
 
 Printed are the seconds of all groups for one evaluation interval (a group with a longer interval
@@ -80,10 +80,10 @@ class Case(NamedTuple):
 
 CASES = (
     Case("none"),
-    Case("5 % of the components", components=0.05),
     Case("5 % of the robots", robots=0.05),
-    Case("most one by one", components=COMMON_CAUSE - 0.01),
+    Case("5 % of the components", components=0.05),
     Case("all", robots=1.0),
+    Case("most one by one", components=COMMON_CAUSE - 0.01),
 )
 
 
