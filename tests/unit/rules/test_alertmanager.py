@@ -197,7 +197,8 @@ def test_mail_tells_what_happened_and_what_to_do(part: str, tmp_path: Path):
     ):
         assert expected in said
     command = said.replace("&#34;", '"')
-    assert 'ros-diagnostics-ack "r1" "Motor 1" --comment "..."' in command
+    acknowledge = 'ros-diagnostics-ack "r1" "Motor 1" --comment "..." --url '
+    assert acknowledge + "http://alertmanager:9093" in command
 
 
 @pytest.mark.parametrize("part", ["text", "html"])
