@@ -109,10 +109,8 @@ def _serve(options: argparse.Namespace, service: Service) -> None:
         systemd.notify("READY=1")
         log.info("serving fleet %s on %s", service.state.fleet.name, ", ".join(server.addresses))
         while not stop.is_set():
-            if (
-                not server.alive
-            ):  # nobody would see the faults any more: whoever watches restarts us
-                raise WebEndedError
+            if not server.alive:
+                raise WebEndedError  # nobody would see the faults: whoever watches restarts us
             if reload.is_set():
                 reload.clear()
                 service.reload_quietly("SIGHUP")
