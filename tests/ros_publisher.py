@@ -39,11 +39,17 @@ class Publisher:
         self._publishers = {}
 
     def offer(
-        self, topic: str, *, reliable: bool = True, latched: bool = False, kind=DiagnosticArray
+        self,
+        topic: str,
+        *,
+        reliable: bool = True,
+        latched: bool = False,
+        kind=DiagnosticArray,
+        depth: int = 1000,
     ):
         """A publisher that a subscription has matched."""
         profile = QoSProfile(
-            depth=1000,
+            depth=depth,
             reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         )

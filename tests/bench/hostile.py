@@ -1,0 +1,333 @@
+"""What robots that behave, and Prometheus, notice of a robot or a client that does not.
+
+Each attack meets a fresh exporter with 20 robots at 1 Hz, of 16 components each, over real DDS on
+this machine; the exporter is scraped each second. First comes a case without an attack: each
+column beside a value is its ratio to that.
+
+  1  a robot publishes arrays of 276 kB, 60 a second
+  2  a robot publishes 500 components with 200 equal keys each, once a second
+  3  a robot publishes arrays of 2.8 MB, 20 a second
+  7  520 connections ask for /metrics and do not read the answer
+  8  the event log is full of long texts; 8 connections ask for all of it and do not read the answer
+
+A scrape that fails counts as one of 10 s, the time-out. The age of a robot's last message is that
+at the end of a scrape. "stops in" is measured while the attack goes on, and at most 10 s, after
+which the exporter is killed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import re
+import resource
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+
+from bench.scraper import TIMEOUT, Scrape, ScrapeError, Scraper
+from bench.sim import cpu_seconds
+from fleet_demo import asking, domains
+from fleet_demo.ports import free_port
+from fleet_demo.processes import Process
+from fleet_demo.waiting import until
+
+EXPORTER = Path(sys.executable).with_name("ros-diagnostics-exporter")
+ROBOTS = 20
+HOSTILE = "hostile"
+EVENTS = 10_000  # that the event log keeps
+SETTLE = 60.0  # seconds that anything may take to begin
+MOST_MEMORY = 6000.0  # MB of the exporter at which a case ends early
+CONFIG = """\
+fleet: bench
+discovery:
+  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain_id}]}}
+"""
+
+
+@dataclass(frozen=True)
+class Attack:
+    """What the attacker is (the arguments of an actor), and what has to be so before it begins."""
+
+    what: str
+    actor: tuple[str, ...]
+    prepare: Callable[[Site], None] | None = None
+
+
+@dataclass(frozen=True)
+class Result:
+    """What one case showed; ages in s, scrapes in ms, memory in MB, CPU in s per s.
+
+    What could not be seen, because no scrape succeeded, is NaN.
+    """
+
+    up: float
+    age_median: float
+    age_max: float
+    scraped: float
+    p50: float
+    p99: float
+    memory: float
+    cpu: float
+    stop: float
+    scrapes: int
+    rejected: dict[str, int]
+    attacker: str
+    fleet: str
+
+
+COLUMNS = (  # of the table: title, field of Result, format
+    ("robots up", "up", "{:.0f}"),
+    ("age p50 s", "age_median", "{:.2f}"),
+    ("max s", "age_max", "{:.1f}"),
+    ("scraped", "scraped", "{:.0%}"),
+    ("p50 ms", "p50", "{:.0f}"),
+    ("p99 ms", "p99", "{:.0f}"),
+    ("RSS MB", "memory", "{:.0f}"),
+    ("CPU s/s", "cpu", "{:.2f}"),
+    ("stops in s", "stop", "{:.1f}"),
+)
+
+
+class Site:
+    """A fresh exporter and its fleet, in a ROS domain and a folder of their own."""
+
+    def __init__(self, domain_id: int, folder: Path, seconds: float) -> None:
+        self._domain_id = domain_id
+        self._environment = domains.environment(domain_id)
+        self._folder = folder
+        self._seconds = seconds + 5 * SETTLE  # after which actors end by themselves
+        self._started: list[Process] = []
+        self.port = free_port()
+        self.address = f"127.0.0.1:{self.port}"
+        self.scraper = Scraper(self.address)
+        self.exporter = self._start_exporter()
+        self.fleet = self.start_actor("fleet", str(domain_id), str(ROBOTS))
+
+    def _start_exporter(self) -> Process:
+        config = self._folder / "fleet.yml"
+        config.write_text(CONFIG.format(domain_id=self._domain_id))
+        arguments = ["--config.file", config, "--web.listen-address", self.address]
+        return self._start("exporter", [EXPORTER, *arguments])
+
+    def start_actor(self, *arguments: str) -> Process:
+        """Start one of `bench.actors`, which learns where it is to act and for how long."""
+        places = {"DOMAIN": str(self._domain_id), "PORT": str(self.port)}
+        named = [places.get(argument, argument) for argument in arguments]
+        argv = [sys.executable, "-m", "bench.actors", *named, str(self._seconds)]
+        return self._start(f"actor-{len(self._started)}", argv)
+
+    def _start(self, name: str, argv: list[str | Path]) -> Process:
+        process = Process(name, argv, self._environment, self._folder / f"{name}.log")
+        self._started.append(process)
+        return process.start()
+
+    def wait_until_calm(self) -> None:
+        """Wait until each robot of the fleet is up."""
+        until(lambda: asking.answers(self.address, "/-/ready"), self.exporter.describe, SETTLE)
+        self.wait_for(lambda scrape: robots_up(scrape) == ROBOTS, "all robots are up")
+
+    def wait_for(self, condition: Callable[[Scrape], bool], what: str) -> None:
+        """Scrape until a scrape succeeds and shows the condition."""
+
+        def shown() -> bool:
+            with suppress(ScrapeError):
+                return condition(self.scraper.scrape())
+            return False
+
+        until(shown, what, SETTLE, every=0.5)
+
+    def stop_exporter(self) -> float:
+        """Stop the exporter and return the seconds it took; it is killed after 10."""
+        begin = time.monotonic()
+        self.exporter.stop()
+        return time.monotonic() - begin
+
+    def close(self) -> None:
+        """End everything, the attackers first."""
+        self.scraper.close()
+        for process in reversed(self._started):
+            process.stop()
+
+
+def fill_event_log(site: Site) -> None:
+    """Let a robot flap until the event log is full, as far as the exporter lets it."""
+    flapping = site.start_actor("arrays", "DOMAIN", "flapping")
+    try:
+        site.wait_for(lambda scrape: scrape.changes.get(HOSTILE, 0) >= EVENTS, "a full event log")
+    except TimeoutError:
+        print("attack 8: the robot could not fill the event log")
+    flapping.stop()
+    site.wait_for(lambda scrape: robots_up(scrape) == ROBOTS, "all robots are up again")
+
+
+ATTACKS = {
+    1: Attack("276 kB at 60/s", ("arrays", "DOMAIN", "fast")),
+    2: Attack("equal keys", ("arrays", "DOMAIN", "equal-keys")),
+    3: Attack("2.8 MB at 20/s", ("arrays", "DOMAIN", "huge")),
+    7: Attack("unread /metrics", ("readers", "PORT", "/metrics", "520")),
+    8: Attack(
+        "unread events", ("readers", "PORT", f"/api/v1/events?limit={EVENTS}", "8"), fill_event_log
+    ),
+}
+
+
+def robots_up(scrape: Scrape) -> int:
+    """How many of the fleet's own robots are up."""
+    return sum(up for robot, up in scrape.up.items() if robot != HOSTILE)
+
+
+def run_case(attack: Attack | None, seconds: float) -> Result:
+    """Measure a fresh exporter under the attack, or without one."""
+    with ExitStack() as stack:
+        domain_id = stack.enter_context(domains.lease())
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        site = Site(domain_id, folder, seconds)
+        stack.callback(site.close)
+        site.wait_until_calm()
+        attacker = None
+        if attack is not None:
+            if attack.prepare is not None:
+                attack.prepare(site)
+            attacker = site.start_actor(*attack.actor)
+            attacker.wait_for_output(r"\n", SETTLE)
+        return measure(site, attacker, seconds)
+
+
+def measure(site: Site, attacker: Process | None, seconds: float) -> Result:
+    """Scrape each second for so long, then stop the exporter."""
+    pid = site.exporter.pid
+    forget_peak_memory(pid)
+    cpu, begin = cpu_seconds(pid), time.monotonic()
+    scrapes = scrape_each_second(site, begin + seconds)
+    cpu = (cpu_seconds(pid) - cpu) / (time.monotonic() - begin)
+    memory = peak_megabytes(pid)
+    good = [scrape for scrape in scrapes if scrape is not None]
+    times = [TIMEOUT if scrape is None else scrape.seconds for scrape in scrapes]
+    ages = [age for each in good for robot, age in each.ages.items() if robot != HOSTILE]
+    return Result(
+        up=min(map(robots_up, good), default=math.nan),
+        age_median=median(ages) if ages else math.nan,
+        age_max=max(ages, default=math.nan),
+        scraped=len(good) / len(scrapes),
+        p50=percentile(times, 0.5) * 1e3,
+        p99=percentile(times, 0.99) * 1e3,
+        memory=memory,
+        cpu=cpu,
+        stop=site.stop_exporter(),
+        scrapes=len(scrapes),
+        rejected=good[-1].rejected if good else {},
+        attacker="" if attacker is None else last_line(attacker),
+        fleet=last_line(site.fleet),
+    )
+
+
+def scrape_each_second(site: Site, deadline: float) -> list[Scrape | None]:
+    """Scrape until the deadline, None where it failed; one that takes long delays the next."""
+    scrapes: list[Scrape | None] = []
+    due = time.monotonic()
+    pause = threading.Event()
+    while due < deadline:
+        pause.wait(max(0.0, due - time.monotonic()))
+        try:
+            scrapes.append(site.scraper.scrape())
+        except ScrapeError:
+            scrapes.append(None)
+        due = max(due + 1.0, time.monotonic())
+        if not site.exporter.alive:
+            raise RuntimeError(site.exporter.describe())
+        if peak_megabytes(site.exporter.pid) > MOST_MEMORY:
+            print(f"ended early: the exporter has taken more than {MOST_MEMORY:.0f} MB")
+            break
+    return scrapes
+
+
+def percentile(values: list[float], part: float) -> float:
+    """The nearest rank: of few values the 99th percentile is the largest."""
+    return sorted(values)[math.ceil(part * len(values)) - 1]
+
+
+def forget_peak_memory(pid: int) -> None:
+    """Let the peak count from now on (proc(5), clear_refs)."""
+    Path(f"/proc/{pid}/clear_refs").write_text("5")
+
+
+def peak_megabytes(pid: int) -> float:
+    """The most resident memory that the process has had."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    return int(re.search(r"VmHWM:\s+(\d+)", status)[1]) / 1024
+
+
+def last_line(process: Process) -> str:
+    """What an actor wrote last."""
+    return process.output().splitlines()[-1]
+
+
+def print_table(results: dict[str, Result]) -> None:
+    """Print a line for each case, and below it what was rejected and what the attacker did."""
+    calm = next(iter(results.values()))
+    print(f"{'':<20}" + "".join(f"{title:>11}{'':7}" for title, _, _ in COLUMNS))
+    for name, result in results.items():
+        print(f"{name:<20}" + "".join(_cell(result, calm, *rest) for _, *rest in COLUMNS))
+    print()
+    for name, result in results.items():
+        rejected = ", ".join(f"{reason} {count}" for reason, count in result.rejected.items())
+        print(f"{name}: {result.scrapes} scrapes; rejected: {rejected or 'nothing'}")
+        print(f"    fleet: {result.fleet}; attacker: {result.attacker or 'none'}")
+
+
+def _cell(result: Result, calm: Result, field: str, form: str) -> str:
+    value, reference = getattr(result, field), getattr(calm, field)
+    if math.isnan(value):
+        return f"{'-':>11}{'':7}"
+    ratio = value / reference if reference else math.nan
+    return f"{form.format(value):>11}{f'x{ratio:.3g}':>7}"
+
+
+def print_header(seconds: float) -> None:
+    """Print what the numbers depend on."""
+    load = " ".join(f"{each:.2f}" for each in os.getloadavg())
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    print(f"{ROBOTS} robots, {seconds:g} s a case, scraped each second, {os.cpu_count()} cores")
+    print(f"load average before: {load}; open files: {soft}, at most {hard}\n", flush=True)
+
+
+def main() -> None:
+    """Measure the calm case and the attacks that are asked for, and print the table."""
+    parser = argparse.ArgumentParser(
+        "./run bench hostile",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--seconds", type=float, default=20.0, help="of each case")
+    parser.add_argument(
+        "--attacks",
+        type=lambda text: [int(each) for each in text.split(",")],
+        default=list(ATTACKS),
+        help="which, for example 1,2 (default: all)",
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers there, too")
+    options = parser.parse_args()
+    if unknown := set(options.attacks) - set(ATTACKS):
+        parser.error(f"no attack {min(unknown)}; there are {', '.join(map(str, ATTACKS))}")
+    print_header(options.seconds)
+    results = {"calm": run_case(None, options.seconds)}
+    for number in options.attacks:
+        attack = ATTACKS[number]
+        results[f"{number} {attack.what}"] = run_case(attack, options.seconds)
+    print_table(results)
+    if options.json is not None:
+        cases = {name: asdict(result) for name, result in results.items()}
+        options.json.write_text(json.dumps(cases, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,109 @@
+"""A client that scrapes as Prometheus does, and what one scrape shows of a fleet."""
+
+from __future__ import annotations
+
+import gzip
+import http.client
+import re
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+
+TIMEOUT = 10.0  # seconds for one whole scrape: Prometheus' default
+HEADERS = {"Accept": "text/plain;version=0.0.4", "Accept-Encoding": "gzip"}
+PIECE = 65536  # bytes
+# Only what is needed, for prometheus_client's parser takes seconds for a hostile robot's series.
+FAMILY = rb'^ros_diagnostics_%s\{[^\n]*%s="([^"\n]+)"[^\n]*\} (\S+)$'
+UP = re.compile(FAMILY % (b"robot_up", b"robot"), re.MULTILINE)
+LAST_MESSAGE = re.compile(
+    FAMILY % (b"robot_last_message_timestamp_seconds", b"robot"), re.MULTILINE
+)
+REJECTED = re.compile(FAMILY % (b"(?:robot|exporter)_rejected_total", b"reason"), re.MULTILINE)
+CHANGES = re.compile(FAMILY % (b"component_changes_total", b"robot"), re.MULTILINE)
+
+
+class ScrapeError(Exception):
+    """No answer in time, or another status than 200."""
+
+
+@dataclass(frozen=True)
+class Scrape:
+    """One answer: how long it took, and by robot what it says; ``ages`` in seconds at its end."""
+
+    seconds: float
+    up: dict[str, bool] = field(default_factory=dict)
+    ages: dict[str, float] = field(default_factory=dict)
+    rejected: dict[str, int] = field(default_factory=dict)
+    changes: dict[str, int] = field(default_factory=dict)
+
+
+class Scraper:
+    """Keeps its connection from scrape to scrape."""
+
+    def __init__(self, address: str) -> None:
+        self._connection = http.client.HTTPConnection(address, timeout=TIMEOUT)
+
+    def scrape(self) -> Scrape:
+        """Scrape once.
+
+        Raises:
+            ScrapeError: It failed.
+        """
+        begin = time.monotonic()
+        try:
+            body = self._ask_again_if_closed(begin + TIMEOUT)
+        except (OSError, http.client.HTTPException) as error:
+            self.close()
+            raise ScrapeError(f"{type(error).__name__}: {error}") from error
+        return _parse(gzip.decompress(body), time.monotonic() - begin, time.time())
+
+    def close(self) -> None:
+        """Close the connection; the next scrape opens another."""
+        self._connection.close()
+
+    def _ask_again_if_closed(self, deadline: float) -> bytes:
+        """Ask; a kept connection that was closed meanwhile is replaced, as Go's client does."""
+        kept = self._connection.sock is not None
+        try:
+            return self._ask(deadline)
+        except (ConnectionResetError, BrokenPipeError):
+            if not kept:
+                raise
+        self.close()
+        return self._ask(deadline)
+
+    def _ask(self, deadline: float) -> bytes:
+        if self._connection.sock is None:
+            self._connection.connect()
+        self._connection.request("GET", "/metrics", headers=HEADERS)
+        self._limit(deadline)
+        response = self._connection.getresponse()
+        body = bytearray()
+        while piece := response.read1(PIECE):
+            body += piece
+            self._limit(deadline)
+        response.close()
+        if response.status != http.client.OK:
+            raise ScrapeError(f"status {response.status}")
+        return bytes(body)
+
+    def _limit(self, deadline: float) -> None:
+        """Let the next wait for the server end at the deadline."""
+        left = deadline - time.monotonic()
+        if left <= 0:
+            raise TimeoutError(f"no whole answer in {TIMEOUT:g} s")
+        if self._connection.sock is not None:  # None where the server closes after its answer
+            self._connection.sock.settimeout(left)
+
+
+def _parse(text: bytes, seconds: float, now: float) -> Scrape:
+    up = {robot.decode(): float(value) == 1 for robot, value in UP.findall(text)}
+    ages = {robot.decode(): now - float(value) for robot, value in LAST_MESSAGE.findall(text)}
+    return Scrape(seconds, up, ages, _sums(REJECTED, text), _sums(CHANGES, text))
+
+
+def _sums(family: re.Pattern[bytes], text: bytes) -> dict[str, int]:
+    sums: Counter[str] = Counter()
+    for label, value in family.findall(text):
+        sums[label.decode()] += int(float(value))
+    return dict(sums)
