@@ -8,6 +8,7 @@ column beside a value is its ratio to that.
   2  a robot publishes 500 components with 200 equal keys each, once a second
   3  a robot publishes arrays of 2.8 MB, 20 a second
   7  520 connections ask for /metrics and do not read the answer
+  7b the same with /api/v1/fleet
   8  the event log is full of long texts; 8 connections ask for all of it and do not read the answer
 
 A scrape that fails counts as one of 10 s, the time-out. The age of a robot's last message is that
@@ -60,6 +61,7 @@ class Attack:
     what: str
     actor: tuple[str, ...]
     prepare: Callable[[Site], None] | None = None
+    reports: int = 1  # that the actor has written when the attack counts as begun
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,7 @@ class Result:
     stop: float
     scrapes: int
     rejected: dict[str, int]
+    hostile_arrays: int  # that the exporter has taken
     attacker: str
     fleet: str
 
@@ -170,11 +173,12 @@ def fill_event_log(site: Site) -> None:
 
 
 ATTACKS = {
-    1: Attack("276 kB at 60/s", ("arrays", "DOMAIN", "fast")),
-    2: Attack("equal keys", ("arrays", "DOMAIN", "equal-keys")),
-    3: Attack("2.8 MB at 20/s", ("arrays", "DOMAIN", "huge")),
-    7: Attack("unread /metrics", ("readers", "PORT", "/metrics", "520")),
-    8: Attack(
+    "1": Attack("276 kB at 60/s", ("arrays", "DOMAIN", "fast")),
+    "2": Attack("equal keys", ("arrays", "DOMAIN", "equal-keys")),
+    "3": Attack("2.8 MB at 20/s", ("arrays", "DOMAIN", "huge")),
+    "7": Attack("unread /metrics", ("readers", "PORT", "/metrics", "520"), reports=4),
+    "7b": Attack("unread fleet", ("readers", "PORT", "/api/v1/fleet", "520"), reports=4),
+    "8": Attack(
         "unread events", ("readers", "PORT", f"/api/v1/events?limit={EVENTS}", "8"), fill_event_log
     ),
 }
@@ -198,7 +202,7 @@ def run_case(attack: Attack | None, seconds: float) -> Result:
             if attack.prepare is not None:
                 attack.prepare(site)
             attacker = site.start_actor(*attack.actor)
-            attacker.wait_for_output(r"\n", SETTLE)
+            attacker.wait_for_output(rf"(.*\n){{{attack.reports}}}", SETTLE)
         return measure(site, attacker, seconds)
 
 
@@ -225,6 +229,7 @@ def measure(site: Site, attacker: Process | None, seconds: float) -> Result:
         stop=site.stop_exporter(),
         scrapes=len(scrapes),
         rejected=good[-1].rejected if good else {},
+        hostile_arrays=good[-1].messages.get(HOSTILE, 0) if good else 0,
         attacker="" if attacker is None else last_line(attacker),
         fleet=last_line(site.fleet),
     )
@@ -282,6 +287,7 @@ def print_table(results: dict[str, Result]) -> None:
         rejected = ", ".join(f"{reason} {count}" for reason, count in result.rejected.items())
         print(f"{name}: {result.scrapes} scrapes; rejected: {rejected or 'nothing'}")
         print(f"    fleet: {result.fleet}; attacker: {result.attacker or 'none'}")
+        print(f"    arrays of the hostile robot that were taken: {result.hostile_arrays}")
 
 
 def _cell(result: Result, calm: Result, field: str, form: str) -> str:
@@ -310,14 +316,14 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0, help="of each case")
     parser.add_argument(
         "--attacks",
-        type=lambda text: [int(each) for each in text.split(",")],
+        type=lambda text: text.split(","),
         default=list(ATTACKS),
         help="which, for example 1,2 (default: all)",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers there, too")
     options = parser.parse_args()
     if unknown := set(options.attacks) - set(ATTACKS):
-        parser.error(f"no attack {min(unknown)}; there are {', '.join(map(str, ATTACKS))}")
+        parser.error(f"no attack {min(unknown)}; there are {', '.join(ATTACKS)}")
     print_header(options.seconds)
     results = {"calm": run_case(None, options.seconds)}
     for number in options.attacks:

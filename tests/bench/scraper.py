@@ -19,6 +19,7 @@ LAST_MESSAGE = re.compile(
     FAMILY % (b"robot_last_message_timestamp_seconds", b"robot"), re.MULTILINE
 )
 REJECTED = re.compile(FAMILY % (b"(?:robot|exporter)_rejected_total", b"reason"), re.MULTILINE)
+MESSAGES = re.compile(FAMILY % (b"robot_messages_total", b"robot"), re.MULTILINE)
 CHANGES = re.compile(FAMILY % (b"component_changes_total", b"robot"), re.MULTILINE)
 
 
@@ -34,6 +35,7 @@ class Scrape:
     up: dict[str, bool] = field(default_factory=dict)
     ages: dict[str, float] = field(default_factory=dict)
     rejected: dict[str, int] = field(default_factory=dict)
+    messages: dict[str, int] = field(default_factory=dict)
     changes: dict[str, int] = field(default_factory=dict)
 
 
@@ -99,7 +101,8 @@ class Scraper:
 def _parse(text: bytes, seconds: float, now: float) -> Scrape:
     up = {robot.decode(): float(value) == 1 for robot, value in UP.findall(text)}
     ages = {robot.decode(): now - float(value) for robot, value in LAST_MESSAGE.findall(text)}
-    return Scrape(seconds, up, ages, _sums(REJECTED, text), _sums(CHANGES, text))
+    sums = (_sums(family, text) for family in (REJECTED, MESSAGES, CHANGES))
+    return Scrape(seconds, up, ages, *sums)
 
 
 def _sums(family: re.Pattern[bytes], text: bytes) -> dict[str, int]:

@@ -54,7 +54,8 @@ def publish_flood(domain_id: int, name: str, seconds: float) -> None:
     flood = FLOODS[name]
     arrays = [_serialize(flood.statuses(variant)) for variant in range(flood.variants)]
     with publisher(domain_id) as hostile:
-        hostile.offer(HOSTILE_TOPIC, depth=10)
+        # Deep: what the exporter's kernel drops is sent again until the exporter has it.
+        hostile.offer(HOSTILE_TOPIC)
         hostile.wait_for_listeners()
         for tick, _ in ticks(flood.rate, seconds):
             if tick % max(1, int(flood.rate)) == 0:
@@ -66,36 +67,37 @@ def _serialize(statuses: list[Status] | tuple[Status, ...]) -> bytes:
     return bytes(serialize_message(message(statuses)))
 
 
+def _aggregated(components: list[Status]) -> list[Status]:
+    """The components below one header row, as an aggregator writes them."""
+    rows = tuple((component.name, "OK") for component in components)
+    below = [component._replace(name=f"/Hostile/{component.name}") for component in components]
+    return [Status(0, "/Hostile", "OK", "", rows), *below]
+
+
 def _big(components: int, variant: int) -> list[Status]:
     """Components of 0.5 kB, of which every value changes."""
-    return [
-        Status(
-            0,
-            f"/Hostile/Part {component:05}",
-            "OK",
-            "hw-1",
-            tuple((f"Voltage {key:02} (V)", f"{variant}.{key:02}") for key in range(16)),
-        )
-        for component in range(components)
-    ]
+    values = tuple((f"Voltage {key:02} (V)", f"{variant}.{key:02}") for key in range(16))
+    return _aggregated(
+        [Status(0, f"Part {number:05}", "OK", "hw-1", values) for number in range(components)]
+    )
 
 
 def _equal_keys(variant: int) -> list[Status]:
     """500 components with 200 equal keys each: values change each time, the key every other."""
     key = ("Voltage (V)", "Current (A)")[variant // 2]
     values = tuple((key, f"{variant}.{number:03}") for number in range(200))
-    return [Status(0, f"/Hostile/Part {number}", "OK", "hw-1", values) for number in range(500)]
+    return _aggregated([Status(0, f"Part {number}", "OK", "hw-1", values) for number in range(500)])
 
 
 def _flapping(variant: int) -> list[Status]:
-    """100 components that change their level each time, with the longest text there is."""
+    """15 components that change their level each time, with the longest text there is."""
     text = "\N{ROBOT FACE}" * LONGEST_TEXT
-    return [Status(variant, f"/Hostile/Part {number}", text, "hw-1") for number in range(100)]
+    return _aggregated([Status(variant, f"Part {n}", text, "hw-1") for n in range(15)])
 
 
 FLOODS = {
-    "fast": Flood(60, 2, lambda variant: _big(492, variant)),
+    "fast": Flood(60, 2, lambda variant: _big(475, variant)),
     "equal-keys": Flood(1, 4, _equal_keys),
-    "huge": Flood(20, 2, lambda variant: _big(5_000, variant)),
-    "flapping": Flood(10, 2, _flapping),
+    "huge": Flood(20, 2, lambda variant: _big(4_850, variant)),
+    "flapping": Flood(60, 2, _flapping),
 }
