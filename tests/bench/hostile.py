@@ -214,6 +214,7 @@ def measure(site: Site, attacker: Process | None, seconds: float) -> Result:
     scrapes = scrape_each_second(site, begin + seconds)
     cpu = (cpu_seconds(pid) - cpu) / (time.monotonic() - begin)
     memory = peak_megabytes(pid)
+    done = "none" if attacker is None else last_line(attacker)  # before the exporter goes
     good = [scrape for scrape in scrapes if scrape is not None]
     times = [TIMEOUT if scrape is None else scrape.seconds for scrape in scrapes]
     ages = [age for each in good for robot, age in each.ages.items() if robot != HOSTILE]
@@ -230,7 +231,7 @@ def measure(site: Site, attacker: Process | None, seconds: float) -> Result:
         scrapes=len(scrapes),
         rejected=good[-1].rejected if good else {},
         hostile_arrays=good[-1].messages.get(HOSTILE, 0) if good else 0,
-        attacker="" if attacker is None else last_line(attacker),
+        attacker=done,
         fleet=last_line(site.fleet),
     )
 
@@ -279,23 +280,25 @@ def last_line(process: Process) -> str:
 def print_table(results: dict[str, Result]) -> None:
     """Print a line for each case, and below it what was rejected and what the attacker did."""
     calm = next(iter(results.values()))
-    print(f"{'':<20}" + "".join(f"{title:>11}{'':7}" for title, _, _ in COLUMNS))
+    lines = [f"{'':<20}" + "".join(f"{title:>10}{'':7}" for title, _, _ in COLUMNS)]
     for name, result in results.items():
-        print(f"{name:<20}" + "".join(_cell(result, calm, *rest) for _, *rest in COLUMNS))
+        lines.append(f"{name:<20}" + "".join(_cell(result, calm, *rest) for _, *rest in COLUMNS))
+    print("\n".join(line.rstrip() for line in lines))
     print()
     for name, result in results.items():
         rejected = ", ".join(f"{reason} {count}" for reason, count in result.rejected.items())
         print(f"{name}: {result.scrapes} scrapes; rejected: {rejected or 'nothing'}")
-        print(f"    fleet: {result.fleet}; attacker: {result.attacker or 'none'}")
+        print(f"    fleet: {result.fleet}; attacker: {result.attacker}")
         print(f"    arrays of the hostile robot that were taken: {result.hostile_arrays}")
 
 
 def _cell(result: Result, calm: Result, field: str, form: str) -> str:
     value, reference = getattr(result, field), getattr(calm, field)
     if math.isnan(value):
-        return f"{'-':>11}{'':7}"
+        return f"{'-':>10}{'':7}"
     ratio = value / reference if reference else math.nan
-    return f"{form.format(value):>11}{f'x{ratio:.3g}':>7}"
+    times = f"x{ratio:.0f}" if ratio >= 10 else f"x{ratio:.2f}"
+    return f"{form.format(value):>10}{times:>7}"
 
 
 def print_header(seconds: float) -> None:
