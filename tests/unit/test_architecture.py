@@ -25,7 +25,7 @@ ROOMS = (  # each imports only from above; files side by side in a tuple do not 
     ("config", "tree", "values", "flags", "metrics_reference", "events"),
     ("ros", "state", "nagios", "status", "ack"),
     ("storage", "sample_text", "snapshot", "own_metrics", "watching", "alertmanager"),
-    ("exposition", "web"),
+    ("exposition", "web", "reloading"),
     ("service",),
     ("cli",),
 )
