@@ -1,4 +1,4 @@
-"""No file harms the exporter: odd files, files that hang, that change without end, damaged state."""
+"""No file harms the exporter: odd ones, hanging ones, restless ones, damaged ones."""
 
 from __future__ import annotations
 
@@ -17,6 +17,15 @@ from fleet_demo.waiting import until
 pytestmark = pytest.mark.integration
 
 
+def serving(process: Process) -> Process:
+    """Start an exporter, and wait until it answers."""
+    line = "serving fleet hall"
+    before = process.output().count(line)
+    process.start()
+    until(lambda: process.output().count(line) > before, process.describe)
+    return process
+
+
 def metric(site, name: str) -> float:
     with urllib.request.urlopen(f"http://127.0.0.1:{site.port}/metrics", timeout=20) as answer:
         lines = answer.read().decode().splitlines()
@@ -25,7 +34,7 @@ def metric(site, name: str) -> float:
 
 
 def test_a_fifo_among_the_files_is_named_and_a_dead_robot_is_found_all_the_same(site, ends):
-    exporter = ends(site.exporter()).start()
+    exporter = serving(ends(site.exporter()))
     robots = ends(site.robots(2)).start()
     until(lambda: site.up() == 2, exporter.describe)
 
@@ -63,7 +72,7 @@ def test_while_a_file_hangs_robots_scrapes_and_sigterm_do_not(site, ends):
     program = site.exporter("--web.enable-lifecycle")
     command = [sys.executable, "-c", HUNG, *program.argv[1:]]
     exporter = Process("exporter", command, site.environment, site.folder / "hung.log")
-    ends(exporter).start()
+    serving(ends(exporter))
     robots = ends(site.robots(2)).start()
     until(lambda: site.up() == 2, exporter.describe)
 
@@ -83,8 +92,7 @@ def test_while_a_file_hangs_robots_scrapes_and_sigterm_do_not(site, ends):
 
 
 def test_a_file_that_changes_without_end_keeps_no_other_from_being_read(site, ends):
-    exporter = ends(site.exporter()).start()
-    until(lambda: site.up() == 0, exporter.describe)
+    exporter = serving(ends(site.exporter()))
     stop = threading.Event()
 
     def touch() -> None:
@@ -109,8 +117,7 @@ def test_a_file_that_changes_without_end_keeps_no_other_from_being_read(site, en
 
 
 def test_problems_without_end_do_not_fill_the_log(site, ends):
-    exporter = ends(site.exporter()).start()
-    until(lambda: site.up() == 0, exporter.describe)
+    exporter = serving(ends(site.exporter()))
     before = len(exporter.output())
     with site.fleet_file.open("a") as file:
         file.writelines(f"key_{number}: 1\n" for number in range(60_000))
@@ -129,22 +136,20 @@ def test_problems_without_end_do_not_fill_the_log(site, ends):
 def state_file(site, ends):
     """What an exporter wrote that received two robots, one of them with a fault."""
     path = site.folder / "state.json"
-    exporter = ends(site.exporter("--storage.path", path)).start()
+    exporter = serving(ends(site.exporter("--storage.path", path)))
     robots = ends(site.robots(2)).start()
     until(lambda: site.up() == 2, exporter.describe)
     site.fault("error")
-    until(lambda: 2 in levels(site, "robot_1"), exporter.describe)
+    until(lambda: "ERROR" in levels(site, "robot_1"), exporter.describe)
     assert exporter.stop() == 0
     robots.stop()
     return path
 
 
-def levels(site, name: str) -> set[int]:
-    """The levels of a robot's components, or those before they were stale."""
-    word = {"OK": 0, "WARN": 1, "ERROR": 2, "STALE": 3}
+def levels(site, name: str) -> set[str]:
+    """The levels of a robot's components."""
     robots = {robot["robot"]: robot for robot in site.ask("/api/v1/fleet")["robots"]}
-    components = robots.get(name, {"components": []})["components"]
-    return {word.get(each.get("level_before_stale") or each["level"], -1) for each in components}
+    return {each["level"] for each in robots[name]["components"]}
 
 
 def test_damaged_state_files_are_kept_aside_and_the_exporter_starts(site, ends, state_file):
@@ -155,9 +160,9 @@ def test_damaged_state_files_are_kept_aside_and_the_exporter_starts(site, ends, 
     damages = (wrong_byte, b'{"version": 1, "robots": []}', json.dumps(content).encode())
     for number, damaged in enumerate(damages, 1):
         state_file.write_bytes(damaged)
-        exporter = ends(site.exporter("--storage.path", state_file)).start()
-        until(lambda: metric(site, "storage_last_write_successful") == 1, exporter.describe)
+        exporter = serving(ends(site.exporter("--storage.path", state_file)))
         until(state_file.exists, exporter.describe)
+        assert metric(site, "storage_last_write_successful") == 1
         known = [robot["robot"] for robot in site.ask("/api/v1/fleet")["robots"]]
         assert known == (["robot_1"] if damaged is damages[-1] else [])
         aside = state_file.with_name(f"state.json.damaged-{number}")
@@ -171,8 +176,7 @@ def test_a_state_file_that_cannot_be_read_is_left_alone(site, ends, state_file):
     target = state_file.rename(site.folder / "elsewhere.json")
     whole = target.read_bytes()
     state_file.symlink_to(target)
-    exporter = ends(site.exporter("--storage.path", state_file)).start()
-    until(lambda: site.up() == 0, exporter.describe)
+    exporter = serving(ends(site.exporter("--storage.path", state_file)))
     assert metric(site, "storage_last_write_successful") == 0
     assert "cannot be read (Too many levels of symbolic links)" in exporter.output()
     assert exporter.stop() == 0
