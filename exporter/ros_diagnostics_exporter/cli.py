@@ -113,7 +113,7 @@ def _serve(options: argparse.Namespace, service: Service) -> None:
                 raise WebEndedError  # nobody would see the faults: whoever watches restarts us
             if reload.is_set():
                 reload.clear()
-                service.reload_quietly("SIGHUP")
+                service.request_reload("SIGHUP")
             service.tick()
             stop.wait(service.TICK)
     finally:

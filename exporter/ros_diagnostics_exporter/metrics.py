@@ -255,7 +255,7 @@ EXPORTER_BUILD_INFO = _family(
 EXPORTER_CONFIG_OK = _family(
     "exporter_config_last_reload_successful",
     "gauge",
-    "1 if the last attempt to read the config succeeded.",
+    "1 if the last attempt to read the config succeeded and none hangs.",
     FLEET,
 )
 EXPORTER_CONFIG_TIME = _family(
@@ -308,7 +308,8 @@ EXPORTER_DISCOVERY_TIME = _family(
 EXPORTER_STORAGE_OK = _family(
     "exporter_storage_last_write_successful",
     "gauge",
-    "1 if the last attempt to write the state file succeeded; only with --storage.path.",
+    "1 if the last attempt to write the state file succeeded and none that is unreadable is in "
+    "the way; only with --storage.path.",
     FLEET,
 )
 EXPORTER_STORAGE_TIME = _family(

@@ -10,23 +10,20 @@ import logging
 import threading
 import time
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 
 from ros_diagnostics_exporter import ros, snapshot
 from ros_diagnostics_exporter.acknowledgement import Acknowledgement
 from ros_diagnostics_exporter.alertmanager import Alertmanager
-from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.fleet import Fleet
-from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.diagnostics import Array, Instant
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.exposition import Exposition
 from ros_diagnostics_exporter.own_metrics import Facts, OwnMetrics
+from ros_diagnostics_exporter.reloading import Reloader
 from ros_diagnostics_exporter.state.fleet import State, Topic
 from ros_diagnostics_exporter.state.network import Endpoint
 from ros_diagnostics_exporter.storage import Storage
-from ros_diagnostics_exporter.watching import Watch
 from ros_diagnostics_exporter.web.doors import Doors
 
 log = logging.getLogger(__name__)
@@ -37,8 +34,7 @@ class Service:
 
     TICK = 0.25  # seconds between two calls of tick
     JOIN = 30.0  # seconds until a domain that could not be joined is tried again
-    GRACE = 5.0  # seconds that a write under way is waited for at the end
-    LOOK = 1.0  # seconds between two looks at the config's files
+    GRACE = 5.0  # seconds that a write or a reload under way is waited for at the end
 
     def __init__(
         self,
@@ -54,16 +50,17 @@ class Service:
         self.events = events or EventLog()
         self.state = State(fleet, now, self.events.record)
         self.storage = None if storage_path is None else Storage(storage_path)
-        self._config_file = config_file
-        self._config_time = now.wall
-        self._config_successful = True
-        self._reloading = threading.Lock()
+        self._reloader = Reloader(
+            config_file,
+            fleet,
+            apply=self._configure,
+            record=self.events.record,
+            clocks=ros.read_clocks,
+        )
         self._stopping = threading.Event()
         self._keeper = threading.Thread(target=self._keep, name="state-file", daemon=True)
         self._alertmanager = alertmanager
         self._asker = threading.Thread(target=self._ask, name="alertmanager", daemon=True)
-        self._watch = Watch(fleet.sources)
-        self._look_at = now.mono
         self._join_at = now.mono
         self._distribution, self._rmw = ros.describe_ros()
         self._exposition = Exposition(self.state, self._acknowledged)
@@ -88,6 +85,7 @@ class Service:
         self.join()
         self._keeper.start()
         self._asker.start()
+        self._reloader.start()
 
     def _keep(self) -> None:
         """Write the state file again and again; in a thread, for a disk may hang."""
@@ -111,10 +109,7 @@ class Service:
         """Let time pass; to be called every ``TICK`` seconds."""
         now = ros.read_clocks()
         self.state.tick(now)
-        if now.mono >= self._look_at:
-            self._look_at = now.mono + self.LOOK
-            if self._watch.look():
-                self.reload_quietly("its files changed")
+        self._reloader.tick()
         if now.mono >= self._join_at and self._listener.domain_ids != self.state.fleet.domain_ids:
             self.join()
 
@@ -124,37 +119,21 @@ class Service:
         Both are logged, with ``why`` it was read.
 
         Raises:
-            ConfigError: the config cannot be used.
+            ConfigError: the config cannot be used, or it takes too long to read.
         """
-        with self._reloading:
-            now = ros.read_clocks()
-            self._watch.mark()
-            try:
-                fleet = load(self._config_file)
-            except ConfigError as error:
-                self._config_successful = False
-                self._watch.watch(error.sources)
-                self.events.record(Event(now.wall, "config", after="refused", message=str(error)))
-                log.error(
-                    "the config was not taken over (%s), the old one goes on:\n%s", why, error
-                )
-                raise
-            self._watch.watch(fleet.sources)
-            self.state.configure(fleet, now)
-            self.join()
-            self._config_successful, self._config_time = True, now.wall
-            self.events.record(Event(now.wall, "config", after="read"))
-            log.info("the config was read again: %s", why)
-            for warning in fleet.warnings:
-                log.warning("%s", warning)
+        self._reloader.reload(why)
 
-    def reload_quietly(self, why: str) -> None:
-        """Read the config again; a bad one is refused, which the log has said."""
-        with suppress(ConfigError):
-            self.reload(why)
+    def request_reload(self, why: str) -> None:
+        """Have the config read again soon; the log says how that ends."""
+        self._reloader.request(why)
+
+    def _configure(self, fleet: Fleet) -> None:
+        self.state.configure(fleet, ros.read_clocks())
+        self.join()
 
     def stop(self) -> None:
         """Leave the domains, and write the state a last time."""
+        self._reloader.stop(self.GRACE)
         self._listener.stop()
         self._stopping.set()
         if self._keeper.is_alive():
@@ -229,8 +208,8 @@ class Service:
             fleet=self.state.fleet.name,
             ros_distro=self._distribution,
             rmw=self._rmw,
-            config_successful=self._config_successful,
-            config_time=self._config_time,
+            config_successful=self._reloader.successful,
+            config_time=self._reloader.time,
             robots=len(self.state.robots),
             series=dict(self._exposition.series),
             series_limit=self.state.fleet.limits.series,

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+RESTLESS = 10  # looks after which a change counts although the files go on changing
+
 Signature = tuple[tuple[Path, int, int, int] | tuple[Path], ...]
 
 
@@ -29,10 +31,11 @@ class Watch:
     """Tells once of each change of the watched paths, when it has come to rest.
 
     A change counts when two looks in a row see the same: a file that is just being written is not
-    read halfway.
+    read halfway. One that changes without end keeps the others waiting for ``RESTLESS`` looks.
     """
 
     def __init__(self, paths: Iterable[Path]) -> None:
+        self._waited = 0  # looks since there is a change
         self._marked: dict[Path, tuple[Path, int, int, int] | tuple[Path]] = {}
         self.watch(paths)
 
@@ -49,11 +52,13 @@ class Watch:
         self._last = signature(self._paths)
         self._known = tuple(self._marked.get(each[0], each) for each in self._last)
         self._marked = {}
+        self._waited = 0
 
     def look(self) -> bool:
         """Whether there was a change since the last time that this told of one."""
         before, self._last = self._last, signature(self._paths)
-        if self._last == self._known or self._last != before:
+        self._waited = 0 if self._last == self._known else self._waited + 1
+        if not self._waited or (self._last != before and self._waited < RESTLESS):
             return False
-        self._known = self._last
+        self._known, self._waited = self._last, 0
         return True

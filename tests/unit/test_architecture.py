@@ -20,11 +20,12 @@ TREES = {
     "fleet_demo": CHECKOUT / "sim",
 }
 ROOMS = (  # each imports only from above; files side by side in a tuple do not know each other
-    ("diagnostics", "units", "metrics", "ranks", "logs", "systemd", "client", "acknowledgement"),
+    ("diagnostics", "units", "files", "metrics", "ranks", "logs", "systemd"),
+    ("client", "acknowledgement"),
     ("config", "tree", "values", "flags", "metrics_reference", "events"),
     ("ros", "state", "nagios", "status", "ack"),
     ("storage", "sample_text", "snapshot", "own_metrics", "watching", "alertmanager"),
-    ("exposition", "web"),
+    ("exposition", "web", "reloading"),
     ("service",),
     ("cli",),
 )

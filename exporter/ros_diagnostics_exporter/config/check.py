@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from datetime import datetime
@@ -18,6 +17,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Robot,
     Shared,
 )
+from ros_diagnostics_exporter.config.regex import Pattern
 from ros_diagnostics_exporter.config.times import DAY, DAYS
 
 _UNITS = (("w", 604_800_000), ("d", 86_400_000), ("h", 3_600_000), ("m", 60_000), ("s", 1000))
@@ -72,7 +72,7 @@ def _shared(shared: Shared) -> str:
     return _joined(
         f"{shared.topic} in domain {shared.domain_id}, {'raw' if shared.raw else 'aggregated'}",
         f"robot from {shared.by}",
-        shared.pattern and f"by {shared.pattern.pattern}",
+        shared.pattern is not None and f"by {shared.pattern.pattern}",
         f"profile {shared.profile.name}",
         _pairs(shared.labels),
     )
@@ -129,7 +129,7 @@ def _pairs(mapping: Mapping[str, object]) -> str:
     return " ".join(f"{key}={value}" for key, value in mapping.items())
 
 
-def _patterns(patterns: Iterable[re.Pattern[str]]) -> str:
+def _patterns(patterns: Iterable[Pattern]) -> str:
     return "|".join(pattern.pattern for pattern in patterns)
 
 

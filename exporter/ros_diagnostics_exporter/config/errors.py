@@ -9,10 +9,19 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
+LISTED = 20  # problems, or warnings, that are listed one by one
+MOST = 1000  # problems of entries that are worked out; a wrong file may have any number
+_MOST_SAID = 250  # characters of each part of a problem
+
 
 def printable(text: str) -> str:
     """`text` with line ends, control and invisible characters escaped."""
     return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)
+
+
+def shortened(text: str) -> str:
+    """`text`, or its begin where it is too long for a line of the log."""
+    return text if len(text) <= _MOST_SAID else text[: _MOST_SAID - 3] + "..."
 
 
 class WrongValueError(ValueError):
@@ -35,12 +44,12 @@ class Problem(NamedTuple):
 
     def __str__(self) -> str:
         place = str(self.file) if self.line is None else f"{self.file}:{self.line}"
-        key = f"{self.key}: " if self.key else ""
-        return printable(f"{place}: {key}{self.what}; {self.remedy}")
+        key = f"{shortened(self.key)}: " if self.key else ""
+        return printable(f"{place}: {key}{shortened(self.what)}; {shortened(self.remedy)}")
 
 
 class ConfigError(ValueError):
-    """The config cannot be used; ``str()`` is the complete text, one line for each problem.
+    """The config cannot be used; ``str()`` has a line for each of the first ``LISTED`` problems.
 
     ``sources`` are the files and folders that were looked at, so that a change of any of them
     can be noticed although they did not make a Fleet.
@@ -49,7 +58,16 @@ class ConfigError(ValueError):
     def __init__(self, problems: Iterable[Problem], sources: Iterable[Path] = ()) -> None:
         self.problems = tuple(sorted(set(problems), key=_place))
         self.sources = tuple(sources)
-        super().__init__("\n".join(map(str, self.problems)))
+        super().__init__(self.text(LISTED))
+
+    def text(self, listed: int) -> str:
+        """The first ``listed`` problems, one line each, and how many more there are."""
+        lines = [str(problem) for problem in self.problems[:listed]]
+        more = len(self.problems) - listed
+        if more > 0:
+            least = "at least " if len(self.problems) >= MOST else ""
+            lines.append(f"and {least}{more} more problems, listed once these are mended")
+        return "\n".join(lines)
 
 
 def _place(problem: Problem) -> tuple[str, int, str]:

@@ -12,6 +12,8 @@ from enum import Enum
 from pathlib import Path
 from types import MappingProxyType
 
+from ros_diagnostics_exporter.config.regex import Pattern
+
 
 def _no_labels() -> Mapping[str, str]:
     return MappingProxyType({})
@@ -50,8 +52,8 @@ class Threshold:
 class ValueRule:
     """How one key-value is read; the first rule whose patterns match is the one."""
 
-    component: re.Pattern[str] | None = None  # searched in the component's name; None = all
-    key: re.Pattern[str] | None = None  # fullmatch on the key; None = all
+    component: Pattern | None = None  # searched in the component's name; None = all
+    key: Pattern | None = None  # fullmatch on the key; None = all
     keep: bool = True
     unit: str | None = None  # replaces the unit found in the strings
     enum: Mapping[str, float] | None = None  # the string as said (case ignored) -> number
@@ -66,7 +68,7 @@ class ValueRule:
 class ComponentRule:
     """What is special about the components whose name matches; the first match is the one."""
 
-    pattern: re.Pattern[str]  # searched in the component's name
+    pattern: Pattern  # searched in the component's name
     ignore: bool = False
     stale_after: float | None = None  # seconds
     confirm_after: float | None = None  # seconds
@@ -79,7 +81,7 @@ class Check:
     """A named set of components, as a Nagios service was in the thesis (`-N Motor`)."""
 
     name: str
-    patterns: tuple[re.Pattern[str], ...] = ()  # any searched in "group/component"; () = all
+    patterns: tuple[Pattern, ...] = ()  # any searched in "group/component"; () = all
     expect: int | None = None  # fewer than this many found is CRITICAL
 
 
@@ -123,8 +125,8 @@ class Discovery:
     template: str  # as written: "/{robot}/diagnostics_agg", or the message type
     domain_ids: tuple[int, ...] = (0,)
     source: Source = Source.AUTO
-    include: tuple[re.Pattern[str], ...] = ()  # fullmatch on the robot's name; () = all
-    exclude: tuple[re.Pattern[str], ...] = ()
+    include: tuple[Pattern, ...] = ()  # fullmatch on the robot's name; () = all
+    exclude: tuple[Pattern, ...] = ()
     profile: Profile = field(default_factory=Profile)
     address: str | None = None  # "{robot}.lan", "10.0.0.{domain_id}"
     labels: Mapping[str, str] = field(default_factory=_no_labels)
@@ -139,7 +141,7 @@ class Shared:
     raw: bool  # partial arrays (/diagnostics) or complete ones (/diagnostics_agg)
     domain_id: int = 0
     by: str = "hardware_id"  # or "name"
-    pattern: re.Pattern[str] | None = None  # named groups "robot" and, for names, "component"
+    pattern: Pattern | None = None  # named groups "robot" and, for names, "component"
     profile: Profile = field(default_factory=Profile)
     labels: Mapping[str, str] = field(default_factory=_no_labels)
 
@@ -149,7 +151,7 @@ class Maintenance:
     """A planned downtime: which robots, and a window that `config.windows` can judge."""
 
     name: str
-    selector: Mapping[str, tuple[re.Pattern[str], ...]]  # label -> any of these, fullmatch
+    selector: Mapping[str, tuple[Pattern, ...]]  # label -> any of these, fullmatch
     comment: str
     start: float | None = None  # Unix time; None = since ever
     end: float | None = None  # exclusive; None = for ever

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from ros_diagnostics_exporter.config.advice import advice
 from ros_diagnostics_exporter.config.conflicts import refuse_conflicts
 from ros_diagnostics_exporter.config.downtimes import downtimes
-from ros_diagnostics_exporter.config.errors import Problem
+from ros_diagnostics_exporter.config.errors import LISTED, Problem, shortened
 from ros_diagnostics_exporter.config.fleet import (
     Discovery,
     Fleet,
@@ -62,7 +62,11 @@ def resolve(checked: Checked, problems: list[Problem]) -> Fleet | None:
         maintenance=maintenance,
         limits=Limits(**top.limits.model_dump(exclude_none=True)) if top.limits else Limits(),
     )
-    return replace(fleet, warnings=advice(checked, fleet))
+    warnings = advice(checked, fleet)
+    if len(warnings) > LISTED:
+        more = f"and {len(warnings) - LISTED} more warnings"
+        warnings = (*map(shortened, warnings[:LISTED]), more)
+    return replace(fleet, warnings=warnings)
 
 
 class _Choice:

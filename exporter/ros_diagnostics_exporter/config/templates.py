@@ -9,6 +9,7 @@ from pydantic import PlainValidator, WithJsonSchema
 
 from ros_diagnostics_exporter.config.errors import WrongValueError
 from ros_diagnostics_exporter.config.patterns import MAX_PATTERN, expression
+from ros_diagnostics_exporter.config.regex import Pattern, escape
 from ros_diagnostics_exporter.config.scalars import MAX_NAME, MAX_TOPIC, shown, text
 
 ROBOT = "{robot}"
@@ -46,25 +47,26 @@ def name_template(value: Any) -> str:
     return found
 
 
-def split(value: Any) -> re.Pattern[str]:
+def split(value: Any) -> Pattern:
     """How a status names its robot: a template, or {regex: ...} with a group "robot"."""
     if isinstance(value, dict) and set(value) == {"regex"}:
         made = expression(value["regex"])
-        groups = set(made.groupindex)
-        if "robot" not in groups or groups - {"robot", "component"}:
+        groups = made.groups
+        twice = any(made.pattern.count(f"<{group}>") > 1 for group in groups)
+        if twice or "robot" not in groups or groups - {"robot", "component"}:
             what = f"{shown(made.pattern)} has not the named groups that are looked for"
             raise WrongValueError(
-                what, "name the robot's part (?P<robot>...), the rest (?P<component>...)"
+                what, "name the robot's part (?P<robot>...), the rest (?P<component>...), each once"
             )
         return made
     found = text(value)
-    source = re.escape(found[: MAX_PATTERN + 1])
+    source = escape(found[: MAX_PATTERN + 1])
     for group, inner in (("robot", ".+?"), ("component", ".+")):
         source = source.replace(rf"\{{{group}\}}", f"(?P<{group}>{inner})", 1)
     if len(found) > MAX_PATTERN or "(?P<robot>" not in source or r"\{" in source:
         remedy = "write it with {robot} and {component}, each once, as {robot}/{component}"
         raise WrongValueError(f"{shown(found)} does not say where the robot's name is", remedy)
-    return re.compile(source, re.DOTALL)
+    return Pattern(source, dot_all=True)
 
 
 TopicTemplate = Annotated[
@@ -78,7 +80,7 @@ NameTemplate = Annotated[
     WithJsonSchema({"title": "text with {robot}", "type": "string", "pattern": f"^{_NAME}$"}),
 ]
 Split = Annotated[
-    re.Pattern[str],
+    Pattern,
     PlainValidator(split),
     WithJsonSchema(
         {

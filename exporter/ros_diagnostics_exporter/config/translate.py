@@ -68,7 +68,7 @@ def _about_value(error: ErrorDetails) -> tuple[str, str]:
 
 def meant(word: str, known: Iterable[str]) -> str:
     """The remedy for a word that is not known: the one that it resembles, or all."""
-    words = list(known)
+    words, word = list(known), word[:100]  # comparing takes the square of the length
     close = difflib.get_close_matches(word.lower(), {each.lower(): each for each in words}, n=1)
     if close:
         best = next(each for each in words if each.lower() == close[0])

@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 
 from pydantic import ValidationError
 
-from ros_diagnostics_exporter.config.errors import Problem
+from ros_diagnostics_exporter.config.errors import MOST, Problem
 from ros_diagnostics_exporter.config.model import FleetFile, MaintenanceEntry
 from ros_diagnostics_exporter.config.model_base import Entry
 from ros_diagnostics_exporter.config.model_profile import ProfileEntry
@@ -121,7 +121,7 @@ def _entry(
     try:
         return Placed(document, path, model.model_validate(data))
     except ValidationError as error:
-        for each in error.errors(include_url=False):
+        for each in error.errors(include_url=False)[: max(0, MOST - len(problems))]:
             below, what, remedy = told(each, model)
             where = (*path, *below)
             if where not in document.marred:

@@ -15,6 +15,7 @@ import yaml
 from ros_diagnostics_exporter.config.errors import Problem
 from ros_diagnostics_exporter.config.yamlscalars import loader
 from ros_diagnostics_exporter.config.yamltree import MAX_DEPTH, KeyPath, Tree, UnusableError
+from ros_diagnostics_exporter.files import read_regular
 
 MAX_BYTES = 8 * 1024 * 1024
 
@@ -86,8 +87,7 @@ def read(path: Path) -> tuple[Document | None, list[Problem]]:
 
 def _text(path: Path) -> str:
     try:
-        with path.open("rb") as file:
-            raw = file.read(MAX_BYTES + 1)
+        raw = read_regular(path, MAX_BYTES + 1)
     except OSError as error:
         what = f"cannot be read ({error.strerror})"
         raise UnusableError(

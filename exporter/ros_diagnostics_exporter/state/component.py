@@ -169,7 +169,6 @@ class Component:
 
     def restore(self, known: RememberedComponent, now: Instant) -> None:
         """Put back what a former process knew: STALE until it is heard."""
-        self.group = known.group
         self.hardware_id = known.hardware_id
         self.listed = now.mono - max(0.0, now.wall - known.listed)
         self.message = known.message

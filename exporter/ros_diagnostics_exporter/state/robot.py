@@ -164,9 +164,7 @@ class Robot:
             topic=settings.topic_agg or settings.topic_raw or "",
             source=self.source.value,
             last_seen=self.last_wall,
-            components=[
-                each.remember(now)._asdict() for each in self.components.values() if each.level >= 0
-            ],
+            components=[each.remember(now) for each in self.components.values() if each.level >= 0],
         )
 
     def restore(self, known: RememberedRobot, now: Instant) -> None:

@@ -1,6 +1,8 @@
 """What a good fleet.yml becomes."""
 
 import os
+import socket
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -140,9 +142,63 @@ def test_huge_file_is_refused_before_it_is_parsed(tmp_path):
         load(path)
 
 
-def test_file_that_never_ends_is_refused():
-    with pytest.raises(ConfigError, match="is larger than"):
-        load(Path("/dev/zero"))
+@pytest.mark.parametrize("kind", ["fifo", "socket", "device"])
+def test_what_is_no_regular_file_is_an_error_and_holds_nobody_up(fleet_of, tmp_path, kind):
+    """A FIFO that nobody writes to would be opened, and a terminal read, for ever."""
+    (tmp_path / "robots.d").mkdir()
+    odd = tmp_path / "robots.d" / "odd.yml"
+    if kind == "fifo":
+        os.mkfifo(odd)
+    elif kind == "device":
+        odd.symlink_to("/dev/zero")
+    else:
+        with socket.socket(socket.AF_UNIX) as listening:
+            listening.bind(str(odd))
+    with pytest.raises(ConfigError, match=rf"{odd}: cannot be read \(") as caught:
+        fleet_of("fleet: demo", **{"robots.d/good.yml": "{name: r, domain_id: 1}"})
+    assert len(caught.value.problems) == 1
+
+
+MANY = 60_000
+
+
+def test_what_is_wrong_without_end_is_shown_in_part():
+    keys = "".join(f"key_{number}: 1\n" for number in range(MANY))
+    assert_bounded("fleet: demo\n" + keys, "and at least 980 more problems")
+
+
+def test_entries_that_are_wrong_without_end_are_shown_in_part():
+    entries = "".join(f"  - {{nam: r{number}}}\n" for number in range(2_000))
+    assert_bounded("fleet: demo\nrobots:\n" + entries, "and at least 9")
+
+
+def test_a_key_without_end_is_shown_in_part(fleet_of):
+    with pytest.raises(ConfigError) as caught:
+        fleet_of(f"fleet: demo\n? {'k' * 1_000_000}\n: 1\n")
+    (line,) = str(caught.value).splitlines()
+    assert "kkk...: is not a key; use one of" in line
+    assert len(line) < 1000
+
+
+def assert_bounded(text, more):
+    with tempfile.NamedTemporaryFile("w", suffix=".yml") as file:
+        file.write(text)
+        file.flush()
+        with pytest.raises(ConfigError) as caught:
+            load(Path(file.name))
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 21
+    assert lines[-1].startswith(more)
+    assert lines[-1].endswith("more problems, listed once these are mended")
+    assert len(str(caught.value)) < 20_000
+    assert len(caught.value.text(3).splitlines()) == 4
+
+
+def test_warnings_without_end_are_shown_in_part(fleet_of):
+    robots = "".join(f"- {{name: r{number}, domain_id: {100 + number}}}\n" for number in range(60))
+    fleet = fleet_of("fleet: demo\nrobots:\n" + robots)
+    assert len(fleet.warnings) == 21
+    assert fleet.warnings[-1] == "and 38 more warnings"
 
 
 def test_sources_are_the_same_for_a_fleet_a_path_and_a_broken_file(fleet_of, tmp_path):

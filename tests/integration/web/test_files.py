@@ -1,0 +1,184 @@
+"""No file harms the exporter: odd ones, hanging ones, restless ones, damaged ones."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+import urllib.error
+import urllib.request
+
+import pytest
+
+from fleet_demo.processes import Process
+from fleet_demo.waiting import until
+
+pytestmark = pytest.mark.integration
+
+
+def serving(process: Process) -> Process:
+    """Start an exporter, and wait until it answers."""
+    line = "serving fleet hall"
+    before = process.output().count(line)
+    process.start()
+    until(lambda: process.output().count(line) > before, process.describe)
+    return process
+
+
+def metric(site, name: str) -> float:
+    with urllib.request.urlopen(f"http://127.0.0.1:{site.port}/metrics", timeout=20) as answer:
+        lines = answer.read().decode().splitlines()
+    (line,) = (each for each in lines if each.startswith(f"ros_diagnostics_exporter_{name}{{"))
+    return float(line.rpartition(" ")[2])
+
+
+def test_a_fifo_among_the_files_is_named_and_a_dead_robot_is_found_all_the_same(site, ends):
+    exporter = serving(ends(site.exporter()))
+    robots = ends(site.robots(2)).start()
+    until(lambda: site.up() == 2, exporter.describe)
+
+    folder = site.folder / "robots.d"
+    folder.mkdir()
+    os.mkfifo(folder / "fifo.yml")
+    until(lambda: metric(site, "config_last_reload_successful") == 0, exporter.describe)
+    until(lambda: f"{folder}/fifo.yml: cannot be read" in exporter.output(), exporter.describe)
+    robots.stop()
+    until(lambda: site.up() == 0, exporter.describe)
+
+    (folder / "fifo.yml").unlink()
+    until(lambda: metric(site, "config_last_reload_successful") == 1, exporter.describe)
+    os.mkfifo(folder / "fifo.yml")
+    assert exporter.stop() == 0
+
+
+# The program, on a machine whose disk never answers for files of the name hung.yml.
+HUNG = """
+import sys, threading
+from ros_diagnostics_exporter import cli
+from ros_diagnostics_exporter.config import yamlfile
+
+read = yamlfile.read_regular
+def read_or_hang(path, most):
+    if path.name == "hung.yml":
+        threading.Event().wait()
+    return read(path, most)
+yamlfile.read_regular = read_or_hang
+sys.exit(cli.main())
+"""
+
+
+def test_while_a_file_hangs_robots_scrapes_and_sigterm_do_not(site, ends):
+    program = site.exporter("--web.enable-lifecycle")
+    command = [sys.executable, "-c", HUNG, *program.argv[1:]]
+    exporter = Process("exporter", command, site.environment, site.folder / "hung.log")
+    serving(ends(exporter))
+    robots = ends(site.robots(2)).start()
+    until(lambda: site.up() == 2, exporter.describe)
+
+    folder = site.folder / "robots.d"
+    folder.mkdir()
+    (folder / "hung.yml").write_text("{name: r, domain_id: 1}")
+    with pytest.raises(urllib.error.HTTPError) as caught:
+        site.ask("/-/reload", "POST")
+    assert caught.value.code == 400
+    assert "has not been read after 10 s" in caught.value.read().decode()
+    robots.stop()
+    until(lambda: site.up() == 0, exporter.describe)
+    until(lambda: metric(site, "config_last_reload_successful") == 0, exporter.describe)
+    until(lambda: "the config cannot change until its disk" in exporter.output(), exporter.describe)
+
+    assert exporter.stop(30) == 0
+
+
+def test_a_file_that_changes_without_end_keeps_no_other_from_being_read(site, ends):
+    exporter = serving(ends(site.exporter()))
+    stop = threading.Event()
+
+    def touch() -> None:
+        while not stop.wait(0.1):
+            os.utime(site.fleet_file)
+
+    toucher = threading.Thread(target=touch)
+    toucher.start()
+    try:
+        folder = site.folder / "robots.d"
+        folder.mkdir()
+        (folder / "new.yml").write_text(f"{{name: new, domain_id: {site.domain_id}}}")
+        until(
+            lambda: [robot["robot"] for robot in site.ask("/api/v1/fleet")["robots"]] == ["new"],
+            exporter.describe,
+            60,
+        )
+    finally:
+        stop.set()
+        toucher.join()
+    assert exporter.stop() == 0
+
+
+def test_problems_without_end_do_not_fill_the_log(site, ends):
+    exporter = serving(ends(site.exporter()))
+    before = len(exporter.output())
+    with site.fleet_file.open("a") as file:
+        file.writelines(f"key_{number}: 1\n" for number in range(60_000))
+    until(lambda: "more problems, listed once these" in exporter.output(), exporter.describe, 120)
+    (event,) = site.ask("/api/v1/events?kind=config&limit=1")["events"]
+    assert event["after"] == "refused"
+    assert len(event["message"]) < 2_000
+    assert len(exporter.output()) - before < 20_000
+
+    ended = site.run("--config.check")
+    assert ended.returncode == 2
+    assert len(ended.stderr.splitlines()) == 21
+
+
+@pytest.fixture
+def state_file(site, ends):
+    """What an exporter wrote that received two robots, one of them with a fault."""
+    path = site.folder / "state.json"
+    exporter = serving(ends(site.exporter("--storage.path", path)))
+    robots = ends(site.robots(2)).start()
+    until(lambda: site.up() == 2, exporter.describe)
+    site.fault("error")
+    until(lambda: "ERROR" in levels(site, "robot_1"), exporter.describe)
+    assert exporter.stop() == 0
+    robots.stop()
+    return path
+
+
+def levels(site, name: str) -> set[str]:
+    """The levels of a robot's components."""
+    robots = {robot["robot"]: robot for robot in site.ask("/api/v1/fleet")["robots"]}
+    return {each["level"] for each in robots[name]["components"]}
+
+
+def test_damaged_state_files_are_kept_aside_and_the_exporter_starts(site, ends, state_file):
+    whole = state_file.read_text()
+    content = json.loads(whole)
+    content["robots"]["robot_2"]["components"][0]["level"] = 7
+    wrong_byte = whole.encode()[:-100] + b"\xff" + whole.encode()[-99:]
+    damages = (wrong_byte, b'{"version": 1, "robots": []}', json.dumps(content).encode())
+    for number, damaged in enumerate(damages, 1):
+        state_file.write_bytes(damaged)
+        exporter = serving(ends(site.exporter("--storage.path", state_file)))
+        until(state_file.exists, exporter.describe)
+        assert metric(site, "storage_last_write_successful") == 1
+        known = [robot["robot"] for robot in site.ask("/api/v1/fleet")["robots"]]
+        assert known == (["robot_1"] if damaged is damages[-1] else [])
+        aside = state_file.with_name(f"state.json.damaged-{number}")
+        assert aside.read_bytes() == damaged
+        assert exporter.output().count(f"it is kept as {aside}") == 1
+        assert exporter.stop() == 0
+    assert set(json.loads(state_file.read_text())["robots"]) == {"robot_1"}
+
+
+def test_a_state_file_that_cannot_be_read_is_left_alone(site, ends, state_file):
+    target = state_file.rename(site.folder / "elsewhere.json")
+    whole = target.read_bytes()
+    state_file.symlink_to(target)
+    exporter = serving(ends(site.exporter("--storage.path", state_file)))
+    assert metric(site, "storage_last_write_successful") == 0
+    assert "cannot be read (Too many levels of symbolic links)" in exporter.output()
+    assert exporter.stop() == 0
+    assert state_file.is_symlink()
+    assert target.read_bytes() == whole
