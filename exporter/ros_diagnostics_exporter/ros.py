@@ -278,6 +278,7 @@ class _Domain:
         self._asked_last = ""
         self._stopping = threading.Event()
         self._joined = threading.Event()
+        self._failed = False
         self.last_look = 0.0
         self.last_turn = 0.0
         self._thread = threading.Thread(
@@ -288,7 +289,7 @@ class _Domain:
     @property
     def alive(self) -> bool:
         """Whether the thread runs: it joins, works, or leaves."""
-        return self._thread.is_alive()
+        return self._thread.is_alive() and not self._failed
 
     @property
     def joined(self) -> bool:
@@ -317,6 +318,7 @@ class _Domain:
         except Exception as error:  # whatever the middleware raises; other domains go on
             log.exception("cannot join DDS domain %d", self._domain_id)
             context.try_shutdown()
+            self._failed = True  # from now on it may be joined anew
             self._handlers.failed(self._domain_id, str(error))
             return
         try:
