@@ -117,25 +117,25 @@ def test_sigterm_ends_a_program_whose_join_hangs(
     assert f"DDS domain {ros_domain} is not left yet" in exporter.output()
 
 
-def test_a_domain_that_cannot_be_joined_leaves_no_context_behind(
+def test_a_domain_whose_node_cannot_be_made_leaves_no_context_behind(
     ros_domain, run_exporter, monkeypatch
 ):
-    """SROS 2 that enforces security without a keystore lets nobody in."""
-    made, context = [], ros.Context
+    contexts, create = [], ros.rclpy.create_node
 
-    def recorded():
-        made.append(context())
-        return made[-1]
+    def create_node(*arguments, context, **more):
+        contexts.append(context)
+        if len(contexts) == 1:
+            raise RuntimeError("no node today")
+        return create(*arguments, context=context, **more)
 
-    monkeypatch.setattr(ros, "Context", recorded)
-    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
-    monkeypatch.setenv("ROS_SECURITY_STRATEGY", "Enforce")
-    monkeypatch.setenv("ROS_SECURITY_KEYSTORE", "/nonexistent")
+    monkeypatch.setattr(ros.rclpy, "create_node", create_node)
     running = run_exporter(Fleet("f", (robot("r", ros_domain),)))
-
     running.wait_for("robot_silent_reason", 1, robot="r", reason="domain_unreachable")
-    assert len(made) == 1
-    assert not made[0].ok()
+    assert not contexts[0].ok()
+
+    running.service.join()
+    running.wait_for("exporter_domain_up", 1, domain_id=str(ros_domain))
+    assert contexts[1].ok()
 
 
 def test_a_domain_whose_thread_stands_still_is_not_ready(
@@ -229,3 +229,37 @@ def test_seconds_counted_by_several_threads_are_all_counted():
         thread.join()
 
     assert (listener.decode_seconds, listener.ingest_seconds) == (80, 160)
+
+
+def test_messages_are_received_while_the_look_at_a_slow_graph_is_under_way(
+    ros_domain, robots, run_exporter, monkeypatch
+):
+    """Where there are thousands of topics, asking for one's publishers takes milliseconds."""
+    count, asked = ros.Node.count_publishers, []
+
+    def slow(node, name):
+        if name.startswith("/x"):
+            asked.append(name)
+            time.sleep(0.05)
+        return count(node, name)
+
+    monkeypatch.setattr(ros.Node, "count_publishers", slow)
+    for number in range(200):  # ten seconds
+        robots.offer(f"/x{number}/diagnostics")
+    running = run_exporter(Fleet("f", (robot("here", ros_domain),)))
+    robots.offer("/here/diagnostics")
+    until(lambda: robots.listeners("/here/diagnostics"), "a subscription", 60)
+    until(lambda: len(set(asked)) > 100, "the other topics are asked for", 60)
+
+    def look() -> float:
+        return running.sample("exporter_discovery_last_run_timestamp_seconds")
+
+    def three_received_within_one_look() -> bool:
+        begin = look()
+        for _ in range(3):
+            before = running.sample("robot_messages_total", robot="here")
+            robots.send("/here/diagnostics", COOL)
+            running.wait_for("robot_messages_total", before + 1, robot="here")
+        return begin == look()
+
+    until(three_received_within_one_look, "three messages received within one look", 60)
