@@ -40,7 +40,6 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--text", type=int, default=4, help="characters of a value")
     parser.add_argument("--depth", type=int, default=10, help="arrays kept until acknowledged")
     parser.add_argument("--matched", action="store_true", help="wait for a subscription first")
-    parser.add_argument("--fleeting", action="store_true", help="each topic vanishes after a turn")
     return parser.parse_args()
 
 
@@ -50,23 +49,19 @@ def main() -> None:
     data = _array(options.statuses, options.values, options.text)
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("load")
-
-    def offer(number: int) -> rclpy.publisher.Publisher:
-        topic = options.pattern.format(number)
-        return node.create_publisher(DiagnosticArray, topic, QoSProfile(depth=options.depth))
-
-    topics = range(options.topics)
-    publishers = [offer(number) for number in topics for _ in range(options.publishers)]
+    quality = QoSProfile(depth=options.depth)
+    publishers = [
+        node.create_publisher(DiagnosticArray, options.pattern.format(number), quality)
+        for number in range(options.topics)
+        for _ in range(options.publishers)
+    ]
     if options.matched:
         until(lambda: all(p.get_subscription_count() for p in publishers), "a subscription")
     print(f"publishing arrays of {len(data)} bytes", flush=True)
     begin, sent = time.monotonic(), 0
     while sent < options.arrays and time.monotonic() - begin < options.seconds:
-        for place, publisher in enumerate(publishers):
+        for publisher in publishers:
             publisher.publish(data)
-            if options.fleeting:
-                node.destroy_publisher(publisher)
-                publishers[place] = offer(len(publishers) * (sent + 1) + place)
         sent += 1
         time.sleep(max(0.0, begin + sent / options.rate - time.monotonic()))
     print(f"sent {sent * len(publishers)} arrays", flush=True)
