@@ -65,7 +65,7 @@ class ServedFleet:
             rejected=self.state.rejected,
             scrapes=self._scrapes,
             domains=self.domains,
-            discovery_time=self.started.wall,
+            discovery_times=dict.fromkeys(self.domains, self.started.wall),
             storage_successful=True,
             storage_time=self.started.wall,
             alertmanager_up=self.alertmanager and self.alertmanager.answers(_read_clocks()),

@@ -302,8 +302,8 @@ EXPORTER_DOMAIN_UP = _family(
 EXPORTER_DISCOVERY_TIME = _family(
     "exporter_discovery_last_run_timestamp_seconds",
     "gauge",
-    "When the ROS graph was last looked at (Unix time).",
-    FLEET,
+    "When the ROS graph of a joined DDS domain was last looked at (Unix time); 0 = not yet.",
+    (*FLEET, "domain_id"),
 )
 EXPORTER_STORAGE_OK = _family(
     "exporter_storage_last_write_successful",

@@ -34,7 +34,7 @@ class Facts:
     scrapes: int = 0
     scrape_seconds: float = 0.0
     domains: Mapping[int, bool] = field(default_factory=dict)
-    discovery_time: float = 0.0
+    discovery_times: Mapping[int, float] = field(default_factory=dict)
     storage_successful: bool | None = None  # None: no state file is kept
     storage_time: float = 0.0
     alertmanager_up: bool | None = None  # None: it is not asked
@@ -85,13 +85,13 @@ def _samples(facts: Facts) -> Iterable[tuple[Family, list[tuple[list[str], float
         (metrics.EXPORTER_INGEST, facts.ingest_seconds),
         (metrics.EXPORTER_SCRAPES, facts.scrapes),
         (metrics.EXPORTER_SCRAPE_DURATION, facts.scrape_seconds),
-        (metrics.EXPORTER_DISCOVERY_TIME, facts.discovery_time),
     ):
         yield family, [([], value)]
     for family, by_label in (
         (metrics.EXPORTER_SERIES, facts.series),
         (metrics.EXPORTER_REJECTED, facts.rejected),
         (metrics.EXPORTER_DOMAIN_UP, facts.domains),
+        (metrics.EXPORTER_DISCOVERY_TIME, facts.discovery_times),
     ):
         yield family, [([str(label)], float(value)) for label, value in sorted(by_label.items())]
     if facts.storage_successful is not None:

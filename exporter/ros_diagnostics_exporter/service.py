@@ -35,6 +35,7 @@ class Service:
     TICK = 0.25  # seconds between two calls of tick
     JOIN = 30.0  # seconds until a domain that could not be joined is tried again
     GRACE = 5.0  # seconds that a write or a reload under way is waited for at the end
+    STALLED = 10.0  # seconds without a turn of a domain's thread after which it is not ready
 
     def __init__(
         self,
@@ -71,8 +72,10 @@ class Service:
             ros.Handlers(
                 receive=self._receive,
                 undecodable=self._undecodable,
+                dropped=self._dropped,
                 graph=self._graph,
                 wanted=self._wanted,
+                joined=self._joined,
                 failed=self._failed,
             ),
             ros_arguments=ros_arguments,
@@ -99,7 +102,10 @@ class Service:
             self._stopping.wait(self._alertmanager.INTERVAL)
 
     def join(self) -> None:
-        """Be in the fleet's domains; what cannot be joined is tried again every half minute."""
+        """Be in the fleet's domains; what cannot be joined is tried again every half minute.
+
+        It waits for none that is joined, and for those that are left at most some seconds.
+        """
         self._join_at = ros.read_clocks().mono + self.JOIN
         self._listener.join(self.state.fleet.domain_ids)
         for domain_id in self._listener.domain_ids:
@@ -111,6 +117,9 @@ class Service:
         self.state.tick(now)
         self._reloader.tick()
         if now.mono >= self._join_at and self._listener.domain_ids != self.state.fleet.domain_ids:
+            for domain_id in self._listener.joining:
+                log.warning("DDS domain %d is still being joined", domain_id)
+                self._failed(domain_id, "it is still being joined")
             self.join()
 
     def reload(self, why: str = "POST /-/reload") -> None:
@@ -172,14 +181,21 @@ class Service:
     def _undecodable(self, domain_id: int, topic: str, error: str, now: Instant) -> None:
         self.state.undecodable(Topic(domain_id, topic), now, error)
 
+    def _dropped(self, domain_id: int, topic: str, count: int) -> None:
+        self.state.dropped(Topic(domain_id, topic), count)
+
     def _graph(self, domain_id: int, topics: Mapping[str, ros.TopicInfo], now: Instant) -> None:
         endpoints = {
             name: Endpoint(info.publishers, info.wrong_type) for name, info in topics.items()
         }
         self.state.graph(domain_id, endpoints, now)
 
-    def _wanted(self, domain_id: int) -> list[str]:
-        return [topic.name for topic in self.state.wanted(domain_id)]
+    def _wanted(self, domain_id: int) -> dict[str, bool]:
+        shared = {Topic(each.domain_id, each.topic) for each in self.state.fleet.shared}
+        return {topic.name: topic in shared for topic in self.state.wanted(domain_id)}
+
+    def _joined(self, domain_id: int) -> None:
+        self.state.domain_joined(domain_id, joined=True)
 
     def _failed(self, domain_id: int, error: str) -> None:
         self.state.domain_joined(domain_id, joined=False)
@@ -190,7 +206,14 @@ class Service:
     # -- handed to the web -----------------------------------------------------------------------
 
     def _ready(self) -> str | None:
-        return None if self._listener.last_look else "the ROS graph has not been looked at yet"
+        looks = self._listener.last_looks
+        if self._listener.joining or not looks or not all(looks.values()):
+            return "the ROS graph has not been looked at yet"
+        stalled = self._listener.stalled(self.STALLED)
+        if stalled:
+            domains = ", ".join(map(str, stalled))
+            return f"no message was taken for {self.STALLED:.0f} s in DDS domain {domains}"
+        return None
 
     def _forget(self, robot: str, component: str | None) -> int:
         return self.state.forget(robot, component, ros.read_clocks())
@@ -219,7 +242,7 @@ class Service:
             scrapes=self._scrapes,
             scrape_seconds=self._scrape_seconds,
             domains=domains,
-            discovery_time=self._listener.last_look,
+            discovery_times=self._listener.last_looks,
             storage_successful=None if storage is None else storage.successful,
             storage_time=0.0 if storage is None else storage.written_at,
             alertmanager_up=None

@@ -22,7 +22,7 @@ TREES = {
 ROOMS = (  # each imports only from above; files side by side in a tuple do not know each other
     ("diagnostics", "units", "files", "metrics", "ranks", "logs", "systemd"),
     ("client", "acknowledgement"),
-    ("config", "tree", "values", "flags", "metrics_reference", "events"),
+    ("config", "tree", "values", "flags", "metrics_reference", "events", "topic_queue"),
     ("ros", "state", "nagios", "status", "ack"),
     ("storage", "sample_text", "snapshot", "own_metrics", "watching", "alertmanager"),
     ("exposition", "web", "reloading"),

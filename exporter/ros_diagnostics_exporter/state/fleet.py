@@ -82,6 +82,16 @@ class State:
                 robot.undecodable = True
                 log.debug("robot %s: undecodable at %f: %s", robot.settings.name, now.wall, error)
 
+    def dropped(self, topic: Topic, count: int) -> None:
+        """Count messages on a wanted topic that were dropped: more came than are decoded."""
+        with self.lock:
+            if topic in self._roster.splitters:  # whose they were, nobody has read
+                self._roster.refusals.rejected["rate"] += count
+                return
+            for robot, _raw in self._roster.bindings.get(topic, ()):
+                robot.rejected["rate"] += count
+                robot.versions.receipt += 1
+
     def graph(self, domain_id: int, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
         """Take in what one domain's graph shows: robots appear, publishers come and go."""
         with self.lock:

@@ -20,6 +20,7 @@ Rejection = Literal[
     "series_limit",
     "label_length",
     "unit_changed",
+    "rate",
 ]
 # What is said of them in the log.
 TOLD: dict[Rejection, str] = {
@@ -30,8 +31,9 @@ TOLD: dict[Rejection, str] = {
     "series_limit": "limits.series is reached, what is new is left out",
     "label_length": "a text is too long and is cut",
     "unit_changed": "a value in another unit than at first is left out",
+    "rate": "messages beyond a topic's share are dropped",
 }
 # Of what belongs to no known robot.
 FleetRejection = Literal[
-    "no_robot", "duplicate_robot", "robot_limit", "series_limit", "label_length"
+    "no_robot", "duplicate_robot", "robot_limit", "series_limit", "label_length", "rate"
 ]

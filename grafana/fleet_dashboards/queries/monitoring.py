@@ -41,7 +41,7 @@ ROBOTS = f"max by (fleet) (ros_diagnostics_exporter_robots{{{_FLEET}}})"
 DISCOVERY_AGE = f"""
   time()
 -
-  max by (fleet) (ros_diagnostics_exporter_discovery_last_run_timestamp_seconds{{{_FLEET}}})
+  min by (fleet) (ros_diagnostics_exporter_discovery_last_run_timestamp_seconds{{{_FLEET}}})
 """
 SERIES = f"sum by (fleet) (ros_diagnostics_exporter_series{{{_FLEET}}})"
 SERIES_LIMIT = f"max by (fleet) (ros_diagnostics_exporter_series_limit{{{_FLEET}}})"

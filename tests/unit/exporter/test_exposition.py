@@ -311,6 +311,7 @@ def test_the_series_of_the_last_scrape_are_counted_by_family():
 def test_the_exporters_own_families_are_those_of_the_table():
     facts = Facts("f", "jazzy", "rmw_fastrtps_cpp", storage_successful=True, alertmanager_up=True)
     facts.series, facts.rejected, facts.domains = {"x": 1}, {"robot_limit": 2}, {0: True, 1: False}
+    facts.discovery_times = {0: 1.0}
     own = OwnMetrics(lambda: facts)
 
     for text, parse in (
