@@ -18,6 +18,7 @@ Rejection = Literal[
     "component_limit",
     "value_limit",
     "series_limit",
+    "robot_series_limit",
     "label_length",
     "unit_changed",
 ]
@@ -28,6 +29,7 @@ TOLD: dict[Rejection, str] = {
     "component_limit": "more components or groups than limits.components are left out",
     "value_limit": "more values of a component than limits.values are left out",
     "series_limit": "limits.series is reached, what is new is left out",
+    "robot_series_limit": "more values than limits.robot_series are left out",
     "label_length": "a text is too long and is cut",
     "unit_changed": "a value in another unit than at first is left out",
 }

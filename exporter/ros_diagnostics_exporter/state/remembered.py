@@ -18,6 +18,7 @@ class RememberedComponent(NamedTuple):
     message: str
     slots: tuple[int, ...]
     listed: float
+    was_ok: bool | None = None  # when last received; None: a version before did not note it
 
 
 class RememberedRobot(NamedTuple):
