@@ -10,6 +10,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 
 from ros_diagnostics_exporter.config import fleet as config
+from ros_diagnostics_exporter.config.lookup import topics_of
 from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.state.bounds import Budget, bounded
 from ros_diagnostics_exporter.state.discovery import found_robot, robot_name
@@ -184,11 +185,19 @@ class Roster:
         """
         robot = self.robots.get(name)
         if robot is None and known.last_seen:
-            settings = self._settings_by_topic(name, Topic(known.domain_id, known.topic))
+            settings = self._settings_of(name, known)
             robot = None if settings is None else self.add(settings, now, declared=False)
             if robot is not None:
                 self.received(robot)
         return robot
+
+    def _settings_of(self, name: str, known: RememberedRobot) -> config.Robot | None:
+        # Which of its two topics it was discovered by is not known any more.
+        for topic in (known.topic, *topics_of(known.topic, config.Source.AUTO)):
+            settings = self._settings_by_topic(name, Topic(known.domain_id, topic or ""))
+            if settings is not None:
+                return settings
+        return None
 
     def on_shared_topic(self, topic: Topic, name: str, now: Instant) -> Robot | None:
         """The robot that a status on a shared topic names, made if it is new."""

@@ -244,7 +244,7 @@ def components_of_one_label(size: int) -> Callable[[], object]:
     story = without_end()
     parts = [f"p{n}" for n in range(size)]
     for cut in range(1, size):
-        name, own = "] [".join(parts[:cut]), "] [".join(parts[cut:])
+        name, own = " [".join(parts[:cut]), " [".join(parts[cut:])
         send(story, RAW, Status(OK, name, "", own), Status(OK, name, "", "other"))
     return story.exposition.render
 
@@ -257,18 +257,6 @@ def robots_of_a_shared_topic(size: int) -> Callable[[], object]:
     return lambda: send(story, topic, *statuses)
 
 
-def values_beyond_a_limit(size: int) -> Callable[[], object]:
-    """Of which each changes with each array, and none has a place."""
-    story = without_end(robot_series=size)
-    rows = [tuple((f"k{n}", str(n + turn)) for n in range(size)) for turn in range(20)]
-
-    def work() -> None:
-        for row in rows:
-            send(story, RAW, Status(OK, "Motor", values=row), Status(OK, "Arm", values=row))
-
-    return work
-
-
 @pytest.mark.parametrize(
     "attack",
     [
@@ -276,7 +264,6 @@ def values_beyond_a_limit(size: int) -> Callable[[], object]:
         keys_in_the_way_of_numbers,
         components_of_one_label,
         robots_of_a_shared_topic,
-        values_beyond_a_limit,
     ],
 )
 def test_twice_as_much_costs_twice_as_much(attack):
@@ -364,6 +351,17 @@ def test_a_value_with_thresholds_counts_as_the_series_that_it_has():
     of_values = [name for name in story.samples() if "value" in name]
     served = sum(len(story.samples()[name]) for name in of_values)
     assert story.component("Motor").values.all[0].series == served == 4
+
+
+def test_values_beyond_a_limit_build_nothing_anew_and_are_counted_each_time():
+    story = bounded_story(robot_series=3)
+    lists = [Status(OK, "Motor", values=(("k", f"[1, 2, 3, {n}]"),)) for n in range(5)]
+    send(story, RAW, lists[0])
+    structure = story.robot.versions.structure
+    send(story, RAW, *lists[1:2])
+    send(story, RAW, *lists[2:3])
+    assert story.robot.versions.structure == structure
+    assert story.robot.rejected["robot_series_limit"] == 3
 
 
 def test_a_unit_that_changes_builds_nothing_anew_and_is_counted_each_time():
