@@ -124,6 +124,8 @@ class Values:
     def _renew(self, row: int, pair: tuple[str, str]) -> bool:
         """Set the numbers of one key-value whose string changed; False if their shape did."""
         slots = self._rows[row]
+        if slots == [None] and self._is_list_beyond(pair):
+            return True
         found = self._read(*pair)
         if len(found) != len(slots):
             return False
@@ -154,10 +156,21 @@ class Values:
         self.clear()
         self._pairs = pairs
         taken: dict[str, int] = {}
-        for key, text in pairs:
-            found = self._read(key, text)
-            rule = self._rules.get(key)
+        for pair in pairs:
+            if self._is_list_beyond(pair):
+                self._rows.append([None])
+                continue
+            found = self._read(*pair)
+            rule = self._rules.get(pair[0])
             self._rows.append([self._admit(reading, rule, taken) for reading in found])
+
+    def _is_list_beyond(self, pair: tuple[str, str]) -> bool:
+        """Count a list that there is no place for: reading it costs as much as 32 numbers."""
+        key, text = pair
+        reason = self._full() if text.lstrip()[:1] in ("[", "(") else None
+        if reason is not None:
+            self._reject(reason, key)
+        return reason is not None
 
     def _full(self) -> Rejection | None:
         """The limit that leaves no place for one more number."""

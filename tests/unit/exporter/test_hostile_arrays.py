@@ -357,11 +357,14 @@ def test_values_beyond_a_limit_build_nothing_anew_and_are_counted_each_time():
     story = bounded_story(robot_series=3)
     lists = [Status(OK, "Motor", values=(("k", f"[1, 2, 3, {n}]"),)) for n in range(5)]
     send(story, RAW, lists[0])
+    more = Status(OK, "Arm", values=(("k", "[4, 5]"), ("k", "6")))
+    send(story, RAW, more)
     structure = story.robot.versions.structure
-    send(story, RAW, *lists[1:2])
-    send(story, RAW, *lists[2:3])
+    send(story, RAW, lists[1])
+    send(story, RAW, lists[2], more._replace(values=(("k", "[4, 9]"), ("k", "9"))))
     assert story.robot.versions.structure == structure
-    assert story.robot.rejected["robot_series_limit"] == 3
+    assert story.robot.rejected["robot_series_limit"] == 3 + 2 * 2
+    assert [each.number for each in story.component("Motor").values.all] == [1, 2, 3]
 
 
 def test_a_unit_that_changes_builds_nothing_anew_and_is_counted_each_time():
