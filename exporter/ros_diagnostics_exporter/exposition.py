@@ -84,11 +84,12 @@ class Exposition:
     def _update(self) -> Iterable[RobotText]:
         """Bring every robot's text up to date, holding the state for one robot at a time."""
         known: dict[str, RobotText] = {}
+        fleet = self._state.fleet.name
         for robot in self._state.each():
             name = robot.settings.name
             text = self._texts.get(name)
-            if text is None or text.robot is not robot:
-                text = RobotText(self._state.fleet.name, robot)
+            if text is None or text.robot is not robot or text.fleet != fleet:
+                text = RobotText(fleet, robot)
             with self._state.lock:
                 text.update()
             known[name] = text

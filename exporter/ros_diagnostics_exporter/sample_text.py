@@ -10,6 +10,7 @@ from ros_diagnostics_exporter import metrics
 from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.diagnostics import Level
 from ros_diagnostics_exporter.metrics import Family
+from ros_diagnostics_exporter.state.bounds import own_name
 from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.readings import Value
 from ros_diagnostics_exporter.state.robot import Robot
@@ -39,6 +40,7 @@ class RobotText:
     """The text of one robot. ``update`` is to be called while holding the state's lock."""
 
     def __init__(self, fleet: str, robot: Robot) -> None:
+        self.fleet = fleet
         self.robot = robot
         self.chunks: dict[str, bytes] = {}
         self.promoted: set[str] = set()
@@ -79,12 +81,10 @@ class RobotText:
         """Render the labels of every component and the prefixes of every value anew."""
         self._labels = []
         self._values = {}
-        taken: set[tuple[str, str]] = set()
+        taken: dict[str, dict[str, int]] = {}  # by group
         for component in self.robot.components.values():
-            name = component.name
-            while (component.group, name) in taken:  # two names that look alike as labels
-                name += "~"
-            taken.add((component.group, name))
+            # two names may look alike as labels
+            name = own_name(component.name, taken.setdefault(component.group, {}), "~")
             labels = f'{{{self._base},group="{escape(component.group)}",component="{escape(name)}"'
             self._labels.append((component, labels))
             if component.is_stale:

@@ -112,19 +112,6 @@ def _component(component: Component, *, stale_is_critical: bool) -> dict[str, An
     level = Level(component.level).name
     before = None if component.before_stale is None else Level(component.before_stale).name
     planned = component.rule is not None and component.rule.planned_stale
-    pairs = component.last.values if component.last is not None else ()
-    numbers = {value.key: value for value in component.values.all}
-    values = []
-    for key, text in pairs:
-        value = numbers.get(key.strip().rstrip(":").rstrip())
-        values.append(
-            {
-                "key": key,
-                "value": text,
-                "number": None if value is None else _finite(value.number),
-                "unit": "" if value is None else value.unit,
-            }
-        )
     return {
         "component": component.name,
         "group": component.group,
@@ -141,8 +128,22 @@ def _component(component: Component, *, stale_is_critical: bool) -> dict[str, An
         "problem_since": component.problem_since,
         "changes": component.changes,
         "flap_ratio": 0.0 if component.flaps is None else component.flaps.ratio,
-        "values": values,
+        "values": list(_values(component)),
     }
+
+
+def _values(component: Component) -> Iterator[dict[str, Any]]:
+    """The key-values as published; a key that is repeated, and is a number, as it is exported."""
+    pairs = component.last.values if component.last is not None else ()
+    for (key, text), numbers in zip(pairs, component.values.exported(pairs), strict=True):
+        value = numbers[0] if len(numbers) == 1 else None  # a list has no number of its own
+        as_published = value is None or value.key == key.strip().rstrip(":").rstrip()
+        yield {
+            "key": key if as_published or value is None else value.key,
+            "value": text,
+            "number": None if value is None else _finite(value.number),
+            "unit": "" if value is None else value.unit,
+        }
 
 
 def _finite(number: float) -> float | None:

@@ -183,14 +183,16 @@ def _is_block(header: Status, block: Sequence[Status]) -> bool:
 
 def _merge(found: dict[int, tuple[str, str, bool]]) -> tuple[Leaf, ...]:
     """One leaf for each component, in the order of first appearance."""
-    leaves: dict[tuple[str, str], Leaf] = {}
+    rows: dict[tuple[str, str], list[int]] = {}
     for row in sorted(found):
         component, group, exact = found[row]
-        identity = (component, "" if exact else group)
-        known = leaves.get(identity)
-        if known is None:
-            leaves[identity] = Leaf(component, group, (row,), exact)
-        else:
-            first = min(known.group, group, key=str.encode)
-            leaves[identity] = Leaf(component, first, (*known.rows, row), exact)
-    return tuple(leaves.values())
+        rows.setdefault((component, "" if exact else group), []).append(row)
+    return tuple(
+        Leaf(
+            component,
+            min((found[row][1] for row in own), key=str.encode),
+            tuple(own),
+            found[own[-1]][2],
+        )
+        for (component, _group), own in rows.items()
+    )

@@ -94,7 +94,7 @@ _SPELLINGS: dict[str, tuple[str, ...]] = {
     "l": ("L", "liter", "liters", "litre", "litres"),
 }
 _CANONICAL = {spelling: unit for unit, others in _SPELLINGS.items() for spelling in (unit, *others)}
-_IN_BRACKETS = re.compile(r".*[(\[<]\s*([^()\[\]<>]{1,16}?)\s*[)\]>]")
+_LONGEST_IN_BRACKETS = 16  # characters of a unit in brackets
 _LAST_WORD = re.compile(r"(.*)[ _.]([A-Za-z°µμ%][A-Za-z°µμ%/^0-9]{0,11})")
 # One letter behind a key is rather a name ("Motor A"), unless the key says the quantity.
 _QUANTITY_OF_LETTER = {
@@ -122,13 +122,28 @@ def unit_in_name(name: str) -> str:
     >>> unit_in_name("Voltage (V)"), unit_in_name("round_trip_time_ms"), unit_in_name("Motor A")
     ('V', 'ms', '')
     """
-    brackets = _IN_BRACKETS.fullmatch(name)
-    if brackets is not None:
-        return canonical_unit(brackets[1]) or ""
+    bracketed = _in_brackets(name)
+    if bracketed:
+        return canonical_unit(bracketed) or ""
     if name.startswith("%") or name.lower() == "percent":
         return "%"
     words = _LAST_WORD.fullmatch(name)
     return "" if words is None else _unit_behind(words[1], words[2])
+
+
+def _in_brackets(name: str) -> str:
+    """What the brackets at the end of a key hold, "" where that is no unit.
+
+    No regular expression: one that skips blanks on both sides of the unit needs the square of them.
+    """
+    if not name.endswith((")", "]", ">")):
+        return ""
+    opening = max(name.rfind(bracket, 0, -1) for bracket in "([<")
+    inside = name[opening + 1 : -1]
+    if opening < 0 or any(bracket in inside for bracket in ")]>"):
+        return ""
+    inside = inside.strip()
+    return inside if len(inside) <= _LONGEST_IN_BRACKETS else ""
 
 
 def _unit_behind(name: str, word: str) -> str:

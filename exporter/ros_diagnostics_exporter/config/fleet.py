@@ -37,6 +37,7 @@ class Limits:
     values: int = 200  # of one component
     label_length: int = 256  # characters
     series: int = 1_000_000  # of the whole exporter
+    robot_series: int = 20_000  # of one robot's values; and as many of its key-values are kept
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,12 @@ class LimitsEntry(Entry):
     series: Bound | None = optional(
         "Series of the whole exporter.", example=200_000, default=1_000_000
     )
+    robot_series: Bound | None = optional(
+        "Series of one robot's values (one each; with thresholds also those), and as many of its "
+        "key-values, numbers or not.",
+        example=5000,
+        default=20_000,
+    )
 
 
 class MaintenanceEntry(Entry):

@@ -160,8 +160,8 @@ class ProfileEntry(Entry):
         "Time in a problem after which it is told.", example="30s", default="10s"
     )
     forget_after: PositiveDuration | None = optional(
-        "Time without news after which a component that was OK, or a robot that was discovered, "
-        "is forgotten.",
+        "Time without news after which a component that was OK when last received is forgotten, "
+        "and a robot that was discovered once none of its components is left.",
         example="24h",
         default="24h",
     )

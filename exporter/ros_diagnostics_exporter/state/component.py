@@ -39,7 +39,8 @@ class Component:
     """
 
     __slots__ = (
-        "_resume_since",
+        "_resume",
+        "_was_ok",
         "before_stale",
         "changes",
         "flaps",
@@ -48,6 +49,7 @@ class Component:
         "hardware_id",
         "heard",
         "heard_raw",
+        "held",
         "identity",
         "last",
         "level",
@@ -88,7 +90,10 @@ class Component:
         self.gaps: deque[float] = deque(maxlen=GAPS_KEPT)
         self.flaps: FlapHistory | None = None
         self.last: Status | None = None
-        self._resume_since: float | None = None
+        self.held = 0  # key-values that count against the robot's limit
+        # (level, since, problem since) of a former process, as long as nothing was received since
+        self._resume: tuple[int, float, float | None] | None = None
+        self._was_ok = True
 
     @property
     def is_stale(self) -> bool:
@@ -116,17 +121,18 @@ class Component:
         """Take a level as said or found (STALE); True if the level that counts changed."""
         self.reported = said
         level = self.counted(said)
+        resume, self._resume = self._resume, None
+        if said != STALE and resume is not None:
+            if level == resume[0]:
+                return self._go_on(*resume)
+            if level != OK and resume[2] is not None:
+                self.problem_since = resume[2]  # a problem goes on at another level
         if level == self.level:
-            self._resume_since = None
             return False
-        if level != STALE and self._resume_since is not None and level == self.before_stale:
-            self._go_on(level)
-            return True
         self._change(level, now, flap_interval)
         return True
 
     def _change(self, level: int, now: Instant, flap_interval: float) -> None:
-        self._resume_since = None
         self.before_stale = self.level if level == STALE and self.level >= OK else None
         if self.flaps is None:
             self.flaps = FlapHistory(level, now.mono)
@@ -140,20 +146,37 @@ class Component:
         elif self.problem_since is None:
             self.problem_since = now.wall
 
-    def _go_on(self, level: int) -> None:
-        """Heard for the first time since this process started, as it was before: no change."""
-        self.level = level
-        self.since = self.since if self._resume_since is None else self._resume_since
-        self.before_stale = self._resume_since = None
-        if level == OK:
-            self.problem_since = None
+    def _go_on(self, level: int, since: float, problem_since: float | None) -> bool:
+        """Received for the first time since the start, as it was before: no change.
+
+        Returns:
+            Whether the level that counts is another one than so far.
+        """
+        changed = level != self.level
+        self.level, self.since, self.problem_since = level, since, problem_since
+        self.before_stale = None
+        return changed
+
+    @property
+    def was_ok(self) -> bool:
+        """Whether it was OK when it was last received, and its values within their thresholds.
+
+        STALE that fleet.yml plans counts as the level before it.
+        """
+        if self.last is None:
+            return self._was_ok
+        level: int | None = self.counted(self.last.level)
+        if level == STALE and self.rule is not None and self.rule.planned_stale:
+            level = self.before_stale
+        beyond = any(value.is_beyond_threshold for value in self.values.all)
+        return level in (None, OK) and not beyond
 
     def remember(self, now: Instant) -> RememberedComponent:
         """What a later process should know."""
-        level = self.level
-        since = self.since
-        if self._resume_since is not None and self.before_stale is not None:
-            level, since = self.before_stale, self._resume_since  # not heard since the last start
+        level, since, problem_since = self.level, self.since, self.problem_since
+        if self._resume is not None:  # not received since the last start
+            level, since, problem_before = self._resume
+            problem_since = problem_before if problem_since is None else problem_since
         return RememberedComponent(
             identity=self.identity,
             group=self.group,
@@ -161,25 +184,29 @@ class Component:
             level=level,
             before_stale=self.before_stale,
             since=since,
-            problem_since=self.problem_since,
+            problem_since=problem_since,
             message=self.message,
             slots=tuple(self.flaps.slots) if self.flaps is not None else (level,) * SLOTS,
             listed=now.wall - (now.mono - self.listed),
+            was_ok=self.was_ok,
         )
 
     def restore(self, known: RememberedComponent, now: Instant) -> None:
-        """Put back what a former process knew: STALE until it is heard."""
+        """Put back what a former process knew: STALE until it is received."""
+        before = known.before_stale if known.level == STALE else known.level
         self.hardware_id = known.hardware_id
         self.listed = now.mono - max(0.0, now.wall - known.listed)
         self.message = known.message
+        self._was_ok = before in (None, OK) if known.was_ok is None else known.was_ok
         self.reported = STALE
         self.level = self.counted(STALE)
-        self.before_stale = known.level if known.level != STALE else known.before_stale
+        self.before_stale = before if self.level == STALE else None
         self.since = known.since
+        problem_since = now.wall if known.problem_since is None else known.problem_since
         if known.level != STALE:
-            self._resume_since = known.since
+            self._resume = known.level, known.since, None if known.level == OK else problem_since
             self.since = now.wall
-        self.problem_since = now.wall if known.problem_since is None else known.problem_since
+        self.problem_since = None if self.level == OK else problem_since
         self.flaps = FlapHistory(known.level, now.mono)
         self.flaps.restore(list(known.slots), now.mono)
 

@@ -45,9 +45,9 @@ class State:
 
     def receive(self, topic: Topic, array: Array, now: Instant) -> None:
         """Take in an array that arrived on a wanted topic."""
+        whole, array = array, trimmed(array)  # without the lock: it looks at every text
         with self.lock:
             self._now = now
-            whole, array = array, trimmed(array)
             if array is not whole:
                 self._roster.refuse_long(topic)
             splitter = self._roster.splitters.get(topic)
@@ -61,6 +61,7 @@ class State:
     def _hand(self, robot: Robot, array: Array, now: Instant, *, raw: bool) -> None:
         if not robot.up:
             self._note("heard", robot)
+            self._roster.received(robot)
         robot.receive(array, now, raw=raw)
 
     def _receive_shared(self, topic: Topic, splitter: Splitter, array: Array, now: Instant) -> None:
@@ -68,7 +69,7 @@ class State:
         if unknown:
             self._roster.refusals.unknown(topic, unknown)
         for name, statuses in parts.items():
-            robot = self._roster.on_shared_topic(topic, name)
+            robot = self._roster.on_shared_topic(topic, name, now)
             if robot is not None:
                 size = array.size * len(statuses) // max(1, len(array.statuses))
                 part = Array(array.stamp, tuple(statuses), size)
@@ -96,12 +97,11 @@ class State:
         """Take in what one domain's graph shows: robots appear, publishers come and go."""
         with self.lock:
             self._now = now
-            self._roster.discover(domain_id, endpoints)
+            self._roster.discover(domain_id, endpoints, now)
             for topic, bound in self._roster.bindings.items():
                 if topic.domain_id == domain_id:
                     for robot, _raw in bound:
-                        if robot.network.see(topic.name, endpoints.get(topic.name)):
-                            robot.versions.receipt += 1
+                        robot.see(topic.name, endpoints.get(topic.name), now)
 
     def domain_joined(self, domain_id: int, *, joined: bool) -> None:
         """Note whether a domain could be joined."""
@@ -140,10 +140,7 @@ class State:
         for component in list(robot.members.forgettable(now)):
             self._note_component(now, robot, component, component.level, "forgotten")
             robot.members.remove(component)
-        if robot.declared or robot.up or robot.components or robot.network.publishers:
-            return
-        last = robot.last_mono
-        if last is not None and now.mono - last > robot.settings.profile.forget_after:
+        if robot.is_forgettable(now):
             self._roster.drop(robot)
 
     def configure(self, fleet: config.Fleet, now: Instant) -> None:
@@ -184,7 +181,7 @@ class State:
         with self.lock:
             self._now = now
             for name, remembered in known.items():
-                robot = self._roster.find_again(name, remembered)
+                robot = self._roster.find_again(name, remembered, now)
                 if robot is not None:
                     robot.restore(remembered, now)
 

@@ -42,6 +42,9 @@ class Members:
         self._profile = profile
         self._limits = limits
         self._budget = budget
+        # Of values alone: whatever a robot sends, there is a place for its components' levels.
+        self._of_values = Budget(limits.robot_series, budget)
+        self._held = 0  # key-values that all components hold
         self._versions = versions
         self._reject = reject
         self._changed = changed
@@ -63,8 +66,9 @@ class Members:
         if len(self.all) >= self._limits.components:
             self._reject("component_limit", identity[0])
             return None
-        if not self._budget.take(SERIES_OF_COMPONENT):
-            self._reject("series_limit", identity[0])
+        limit = self._budget.take(SERIES_OF_COMPONENT)
+        if limit is not None:
+            self._reject(limit, identity[0])
             return None
         if len(identity[0]) > self._limits.label_length:
             self._reject("label_length", identity[0])
@@ -80,7 +84,7 @@ class Members:
         return Values(
             (lambda key: value_rule(profile, name, key)) if profile.values else None,
             (self._limits.values, self._limits.label_length),
-            self._budget,
+            self._of_values,
             self._reject,
         )
 
@@ -108,6 +112,7 @@ class Members:
     def remove(self, component: Component) -> None:
         """Take one component out, with all that is known about it."""
         component.values.clear()
+        self._hold(component, 0)
         self._budget.give(SERIES_OF_COMPONENT)
         del self.all[component.identity]
         self._restless.discard(component.identity)
@@ -123,6 +128,7 @@ class Members:
     def configure(self, profile: config.Profile, limits: config.Limits, now: Instant) -> None:
         """Judge every component by another profile."""
         self._profile, self._limits = profile, limits
+        self._of_values.limit = limits.robot_series
         for component in list(self.all.values()):
             name = component.identity[0]
             component.rule = component_rule(profile, name)
@@ -131,7 +137,8 @@ class Members:
                 continue
             component.values.clear()
             component.values = self._values(name)
-            if component.last is not None and not component.is_stale:
+            self._hold(component, 0)  # counted anew with the next status
+            if component.last is not None and component.last.level != STALE:
                 component.values.update(component.last.values)
             if component.level >= OK:
                 self._set_level(component, component.reported, now)
@@ -141,9 +148,8 @@ class Members:
     def hear(self, component: Component, status: Status, now: Instant) -> None:
         """Take one status of one component."""
         component.listed = now.mono
-        if len(status.values) > self._limits.values:
-            self._reject("value_limit", component.name)
-            status = status._replace(values=status.values[: self._limits.values])
+        if len(status.values) > component.held:
+            status = self._within_limits(component, status)
         if status == component.last and component.reported == status.level:
             if status.level != STALE:
                 component.heard = now.mono
@@ -153,6 +159,7 @@ class Members:
             self._reject("bad_level", component.name)
             said = ERROR  # as diagnostic_aggregator reads it (status_item.hpp, valToLevel)
         component.last = status
+        self._hold(component, len(status.values))
         if status.hardware_id and status.hardware_id != component.hardware_id:
             component.hardware_id = status.hardware_id
             self._versions.structure += 1
@@ -167,6 +174,21 @@ class Members:
             numbers, shape = component.values.update(status.values)
             self._versions.values += numbers
             self._versions.structure += shape
+
+    def _within_limits(self, component: Component, status: Status) -> Status:
+        """The status with no more key-values than one component, and one robot, may have."""
+        most = self._limits.values
+        free = max(0, self._limits.robot_series - self._held + component.held)
+        if len(status.values) > min(most, free):
+            self._reject("robot_series_limit" if free < most else "value_limit", component.name)
+            most = min(most, free)
+            status = status._replace(values=status.values[:most])
+        self._hold(component, len(status.values))
+        return status
+
+    def _hold(self, component: Component, values: int) -> None:
+        self._held += values - component.held
+        component.held = values
 
     def hear_raw(self, component: Component, status: Status, now: Instant) -> None:
         """Take one status from the component's own topic, whose gaps tell when it is late."""
@@ -236,11 +258,11 @@ class Members:
         self._deadline = min(self._deadline, now.mono + self._stale_after(component))
 
     def forgettable(self, now: Instant) -> Iterable[Component]:
-        """Components long gone that were OK when they went: absence never ends a fault."""
+        """Components long gone that were OK when last received: absence never ends a problem."""
         after = self._profile.forget_after
         for component in self.all.values():
             gone = now.mono - component.listed > after and component.is_stale
-            if gone and component.before_stale in (None, OK):
+            if gone and component.was_ok:
                 yield component
 
     # -- asked -------------------------------------------------------------------------------

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ros_diagnostics_exporter.config.fleet import ValueRule
-from ros_diagnostics_exporter.state.bounds import Budget, Reject, bounded
+from ros_diagnostics_exporter.state.bounds import Budget, Reject, bounded, own_name
+from ros_diagnostics_exporter.state.reasons import Rejection
 from ros_diagnostics_exporter.values import Reading, readings
 
 Pairs = tuple[tuple[str, str], ...]
@@ -16,13 +17,33 @@ FindRule = Callable[[str], "ValueRule | None"]  # key -> the config's rule for i
 
 @dataclass(slots=True)
 class Value:
-    """One number as it is exported; ``metric`` is the name that the config gave it, or None."""
+    """One number as it is exported; ``metric`` is the name that the config gave it, or None.
+
+    ``rejected`` tells that it came in another unit than at first and is not exported.
+    """
 
     key: str
     unit: str
     number: float
     metric: str | None = None
     rule: ValueRule | None = None
+    rejected: bool = False
+
+    @property
+    def series(self) -> int:
+        """How many series it has: with thresholds also theirs, and the copy that rules read."""
+        if self.rule is None or not self.rule.thresholds:
+            return 1
+        return (self.metric is not None) + 2 + len(self.rule.thresholds)
+
+    @property
+    def is_beyond_threshold(self) -> bool:
+        """Whether it is beyond one of the config's bounds."""
+        thresholds = () if self.rule is None else self.rule.thresholds
+        return any(
+            self.number < each.value if each.bound == "low" else self.number > each.value
+            for each in thresholds
+        )
 
 
 class Values:
@@ -39,6 +60,7 @@ class Values:
         "_reject",
         "_rows",
         "_rules",
+        "_taken",
         "_units",
         "all",
     )
@@ -51,7 +73,9 @@ class Values:
         ``find_rule`` is None where the config has no rule for any value.
         """
         self.all: list[Value] = []
-        self._rows: list[list[Value]] = []  # for each key-value its numbers
+        # for each key-value its numbers; None for one that a limit left no place for
+        self._rows: list[list[Value | None]] = []
+        self._taken = 0  # series
         self._pairs: Pairs = ()
         self._units: dict[str, str] = {}
         self._find_rule = find_rule
@@ -81,41 +105,76 @@ class Values:
 
     def clear(self) -> None:
         """Forget the numbers (not their units), and give their series back."""
-        self._budget.give(len(self.all))
+        self._budget.give(self._taken)
+        self._taken = 0
         self.all, self._rows, self._pairs = [], [], ()
+
+    def exported(self, pairs: Pairs) -> list[list[Value]]:
+        """For each of the key-values the numbers that are exported of it.
+
+        None at all where these are not the key-values that were read last.
+        """
+        if pairs != self._pairs:
+            return [[] for _pair in pairs]
+        return [
+            [value for value in row if value is not None and not value.rejected]
+            for row in self._rows
+        ]
 
     def _renew(self, row: int, pair: tuple[str, str]) -> bool:
         """Set the numbers of one key-value whose string changed; False if their shape did."""
         slots = self._rows[row]
+        if slots == [None] and self._is_list_beyond(pair):
+            return True
         found = self._read(*pair)
         if len(found) != len(slots):
             return False
         for value, reading in zip(slots, found, strict=True):
-            if reading.unit != value.unit and math.isfinite(reading.number):
+            if value is None or value.rejected:
+                if not self._stays_rejected(value, reading):
+                    return False
+            elif reading.unit != value.unit and math.isfinite(reading.number):
                 return False
-            value.number = reading.number
+            else:
+                value.number = reading.number
         return True
 
+    def _stays_rejected(self, value: Value | None, reading: Reading) -> bool:
+        """Count a number that was rejected; False where it would not be any more.
+
+        So what is beyond a limit does not make everything be built anew at each array.
+        """
+        if value is None:
+            reason = self._full()
+        else:
+            reason = "unit_changed" if reading.unit != value.unit else None
+        if reason is not None:
+            self._reject(reason, reading.key)
+        return reason is not None
+
     def _rebuild(self, pairs: Pairs) -> None:
-        most, _length = self._limits
         self.clear()
         self._pairs = pairs
-        seen: set[str] = set()
-        for key, text in pairs:
-            row: list[Value] = []
-            self._rows.append(row)
-            for reading in self._read(key, text):
-                if len(self.all) >= most:
-                    self._reject("value_limit", key)
-                    continue
-                value = self._admit(reading, self._rules.get(key), seen)
-                if value is None:
-                    continue
-                if not self._budget.take(1):
-                    self._reject("series_limit", key)
-                else:
-                    row.append(value)
-                    self.all.append(value)
+        taken: dict[str, int] = {}
+        for pair in pairs:
+            if self._is_list_beyond(pair):
+                self._rows.append([None])
+                continue
+            found = self._read(*pair)
+            rule = self._rules.get(pair[0])
+            self._rows.append([self._admit(reading, rule, taken) for reading in found])
+
+    def _is_list_beyond(self, pair: tuple[str, str]) -> bool:
+        """Count a list that there is no place for: reading it costs as much as 32 numbers."""
+        key, text = pair
+        reason = self._full() if text.lstrip()[:1] in ("[", "(") else None
+        if reason is not None:
+            self._reject(reason, key)
+        return reason is not None
+
+    def _full(self) -> Rejection | None:
+        """The limit that leaves no place for one more number."""
+        return "value_limit" if len(self.all) >= self._limits[0] else self._budget.lacks(1)
 
     def _read(self, key: str, text: str) -> tuple[Reading, ...]:
         rule = None if self._find_rule is None else self._rule(key)
@@ -136,25 +195,39 @@ class Values:
             self._rules[key] = self._find_rule(key)
         return self._rules.get(key)
 
-    def _admit(self, reading: Reading, rule: ValueRule | None, seen: set[str]) -> Value | None:
-        """A reading with a key of its own and the unit that the key had at first sight."""
-        key = bounded(reading.key, self._limits[1])
-        number = 1
-        while key in seen:  # drivers repeat keys: the second "Error" becomes "Error#2"
-            number += 1
-            key = f"{bounded(reading.key, self._limits[1])}#{number}"
-        seen.add(key)
-        unit = reading.unit
-        if math.isfinite(reading.number):
-            if key not in self._units and len(self._units) >= 2 * self._limits[0]:
-                self._units.clear()  # a robot that invents keys without end
-            unit = self._units.setdefault(key, unit)
-            if unit != reading.unit:
-                self._reject("unit_changed", key)
-                return None
-        else:  # "nan" and "inf" come without the unit that the number has
-            unit = self._units.get(key, unit)
-        return Value(key, unit, reading.number, rule.metric if rule else None, rule)
+    def _admit(
+        self, reading: Reading, rule: ValueRule | None, taken: dict[str, int]
+    ) -> Value | None:
+        """A number with a key of its own and the unit that the key had at first sight.
+
+        None where there is no place for it. ``taken`` are the keys before it, see `own_name`.
+        """
+        reason = self._full()
+        if reason is not None:
+            self._reject(reason, reading.key)
+            return None
+        key = own_name(bounded(reading.key, self._limits[1]), taken, "#")
+        unit = self._unit(key, reading)
+        value = Value(key, unit, reading.number, rule.metric if rule else None, rule)
+        if unit != reading.unit and math.isfinite(reading.number):
+            value.rejected = True
+            self._reject("unit_changed", key)
+            return value
+        reason = self._budget.take(value.series)
+        if reason is not None:
+            self._reject(reason, key)
+            return None
+        self._taken += value.series
+        self.all.append(value)
+        return value
+
+    def _unit(self, key: str, reading: Reading) -> str:
+        """The unit that the key had at first sight; "nan" and "inf" come without one."""
+        if not math.isfinite(reading.number):
+            return self._units.get(key, reading.unit)
+        if key not in self._units and len(self._units) >= 2 * self._limits[0]:
+            self._units.clear()  # a robot that invents keys without end
+        return self._units.setdefault(key, reading.unit)
 
 
 def _apply(rule: ValueRule, reading: Reading) -> Reading:

@@ -30,6 +30,7 @@ class RememberedComponent(NamedTuple):
     message: _Text
     slots: Annotated[tuple[_Level, ...], Field(min_length=SLOTS, max_length=SLOTS)]
     listed: _Moment
+    was_ok: bool | None = None  # when last received; None: a version before did not note it
 
 
 class RememberedRobot(NamedTuple):

@@ -16,12 +16,16 @@ from ros_diagnostics_exporter.state.bounds import Budget
 from ros_diagnostics_exporter.state.component import Component, Identity
 from ros_diagnostics_exporter.state.intake import RawIntake, TreeIntake
 from ros_diagnostics_exporter.state.members import Members
-from ros_diagnostics_exporter.state.network import Network
+from ros_diagnostics_exporter.state.network import Endpoint, Network
 from ros_diagnostics_exporter.state.reasons import TOLD, Rejection, Silence
 from ros_diagnostics_exporter.state.remembered import RememberedRobot
 from ros_diagnostics_exporter.state.versions import Versions
 
 log = logging.getLogger(__name__)
+
+# Rows of an array that are looked at, for each component that a robot may have: an aggregator lists
+# its groups, too, and a component in each of its groups.
+ROWS_OF_COMPONENT = 4
 
 Changed = Callable[["Robot", Component, int, Instant], None]  # told the level before
 
@@ -29,7 +33,8 @@ Changed = Callable[["Robot", Component, int, Instant], None]  # told the level b
 class Robot:
     """One robot; see the module. All of it is guarded by the lock of the State that holds it.
 
-    ``declared`` tells that fleet.yml names it; ``last_mono`` and ``last_wall`` are when the last
+    ``declared`` tells that fleet.yml names it; ``found_mono`` is when it was added, ``seen_mono``
+    when its topics' publishers last changed; ``last_mono`` and ``last_wall`` are when the last
     array arrived, ``clock_offset`` seconds between the last stamp and its receipt.
     """
 
@@ -39,11 +44,13 @@ class Robot:
         limits: config.Limits,
         budget: Budget,
         changed: Changed,
+        now: Instant,
         *,
         declared: bool,
     ) -> None:
         self.settings = settings
         self.declared = declared
+        self.found_mono = self.seen_mono = now.mono
         self.limits = limits
         self.up = False
         self.source = settings.source
@@ -107,8 +114,13 @@ class Robot:
         if array.stamp > 0:
             self.clock_offset = now.wall - array.stamp
         self.versions.receipt += 1
+        statuses = array.statuses
+        most = ROWS_OF_COMPONENT * self.limits.components
+        if len(statuses) > most:
+            self.refuse("component_limit", statuses[most].name)
+            statuses = statuses[:most]
         intake = self._raw if raw else self._tree
-        intake.take(array.statuses, now)
+        intake.take(statuses, now)
 
     def reject(self, reason: Rejection) -> None:
         """Count something that was not taken in."""
@@ -155,6 +167,25 @@ class Robot:
             return True
         self.members.find_late(now)
         return False
+
+    def is_forgettable(self, now: Instant) -> bool:
+        """Whether it was discovered and is long gone, and nothing of it was not OK.
+
+        A component that was not OK when it was last received is still there, and keeps its robot.
+        """
+        network = self.network
+        if self.declared or self.up or self.components:
+            return False
+        if network.publishers or network.obstacle is not None:
+            return False
+        last = self.seen_mono if self.last_mono is None else self.last_mono
+        return now.mono - last > self.settings.profile.forget_after
+
+    def see(self, topic: str, endpoint: Endpoint | None, now: Instant) -> None:
+        """Take what the graph shows of one of its topics."""
+        if self.network.see(topic, endpoint):
+            self.seen_mono = now.mono
+            self.versions.receipt += 1
 
     def remember(self, now: Instant) -> RememberedRobot:
         """What a later process should know."""

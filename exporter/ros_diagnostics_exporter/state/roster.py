@@ -6,9 +6,11 @@ time. Guarded by the lock of the State that holds it.
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 
 from ros_diagnostics_exporter.config import fleet as config
+from ros_diagnostics_exporter.config.lookup import topics_of
 from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.state.bounds import Budget, bounded
 from ros_diagnostics_exporter.state.discovery import found_robot, robot_name
@@ -20,6 +22,10 @@ from ros_diagnostics_exporter.state.robot import Changed, Robot
 from ros_diagnostics_exporter.state.shared import Splitter
 
 SERIES_OF_ROBOT = 20  # at least: robot_*, check_components of the check "all"
+# Seconds that a discovered robot has to publish something before it may have to give way: monitors
+# that publish once a minute exist (Autoware).
+TIME_TO_PUBLISH = 90.0
+MOST_TRIED = 10_000  # topics of robots that gave way, so that those wait longer that had their turn
 
 
 class Roster:
@@ -43,6 +49,9 @@ class Roster:
         self._changed = changed
         self._told = told
         self.refusals = Refusals()
+        # Discovered, and nothing received of them since; the first is the one that waits longest.
+        self._unproven: OrderedDict[str, Robot] = OrderedDict()
+        self._tried: OrderedDict[Topic, float] = OrderedDict()  # when they gave way, monotonic
         self.configure(fleet, now)
 
     def configure(self, fleet: config.Fleet, now: Instant) -> None:
@@ -62,12 +71,14 @@ class Roster:
                 self.drop(robot)
                 continue
             robot.declared = is_declared
+            if is_declared:
+                self._unproven.pop(name, None)
             if (settings, fleet.limits) != (robot.settings, robot.limits):
                 self._unbind(robot)
                 robot.configure(settings, fleet.limits, now)
                 self._bind(robot)
         for settings in declared.values():
-            self.add(settings, declared=True)
+            self.add(settings, now, declared=True)
 
     def _rediscovered(self, name: str, robot: Robot) -> config.Robot | None:
         """What the config makes of a robot that it does not declare; None: it is not wanted."""
@@ -89,17 +100,22 @@ class Roster:
 
     # -- come and go -------------------------------------------------------------------------
 
-    def add(self, settings: config.Robot, *, declared: bool) -> Robot | None:
-        """A new robot; None, said and counted once, where there is no room for it."""
-        if len(self.robots) >= self._fleet.limits.robots:
-            self._shut_out(settings, "robot_limit", "the limit of robots is reached")
+    def add(self, settings: config.Robot, now: Instant, *, declared: bool) -> Robot | None:
+        """A new robot; None, logged and counted, where the limits leave no place for it."""
+        limit = self._limit()
+        if limit is not None and self._make_place(now, at_once=declared):
+            limit = self._limit()
+        if limit is not None:
+            self._shut_out(settings, limit, now)
             return None
-        if not self.budget.take(SERIES_OF_ROBOT):
-            self._shut_out(settings, "series_limit", "the limit of series is reached")
-            return None
-        robot = Robot(settings, self._fleet.limits, self.budget, self._changed, declared=declared)
+        self.budget.take(SERIES_OF_ROBOT)
+        robot = Robot(
+            settings, self._fleet.limits, self.budget, self._changed, now, declared=declared
+        )
         self.robots[settings.name] = robot
-        self.refusals.shut_out.discard(settings.name)
+        if not declared:
+            self._unproven[settings.name] = robot
+        self.refusals.admitted(_topics(settings), settings.name)
         self._bind(robot)
         self._told("known", robot)
         return robot
@@ -110,44 +126,87 @@ class Roster:
         self._unbind(robot)
         robot.members.remove_all()
         self.budget.give(SERIES_OF_ROBOT)
+        self._unproven.pop(robot.settings.name, None)
         del self.robots[robot.settings.name]
 
-    def discover(self, domain_id: int, endpoints: Mapping[str, Endpoint]) -> None:
-        """Add the robots whose topics a domain's graph shows and the config wants."""
-        for discovery in self._fleet.discoveries:
-            for name, endpoint in endpoints.items():
-                topic = Topic(domain_id, name)
-                if endpoint.publishers and topic not in self.bindings:
-                    self._discover(discovery, topic)
+    def received(self, robot: Robot) -> None:
+        """Note that a robot publishes: it gives way to no other any more."""
+        self._unproven.pop(robot.settings.name, None)
 
-    def _discover(self, discovery: config.Discovery, topic: Topic) -> None:
-        if topic in self.splitters:
-            return
+    def _limit(self) -> FleetRejection | None:
+        """The limit that leaves no place for one more robot."""
+        if len(self.robots) >= self._fleet.limits.robots:
+            return "robot_limit"
+        return "series_limit" if self.budget.lacks(SERIES_OF_ROBOT) else None
+
+    def _make_place(self, now: Instant, *, at_once: bool) -> bool:
+        """Drop the robot that has had the longest time to publish and never did, if there is one.
+
+        Topics that somebody only announces must not keep out robots for ever.
+        """
+        robot = next(iter(self._unproven.values()), None)
+        if robot is None or not (at_once or now.mono - robot.found_mono >= TIME_TO_PUBLISH):
+            return False
+        for topic in _topics(robot.settings):
+            self._tried.pop(topic, None)
+            self._tried[topic] = now.mono
+        while len(self._tried) > MOST_TRIED:
+            self._tried.popitem(last=False)
+        self.drop(robot)
+        return True
+
+    def discover(self, domain_id: int, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
+        """Add the robots whose topics a domain's graph shows and the config wants.
+
+        Those that gave way to others come last.
+        """
+        topics = (Topic(domain_id, name) for name, each in endpoints.items() if each.publishers)
+        new = [each for each in topics if each not in self.bindings and each not in self.splitters]
+        new.sort(key=lambda topic: self._tried.get(topic, 0.0))
+        for discovery in self._fleet.discoveries:
+            for topic in new:
+                if topic not in self.bindings:
+                    self._discover(discovery, topic, now)
+
+    def _discover(self, discovery: config.Discovery, topic: Topic, now: Instant) -> None:
         name = robot_name(discovery, topic.name, topic.domain_id)
         if name is None:
             return
         if name in self.robots:
-            self.refusals.robot(topic, name, "duplicate_robot", "that name is taken")
+            self.refusals.robot(topic, name, "duplicate_robot", now)
         else:
             found = found_robot(discovery, name, topic.name, topic.domain_id)
-            self.add(found, declared=False)
+            self.add(found, now, declared=False)
 
-    def find_again(self, name: str, known: RememberedRobot) -> Robot | None:
-        """A robot that a former process knew, if the config still wants it."""
+    def find_again(self, name: str, known: RememberedRobot, now: Instant) -> Robot | None:
+        """A robot that a former process knew, if the config still wants it.
+
+        One that never published anything is no loss, and would be found by its topic.
+        """
         robot = self.robots.get(name)
-        if robot is None:
-            settings = self._settings_by_topic(name, Topic(known.domain_id, known.topic))
-            robot = None if settings is None else self.add(settings, declared=False)
+        if robot is None and known.last_seen:
+            settings = self._settings_of(name, known)
+            robot = None if settings is None else self.add(settings, now, declared=False)
+            if robot is not None:
+                self.received(robot)
         return robot
 
-    def on_shared_topic(self, topic: Topic, name: str) -> Robot | None:
+    def _settings_of(self, name: str, known: RememberedRobot) -> config.Robot | None:
+        # Which of its two topics it was discovered by is not known any more.
+        for topic in (known.topic, *topics_of(known.topic, config.Source.AUTO)):
+            settings = self._settings_by_topic(name, Topic(known.domain_id, topic or ""))
+            if settings is not None:
+                return settings
+        return None
+
+    def on_shared_topic(self, topic: Topic, name: str, now: Instant) -> Robot | None:
         """The robot that a status on a shared topic names, made if it is new."""
         name = bounded(name, self._fleet.limits.label_length)
         robot = self.robots.get(name)
         if robot is None:
-            return self.add(self.splitters[topic].robot(name), declared=False)
-        if not any(each is robot for each, _raw in self.bindings.get(topic, ())):
-            self.refusals.robot(topic, name, "duplicate_robot", "that name is taken")
+            return self.add(self.splitters[topic].robot(name), now, declared=False)
+        if topic not in _topics(robot.settings):
+            self.refusals.robot(topic, name, "duplicate_robot", now)
             return None
         return robot
 
@@ -159,19 +218,15 @@ class Roster:
             for robot, _raw in self.bindings.get(topic, ()):
                 robot.refuse("label_length", topic.name)
 
-    def _shut_out(self, settings: config.Robot, reason: FleetRejection, why: str) -> None:
+    def _shut_out(self, settings: config.Robot, limit: FleetRejection, now: Instant) -> None:
         topic = Topic(settings.domain_id, settings.topic_agg or settings.topic_raw or "")
-        if self.refusals.robot(topic, settings.name, reason, why):
-            self.refusals.shut_out.add(settings.name)
+        self.refusals.robot(topic, settings.name, limit, now)
 
     # -- topics ------------------------------------------------------------------------------
 
     def _bind(self, robot: Robot) -> None:
-        settings = robot.settings
-        for topic, raw in ((settings.topic_agg, False), (settings.topic_raw, True)):
-            if topic is not None and takes(settings.source, raw=raw):
-                bound = self.bindings.setdefault(Topic(settings.domain_id, topic), [])
-                bound.append((robot, raw))
+        for topic, raw in _topics(robot.settings).items():
+            self.bindings.setdefault(topic, []).append((robot, raw))
 
     def _unbind(self, robot: Robot) -> None:
         for name in (robot.settings.topic_agg, robot.settings.topic_raw):
@@ -188,6 +243,15 @@ class Roster:
             if of_interest and any(takes(robot.source, raw=raw) for robot, raw in bound):
                 yield topic
         yield from (topic for topic in self.splitters if topic.domain_id == domain_id)
+
+
+def _topics(settings: config.Robot) -> dict[Topic, bool]:
+    """The topics whose arrays are, or may be, the robot's, and whether they are raw."""
+    return {
+        Topic(settings.domain_id, topic): raw
+        for topic, raw in ((settings.topic_agg, False), (settings.topic_raw, True))
+        if topic is not None and takes(settings.source, raw=raw)
+    }
 
 
 def takes(source: config.Source, *, raw: bool) -> bool:

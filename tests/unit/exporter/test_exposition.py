@@ -125,7 +125,7 @@ def test_names_that_look_alike_as_labels_stay_two_series():
     levels = {
         dict(labels)["component"]: v for labels, v in story.samples()["component_level"].items()
     }
-    assert levels == {"a?": 0, "a?~": 2, "(unnamed)": 0, "(unnamed)~": 0}
+    assert levels == {"a?": 0, "a?~2": 2, "(unnamed)": 0, "(unnamed)~2": 0}
 
 
 def full_story() -> Story:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 
 import pytest
@@ -83,6 +84,17 @@ def test_a_component_that_is_ignored_now_goes_and_may_come_back():
     story.state.configure(Fleet("f", (raw_robot("r"),)), story.now)
     story.raw(HOT)
     assert story.level("Motor") == ERROR
+
+
+def test_a_fleet_that_is_renamed_is_renamed_in_every_sample():
+    story = faulty()
+    before = story.samples()
+    story.state.configure(dataclasses.replace(story.state.fleet, name="renamed"), story.now)
+
+    after = story.samples()
+    assert before.keys() == after.keys()
+    for name, series in after.items():
+        assert {dict(labels)["fleet"] for labels in series} == {"renamed"}, name
 
 
 def test_labels_change_without_touching_anything_else():

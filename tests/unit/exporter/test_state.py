@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 
 import pytest
@@ -14,12 +15,16 @@ from ros_diagnostics_exporter.config.fleet import (
     Fleet,
     Limits,
     Maintenance,
+    Profile,
     Robot,
     Source,
+    Threshold,
+    ValueRule,
 )
 from ros_diagnostics_exporter.diagnostics import Status
 from ros_diagnostics_exporter.state.fleet import Topic
 from ros_diagnostics_exporter.state.network import Endpoint
+from ros_diagnostics_exporter.state.roster import TIME_TO_PUBLISH
 from stories import ERROR, OK, STALE, WALL, WARN, Story, tree
 
 MOTOR, HOT = Status(OK, "Motor 1", "OK", "mc-01"), Status(ERROR, "Motor 1", "Hot", "mc-01")
@@ -352,6 +357,86 @@ def test_absence_never_ends_a_fault_but_what_was_ok_is_forgotten():
     assert [each.name for each in story.robot.components.values()] == ["Motor 1"]
 
 
+RAW = "/r/diagnostics"
+LOW = ValueRule(thresholds=(Threshold("low", "critical", 10.0),))
+
+
+def discovered(**profile) -> Story:
+    """One robot "r", found by its topic."""
+    discovery = Discovery(
+        re.compile(r"/(?P<robot>[^/]+)/diagnostics"),
+        "/{robot}/diagnostics",
+        source=Source.RAW,
+        profile=Profile(forget_after=100.0, stale_after=5.0, **profile),
+    )
+    story = Story(fleet=Fleet("f", discoveries=(discovery,)))
+    story.state.graph(0, {RAW: Endpoint(1)}, story.now)
+    return story
+
+
+@pytest.mark.parametrize(
+    ("status", "rules"),
+    [
+        (HOT, {}),
+        (MOTOR._replace(level=STALE), {}),
+        (HOT, {"components": (ComponentRule(re.compile(""), levels={STALE: OK}),)}),
+        (MOTOR._replace(values=(("Volt", "9"),)), {"values": (LOW,)}),
+    ],
+    ids=["error", "stale", "stale counts as ok", "value"],
+)
+def test_a_discovered_robot_that_was_not_ok_stays_until_a_person_takes_it_out(status, rules):
+    story = discovered(**rules)
+    story.raw_every(1, 5, status, LASER)
+    story.state.graph(0, {}, story.now)
+    story.at(1_000)
+    assert [each.name for each in story.robot.components.values()] == ["Motor 1"]
+
+    story.state.forget("r", None, story.now)
+    assert not story.state.robots
+
+
+@pytest.mark.parametrize(
+    ("status", "rules"),
+    [
+        (MOTOR, {}),
+        (HOT, {"components": (ComponentRule(re.compile(""), levels={ERROR: OK}),)}),
+        (MOTOR._replace(values=(("Volt", "11"),)), {"values": (LOW,)}),
+        (
+            MOTOR._replace(level=STALE),
+            {"components": (ComponentRule(re.compile("Motor"), planned_stale=True),)},
+        ),
+    ],
+    ids=["ok", "error counts as ok", "value", "planned stale"],
+)
+def test_a_discovered_robot_that_was_ok_is_forgotten_when_its_publisher_is_long_gone(status, rules):
+    story = discovered(**rules)
+    story.raw_every(1, 5, status, LASER)
+    story.at(1_000)
+    assert story.robot.components == {}  # its publisher is still there
+    story.state.graph(0, {}, story.now)
+    story.at(1_002)
+    assert not story.state.robots
+
+
+def test_what_the_network_keeps_from_us_is_not_forgotten():
+    story = discovered()
+    story.raw(MOTOR)
+    story.state.graph(0, {RAW: Endpoint(0, wrong_type="std_msgs/msg/String")}, story.now)
+    story.at(1_000)
+    assert story.robot.silent_reason == "wrong_type"
+
+
+def test_a_discovered_robot_that_never_publishes_is_forgotten_when_its_publisher_is_long_gone():
+    story = discovered()
+    story.at(500)
+    assert story.robot.silent_reason == "mute"
+    story.state.graph(0, {}, story.now)
+    story.at(599)
+    assert story.robot.silent_reason == "never_seen"
+    story.at(602)
+    assert not story.state.robots
+
+
 def test_forget_takes_out_what_a_person_names():
     story = Story()
     story.raw(HOT, LASER)
@@ -517,3 +602,66 @@ def test_more_robots_than_the_limit_are_refused_and_counted():
     story.state.configure(Fleet("f", fleet.robots[1:], limits=Limits(robots=2)), story.now)
     assert set(story.state.robots) == {"r1", "r2"}
     assert story.sample("robot_silent_reason", reason="limit") is None
+
+
+# -- robots that never publish --------------------------------------------------
+
+
+def crowded(limit: int) -> Story:
+    discovery = Discovery(
+        re.compile(r"/(?P<robot>[^/]+)/diagnostics"), "/{robot}/diagnostics", source=Source.RAW
+    )
+    return Story(fleet=Fleet("f", discoveries=(discovery,), limits=Limits(robots=limit)))
+
+
+def look(story: Story, *robots: str) -> None:
+    endpoints = {f"/{name}/diagnostics": Endpoint(1) for name in robots}
+    story.state.graph(0, endpoints, story.now)
+
+
+def test_a_robot_that_never_published_gives_way_once_it_had_time_to():
+    story = crowded(2)
+    look(story, "mute", "r")
+    story.raw(MOTOR)
+    for seconds in (1, TIME_TO_PUBLISH - 1):
+        story.at(seconds)
+        look(story, "mute", "r", "new")
+        assert set(story.state.robots) == {"mute", "r"}
+
+    story.at(TIME_TO_PUBLISH)
+    look(story, "mute", "r", "new")
+    assert set(story.state.robots) == {"r", "new"}
+    look(story, "mute", "r", "new")
+    assert story.sample("robot_silent_reason", robot="mute", reason="limit") == 1
+    assert story.sample("robot_silent_reason", robot="new", reason="limit") is None
+
+
+def test_a_robot_that_published_never_gives_way():
+    story = crowded(1)
+    look(story, "r")
+    story.raw(MOTOR)
+    story.at(100_000)
+    look(story, "r", "new")
+    assert set(story.state.robots) == {"r"}
+
+
+def test_every_robot_that_waits_has_its_turn():
+    """However many only announce their topic, and however their names are sorted."""
+    story = crowded(5)
+    mute = [f"a{n}" for n in range(20)]
+    seen = set()
+    for turn in range(1, 8):
+        look(story, *mute, "z")
+        seen |= story.state.robots.keys()
+        if "z" in story.state.robots:
+            break
+        story.at(turn * TIME_TO_PUBLISH)
+    assert seen == {*mute, "z"}
+
+
+def test_a_declared_robot_needs_not_wait():
+    story = crowded(1)
+    look(story, "mute")
+    declared = dataclasses.replace(story.state.fleet, robots=(Robot("r", topic_raw=RAW),))
+    story.state.configure(declared, story.now)
+    assert set(story.state.robots) == {"r"}

@@ -19,13 +19,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Robot, Shared, Source
+from ros_diagnostics_exporter.config.fleet import (
+    ComponentRule,
+    Discovery,
+    Fleet,
+    Robot,
+    Shared,
+    Source,
+)
 from ros_diagnostics_exporter.diagnostics import Array, Instant, Status
 from ros_diagnostics_exporter.snapshot import fleet_snapshot, targets
 from ros_diagnostics_exporter.state.network import Endpoint, Topic
 from ros_diagnostics_exporter.state.robot import Robot as ExporterRobot
 from ros_diagnostics_exporter.storage import MAX_BYTES, Storage
-from stories import ERROR, OK, STALE, WALL, Story, tree
+from stories import ERROR, OK, STALE, WALL, WARN, Story, tree
 
 HOT, COOL = Status(ERROR, "Motor", "Hot", "mc-1"), Status(OK, "Motor", "OK", "mc-1")
 LASER = Status(OK, "Laser")
@@ -96,6 +103,78 @@ def test_what_was_ok_is_no_problem_once_it_is_heard_again(tmp_path):
 
     motor = after.component("Motor")
     assert (motor.level, motor.problem_since, motor.since, motor.changes) == (OK, None, WALL, 0)
+
+
+def stale_is_ok() -> Story:
+    return Story(components=(ComponentRule(re.compile(""), levels={STALE: OK}),), stale_after=5.0)
+
+
+def test_a_restart_is_no_problem_where_stale_counts_as_ok(tmp_path):
+    before = stale_is_ok()
+    before.raw(COOL)
+    saved(before, tmp_path / "state")
+    after = restarted(before, tmp_path / "state")
+
+    motor = after.component("Motor")
+    assert (motor.level, motor.before_stale, motor.problem_since) == (OK, None, None)
+    after.at(100)
+    after.now = Instant(100.0, WALL + 105)
+    after.raw(HOT)
+    assert (motor.level, motor.problem_since) == (ERROR, WALL + 105)
+
+
+def test_a_restart_ends_no_problem_where_stale_counts_as_ok(tmp_path):
+    before = stale_is_ok()
+    before.raw(HOT)
+    saved(before, tmp_path / "state")
+    again = restarted(before, tmp_path / "state")
+    assert again.component("Motor").problem_since is None  # it is OK, as the config has it
+    saved(again, tmp_path / "state")
+
+    for level in (ERROR, WARN):
+        after = restarted(again, tmp_path / "state")
+        after.raw(HOT._replace(level=level))
+        assert (after.level("Motor"), after.component("Motor").problem_since) == (level, WALL)
+
+
+@pytest.mark.parametrize(
+    ("status", "stays"), [(HOT, True), (COOL, False), (COOL._replace(level=STALE), True)]
+)
+def test_what_was_not_ok_is_not_forgotten_after_a_restart_either(tmp_path, status, stays):
+    before = Story(forget_after=100.0)
+    before.raw(COOL)
+    before.raw(status)
+    saved(before, tmp_path / "state")
+    again = restarted(before, tmp_path / "state")
+    saved(again, tmp_path / "state")
+    after = restarted(again, tmp_path / "state")
+    after.at(200)
+    assert bool(after.robot.components) == stays
+
+
+def test_a_file_of_a_version_before_is_read(tmp_path):
+    before = Story(forget_after=100.0)
+    before.raw(HOT, LASER)
+    saved(before, tmp_path / "state")
+    text = (tmp_path / "state").read_text()
+    (tmp_path / "state").write_text(re.sub(r', "was_ok": (true|false)', "", text))
+    after = restarted(before, tmp_path / "state")
+    after.at(200)
+    assert [each.name for each in after.robot.components.values()] == ["Motor"]
+
+
+def test_a_robot_that_never_published_does_not_survive_a_restart(tmp_path):
+    discovery = Discovery(re.compile(r"/(?P<robot>[^/]+)/diagnostics"), "/{robot}/diagnostics")
+    before = Story(fleet=Fleet("f", discoveries=(discovery,)))
+    before.state.graph(0, {f"/{n}/diagnostics": Endpoint(1) for n in ("r", "mute")}, before.now)
+    before.at(10)
+    before.raw(COOL)
+    before.at(20)
+    before.raw(COOL)
+    saved(before, tmp_path / "state")
+
+    after = restarted(before, tmp_path / "state")
+    assert set(after.state.robots) == {"r"}
 
 
 def test_two_restarts_in_a_row_lose_nothing(tmp_path):

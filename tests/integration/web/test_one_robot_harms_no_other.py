@@ -1,0 +1,174 @@
+"""A robot that sends too much, robots that send nothing, and a fleet that is renamed.
+
+Each against the real exporter, over real DDS and HTTP.
+"""
+
+from __future__ import annotations
+
+import threading
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+
+from fleet_demo.waiting import until
+from ros_diagnostics_exporter.diagnostics import Status
+from ros_publisher import Publisher, publisher
+
+pytestmark = pytest.mark.integration
+
+SMALL = [f"small_{n}" for n in range(20)]
+LIMITS = "limits: {robot_series: 5000}\n"
+
+
+def topic(robot: str) -> str:
+    return f"/{robot}/diagnostics_agg"
+
+
+def scrape(site) -> list:
+    with urllib.request.urlopen(f"http://127.0.0.1:{site.port}/metrics", timeout=60) as answer:
+        text = answer.read().decode()
+    return [each for family in text_string_to_metric_families(text) for each in family.samples]
+
+
+def values(site, name: str, label: str, **labels: str) -> dict[str, float]:
+    """A label -> the value of every sample of ros_diagnostics_``name`` with ``labels``."""
+    return {
+        each.labels[label]: each.value
+        for each in scrape(site)
+        if each.name == f"ros_diagnostics_{name}" and labels.items() <= each.labels.items()
+    }
+
+
+@contextmanager
+def running(site, *flags: str) -> Iterator[None]:
+    process = site.exporter(*flags).start()
+    try:
+        until(lambda: _answers(site), "the exporter answers")
+        yield
+    finally:
+        process.stop()
+
+
+def _answers(site) -> bool:
+    try:
+        return bool(scrape(site))
+    except OSError:
+        return False
+
+
+def small(turn: int) -> list[Status]:
+    return [Status(0, "Motor", values=(("Turn", str(turn)),))]
+
+
+def repeated(turn: int) -> list[Status]:
+    """200 equal keys in each of 500 components, every value another one than before."""
+    pairs = tuple(("Error", str(n + turn)) for n in range(200))
+    return [Status(0, f"Part {n}", values=pairs) for n in range(500)]
+
+
+@contextmanager
+def sending(
+    robots: Publisher,
+    *names: str,
+    period: float = 0.2,
+    array: Callable[[int], list[Status]] = small,
+) -> Iterator[None]:
+    """The robots send an array each, again and again."""
+    stop = threading.Event()
+
+    def work() -> None:
+        turn = 0
+        while not stop.wait(period):
+            turn += 1
+            for name in names:
+                robots.send(topic(name), *array(turn))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+def test_equal_keys_without_end_take_no_other_robot_down(site):
+    site.fleet_file.write_text(site.fleet_file.read_text() + LIMITS)
+    with publisher(site.domain_id) as robots, publisher(site.domain_id) as bad:
+        for name in SMALL:
+            robots.offer(topic(name))
+        bad.offer(topic("hostile"))
+        with running(site), sending(robots, *SMALL):
+            robots.wait_for_listeners()
+            bad.wait_for_listeners()
+            until(lambda: sum(values(site, "robot_up", "robot").values()) == 20, "all are up")
+            with sending(bad, "hostile", period=1.0, array=repeated):
+                until(lambda: _hostile_arrays(site) >= 5, "some arrays are received", 120)
+            rejected = values(site, "robot_rejected_total", "reason", robot="hostile")
+            assert rejected["robot_series_limit"] > 0
+            assert sum(each.labels.get("robot") == "hostile" for each in scrape(site)) < 12_000
+            assert len(values(site, "component_level", "component", robot="hostile")) == 500
+            assert values(site, "robot_rejected_total", "robot").keys() == {"hostile"}
+
+
+def _hostile_arrays(site) -> float:
+    """How many were received; all others are up meanwhile."""
+    up = values(site, "robot_up", "robot")
+    assert [name for name in SMALL if up[name] != 1] == []
+    return values(site, "robot_messages_total", "robot")["hostile"]
+
+
+def test_robots_that_only_announce_themselves_are_forgotten_and_do_not_survive_a_restart(site):
+    text = site.fleet_file.read_text().replace("{stale_after", "{forget_after: 3s, stale_after")
+    site.fleet_file.write_text(text + "limits: {robots: 3}\n")
+    storage = ("--storage.path", str(site.folder / "state"))
+    with publisher(site.domain_id) as robots:
+        robots.offer(topic("real"))
+        with publisher(site.domain_id) as mute, sending(robots, "real"):
+            mute.offer(topic("mute_1"))
+            mute.offer(topic("mute_2"))
+            with running(site, *storage):
+                until(
+                    lambda: (
+                        values(site, "robot_up", "robot") == {"real": 1, "mute_1": 0, "mute_2": 0}
+                    ),
+                    "all are known",
+                )
+                robots.offer(topic("newcomer"))
+                until(
+                    lambda: (
+                        values(site, "robot_silent_reason", "robot", reason="limit")
+                        == {"newcomer": 1}
+                    ),
+                    "the newcomer is kept out, and named",
+                )
+                assert values(site, "exporter_rejected_total", "reason")["robot_limit"] == 1
+        with running(site, *storage):  # the mute ones have gone meanwhile
+            until(lambda: "newcomer" in values(site, "robot_up", "robot"), "the newcomer is known")
+            assert values(site, "robot_up", "robot").keys() == {"real", "newcomer"}
+            robots.withdraw(topic("newcomer"))
+            until(
+                lambda: values(site, "robot_up", "robot").keys() == {"real"},
+                "the newcomer never published and is forgotten",
+            )
+
+
+def test_a_fleet_that_is_renamed_over_http_is_renamed_in_every_sample(site):
+    with publisher(site.domain_id) as robots:
+        robots.offer(topic("r1"))
+        with running(site, "--web.enable-lifecycle"), sending(robots, "r1"):
+            until(lambda: values(site, "robot_up", "robot") == {"r1": 1}, "r1 is up")
+            text = site.fleet_file.read_text().replace("fleet: hall", "fleet: renamed")
+            site.fleet_file.write_text(text)
+            request = urllib.request.Request(
+                f"http://127.0.0.1:{site.port}/-/reload", method="POST"
+            )
+            with urllib.request.urlopen(request, timeout=20) as answer:
+                assert answer.status == 200
+
+            samples = [each for each in scrape(site) if each.name.startswith("ros_diagnostics_")]
+            assert {each.labels["fleet"] for each in samples} == {"renamed"}
+            assert values(site, "component_level", "component", robot="r1") == {"Motor": 0}
