@@ -9,10 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-
-def printable(text: str) -> str:
-    """`text` with line ends, control and invisible characters escaped."""
-    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)
+from ros_diagnostics_exporter.texts import printable
 
 
 class WrongValueError(ValueError):
