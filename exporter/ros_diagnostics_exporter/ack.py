@@ -19,10 +19,12 @@ from urllib.parse import urlencode
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.acknowledgement import ESCALATION, IDENTITY
 from ros_diagnostics_exporter.client import UnreachableError, add_arguments, ask
+from ros_diagnostics_exporter.texts import printable, shown
 
 DEFAULT_URL = "http://127.0.0.1:9093"
 MOST_DAYS = 3650
@@ -42,10 +44,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if not options.list and not (options.robot and options.comment):
         parser.error("say which ROBOT and --comment what is being done, or --list")
+    if not options.list and not options.author:
+        parser.error("say with --author who takes care: the user who runs this has no name here")
     try:
         return _list(options) if options.list else _acknowledge(options)
     except UnreachableError as error:
-        print(f"ros-diagnostics-ack: {error}", file=sys.stderr)  # noqa: T201
+        print(f"ros-diagnostics-ack: {printable(str(error))}", file=sys.stderr)  # noqa: T201
         return 1
 
 
@@ -109,12 +113,14 @@ def _acknowledge(options: argparse.Namespace) -> int:
     silences = ask(options, "/api/v2/silences")
     for alert in found:
         if (before := acknowledged(alert, silences)) is not None:
-            print(f"{_name(alert)} was acknowledged by {before['createdBy']} already")  # noqa: T201
+            author = shown(before["createdBy"])
+            print(f"{_name(alert)} was acknowledged by {author} already")  # noqa: T201
             continue
         body = silence(alert, options.author, options.comment, start, options.days)
         ask(options, "/api/v2/silences", body)
         state = STATES[alert["labels"]["alertname"]]
-        print(f"acknowledged: {_name(alert)} {state} since {alert['annotations']['since']}")  # noqa: T201
+        since = shown(alert["annotations"]["since"])
+        print(f"acknowledged: {_name(alert)} {state} since {since}")  # noqa: T201
     return 0
 
 
@@ -128,7 +134,8 @@ def _list(options: argparse.Namespace) -> int:
         state = STATES[labels["alertname"]]
         since = alert["annotations"]["since"]
         cells = (labels["robot"], labels.get("component", ""), state, since)
-        table.add_row(*cells, known["createdBy"], known["comment"])
+        texts = (*cells, known["createdBy"], known["comment"])
+        table.add_row(*(Text(shown(text)) for text in texts))  # as Text: no markup
     # Piped, nothing is cut; in a terminal, columns share its width.
     Console(width=None if sys.stdout.isatty() else 200).print(table)
     return 0
@@ -144,7 +151,8 @@ def _alerts(options: argparse.Namespace) -> list[dict[str, Any]]:
 
 def _name(alert: dict[str, Any]) -> str:
     labels = alert["labels"]
-    return " ".join(filter(None, (f"{labels['fleet']}/{labels['robot']}", labels.get("component"))))
+    parts = (f"{labels['fleet']}/{labels['robot']}", labels.get("component"))
+    return shown(" ".join(filter(None, parts)))
 
 
 def _days(text: str) -> float:
@@ -152,6 +160,14 @@ def _days(text: str) -> float:
         if 0 < (days := float(text)) <= MOST_DAYS:
             return days
     raise argparse.ArgumentTypeError(f"{text!r} is not a number of days, at most {MOST_DAYS}")
+
+
+def _user() -> str | None:
+    """Who runs this; None for a UID without an entry in passwd, as containers often have."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # OSError since Python 3.13
+        return None
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -164,7 +180,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--fleet", help="where several fleets have robots of one name")
     parser.add_argument(
-        "--author", default=getpass.getuser(), help="who takes care (default: %(default)s)"
+        "--author",
+        default=_user(),
+        help="who takes care (default: the user who runs this: %(default)s)",
     )
     parser.add_argument(
         "--days",

@@ -17,7 +17,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from ros_diagnostics_exporter.logs import to_json
+from ros_diagnostics_exporter.texts import to_json
 
 KINDS = ("level", "robot", "config")
 REMEMBERED = 10_000  # events in memory; some 5 MB

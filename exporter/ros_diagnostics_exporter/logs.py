@@ -6,7 +6,8 @@ import json
 import logging
 import sys
 import time
-from typing import Any
+
+from ros_diagnostics_exporter.texts import to_json
 
 FORMATS = ("logfmt", "json")
 
@@ -36,23 +37,14 @@ class _Formatter(logging.Formatter):
         if record.exc_info:
             fields["error"] = self.formatException(record.exc_info)
         if self._as_json:
-            return json.dumps(fields)
+            return json.dumps(fields).replace("\x7f", "\\u007f")  # DEL: all else is ASCII by then
         return " ".join(f"{key}={_quoted(value)}" for key, value in fields.items())
 
 
 def _quoted(value: str) -> str:
-    """As logfmt quotes: only where it has to be, control characters escaped."""
+    """As logfmt quotes: only where it has to be, invisible characters escaped."""
     plain = value.isascii() and value.isprintable() and not set(value) & set(' ="\\')
     return value if plain and value else to_json(value)
-
-
-# What JSON leaves as it is and a terminal takes for a command or a new line.
-_CONTROLS = {code: f"\\u{code:04x}" for code in (*range(0x7F, 0xA0), 0x2028, 0x2029)}
-
-
-def to_json(content: Any) -> str:
-    """JSON in one line that may be shown on a terminal; letters of all scripts stay readable."""
-    return json.dumps(content, ensure_ascii=False).translate(_CONTROLS)
 
 
 def _moment(created: float) -> str:

@@ -8,7 +8,6 @@ exit codes follow https://nagios-plugins.org/doc/guidelines.html.
 from __future__ import annotations
 
 import argparse
-import re
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -18,6 +17,7 @@ from typing import Any, NoReturn
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.client import UnreachableError, add_arguments, ask_fleet
 from ros_diagnostics_exporter.ranks import as_planned
+from ros_diagnostics_exporter.texts import shown
 
 OK, WARNING, CRITICAL, UNKNOWN = range(4)  # exit codes
 # Level -> the word of its list, worst first; the order of the lists.
@@ -30,7 +30,7 @@ UNITS = {"s", "ms", "us", "%", "B", "KB", "MB", "TB", "c"}
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """A wrong call is UNKNOWN; argparse's own code 2 would be CRITICAL."""
-        print(f"UNKNOWN - {message}")  # noqa: T201
+        print(f"UNKNOWN - {_clean(message)}")  # noqa: T201
         sys.exit(UNKNOWN)
 
 
@@ -44,7 +44,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except UnreachableError as error:
         code, line = UNKNOWN, f"UNKNOWN - {_clean(str(error))}"
     except _TooLateError:
-        code, line = UNKNOWN, f"UNKNOWN - no answer from {options.url} in {options.timeout:g} s"
+        code, line = (
+            UNKNOWN,
+            f"UNKNOWN - no answer from {_clean(options.url)} in {options.timeout:g} s",
+        )
     except Exception as error:  # noqa: BLE001 - Python's own exit code 1 would be WARNING
         code, line = UNKNOWN, f"UNKNOWN - {type(error).__name__}: {_clean(str(error))}"
     finally:
@@ -134,7 +137,7 @@ def _datum(component: dict[str, Any], value: dict[str, Any]) -> str:
 
 def _clean(text: str) -> str:
     """Text for one line of output: a bar would begin the performance data."""
-    return re.sub(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+", " ", text).replace("|", "/")
+    return shown(text).replace("|", "/")
 
 
 class _TooLateError(Exception):

@@ -7,7 +7,6 @@ are given as /api/v1/fleet shows them.
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 RANKS = {"UNKNOWN": 4, "CRITICAL": 3, "STALE": 2, "WARNING": 1, "OK": 0, "PENDING": -1}
@@ -50,12 +49,6 @@ def short_told(robot: dict[str, Any]) -> list[str]:
         f"check {each['check']} finds {each['found']} of {each['expected']}"
         for each in robot["short_checks"]
     ]
-
-
-def natural(name: str) -> list[tuple[int, str]]:
-    """A key that sorts robot_2 before robot_10."""
-    parts = re.split(r"([0-9]+)", name)
-    return [(int(part), "") if part[:1].isdecimal() else (-1, part) for part in parts]
 
 
 def faults_of(robot: dict[str, Any]) -> list[dict[str, Any]]:

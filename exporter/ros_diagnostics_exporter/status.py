@@ -23,10 +23,10 @@ from ros_diagnostics_exporter.ranks import (
     ago,
     faults_of,
     level_told,
-    natural,
     short_told,
     state_of,
 )
+from ros_diagnostics_exporter.texts import natural, printable, shown
 
 COLOURS = {
     "UNKNOWN": "magenta",
@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _watch(options) if options.watch is not None else _once(options)
     except UnreachableError as error:
-        print(f"ros-diagnostics-status: {error}", file=sys.stderr)  # noqa: T201
+        print(f"ros-diagnostics-status: {printable(str(error))}", file=sys.stderr)  # noqa: T201
         return 1
     except (KeyboardInterrupt, BrokenPipeError):
         return 0
@@ -87,10 +87,10 @@ def _watch(options: argparse.Namespace) -> int:
     with Live(auto_refresh=False, screen=sys.stdout.isatty()) as live:
         while True:
             try:
-                shown: Any = view(choose(ask_fleet(options), options), options)
+                table: Any = view(choose(ask_fleet(options), options), options)
             except UnreachableError as error:  # it may come back: that is what is watched for
-                shown = Text(str(error), style="bold red")
-            live.update(shown, refresh=True)
+                table = Text(printable(str(error)), style="bold red")
+            live.update(table, refresh=True)
             time.sleep(options.watch)
 
 
@@ -137,7 +137,7 @@ def _told(robot: dict[str, Any], now: float) -> Text:
     ]
     if len(faults) > FAULTS_SHOWN:
         parts.append(f"and {len(faults) - FAULTS_SHOWN} more")
-    return _plain("\n".join(" ".join(part.split()) for part in parts))
+    return _plain(*parts)
 
 
 def _components(robots: list[dict[str, Any]], now: float) -> Table:
@@ -149,16 +149,14 @@ def _components(robots: list[dict[str, Any]], now: float) -> Table:
                 _plain(robot["robot"]),
                 _plain(f"{each['group']} {each['component']}"),
                 _plain(f"{each['message']} {ago(each['since'], now)}"),
-                _plain("\n".join(f"{pair['key']}={pair['value']}" for pair in each["values"])),
+                _plain(*(f"{pair['key']}={pair['value']}" for pair in each["values"])),
             )
     return table
 
 
-def _plain(said: str) -> Text:
-    """What a robot said, as it is: no markup, and no control character reaches the terminal."""
-    return Text(
-        "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in said)
-    )
+def _plain(*lines: str) -> Text:
+    """What a robot said: no markup, and nothing that a terminal obeys."""
+    return Text("\n".join(map(shown, lines)))
 
 
 def _coloured(state: str) -> Text:
@@ -168,7 +166,7 @@ def _coloured(state: str) -> Text:
 def _sum(fleet: dict[str, Any], count: Counter[str]) -> Text:
     told = ", ".join(f"{count[state]} {state}" for state in RANKS if count[state])
     moment = time.strftime("%H:%M:%S", time.localtime(fleet["time"]))
-    return _plain(f"\nfleet {fleet['fleet']} at {moment}: {told or 'no robot matches'}")
+    return _plain("", f"fleet {fleet['fleet']} at {moment}: {told or 'no robot matches'}")
 
 
 def _states(text: str) -> frozenset[str]:

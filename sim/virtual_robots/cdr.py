@@ -43,8 +43,9 @@ def encode_status(status: Status) -> bytes:
 
 
 def _encode_stamp(stamp: float) -> bytes:
+    """ROS' seconds are 32 bits: a clock that jumped beyond stands at the end of them."""
     seconds, nanoseconds = divmod(round(stamp * 1e9), 1_000_000_000)
-    return _STAMP.pack(seconds, nanoseconds)
+    return _STAMP.pack(min(max(seconds, -(2**31)), 2**31 - 1), nanoseconds)
 
 
 @lru_cache(maxsize=16384)

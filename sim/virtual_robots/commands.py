@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> None:
 
     player = Player(fleet, take, complain)
     for name, member in fleet.members.items():
-        if not member.spec.absent:
+        if member.present:
             transport.appear(name)
     with ros_context(domain_id) as context:
         control = Control(context, player.inject)

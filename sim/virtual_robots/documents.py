@@ -23,7 +23,7 @@ class Document(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
 
 
-DocumentT = TypeVar("DocumentT", bound=Document)
+ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
 def read_mapping(path: Path) -> Mapping[str, Any]:
@@ -44,7 +44,7 @@ def read_mapping(path: Path) -> Mapping[str, Any]:
     return document
 
 
-def parse(model: type[DocumentT], raw: Mapping[str, Any], source: str) -> DocumentT:
+def parse(model: type[ModelT], raw: Mapping[str, Any], source: str) -> ModelT:
     """The model of a mapping; raises DocumentError with every error in it."""
     try:
         return model.model_validate(raw)

@@ -16,7 +16,15 @@ from typing import NamedTuple
 from virtual_robots.aggregator import VERSIONS, Aggregator, Report
 from virtual_robots.components import Fault
 from virtual_robots.kinds import build_components, load_analyzers, load_kind
-from virtual_robots.members import Happening, Member, Message, Presence, RobotSpec, Topic
+from virtual_robots.members import (
+    Happening,
+    Member,
+    Message,
+    Presence,
+    RobotSpec,
+    State,
+    Topic,
+)
 from virtual_robots.robot import Robot
 from virtual_robots.thesis import COUNTS, ThesisSettings, draw, load_settings, shaped
 
@@ -55,7 +63,8 @@ class Fleet:
         self.members = {spec.name: self._make(spec) for spec in specs}
         for member in self.members.values():
             if not member.spec.absent:
-                self.start(member, member.rng.random() * member.period)
+                member.present = True
+                self._switch_on(member, member.rng.random() * member.period)
 
     def advance(self, until: float) -> Iterator[Happening]:
         """All that happens up to ``until``, in order of time."""
@@ -94,15 +103,15 @@ class Fleet:
         self.plan(at, lambda now: self._boot(member, life, now))
 
     def resume(self, member: Member, now: float) -> None:
-        """Let a robot that was stopped go on as if nothing had been."""
-        member.alive = True
+        """Let a robot that was paused go on as if nothing had been."""
+        member.state = State.RUNNING
         life = member.life
         self.plan(now, lambda then: self._aggregate(member, life, then))
         self.plan(now + DRIVER_AFTER_AGGREGATOR, lambda then: self._tick(member, life, then))
 
-    def stop(self, member: Member) -> None:
-        """Let nothing more come from the robot; the graph still knows it."""
-        member.alive = False
+    def stop(self, member: Member, state: State) -> None:
+        """Let nothing more come from the robot, PAUSED or OFF; the graph still knows it."""
+        member.state = state
         member.life += 1
 
     def reload(self, settings: Path) -> None:
@@ -130,15 +139,17 @@ class Fleet:
         member.robot.replace_components(components)
 
     def _boot(self, member: Member, life: int, now: float) -> Iterator[Happening]:
-        if member.alive or member.life != life:
+        if member.state is State.RUNNING or member.life != life:
             return
+        self._switch_on(member, now)
+        yield from appear(member, now)
+
+    def _switch_on(self, member: Member, at: float) -> None:
+        """Begin the robot's life anew; its first message comes soon after ``at``."""
         member.robot.boot()
         if self._version is not None:
-            member.aggregator = Aggregator(load_analyzers(member.spec.kind), now, self._version)
-        if member.online and not member.present:
-            member.present = True
-            yield Presence(now, member.spec.name, present=True)
-        self.resume(member, now)
+            member.aggregator = Aggregator(load_analyzers(member.spec.kind), at, self._version)
+        self.resume(member, at)
 
     def _refresh(self, member: Member, settings: ThesisSettings, now: float) -> Iterator[Happening]:
         if member.settings is not settings:
@@ -173,6 +184,13 @@ class Fleet:
         yield from _published(member, member.aggregator.publish(now), now)
         period = member.aggregator.period
         self.plan(now + period, lambda then: self._aggregate(member, life, then))
+
+
+def appear(member: Member, now: float) -> Iterator[Happening]:
+    """Let the graph see the robot if there is one to be seen: on, and with a network."""
+    if member.state is not State.OFF and member.online and not member.present:
+        member.present = True
+        yield Presence(now, member.spec.name, present=True)
 
 
 def _complaints(kinds: set[Path], version: str | None) -> list[str]:

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from virtual_robots.fleet import Fleet
+from virtual_robots.fleet import Fleet, appear
 from virtual_robots.kinds import load_kind
-from virtual_robots.members import Happening, Member, Presence
+from virtual_robots.members import Happening, Member, Presence, State
 
 # How long Fast DDS believes in a participant that says nothing any more (its default lease).
 LEASE = 20.0
@@ -71,7 +71,7 @@ def _join(fleet: Fleet, member: Member, _: Order, now: float) -> Iterator[Happen
 
 def _leave(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
     """It says goodbye."""
-    fleet.stop(member)
+    fleet.stop(member, State.OFF)
     yield from _vanish(member, now)
     if wanted.length:
         fleet.start(member, now + wanted.length)
@@ -83,7 +83,7 @@ def _reboot(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator
 
 def _crash(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
     """Without goodbye: the graph believes in it until its lease is over."""
-    fleet.stop(member)
+    fleet.stop(member, State.OFF)
     _vanish_later(fleet, member, now)
     if wanted.length:
         fleet.start(member, now + wanted.length)
@@ -92,7 +92,9 @@ def _crash(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[
 
 def _hang(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
     """It stands still; DDS' own threads go on telling the graph that it is there."""
-    fleet.stop(member)
+    if member.state is State.OFF:
+        return
+    fleet.stop(member, State.PAUSED)
     life = member.life
 
     def go_on(then: float) -> Iterator[Happening]:
@@ -105,52 +107,82 @@ def _hang(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[H
 
 
 def _resume(fleet: Fleet, member: Member, _: Order, now: float) -> Iterator[Happening]:
-    if not member.alive:
+    """Only what hangs can go on: a robot that is off has to join."""
+    if member.state is State.PAUSED:
         fleet.resume(member, now)
     yield from ()
 
 
 def _lose_network(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
     """It goes on, numbers its messages and drains its batteries, and nobody hears it."""
-    member.online = False
-    _vanish_later(fleet, member, now)
+    member.networks += 1
+    latest = member.networks
+    _disconnect(fleet, member, now)
+
+    def end(then: float) -> Iterator[Happening]:
+        if member.networks == latest:
+            yield from _connect(member, then)
+
     if wanted.length:
-        _later(fleet, member, Order("network_back"), now + wanted.length)
+        fleet.plan(now + wanted.length, end)
     yield from ()
 
 
 def _find_network(_: Fleet, member: Member, __: Order, now: float) -> Iterator[Happening]:
-    member.online = True
-    if member.alive and not member.present:
-        member.present = True
-        yield Presence(now, member.spec.name, present=True)
+    member.networks += 1
+    yield from _connect(member, now)
 
 
 def _flap(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
     """Its network comes and goes."""
-    if not wanted.length:
-        yield from _find_network(fleet, member, wanted, now)
-        return
-    deed = _lose_network if member.online else _find_network
-    yield from deed(fleet, member, Order(wanted.what), now)
-    rest = max(0.0, wanted.length - wanted.period)
-    _later(fleet, member, wanted._replace(length=rest), now + wanted.period)
+    member.networks += 1
+    latest = member.networks
+
+    def turn(rest: float, then: float) -> Iterator[Happening]:
+        if member.networks != latest:
+            return
+        if not rest or not member.online:
+            yield from _connect(member, then)
+        else:
+            _disconnect(fleet, member, then)
+        if rest:
+            step = min(rest, wanted.period)
+            fleet.plan(then + step, lambda after: turn(rest - step, after))
+
+    yield from turn(wanted.length, now)
+
+
+def _connect(member: Member, now: float) -> Iterator[Happening]:
+    member.online = True
+    yield from appear(member, now)
+
+
+def _disconnect(fleet: Fleet, member: Member, now: float) -> None:
+    member.online = False
+    _vanish_later(fleet, member, now)
 
 
 def _jump(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
     member.robot.clock_offset += wanted.by
+
+    def back(_: float) -> Iterator[Happening]:
+        member.robot.clock_offset -= wanted.by
+        yield from ()
+
     if wanted.length:
-        back = wanted._replace(by=-wanted.by, length=0.0)
-        _later(fleet, member, back, now + wanted.length)
+        fleet.plan(now + wanted.length, back)
     yield from ()
 
 
 def _flood(fleet: Fleet, member: Member, wanted: Order, now: float) -> Iterator[Happening]:
     usual = load_kind(member.spec.kind).period
     member.period = 1 / wanted.rate
+    member.floods += 1
+    latest = member.floods
 
     def calm(_: float) -> Iterator[Happening]:
-        member.period = usual
+        if member.floods == latest:
+            member.period = usual
         yield from ()
 
     if wanted.length:
@@ -173,10 +205,6 @@ DEEDS: dict[str, Deed] = {
 }
 
 
-def _later(fleet: Fleet, member: Member, wanted: Order, at: float) -> None:
-    fleet.plan(at, lambda now: DEEDS[wanted.what](fleet, member, wanted, now))
-
-
 def _vanish(member: Member, now: float) -> Iterator[Happening]:
     if member.present:
         member.present = False
@@ -189,7 +217,7 @@ def _vanish_later(fleet: Fleet, member: Member, now: float) -> None:
     silence = member.silences
 
     def lease_over(then: float) -> Iterator[Happening]:
-        silent = not member.alive or not member.online
+        silent = member.state is State.OFF or not member.online
         if silent and member.silences == silence:
             yield from _vanish(member, then)
 

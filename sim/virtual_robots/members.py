@@ -65,14 +65,24 @@ class RobotSpec(NamedTuple):
     absent: bool = False
 
 
+class State(Enum):
+    """What a robot's computer does; one that reboots is OFF, and its next start is planned."""
+
+    OFF = "off"
+    RUNNING = "running"
+    PAUSED = "paused"  # it hangs: nothing is published, DDS' own threads still answer
+
+
 @dataclass
 class Member:
     """A robot in the fleet and what is around it: its aggregator, its network, its life.
 
     ``life`` is raised when the robot stops, so that nothing planned for the life before happens in
-    the next. ``online`` is its network, ``present`` whether the ROS graph knows it, ``silences``
-    counts how often it fell silent without goodbye. ``drawn`` are the components whose level the
-    settings' last refresh decided.
+    the next. ``online`` is its network. ``present`` is whether it is in the ROS graph: always while
+    it is online and not OFF, and for the time of a lease after it crashed or lost its network.
+    ``silences`` counts how often it fell silent without goodbye; ``networks`` and ``floods`` count
+    the orders to its network and its rate, so that an order's end does not end a later order.
+    ``drawn`` are the components whose level the settings' last refresh decided.
     """
 
     spec: RobotSpec
@@ -82,8 +92,10 @@ class Member:
     aggregator: Aggregator | None = None
     settings: ThesisSettings | None = None
     life: int = 0
-    alive: bool = False
+    state: State = State.OFF
     online: bool = True
     present: bool = False
     silences: int = 0
+    networks: int = 0
+    floods: int = 0
     drawn: frozenset[str] = field(default_factory=frozenset)

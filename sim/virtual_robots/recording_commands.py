@@ -6,7 +6,9 @@ Imports ROS and rosbags; cli.py imports it only when one of them is called.
 from __future__ import annotations
 
 import argparse
+import threading
 from collections import Counter
+from collections.abc import Callable
 
 from virtual_robots.bags import BagWriter, Recorded, read_recordings, recorded_topics
 from virtual_robots.bags_ros import Playback, Recorder
@@ -28,31 +30,43 @@ def replay(options: argparse.Namespace) -> None:
         if not playback.wait_for_subscribers(options.wait, stop):
             complain(f"not every topic has a subscriber after {options.wait:g} s; begins")
         count = 0
-        while not stop.is_set():
-            count += playback.play(read_recordings(options.files), options.rate, stop)
-            if not options.loop:
-                break
-        playback.close()
+        try:
+            while not stop.is_set():
+                count += playback.play(read_recordings(options.files), options.rate, stop)
+                if not options.loop:
+                    break
+        finally:  # what was published before a file proved damaged shall arrive
+            playback.close()
     say(f"{count} messages replayed")
 
 
 def record(options: argparse.Namespace) -> None:
     """Write the diagnostics of a domain into a bag until SIGINT or SIGTERM, or for a duration."""
-    writer = BagWriter(options.output, options.storage)
     stop = stop_on_signals()
+    writer = BagWriter(options.output, options.storage)
     counted: Counter[str] = Counter()
 
     def take(message: Recorded) -> None:
-        counted[message.topic] += 1
         writer.write(message)
+        counted[message.topic] += 1
 
+    try:
+        _listen(options, take, stop)
+    finally:  # whatever ends the recording, the messages before it stay readable
+        writer.close()
+        say(f"{counted.total()} messages of {len(counted)} topics recorded")
+
+
+def _listen(
+    options: argparse.Namespace, take: Callable[[Recorded], None], stop: threading.Event
+) -> None:
     with ros_context(chosen_domain_id(options.domain_id)) as context:
         recorder = Recorder(context, options.topic or ["*"], take, _say_recorded)
         say(f"ready: records into {options.output}")
-        recorder.record(stop, options.duration or float("inf"))
-        recorder.close()
-    writer.close()
-    say(f"{counted.total()} messages of {len(counted)} topics recorded")
+        try:
+            recorder.record(stop, options.duration or float("inf"))
+        finally:
+            recorder.close()
 
 
 def _say_recorded(topic: str) -> None:

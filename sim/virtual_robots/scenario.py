@@ -59,7 +59,7 @@ class EventModel(Document):
     length: float = Field(default=0.0, ge=0, alias="for")
     by: float = Field(default=3600.0, ge=-3e8, le=3e8)  # ROS' stamps end in 2038
     rate: float = Field(default=100.0, gt=0, le=10_000)
-    period: float | None = Field(default=None, gt=0)
+    period: float | None = Field(default=None, ge=0.01)
 
     @model_validator(mode="after")
     def _is_known(self) -> EventModel:
@@ -149,15 +149,28 @@ def _plan_fault(fleet: Fleet, robot: str, event: EventModel, where: str) -> None
 
 
 def _plan_change(fleet: Fleet, robot: str, component: str, event: EventModel) -> None:
-    def change(now: float, what: str) -> Iterator[Happening]:
-        message = event.message if what != "ok" else ""
-        fault = Fault(what, now, message, event.period or COMPONENT_FLAP_PERIOD)
+    def begin(now: float) -> Iterator[Happening]:
         if component not in fleet.member(robot).robot.component_names():
             yield Note(now, f"{robot}, {component}: is there no more since its settings changed")
             return
-        yield Note(now, f"{robot}, {component}: {what} {message}".rstrip())
-        fleet.inject(robot, component, None if what == "ok" else fault)
+        if event.what == "ok":
+            yield from change(now, None)
+            return
+        period = event.period or COMPONENT_FLAP_PERIOD
+        fault = Fault(event.what, now, event.message, period)
+        yield from change(now, fault)
+        if event.length:
+            fleet.plan(now + event.length, lambda then: end(then, fault))
 
-    fleet.plan(event.at, lambda now: change(now, event.what))
-    if event.length:
-        fleet.plan(event.at + event.length, lambda now: change(now, "ok"))
+    def change(now: float, fault: Fault | None) -> Iterator[Happening]:
+        told = f"{fault.what} {fault.message}".rstrip() if fault else "ok"
+        yield Note(now, f"{robot}, {component}: {told}")
+        fleet.inject(robot, component, fault)
+
+    def end(now: float, fault: Fault) -> Iterator[Happening]:
+        """End the event's own fault: another may have begun since, or the component have gone."""
+        found = [c for c in fleet.member(robot).robot.components if c.name == component]
+        if found and found[0].fault is fault:
+            yield from change(now, None)
+
+    fleet.plan(event.at, begin)

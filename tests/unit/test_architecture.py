@@ -20,8 +20,8 @@ TREES = {
     "fleet_demo": CHECKOUT / "sim",
 }
 ROOMS = (  # each imports only from above; files side by side in a tuple do not know each other
-    ("diagnostics", "units", "files", "metrics", "ranks", "logs", "systemd"),
-    ("client", "acknowledgement"),
+    ("diagnostics", "units", "files", "metrics", "ranks", "texts", "systemd"),
+    ("client", "acknowledgement", "logs"),
     ("config", "tree", "values", "flags", "metrics_reference", "events", "topic_queue"),
     ("ros", "state", "nagios", "status", "ack"),
     ("storage", "sample_text", "snapshot", "own_metrics", "watching", "alertmanager"),
@@ -30,7 +30,7 @@ ROOMS = (  # each imports only from above; files side by side in a tuple do not 
     ("cli",),
 )
 # What the web shows it is handed, as callables; of the config it knows how YAML is read.
-WEB_KNOWS = {"web", "diagnostics", "events", "ranks"}
+WEB_KNOWS = {"web", "diagnostics", "events", "ranks", "texts"}
 WEB_READS_BY = f"{EXPORTER}.config.yamlfile"
 KNOW_ROS = {
     f"{EXPORTER}.ros",

@@ -9,14 +9,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
+from ros_diagnostics_exporter.texts import printable
+
 LISTED = 20  # problems, or warnings, that are listed one by one
 MOST = 1000  # problems of entries that are worked out; a wrong file may have any number
 _MOST_SAID = 250  # characters of each part of a problem
-
-
-def printable(text: str) -> str:
-    """`text` with line ends, control and invisible characters escaped."""
-    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)
 
 
 def shortened(text: str) -> str:

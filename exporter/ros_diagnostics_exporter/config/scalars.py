@@ -12,8 +12,9 @@ from typing import Annotated, Any
 
 from pydantic import PlainValidator, WithJsonSchema
 
-from ros_diagnostics_exporter.config.errors import WrongValueError, printable
+from ros_diagnostics_exporter.config.errors import WrongValueError
 from ros_diagnostics_exporter.config.reserved import RESERVED_LABEL_PREFIXES, RESERVED_LABELS
+from ros_diagnostics_exporter.texts import printable
 
 MAX_DOMAIN_ID = 232  # above it, rclpy ends the whole process (ports would exceed 65535)
 MAX_NAME = 128

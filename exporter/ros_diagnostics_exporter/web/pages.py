@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterator
-from html import escape
+from html import escape as escape_markup
 from typing import Any
 
 from ros_diagnostics_exporter import __version__
@@ -14,10 +14,10 @@ from ros_diagnostics_exporter.ranks import (
     ago,
     faults_of,
     level_told,
-    natural,
     short_told,
     state_of,
 )
+from ros_diagnostics_exporter.texts import natural, shown
 
 MESSAGE = 300  # characters of a component's message
 SHOWN = 200  # robots with problems, and as many components of one; the API has them all
@@ -121,6 +121,11 @@ def _rest(number: int, what: str) -> Iterator[str]:
 
 def _message(text: str) -> str:
     return escape(text if len(text) <= MESSAGE else text[:MESSAGE] + "…")
+
+
+def escape(text: str) -> str:
+    """Text in the page: neither markup nor what turns the direction of writing or is invisible."""
+    return escape_markup(shown(text))
 
 
 def _moment(unix: float) -> str:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+from argparse import Namespace
 
 import pytest
 from rclpy.serialization import serialize_message
+from rich.console import Console
 
-from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Robot, Source
+from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Robot, Shared, Source
 from ros_diagnostics_exporter.diagnostics import Status
 from ros_diagnostics_exporter.ros import read_clocks
 from ros_diagnostics_exporter.snapshot import fleet_snapshot
+from ros_diagnostics_exporter.status import view
+from ros_diagnostics_exporter.web.pages import landing
 from ros_publisher import message
 
 pytestmark = pytest.mark.integration
@@ -97,3 +101,27 @@ def test_ten_thousand_components_and_texts_without_end_are_bounded(running, robo
     said = [each.message for each in caplog.records if each.message.startswith("robot 'bad'")]
     assert len(said) == 2
     assert max(map(len, said)) < 300
+
+
+def test_robots_of_a_shared_topic_with_digits_of_any_script_are_on_the_page(
+    ros_domain, robots, run_exporter
+):
+    names = ["robot_10", "robot_2", "robot\u00b2", "\u0663robot", "\u0663"]
+    running = run_exporter(Fleet("f", shared=(Shared("/diagnostics", True, ros_domain),)))
+    robots.offer("/diagnostics")
+    robots.wait_for_listeners()
+    robots.send("/diagnostics", *(Status(2, "\u202erotoM", "hot\u2066", name) for name in names))
+
+    running.wait_for("component_level", 2, robot="robot\u00b2", component="\u202erotoM")
+    known = {dict(labels)["robot"] for labels in running.samples("robot_up")}
+    assert known == set(names)
+    fleet = fleet_snapshot(running.service.state, read_clocks())
+    page = landing(fleet, "/metrics")
+    assert page.replace("\n", "").isprintable()
+    assert r"\u202erotoM" in page
+    assert r"hot\u2066" in page
+    assert page.rindex("robot_2") < page.rindex("robot_10")
+    console = Console(width=200)
+    with console.capture() as captured:
+        console.print(view(fleet, Namespace(component=None)))
+    assert "\u0663robot" in captured.get()

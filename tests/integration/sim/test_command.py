@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import subprocess
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -120,3 +121,34 @@ def test_a_domain_that_dds_does_not_have_is_refused_at_once(command: Command) ->
     done = command("--domain-id", "233")
     assert done.returncode == 2
     assert done.stderr == "domain id 233 must be between 0 and 232\n"
+
+
+@pytest.mark.parametrize("participants", ["fleet", "robot"])
+@pytest.mark.parametrize("before", ["leave", "crash", "reboot: 600"])
+def test_a_robot_that_is_off_cannot_go_on_but_join(
+    virtual_robots: Callable[..., Process],
+    command: Command,
+    listener: Any,
+    before: str,
+    participants: str,
+) -> None:
+    """`resume` would publish on topics that left the graph with the robot."""
+    listener.listen("/robot_1/diagnostics")
+    listener.listen("/robot_2/diagnostics")
+    process = virtual_robots("--robots", "2", "--participants", participants)
+
+    def sent_since(robot: str, moment: float) -> int:
+        heard = listener.of(f"/{robot}/diagnostics")
+        return sum(m.header.stamp.sec + m.header.stamp.nanosec / 1e9 > moment for m in heard)
+
+    listener.until(lambda: sent_since("robot_1", 0.0), "robot_1")
+    for order in (before, "resume", "hang"):
+        done = command("fault", "robot_1", order)
+        assert (done.returncode, done.stderr) == (0, "")
+    then = time.time()
+    listener.until(lambda: sent_since("robot_2", then) >= 3, "robot_2 goes on")
+    assert sent_since("robot_1", then) == 0
+    assert command("fault", "robot_1", "join").returncode == 0
+    listener.until(lambda: sent_since("robot_1", then) >= 3, "robot_1 again")
+    assert process.alive
+    assert "Traceback" not in process.output()

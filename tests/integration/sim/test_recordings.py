@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import signal
 import time
 from collections.abc import Callable
@@ -10,10 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rosbags.rosbag2 import Writer
 
 from fleet_demo.processes import Process
 from fleet_demo.waiting import until
-from virtual_robots.bags import read_recordings
+from virtual_robots import cli
+from virtual_robots.bags import BagWriter, Recorded, read_recordings
 
 pytestmark = pytest.mark.integration
 
@@ -119,3 +123,59 @@ def test_a_json_recording_is_heard_below_a_namespace(
     listener.until(lambda: len(listener.of("/robot_7/diagnostics")) == len(raw), "all of it")
     heard = [[s.level[0] for s in m.status] for m in listener.of("/robot_7/diagnostics")]
     assert heard == [[s["level"] for s in m["status"]] for m in raw]
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_a_recording_that_an_error_ends_keeps_what_it_had(  # noqa: PLR0917 - fixtures
+    virtual_robots: Callable[..., Process],
+    dds_environment: dict[str, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    storage: str,
+) -> None:
+    """The disk that is full is played; the robots and what is recorded are real."""
+    virtual_robots("--robots", "1")
+    written: list[bytes] = []
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    write = Writer.write
+
+    def full_after_five(writer: Writer, connection: Any, at: int, data: bytes) -> None:
+        if len(written) == 5:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write(writer, connection, at, data)
+        written.append(bytes(data))
+
+    monkeypatch.setattr(Writer, "write", full_after_five)
+    bag = tmp_path / "bag"
+    for name, value in dds_environment.items():
+        monkeypatch.setenv(name, value)
+    assert cli.main(["record", str(bag), "--storage", storage, "--duration", "60"]) == 2
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+    told = capsys.readouterr()
+    assert told.err == f"{bag}: cannot be written: [Errno 28] No space left on device\n"
+    assert "5 messages of " in told.out
+    assert [message.data for message in read_recordings([bag])] == written
+
+
+def test_of_a_damaged_recording_what_can_be_read_is_played(
+    command: Callable[..., Any], listener: Any, tmp_path: Path
+) -> None:
+    bag, topic = tmp_path / "bag", "/robot_1/diagnostics"
+    message = next(read_recordings([GOLDEN / "motor_error.in.json"]))
+    writer = BagWriter(bag, "mcap")
+    for number in range(4000):
+        writer.write(Recorded(10**18 + number, topic, message.type, message.data))
+    writer.close()
+    file = bag / "bag.mcap"
+    content = bytearray(file.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 8192] = b"\xff" * 8192
+    file.write_bytes(content)
+    listener.listen(topic)
+    done = command("replay", str(file), "--wait", "20")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"{file}: is damaged; ")
+    listener.until(lambda: listener.of(topic), "what could be read")

@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from virtual_robots.bags import (
     ARRAY,
@@ -82,7 +84,10 @@ def test_a_recording_never_overwrites_one(tmp_path: Path) -> None:
     ("name", "content", "what"),
     [
         ("a.json", "{", "a.json: is not JSON"),
-        ("a.json", "{}", "a.json: is not a recording of diagnostics: KeyError('topic')"),
+        ("a.json", "{}", "a.json: topic: is missing"),
+        ("a.json", "[]", "a.json: is not a recording of diagnostics: must be an object"),
+        ("a.json", "[" * 100_000, "a.json: is not JSON"),
+        ("a.json", "9" * 5_000, "a.json: is not JSON"),
         ("a.json", '{"topic": "/d", "t0_unix": 1, "messages": []}', "holds no message of"),
         ("a.mcap", "junk", "a.mcap: cannot be read as a bag"),
         ("a.txt", "junk", "a.txt: cannot be read as a bag"),
@@ -96,6 +101,100 @@ def test_a_file_that_is_no_recording_is_named(
     with pytest.raises(DocumentError) as caught:
         recorded_topics([path])
     assert what in str(caught.value)
+
+
+STATUS_JSON = {"level": 2, "name": "M", "message": "", "hardware_id": "", "values": []}
+HEADER_JSON = {"stamp": {"sec": 1, "nanosec": 0}, "frame_id": ""}
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"status": [STATUS_JSON, {**STATUS_JSON, "level": 300}]}, "messages.1: status.1.level: "),
+        ({"status": {**STATUS_JSON, "level": 300}}, "messages.1: status.level: "),
+        ({"status": [{**STATUS_JSON, "level": -1}]}, "messages.1: status.0.level: "),
+        ({"status": [{**STATUS_JSON, "values": [{"key": "a", "value": 1}]}]}, "values.0.value: "),
+        ({"status": [3]}, "messages.1: status.0: "),
+        ({"status": None}, "messages.1: status: "),
+        ({"t": float("nan")}, "messages.1: t: "),
+        ({"t": 1e300}, "messages.1: t: "),
+        ({"header": {"stamp": {"sec": 2**40, "nanosec": 0}, "frame_id": ""}}, "header.stamp.sec: "),
+        ({"header": {}}, "messages.1: header.stamp: is missing"),
+    ],
+)
+def test_a_wrong_message_of_the_json_form_is_named_with_its_place(
+    tmp_path: Path, change: dict[str, object], what: str
+) -> None:
+    good = {"t": 0.5, "header": HEADER_JSON, "status": [STATUS_JSON]}
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({"topic": "/d", "t0_unix": 1, "messages": [good, good | change]}))
+    with pytest.raises(DocumentError) as caught:
+        recorded_topics([path])
+    assert str(caught.value).startswith(f"{path}: messages.1: ")
+    assert what in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("topic", ["d", "/a b", "/1/d", "//d", "/d/", "/ä"])
+def test_a_topic_that_ros_does_not_have_is_named(tmp_path: Path, topic: str) -> None:
+    path = tmp_path / "a.json"
+    message = {"t": 0, "header": HEADER_JSON, "status": []}
+    path.write_text(json.dumps({"topic": topic, "t0_unix": 1, "messages": [message]}))
+    with pytest.raises(DocumentError, match=r"a\.json: topic .* is not a full name of ROS"):
+        recorded_topics([path])
+
+
+def long_bag(folder: Path, storage: str) -> Path:
+    """The storage file of a bag of several chunks (pages)."""
+    writer = BagWriter(folder, storage)
+    for number in range(4000):
+        data = encode_array([MOTOR._replace(message="hot" * 400)], float(number))
+        writer.write(Recorded(10**18 + number, "/d", ARRAY, data))
+    writer.close()
+    return next(path for path in folder.iterdir() if path.suffix in {".db3", ".mcap"})
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_a_damaged_bag_is_one_error_that_names_it_or_is_read(
+    storage: str, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.getbasetemp() / f"long_{storage}"
+    path = long_bag(folder, storage) if not folder.exists() else next(folder.glob("long_*.*"))
+    content = bytearray(path.read_bytes())
+    at = data.draw(st.integers(0, len(content) - 1) | st.integers(-3000, -9))
+    if data.draw(st.booleans()):
+        del content[at:]
+    else:
+        content[at : at + 8] = data.draw(st.binary(min_size=8, max_size=8))
+    damaged = tmp_path_factory.getbasetemp() / f"damaged{path.suffix}"
+    damaged.write_bytes(content)
+    try:
+        recorded_topics([damaged])
+        list(read_recordings([damaged]))
+    except DocumentError as error:
+        assert str(error).startswith(f"{damaged}: ")  # noqa: PT017 - or none is raised
+
+
+def test_of_a_recording_damaged_in_the_middle_is_said_how_far_it_was_read(tmp_path: Path) -> None:
+    """Of mcap: sqlite3's whole file is looked at before its first message."""
+    path = long_bag(tmp_path / "bag", "mcap")
+    content = bytearray(path.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 8192] = b"\xff" * 8192
+    path.write_bytes(content)
+    read: list[Recorded] = []
+    with pytest.raises(DocumentError) as caught:
+        read.extend(read_recordings([path]))
+    assert f"{path}: is damaged; {len(read)} messages could be read, then: " in str(caught.value)
+    assert 0 < len(read) < 4000
+
+
+def test_a_bag_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DocumentError, match=r"file/bag: cannot be written: "):
+        BagWriter(tmp_path / "file" / "bag", "mcap")
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:

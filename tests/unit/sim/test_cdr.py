@@ -58,3 +58,11 @@ def test_an_encoded_array_is_as_long_as_the_one_that_ros_makes() -> None:
     )  # fmt: skip
     array = messages.DiagnosticArray(status=[ros_status] * 3)
     assert len(encode_array([status] * 3, 0.0)) == len(serialization.serialize_message(array))
+
+
+@pytest.mark.parametrize(("stamp", "seconds"), [(9e9, 2**31 - 1), (-9e9, -(2**31))])
+def test_a_clock_that_jumps_beyond_what_a_stamp_can_hold_stands_at_its_end(
+    stamp: float, seconds: int
+) -> None:
+    array = encode_array([], stamp)
+    assert int.from_bytes(array[4:8], "little", signed=True) == seconds

@@ -132,3 +132,38 @@ def test_a_robot_that_is_stopped_before_it_is_back_stays_away() -> None:
 def test_the_other_robots_go_on() -> None:
     story = told(fleet_of(robots=2), 10.0, Order("crash"), 20.0)
     assert len(of(story, Topic.RAW, "robot_2")) == 20
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "silent"),
+    [
+        (Order("network_loss", length=10.0), Order("network_loss"), True),
+        (Order("flap", length=10.0, period=2.0), Order("network_loss"), True),
+        (Order("flap", length=10.0, period=2.0), Order("network_back"), False),
+        (Order("hang", length=10.0), Order("hang"), True),
+        (Order("leave", length=10.0), Order("leave"), True),
+        (Order("network_loss", length=10.0), Order("network_loss", length=4.0), False),
+    ],
+)
+def test_the_end_of_an_order_does_not_end_a_later_one(
+    first: Order, second: Order, silent: bool
+) -> None:
+    fleet = fleet_of()
+    told(fleet, 5.0, first, 3.0)
+    told(fleet, 8.0, second, 4.5)
+    heard = of(fleet.advance(60.0), Topic.RAW)
+    assert (not heard) is silent
+    assert silent or number_of(heard[-1]) - number_of(heard[0]) == len(heard) - 1
+
+
+def test_the_end_of_a_flood_does_not_end_a_later_one() -> None:
+    fleet = fleet_of()
+    told(fleet, 5.0, Order("flood", rate=50.0, length=10.0), 3.0)
+    told(fleet, 8.0, Order("flood", rate=20.0), 10.0)
+    assert 190 <= len(of(fleet.advance(28.0), Topic.RAW)) <= 210
+
+
+def test_a_network_flaps_no_longer_than_it_was_ordered_to() -> None:
+    """Less than a period is left: it does not last for a whole one."""
+    story = told(fleet_of(), 10.0, Order("flap", length=3.0, period=30.0), 10.0)
+    assert silence(story, 10.0, 20.0) == pytest.approx(3.0, abs=1.1)

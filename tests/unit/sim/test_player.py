@@ -89,7 +89,7 @@ def test_a_fleet_that_cannot_keep_up_says_so_once() -> None:
     """Taking a message here is so slow that the next one is late."""
     told: list[str] = []
     busy = threading.Event()
-    player = Player(fleet_of(), lambda *_: busy.wait(0.4), told.append)
+    player = Player(fleet_of(), lambda *_: busy.wait(0.6), told.append)
     player.play(threading.Event(), until=4.0)
     assert len(told) == 1
     assert "s late: too many for this machine now" in told[0]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from fleet_stories import level_of, of
 
-from virtual_robots.diagnostics import ERROR, OK
+from virtual_robots.diagnostics import ERROR, OK, WARN
 from virtual_robots.documents import DocumentError
 from virtual_robots.fleet import Fleet
 from virtual_robots.members import Happening, Note, Topic
@@ -148,3 +148,48 @@ def test_an_event_for_a_component_that_new_settings_took_away_is_told(tmp_path: 
     fleet.reload(settings)
     notes = [h.text for h in fleet.advance(6.0) if isinstance(h, Note)]
     assert notes == ["robot_1, Motor 3: is there no more since its settings changed"]
+
+
+def levels_at(story: list[Happening], name: str, *seconds: int) -> list[int]:
+    """The component's level in robot_1's raw message of each of the seconds."""
+    raw = {int(m.at): level_of(m, name) for m in of(story, Topic.RAW)}
+    return [raw[second] for second in seconds]
+
+
+@pytest.mark.parametrize(
+    ("events", "levels"),
+    [
+        ("{at: 5, what: warn, for: 10}, {at: 8, what: error}", [OK, WARN, ERROR, ERROR]),
+        ("{at: 5, what: warn, for: 10}, {at: 8, what: warn}", [OK, WARN, WARN, WARN]),
+        ("{at: 5, what: warn, for: 10}, {at: 8, what: error, for: 20}", [OK, WARN, ERROR, ERROR]),
+        ("{at: 5, what: error, for: 10}, {at: 8, what: ok}", [OK, ERROR, OK, OK]),
+        ("{at: 5, what: warn, for: 10}", [OK, WARN, WARN, OK]),
+    ],
+)
+def test_the_end_of_a_fault_does_not_end_a_later_one(
+    tmp_path: Path, events: str, levels: list[int]
+) -> None:
+    path = tmp_path / "s.yaml"
+    one = events.replace("{", "{robot: robot_1, component: Motor 2, ")
+    path.write_text(f"robots: [{{count: 1}}]\nevents: [{one}]\n")
+    story = told(path, 20.0)
+    assert levels_at(story, "Motor 2", 3, 6, 12, 18) == levels
+
+
+def test_what_is_told_of_a_fault_s_end_is_true(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text(
+        "robots: [{count: 1}]\nevents:\n"
+        "  - {at: 5, robot: robot_1, component: Motor 2, what: warn, for: 10}\n"
+        "  - {at: 8, robot: robot_1, component: Motor 2, what: error, for: 4}\n"
+    )
+    notes = [n.text for n in told(path, 20.0) if isinstance(n, Note)]
+    assert notes == [f"robot_1, Motor 2: {what}" for what in ("warn", "error", "ok")]
+
+
+@pytest.mark.parametrize("what", ["component: Motor 1, what: flap", "what: flap, for: 5"])
+def test_a_period_too_short_to_be_played_is_refused(tmp_path: Path, what: str) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text(f"events: [{{at: 1, robot: robot_1, {what}, period: 1.0e-308}}]\n")
+    with pytest.raises(DocumentError, match=r"events\.0\.period: .* 0\.01"):
+        told(path, 5.0)

@@ -99,8 +99,8 @@ def test_what_a_robot_says_cannot_break_the_line():
     odd = robot("robot_1", component("Mot|or\n1\x1b", "OK", values=values), groups=[])
     _, line = check(fleet(odd), "robot_1", "")
     text, data = line.split(" | ")
-    assert text == "OK - OK sensor(s) list: /Motor/Mot/or 1 "
-    assert data.endswith("'Mot/or 1  a''b:c/d'=1%")
+    assert text == r"OK - OK sensor(s) list: /Motor/Mot/or 1\x1b"
+    assert data.endswith(r"'Mot/or 1\x1b a''b:c/d'=1%")
 
 
 def test_the_command_asks_the_exporter(serve, capsys):

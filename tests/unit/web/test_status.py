@@ -75,7 +75,8 @@ def test_components_are_shown_with_message_and_values(show):
     assert "Level=12.3 V" in text
 
 
-def test_what_a_robot_says_does_not_reach_the_terminal_as_a_command(serve, capsys):
+def test_what_a_robot_says_does_not_reach_the_terminal_as_a_command(serve, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
     evil = "\x1b]0;\x07\x9b[bold]x"
     server = serve(fleet=lambda: fleet(robot(evil, component(evil, "ERROR", message=evil))))
     for more in ([], ["--component", ""], ["--json"]):
