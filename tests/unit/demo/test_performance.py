@@ -28,7 +28,8 @@ def show(stack) -> Performance:
 
 @pytest.mark.parametrize("dead", ["exporter", "Grafana"])
 def test_a_program_that_has_died_is_reported(stack, show, dead, capsys):
-    next(each for each in stack.programs if each.name == dead).process.kill()
+    servers = (*stack.servers, stack.grafana)
+    next(each for each in servers if each.name == dead).process.kill()
 
     assert show.play(0.1) == [f"{dead} was killed by SIGKILL"]
     assert f"{dead} was killed by SIGKILL; the demo gives up" in capsys.readouterr().out
@@ -39,7 +40,7 @@ def test_a_grafana_that_does_not_come_back_is_given_up(stack, monkeypatch):
     stack.grafana.process.kill()
 
     with pytest.raises(GoneForGoodError, match="Grafana was killed by SIGKILL and did not come"):
-        Performance(stack, Screen(Console()), with_story=False).play(None)
+        Performance(stack, Screen(Console()), with_story=False).play(5.0)
 
 
 def test_a_scenarios_robots_do_not_end_before_the_demo(tmp_path):
