@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from fleet_demo.asking import answers
+from fleet_demo.asking import answers, get
 from fleet_demo.ports import free_port
 from fleet_demo.processes import Process
 from fleet_demo.waiting import until
@@ -27,6 +27,15 @@ def _program(names: tuple[str, ...]) -> str | None:
 def missing_program() -> str | None:
     """What is not installed; None if all is."""
     return next((names[0] for names in (NODE, BLACKBOX) if _program(names) is None), None)
+
+
+def ping_trouble(blackbox: str) -> str:
+    """What a blackbox exporter says of its own attempt to ping this machine; empty if it may."""
+    path = "/probe?module=icmp&target=127.0.0.1&debug=true"
+    text = get(blackbox, path, seconds=30).decode()
+    if "\nprobe_success 1\n" in text:
+        return ""
+    return next(line for line in text.splitlines() if "Error listening to socket" in line)
 
 
 @contextmanager

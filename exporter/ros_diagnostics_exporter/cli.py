@@ -36,7 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the exporter until SIGTERM or SIGINT; the exit code."""
     own, for_ros = ros.split_arguments(sys.argv[1:] if arguments is None else arguments)
     options = flags.parse(own)
-    logs.set_up(options.log_level, options.log_format)
+    wrapped = options.log_format == "json" and not options.config_check
+    logs.set_up(options.log_level, options.log_format, logs.wrap_output() if wrapped else None)
     try:
         return _check(options) if options.config_check else _run(options, for_ros)
     except (ConfigError, WebConfigError) as error:

@@ -167,7 +167,8 @@ def _add_logs(parser: argparse.ArgumentParser) -> None:
         dest="log_format",
         choices=FORMATS,
         default="logfmt",
-        help="(default: %(default)s)",
+        help='json also wraps what the middleware writes past the log, logger "output" '
+        "(default: %(default)s)",
     )
 
 

@@ -61,7 +61,8 @@ def _parser() -> argparse.ArgumentParser:
         type=_file,
         metavar="FILE",
         help="play this scenario of virtual robots (docs/virtual-robots.md) instead of the story of"
-        " the motor; then no email is expected, and none is wrong",
+        " the motor; then no email is expected, and none is wrong. When its duration is over the"
+        " robots go on as it left them",
     )
     return parser
 

@@ -23,14 +23,19 @@ def command() -> list[str] | None:
     """Return how Grafana is started here; None where it is not installed."""
     for name in BINARIES:
         if found := shutil.which(name):
+            home = _home(Path(found))
+            # What a package puts into PATH is a script that insists on /etc/grafana/grafana.ini,
+            # which an ordinary user may not read.
+            packaged = home / "bin" / name
             server = ["server"] if name == "grafana" else []
-            return [found, *server, f"--homepath={_home(Path(found))}"]
+            binary = str(packaged) if packaged.exists() else found
+            return [binary, *server, f"--homepath={home}"]
     return None
 
 
-def _home(binary: Path) -> Path:
+def _home(found: Path) -> Path:
     """Return the folder with Grafana's web pages: two above an unpacked archive's binary."""
-    unpacked = binary.resolve().parent.parent
+    unpacked = found.resolve().parent.parent
     return unpacked if (unpacked / "conf" / "defaults.ini").exists() else PACKAGED_HOME
 
 

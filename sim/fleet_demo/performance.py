@@ -27,7 +27,7 @@ class Performance:
         self._stack = stack
         self._screen = screen
         self._fault = Fault()
-        self._watch = Watch(stack.servers, PATIENCE)
+        self._watch = Watch(stack.programs, PATIENCE)
         self._step = Step.WELL
         self._step_began = 0.0
         self._sight = look(stack.addresses)

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from fleet_demo.site import CHECKOUT
 
+WITHOUT_END = 1e9  # seconds; the demo ends the robots, sooner or later
+
 
 class MissingProgram(Exception):  # noqa: N818 - says what is wrong, as FileNotFoundError does
     """A program is not installed; the text says how to get it."""
@@ -40,10 +42,13 @@ def distributed(*names: str) -> str:
 def virtual_robots(
     robots: int, seed: int, domain_id: int, scenario: Path | None = None
 ) -> list[str]:
-    """Return the command that publishes the diagnostics of ``robots`` robots, or of a scenario."""
+    """Return the command that publishes the diagnostics of ``robots`` robots, or of a scenario.
+
+    The robots of a scenario go on as it left them when its own duration is over.
+    """
     fleet = ["--robots", str(robots), "--seed", str(seed)]
     if scenario is not None:
-        fleet = ["--scenario", str(scenario)]
+        fleet = ["--scenario", str(scenario), "--duration", str(WITHOUT_END)]
     return [own("virtual-robots"), *fleet, "--domain-id", str(domain_id)]
 
 

@@ -27,6 +27,7 @@ class Server:
 
     process: Process
     address: str = ""
+    health: str = "/-/healthy"  # the path that answers 200 while it lives
 
     @property
     def name(self) -> str:
@@ -35,7 +36,7 @@ class Server:
 
     def lives(self) -> bool:
         """Whether it runs: as our child, or started again by hand at the same address."""
-        return self.process.alive or (self.address != "" and self.answers("/-/healthy"))
+        return self.process.alive or (self.address != "" and self.answers(self.health))
 
     def answers(self, path: str) -> bool:
         """Whether it answers 200 there."""
@@ -70,6 +71,11 @@ class Stack:
     def servers(self) -> tuple[Server, ...]:
         """Every program that has to live for the road to work."""
         return (self.robots, self.exporter, self.prometheus, self.alertmanager)
+
+    @property
+    def programs(self) -> tuple[Server, ...]:
+        """Every program that was started; Grafana, which nothing waits for, included."""
+        return self.servers if self.grafana is None else (*self.servers, self.grafana)
 
     def fault(self, robot: str, component: str, level: str, message: str = "") -> None:
         """Give a robot's component a level (error, warn, stale; ok repairs it); done on return.
@@ -108,7 +114,7 @@ def running(folder: Path, plan: Plan, inbox: Inbox) -> Iterator[Stack]:
         mail_server = MailServer(stack.addresses.smtp, inbox)
         ending.callback(mail_server.stop)
         mail_server.start()
-        for server in (*stack.servers, *([stack.grafana] if stack.grafana else [])):
+        for server in stack.programs:
             ending.callback(server.process.stop)
             server.process.start()
         _wait_until_ready(stack, plan.robots if plan.scenario is None else 1)
@@ -162,7 +168,7 @@ def _grafana(folder: Path, addresses: site.Addresses) -> Server | None:
     grafana.write_provisioning(folder / "provisioning", addresses)
     environment = grafana.environment(folder, addresses.grafana)
     log = folder / "grafana.log"
-    return Server(Process("Grafana", argv, environment, log), addresses.grafana)
+    return Server(Process("Grafana", argv, environment, log), addresses.grafana, "/api/health")
 
 
 def _wait_until_ready(stack: Stack, robots: int) -> None:
@@ -178,7 +184,7 @@ def _wait_until_ready(stack: Stack, robots: int) -> None:
 
 
 def _raise_if_ended(stack: Stack) -> None:
-    for server in stack.servers:
+    for server in stack.programs:
         if not server.process.alive:
             raise RuntimeError(server.process.describe())
 

@@ -28,14 +28,19 @@ robots:
 """
 
 
-def jobs(exporter: str, node: str, blackbox: str) -> list[dict]:
-    """What stands in comments at the end of prometheus.yml; only addresses are this machine's."""
+def jobs(exporter: str, node: str, blackbox: str, module: str) -> list[dict]:
+    """What stands in comments at the end of prometheus.yml; only addresses are this machine's.
+
+    With ``module`` tcp_connect a port is asked instead of pings, as the comment says.
+    """
     text = (prometheus_site.ROOT / "prometheus" / "prometheus.yml").read_text()
     _rest, mark, end = text.partition("  # --- Hosts:")
     assert mark
     lines = [re.sub(r"^  # (?!---)", "  ", line) for line in end.splitlines()[1:]]
     shown = "\n".join(lines)
     port = node.rpartition(":")[2]
+    if module == "tcp_connect":
+        shown = shown.replace("[icmp]", "[tcp_connect]").replace("/sd/ping", f"/sd/tcp?port={port}")
     for old, new in (
         ("/sd/node", f"/sd/node?port={port}"),
         ("localhost:9877", exporter),
@@ -52,8 +57,9 @@ def jobs(exporter: str, node: str, blackbox: str) -> list[dict]:
     return found
 
 
-@pytest.fixture
-def site(tmp_path: Path) -> Iterator[prometheus_site.Site]:
+@pytest.fixture(params=["icmp", "tcp_connect"])
+def asked(request, tmp_path: Path) -> Iterator[tuple[prometheus_site.Site, str]]:
+    """A site that asks its hosts by either module; why it cannot, empty where it can."""
     if missing := host_checks.missing_program():
         pytest.skip(f"{missing} is not installed")
     exporter = f"127.0.0.1:{free_port()}"
@@ -73,13 +79,15 @@ def site(tmp_path: Path) -> Iterator[prometheus_site.Site]:
         try:
             process.start()
             until(lambda: answers(exporter, "/-/ready"), process.describe, 60)
-            probes = jobs(exporter, node, blackbox)
+            probes = jobs(exporter, node, blackbox, request.param)
             with prometheus_site.running(
                 tmp_path, {"hall": exporter}, {}, probes=probes
             ) as running:
                 uplinks = tmp_path / "prometheus" / "targets" / "uplinks.yml"
-                uplinks.write_text(_uncommented(uplinks).replace("ap-1.lan", "127.0.0.1"))
-                yield running
+                pings = request.param == "icmp"
+                uplink = "127.0.0.1" if pings else node
+                uplinks.write_text(_uncommented(uplinks).replace("ap-1.lan", uplink))
+                yield running, host_checks.ping_trouble(blackbox) if pings else ""
         finally:
             process.stop()
 
@@ -91,14 +99,24 @@ def _uncommented(path: Path) -> str:
     return "\n".join(example).replace("ap-1}", "ap_1}").replace("warehouse", "hall")
 
 
-def test_robots_and_uplinks_are_asked_for_and_rules_know_the_answers(site):
+def test_robots_and_uplinks_are_asked_for_and_rules_know_the_answers(asked):
+    site, trouble = asked
+    success, answers = (0, "no") if trouble else (1, "yes")
+    robot = {"robot": "robot_1", "site": "north"}
+    uplink = {"fleet": "hall", "uplink": "ap_1"}
     wanted = {
-        'up{job="ros-diagnostics-node"}': {"robot": "robot_1", "site": "north"},
-        'probe_success{job="ros-diagnostics-ping"} == 1': {"robot": "robot_1", "site": "north"},
-        'probe_success{job="ros-diagnostics-uplink"} == 1': {"fleet": "hall", "uplink": "ap_1"},
-        'robot:ros_diagnostics_ping:info{answers="yes"}': {"fleet": "hall", "robot": "robot_1"},
-        "uplink:ros_diagnostics_reachable:start": {"fleet": "hall", "uplink": "ap_1"},
+        'up{job="ros-diagnostics-node"}': robot,
+        f'probe_success{{job="ros-diagnostics-ping"}} == {success}': robot,
+        f'probe_success{{job="ros-diagnostics-uplink"}} == {success}': uplink,
+        f'robot:ros_diagnostics_ping:info{{answers="{answers}"}}': {
+            "fleet": "hall",
+            "robot": "robot_1",
+        },
     }
+    if trouble:  # an ordinary user: docs/alerts.md says what blackbox_exporter needs then
+        assert "not permitted" in trouble or "permission denied" in trouble
+    else:
+        wanted["uplink:ros_diagnostics_reachable:start"] = uplink
     for expr, labels in wanted.items():
         until(lambda expr=expr: site.query(expr), lambda expr=expr: _why(site, expr), 60)
         (found,) = site.query(expr)

@@ -83,6 +83,18 @@ def test_a_whole_life_from_ready_to_sigterm(site, ends, notified, tmp_path):
     assert all(json.loads(line)["logger"] for line in exporter.output().splitlines())
 
 
+def test_with_json_the_middlewares_own_lines_are_records_too(site, ends, tmp_path):
+    profiles = tmp_path / "profiles.xml"
+    profiles.write_text("<nonsense")
+    site.environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(profiles)
+    exporter = ends(site.exporter("--log.format", "json")).start()
+    exporter.wait_for_output("serving fleet")
+    exporter.wait_for_output("XMLPARSER")  # from Fast DDS
+    assert exporter.stop() == 0
+    records = [json.loads(line) for line in exporter.output().splitlines()]
+    assert {each["logger"] for each in records if "XMLPARSER" in each["msg"]} == {"output"}
+
+
 def levels(path: Path) -> list[tuple[str, str]]:
     """Before and after of the changes of robot_1's second motor in the event log."""
     events = [json.loads(line) for line in path.read_text().splitlines()]

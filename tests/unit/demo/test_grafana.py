@@ -32,10 +32,21 @@ def test_without_a_binary_there_is_no_command(monkeypatch, tmp_path):
     assert grafana.command() is None
 
 
-def test_a_package_keeps_its_pages_in_usr_share(install):
+def test_a_package_keeps_its_pages_elsewhere(install, monkeypatch, tmp_path):
     binary = install("bin/grafana")
+    monkeypatch.setattr(grafana, "PACKAGED_HOME", tmp_path / "share")
 
-    assert grafana.command() == [str(binary), "server", "--homepath=/usr/share/grafana"]
+    assert grafana.command() == [str(binary), "server", f"--homepath={tmp_path / 'share'}"]
+
+
+def test_a_packages_script_is_passed_by(install, tmp_path, monkeypatch):
+    install("usr/sbin/grafana")
+    monkeypatch.setattr(grafana, "PACKAGED_HOME", tmp_path / "share")
+    binary = tmp_path / "share" / "bin" / "grafana"
+    binary.parent.mkdir(parents=True)
+    binary.touch(mode=0o755)
+
+    assert grafana.command() == [str(binary), "server", f"--homepath={tmp_path / 'share'}"]
 
 
 def test_an_unpacked_archive_keeps_them_beside_the_binary(install, tmp_path):

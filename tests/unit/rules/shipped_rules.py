@@ -24,7 +24,7 @@ def run_tool(name: str, *arguments: object) -> str:
     if tool is None:
         pytest.skip(f"{name} is not installed")
     done = subprocess.run(
-        [tool, *map(str, arguments)], capture_output=True, text=True, timeout=60, check=False
+        [tool, *map(str, arguments)], capture_output=True, text=True, timeout=250, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

@@ -91,7 +91,9 @@ def test_a_kept_alive_connection_is_reused_and_closed_when_it_stays_idle(serve, 
         assert ended(sock)
 
 
-def test_a_thousand_idle_connections_do_not_keep_a_scrape_out(serve, short):
+def test_hundreds_of_idle_connections_do_not_keep_a_scrape_out(serve, short, monkeypatch):
+    # Both ends of each are here, and an ordinary user may open 1,024 files.
+    monkeypatch.setattr(guard, "MAX_CONNECTIONS", 300)
     server = serve()
     with contextlib.ExitStack() as crowd:
         idle = [crowd.enter_context(connect(server)) for _ in range(guard.MAX_CONNECTIONS + 100)]
@@ -103,11 +105,11 @@ def test_a_thousand_idle_connections_do_not_keep_a_scrape_out(serve, short):
         assert ask(server, "/metrics").status == 200
 
 
-def test_a_thousand_dripping_connections_do_not_keep_a_scrape_out(serve, short):
+def test_hundreds_of_dripping_connections_do_not_keep_a_scrape_out(serve, short):
     short(Phase.REQUEST, 2.0)
     server = serve()
     with contextlib.ExitStack() as crowd:
-        loris = [crowd.enter_context(connect(server)) for _ in range(1_000)]
+        loris = [crowd.enter_context(connect(server)) for _ in range(400)]
         answered = 0
         deadline = time.monotonic() + 60
         while loris and time.monotonic() < deadline:
