@@ -98,6 +98,7 @@ def _serve(options: argparse.Namespace, service: Service) -> None:
         telemetry_path=options.telemetry_path,
         web_config=options.web_config,
         lifecycle=options.lifecycle,
+        domains=len(service.state.fleet.domain_ids),
     )
     server.start()
     stop = threading.Event()

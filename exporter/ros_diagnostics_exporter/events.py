@@ -9,10 +9,11 @@ from __future__ import annotations
 import logging
 import logging.handlers
 import queue
+import sys
 import threading
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ from ros_diagnostics_exporter.texts import to_json
 
 KINDS = ("level", "robot", "config")
 REMEMBERED = 10_000  # events in memory; some 5 MB
+BYTES = 32 * 1024 * 1024  # of their texts, where messages are long
+MESSAGE = 4_096  # characters of a message in memory
 WAITING = 10_000  # lines that may wait for the disk
 
 _log = logging.getLogger(__name__)
@@ -56,10 +59,11 @@ class Wanted:
     level: str | None = None  # after the change
     since: float | None = None
     until: float | None = None
+    before: int | None = None  # the id of an event: only older ones
     limit: int = 100
 
     def matches(self, event: Event) -> bool:
-        """Whether ``event`` is one of those asked for, the limit apart."""
+        """Whether ``event`` is one of those asked for, id and limit apart."""
         pairs = (
             (self.kind, event.kind),
             (self.robot, event.robot),
@@ -93,21 +97,33 @@ class EventLog:
         self, path: Path | None = None, max_bytes: int = 10_000_000, backups: int = 5
     ) -> None:
         self._lock = threading.Lock()
-        self._events: deque[Event] = deque(maxlen=REMEMBERED)
+        self._events: deque[Event] = deque()
+        self._bytes = 0
+        self._recorded = 0
         self._file = None if path is None else _Writer(path, max_bytes, backups)
 
     def record(self, event: Event) -> None:
         """Remember the event; a disk that refuses its line is logged, and costs no more."""
+        short = event
+        if len(event.message) > MESSAGE:  # a config may have any number of errors
+            short = replace(event, message=event.message[:MESSAGE] + "…")
         with self._lock:
-            self._events.append(event)
+            self._events.append(short)
+            self._recorded += 1
+            self._bytes += _size(short)
+            while len(self._events) > REMEMBERED or self._bytes > BYTES:
+                self._bytes -= _size(self._events.popleft())
         if self._file is not None:
             self._file.write(to_json(_filled(event)))
 
-    def find(self, wanted: Wanted) -> list[dict[str, Any]]:
-        """The events asked for as JSON objects, newest first, fields that do not apply left out."""
+    def find(self, wanted: Wanted) -> Iterator[dict[str, Any]]:
+        """The events asked for as JSON objects, newest first, fields that do not apply left out.
+
+        Each has an ``id``, its number since the start.
+        """
         with self._lock:
-            events = list(self._events)
-        return [_filled(event) for event in islice(_newest(events, wanted), wanted.limit)]
+            events, last = list(self._events), self._recorded
+        return islice(_newest(events, last, wanted), wanted.limit)
 
     def close(self) -> None:
         """Write what waits and close the log on disk."""
@@ -115,8 +131,16 @@ class EventLog:
             self._file.close()
 
 
-def _newest(events: list[Event], wanted: Wanted) -> Iterator[Event]:
-    return (event for event in reversed(events) if wanted.matches(event))
+def _size(event: Event) -> int:
+    """Bytes of its texts in memory."""
+    texts = (event.robot, event.group, event.component, event.message)
+    return sum(map(sys.getsizeof, texts))
+
+
+def _newest(events: list[Event], last: int, wanted: Wanted) -> Iterator[dict[str, Any]]:
+    for number, event in enumerate(reversed(events)):
+        if (wanted.before is None or last - number < wanted.before) and wanted.matches(event):
+            yield {"id": last - number, **_filled(event)}
 
 
 def _filled(event: Event) -> dict[str, Any]:

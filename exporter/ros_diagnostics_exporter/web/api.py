@@ -9,6 +9,7 @@ import json
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from starlette.requests import Request
@@ -19,11 +20,17 @@ from ros_diagnostics_exporter.events import KINDS, Wanted
 
 from .calls import Calls
 from .doors import Doors
+from .origin import is_foreign
 
 FLEET_AGE = 1.0  # seconds that one look at the fleet serves all who ask
 MAX_EVENTS = 10_000
+MAX_ID = 2**53  # of an event: the largest number that JSON tells exactly
+PAGE = 4 * 1024 * 1024  # bytes of events in one answer
 CLOSED = "the lifecycle API is not enabled; start the exporter with --web.enable-lifecycle"
-FOREIGN = "a page of another site may not change anything here"
+FOREIGN = (
+    "a page of another site may not change anything here, nor may a browser that knows this host "
+    "by a domain name; use its address"
+)
 _NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?")
 
 
@@ -33,6 +40,18 @@ class RefusedError(Exception):
     def __init__(self, status: int, error: str) -> None:
         super().__init__(error)
         self.status = status
+
+
+@dataclass(frozen=True, eq=False)  # compared by identity: what is made of one look is shared
+class Look:
+    """The fleet at one moment."""
+
+    fleet: dict[str, Any]
+
+
+def look_at(doors: Doors) -> Look:
+    """The fleet as it is now."""
+    return Look(doors.fleet())
 
 
 class Api:
@@ -52,14 +71,27 @@ class Api:
     async def fleet(self, request: Request) -> Response:
         """The fleet, at most a second old; ``?robot=`` (repeatable) picks robots by name."""
         _only(request, "robot")
-        fleet = await self._calls.share(FLEET_AGE, self._doors.fleet)
+        look = await self._calls.share(FLEET_AGE, look_at, self._doors)
         names = frozenset(request.query_params.getlist("robot"))
-        return _json_bytes(await self._calls.run(_encode_fleet, fleet, names))
+        if names:
+            return _json_bytes(await self._calls.run(_encode_fleet, look, names))
+        return _json_bytes(await self._calls.share(FLEET_AGE, _encode_fleet, look, names))
 
     async def events(self, request: Request) -> Response:
-        """What happened, newest first, by the filters in the query."""
-        wanted = _wanted(request)
-        return _json({"events": await self._calls.run(self._doors.events, wanted)})
+        """What happened, newest first, by the filters in the query; ``next`` if there is more."""
+        return _json_bytes(await self._calls.run(self._page, _wanted(request)))
+
+    def _page(self, wanted: Wanted) -> bytes:
+        """The newest of the events that fit on a page, which has one at least."""
+        pieces, size, last = list[bytes](), 0, 0
+        for event in self._doors.events(wanted):
+            piece = _dump(event).encode("utf-8", "replace")
+            size += len(piece) + len(b", ")
+            if pieces and size > PAGE:
+                return b'{"events": [%b], "next": %d}\n' % (b", ".join(pieces), last)
+            pieces.append(piece)
+            last = event["id"]
+        return b'{"events": [%b]}\n' % b", ".join(pieces)
 
     async def targets(self, request: Request) -> Response:
         """Prometheus' http_sd list of a job; ``?port=`` for another port than the usual one."""
@@ -99,13 +131,10 @@ class Api:
         return _json({"forgotten": gone})
 
     def _may_change(self, request: Request) -> None:
-        """Refuse where the API is closed, and a request that some other site's page sent.
-
-        Browsers say so themselves: https://www.w3.org/TR/fetch-metadata/#sec-fetch-site-header.
-        """
+        """Refuse where the API is closed, and a request that some other site's page sent."""
         if not self._lifecycle:
             raise RefusedError(403, CLOSED)
-        if request.headers.get("sec-fetch-site", "none") not in {"none", "same-origin"}:
+        if is_foreign(request.headers, request.url.scheme):
             raise RefusedError(403, FOREIGN)
 
 
@@ -122,7 +151,7 @@ def _only(request: Request, *known: str) -> None:
 
 
 def _wanted(request: Request) -> Wanted:
-    _only(request, "kind", "robot", "component", "level", "since", "until", "limit")
+    _only(request, "kind", "robot", "component", "level", "since", "until", "before", "limit")
     query = request.query_params
     return Wanted(
         kind=_word(query, "kind", KINDS),
@@ -131,6 +160,7 @@ def _wanted(request: Request) -> Wanted:
         level=_word(query, "level", Level.__members__),
         since=_number(query, "since"),
         until=_number(query, "until"),
+        before=_whole(query, "before", MAX_ID),
         limit=_whole(query, "limit", MAX_EVENTS) or 100,
     )
 
@@ -160,8 +190,8 @@ def _whole(query: Mapping[str, str], name: str, most: int) -> int | None:
     return None if number is None else int(number)
 
 
-def _encode_fleet(fleet: dict[str, Any], names: frozenset[str]) -> bytes:
-    return "".join(_fleet_pieces(fleet, names)).encode("utf-8", "replace")
+def _encode_fleet(look: Look, names: frozenset[str]) -> bytes:
+    return "".join(_fleet_pieces(look.fleet, names)).encode("utf-8", "replace")
 
 
 def _fleet_pieces(fleet: dict[str, Any], names: frozenset[str]) -> Iterator[str]:

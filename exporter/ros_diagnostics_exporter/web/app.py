@@ -11,9 +11,11 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
-from .api import FLEET_AGE, Api, RefusedError, refuse
+from .answers import Answers, Counted, busy
+from .api import FLEET_AGE, Api, Look, RefusedError, look_at, refuse
 from .auth import Logins
 from .calls import BusyError, Calls
+from .clients import Connections
 from .doors import Doors
 from .gate import Gate
 from .openapi import describe
@@ -32,8 +34,8 @@ class Pages:
 
     async def landing(self, _request: Request) -> Response:
         """The fleet at a glance."""
-        fleet = await self.calls.share(FLEET_AGE, self.doors.fleet)
-        return HTMLResponse(await self.calls.run(landing, fleet, self.telemetry_path))
+        look = await self.calls.share(FLEET_AGE, look_at, self.doors)
+        return HTMLResponse(await self.calls.share(FLEET_AGE, _page, look, self.telemetry_path))
 
     async def healthy(self, _request: Request) -> Response:
         """200 as long as the process answers at all."""
@@ -49,6 +51,10 @@ class Pages:
     async def openapi(self, _request: Request) -> Response:
         """The description of all this."""
         return JSONResponse(describe(self.telemetry_path))
+
+
+def _page(look: Look, telemetry_path: str) -> str:
+    return landing(look.fleet, telemetry_path)
 
 
 @dataclass(frozen=True)
@@ -68,26 +74,35 @@ class Threads:
 
 def start_threads() -> Threads:
     """Two threads render metrics, two answer everything else, one checks logins."""
-    return Threads(Calls("web-scrape", 2, 100), Calls("web", 2, 50), Logins())
+    # Scrapes share four kinds of calls, and connections bound who waits for them.
+    return Threads(Calls("web-scrape", 2, 1_000), Calls("web", 2, 50), Logins())
 
 
 def build(
-    doors: Doors, threads: Threads, settings: Settings, telemetry_path: str, lifecycle: bool
+    doors: Doors,
+    threads: Threads,
+    connections: Connections,
+    *,
+    settings: Settings,
+    telemetry_path: str,
+    lifecycle: bool,
 ) -> Starlette:
     """The application.
 
     Args:
         doors: What is served.
         threads: Where the doors are called, beside the event loop.
+        connections: The clients'.
         settings: Who may ask.
         telemetry_path: Where the metrics are; first, so that it may be "/".
         lifecycle: Whether /-/reload and /-/forget are open.
     """
     pages = Pages(doors, threads.others, telemetry_path)
     api = Api(doors, threads.others, lifecycle)
+    scrape = Scrape(doors.metrics, threads.scrapes, Answers(connections))
     changing = ["POST", "PUT"]
     routes = [
-        Route(telemetry_path, Scrape(doors.metrics, threads.scrapes), methods=["GET"]),
+        Route(telemetry_path, scrape, methods=["GET"]),
         Route("/", pages.landing),
         Route("/-/healthy", pages.healthy),
         Route("/-/ready", pages.ready),
@@ -99,12 +114,15 @@ def build(
         Route("/sd/{job}", api.targets),
     ]
     errors = {RefusedError: refuse, BusyError: _busy, HTTPException: _http_error}
-    gate = Middleware(Gate, settings=settings, logins=threads.logins)
-    return Starlette(routes=routes, exception_handlers=errors, middleware=[gate])
+    middleware = [
+        Middleware(Gate, settings=settings, logins=threads.logins),
+        Middleware(Counted, answers=Answers(connections)),
+    ]
+    return Starlette(routes=routes, exception_handlers=errors, middleware=middleware)
 
 
 async def _busy(_request: Request, _error: Exception) -> Response:
-    return JSONResponse({"error": "too many requests wait"}, 503, {"Retry-After": "1"})
+    return busy()
 
 
 async def _http_error(_request: Request, error: Exception) -> Response:

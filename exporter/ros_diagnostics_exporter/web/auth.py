@@ -19,6 +19,7 @@ import bcrypt
 from .calls import Calls
 
 REMEMBERED = 100  # logins
+CLIENTS = 1_000  # addresses whose requests are counted
 BCRYPT_BYTES = 72  # bcrypt looks at no more of a password
 
 
@@ -105,3 +106,20 @@ class Bucket:
             return False
         self._tokens -= 1
         return True
+
+
+class Buckets:
+    """A bucket for each client's address; of too many, the one that asked longest ago is lost."""
+
+    def __init__(self) -> None:
+        self._buckets: OrderedDict[str, Bucket] = OrderedDict()
+
+    def take(self, address: str, interval: float, burst: int, now: float) -> bool:
+        """As Bucket.take, for the bucket of ``address``."""
+        if interval <= 0:
+            return True
+        bucket = self._buckets.setdefault(address, Bucket())
+        self._buckets.move_to_end(address)
+        if len(self._buckets) > CLIENTS:
+            self._buckets.popitem(last=False)
+        return bucket.take(interval, burst, now)

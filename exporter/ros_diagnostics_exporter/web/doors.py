@@ -6,7 +6,7 @@ a thread of the web's own, up to four at once, and may block.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,7 @@ class Doors:
     Attributes:
         metrics: The whole exposition; True asks for OpenMetrics, False for the text format 0.0.4.
         fleet: The fleet as /api/v1/fleet answers it.
-        events: What happened, newest first.
+        events: What happened, newest first, each with its ``id``.
         targets: Prometheus' http_sd list of a job (node, ping, ssh, http, tcp), at a port if one
             is given; raises LookupError for a job that is unknown, ValueError for a port that is
             missing or too much.
@@ -32,7 +32,7 @@ class Doors:
 
     metrics: Callable[[bool], bytes]
     fleet: Callable[[], dict[str, Any]]
-    events: Callable[[Wanted], list[dict[str, Any]]]
+    events: Callable[[Wanted], Iterable[dict[str, Any]]]
     targets: Callable[[str, int | None], list[dict[str, Any]]]
     ready: Callable[[], str | None]
     reload: Callable[[], None]

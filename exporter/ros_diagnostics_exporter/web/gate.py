@@ -1,4 +1,4 @@
-"""The gate before every path: the limit of requests, the login, and headers for the browser."""
+"""The gate before every path: limits of requests, the login, and headers for the browser."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from .auth import Bucket, Logins
+from .auth import Buckets, Logins
 from .calls import BusyError
+from .guard import MAX_HEADER_BYTES
 from .pages import STYLE
 from .settings import Settings
 
+MAX_TARGET_BYTES = 8 * 1024  # path and query
 _STYLE_HASH = base64.b64encode(hashlib.sha256(STYLE.encode()).digest()).decode()
 # The pages have one style sheet, in the page, and nothing else: no script, image, frame or form.
 DEFAULTS = {
@@ -27,6 +29,9 @@ DEFAULTS = {
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
+_CLOSE = {"Connection": "close"}
+_LONG_TARGET = PlainTextResponse("the URL is too long\n", 414, _CLOSE)
+_LARGE_HEADERS = PlainTextResponse("the headers are too large\n", 431, _CLOSE)
 _LIMITED = PlainTextResponse("too many requests\n", 429, {"Retry-After": "1"})
 _BUSY = PlainTextResponse("too many logins wait\n", 503, {"Retry-After": "1"})
 _UNKNOWN = PlainTextResponse(
@@ -43,24 +48,27 @@ class Gate:
         self._app = app
         self._settings = settings
         self._logins = logins
-        self._bucket = Bucket()
+        self._buckets = Buckets()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let the request in, or answer it with what is missing."""
         self._settings.refresh()
-        app = await self._choose(Headers(scope=scope).get("authorization", ""))
+        app = _too_large(scope) or await self._choose(scope)
         await app(scope, receive, self._with_headers(send))
 
-    async def _choose(self, authorization: str) -> ASGIApp:
-        config = self._settings.config
-        limit = config.rate_limit
-        if not self._bucket.take(limit.interval, limit.burst, time.monotonic()):
+    async def _choose(self, scope: Scope) -> ASGIApp:
+        config, connection = self._settings.config, scope["state"]["connection"]
+        limit, now = config.rate_limit, time.monotonic()
+        if not self._buckets.take(connection.address, limit.interval, limit.burst, now):
             return _LIMITED
         users = config.basic_auth_users
+        if not users:
+            return self._app
         try:
-            known = not users or await self._logins.allows(users, authorization)
+            known = await self._logins.allows(users, Headers(scope=scope).get("authorization", ""))
         except BusyError:
             return _BUSY
+        connection.known |= known
         return self._app if known else _UNKNOWN
 
     def _with_headers(self, send: Send) -> Send:
@@ -75,3 +83,11 @@ class Gate:
             await send(message)
 
         return send_with_headers
+
+
+def _too_large(scope: Scope) -> ASGIApp | None:
+    """The answer to a request above the limits; h11 has them only for what comes in many parts."""
+    if len(scope["raw_path"]) + len(scope["query_string"]) > MAX_TARGET_BYTES:
+        return _LONG_TARGET
+    size = sum(len(name) + len(value) + len(b": \r\n") for name, value in scope["headers"])
+    return _LARGE_HEADERS if size > MAX_HEADER_BYTES else None

@@ -1,20 +1,22 @@
-"""The protocol that stands between a client and the application: time-outs and a full house.
+"""The protocol between a client and the application: time-outs, and how long a client lets us wait.
 
 uvicorn has a time-out for idle connections, but none for a request that arrives byte by byte, nor
-for a client that does not read its answer, and no bound of connections. This adds the three. It
-leans on attributes of uvicorn's H11Protocol (cycle, conn, connections, app_state), hence the upper
-bound of uvicorn's version in pyproject.toml.
+for a client that does not read its answer. This adds them. It leans on attributes of uvicorn's
+H11Protocol (cycle, conn, flow, app_state), hence the upper bound of uvicorn's version in
+pyproject.toml.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import enum
-from typing import Any, cast
+import socket
+from collections.abc import Callable
+from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-MAX_CONNECTIONS = 500  # half of the 1,024 files that a process may open by default
 MAX_HEADER_BYTES = 16 * 1024
 
 
@@ -32,7 +34,13 @@ TIMEOUTS = {Phase.REQUEST: 10.0, Phase.ANSWER: 60.0, Phase.READING: 60.0, Phase.
 
 
 class GuardedProtocol(H11Protocol):
-    """One client's connection, which no phase may hold for longer than its time-out."""
+    """One client's connection, which no phase may hold for longer than its time-out.
+
+    Attributes:
+        address: The client's, as clients.py writes it.
+        known: Whether the client has shown a right password or certificate on this connection.
+        pipelines: Whether the client has ever asked again before it was answered.
+    """
 
     transport: asyncio.Transport
 
@@ -40,20 +48,29 @@ class GuardedProtocol(H11Protocol):
         super().__init__(*args, **kwargs)
         # A request finds its connection here, so that an answer nobody reads can be dropped.
         self.app_state = {**self.app_state, "connection": self}
+        self.known = False
+        self.pipelines = False
         self.phase = Phase.REQUEST
-        self.since = 0.0
+        self.since = self.loop.time()
+        self._unread_since = 0.0
         self._timer: asyncio.TimerHandle | None = None
 
+    def opening(self, address: str, sock: socket.socket, lost: Callable[[], object]) -> None:
+        """Note whose connection this is, its socket, and what to call when it has ended."""
+        self.address = address
+        self._sock = sock
+        self._lost = lost
+
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin to wait for the first request; in a full house somebody has to go."""
+        """Begin to wait for the first request."""
         super().connection_made(transport)
+        self.known = bool(transport.get_extra_info("peercert"))
         self._enter(Phase.REQUEST)
-        if len(self.connections) > MAX_CONNECTIONS:
-            self._make_room()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget the timer with the connection."""
         super().connection_lost(exc)
+        self._lost()
         self._stop_timer()
         self.transport.close()  # Python 3.10's TLS transport does not know by itself that it is
 
@@ -67,12 +84,33 @@ class GuardedProtocol(H11Protocol):
         super().on_response_complete()
         self._look()
 
+    def pause_writing(self) -> None:
+        """Note since when the client has not read."""
+        super().pause_writing()
+        self._unread_since = self.loop.time()
+
+    def waited(self) -> float:
+        """Seconds for which the client has made no progress; 0 while the application is at work."""
+        if self.phase is not Phase.ANSWER:
+            return self.loop.time() - self.since
+        return self.loop.time() - self._unread_since if self.flow.write_paused else 0.0
+
+    @property
+    def closed(self) -> bool:
+        """Whether the client is gone."""
+        return self.transport is not None and self.transport.is_closing()
+
     def abort(self) -> None:
         """Drop the connection with whatever is still to be sent on it."""
-        self.transport.abort()
+        if self.transport is not None:
+            self.transport.abort()
+            return
+        with contextlib.suppress(OSError):  # it has just ended by itself
+            self._sock.shutdown(socket.SHUT_RDWR)  # asyncio sees the end of the TLS handshake
 
     def _look(self) -> None:
         phase = self._judge()
+        self.pipelines |= phase is Phase.ANSWER and self.conn.trailing_data[0] != b""
         if phase is not self.phase:
             self._enter(phase)
 
@@ -104,11 +142,3 @@ class GuardedProtocol(H11Protocol):
             self.abort()
         else:
             self._look()
-
-    def _make_room(self) -> None:
-        """Drop the connection that has waited longest for a request; the newest if none waits."""
-        others = cast("set[GuardedProtocol]", self.connections)
-        waiting = [each for each in others if each.phase in (Phase.REQUEST, Phase.IDLE)]
-        chosen = min(waiting, key=lambda each: each.since, default=self)
-        others.discard(chosen)  # now: the loop may take in many more before it closes this one
-        chosen.abort()

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import resource
 import socket
 import ssl
 import threading
@@ -19,8 +18,11 @@ from typing import Any, cast
 import uvicorn
 from starlette.applications import Starlette
 
+from .accept import Acceptor
 from .app import build, start_threads
+from .clients import Connections
 from .doors import Doors
+from .files import allowed_connections
 from .guard import MAX_HEADER_BYTES, TIMEOUTS, GuardedProtocol, Phase
 from .listen import BACKLOG, bind_all, name_of
 from .settings import Settings
@@ -40,27 +42,39 @@ class Server:
         telemetry_path: Where the metrics are.
         web_config: A file in the format of Prometheus' exporter-toolkit (TLS, basic auth).
         lifecycle: Whether /-/reload and /-/forget are open.
+        domains: How many DDS domains need files of this process, too.
 
     Raises:
         WebConfigError: The web_config cannot be used.
 
     Attributes:
         addresses: What is really listened on, once started.
+        connections: The clients'.
     """
 
     def __init__(
         self,
         doors: Doors,
         listen: Sequence[str],
+        *,
         telemetry_path: str = "/metrics",
         web_config: Path | None = None,
         lifecycle: bool = False,
+        domains: int = 1,
     ) -> None:
         self.addresses: tuple[str, ...] = ()
         self._listen = tuple(listen)
         settings = Settings(web_config)
         self._threads = start_threads()
-        app = build(doors, self._threads, settings, telemetry_path, lifecycle)
+        self.connections = Connections(allowed_connections(domains))
+        app = build(
+            doors,
+            self._threads,
+            self.connections,
+            settings=settings,
+            telemetry_path=telemetry_path,
+            lifecycle=lifecycle,
+        )
         self._uvicorn = _Uvicorn(_configure(app, settings))
         self._thread: threading.Thread | None = None
 
@@ -70,7 +84,6 @@ class Server:
         Raises:
             ListenError: An address cannot be listened on; none is then.
         """
-        _allow_many_files()
         sockets = bind_all(self._listen)
         self.addresses = tuple(name_of(each) for each in sockets)
         self._thread = threading.Thread(target=self._run, args=(sockets,), name="web-server")
@@ -91,7 +104,7 @@ class Server:
         self._threads.close()
 
     def _run(self, sockets: list[socket.socket]) -> None:
-        loop = _Loop()
+        loop = _Loop(self.connections)
         try:
             loop.run_until_complete(self._uvicorn.serve(sockets))
         except Exception:  # noqa: BLE001 - logged; the owner sees by `alive` that it is over
@@ -128,23 +141,18 @@ class _Uvicorn(uvicorn.Server):
 
 
 class _Loop(asyncio.SelectorEventLoop):
-    """The standard loop with a time-out for TLS handshakes that is a request's, not a minute."""
+    """The standard loop with a server that bounds its connections."""
 
-    async def create_server(self, *args: Any, **kwargs: Any) -> asyncio.Server:
-        if kwargs.get("ssl") is not None:
-            kwargs["ssl_handshake_timeout"] = TIMEOUTS[Phase.REQUEST]
-        return await super().create_server(*args, **kwargs)
+    def __init__(self, connections: Connections) -> None:
+        super().__init__()
+        self._connections = connections
 
-
-def _allow_many_files() -> None:
-    """Raise the soft limit of open files to the hard one, as Go's runtime does for its servers."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if soft == hard:
-        return
-    try:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
-    except (OSError, ValueError) as error:  # a sandbox may forbid it
-        _log.warning("%d open files are all that is allowed: %s", soft, error)
+    async def create_server(  # type: ignore[override]
+        self, factory: Any, *, sock: socket.socket, ssl: ssl.SSLContext | None, backlog: int
+    ) -> Acceptor:
+        """As uvicorn calls it."""
+        sock.listen(backlog)
+        return Acceptor(sock, factory, ssl, self._connections)
 
 
 def _configure(app: Starlette, settings: Settings) -> uvicorn.Config:

@@ -67,6 +67,27 @@ def test_off_by_default_nothing_is_written_and_the_last_events_are_remembered(mo
     log.close()
 
 
+def test_each_event_has_an_id_from_which_older_ones_are_found(monkeypatch):
+    monkeypatch.setattr(events, "REMEMBERED", 4)
+    log = EventLog()
+    for number in range(6):
+        log.record(level(float(number)))
+    assert [event["id"] for event in log.find(Wanted(limit=2))] == [6, 5]
+    assert [event["id"] for event in log.find(Wanted(before=5))] == [4, 3]
+    assert list(log.find(Wanted(before=3))) == []
+
+
+def test_long_messages_take_a_bounded_part_of_the_memory(monkeypatch):
+    monkeypatch.setattr(events, "BYTES", 100_000)
+    log = EventLog()
+    for number in range(100):
+        log.record(level(float(number), "x" * 1_000_000))
+    found = list(log.find(Wanted()))
+    assert found[0]["time"] == 99.0
+    assert 10 < len(found) < 25
+    assert {len(event["message"]) for event in found} == {events.MESSAGE + 1}
+
+
 def test_a_file_that_cannot_be_opened_is_an_error_at_the_start(tmp_path):
     with pytest.raises(EventLogError, match="no-such-folder"):
         EventLog(tmp_path / "no-such-folder" / "events.jsonl")
@@ -78,4 +99,4 @@ def test_a_full_disk_is_told_once_and_events_go_on(caplog):
         log.record(level(float(number)))
     log.close()
     assert caplog.text.count("cannot be written") == 1
-    assert len(log.find(Wanted())) == 3
+    assert len(list(log.find(Wanted()))) == 3

@@ -158,13 +158,16 @@ def ask(
     path: str,
     method: str = "GET",
     tls: ssl.SSLContext | None = None,
+    source: str = "",
     **headers: str,
 ) -> Answer:
-    """One request on a connection of its own; header names with _ for -."""
+    """One request on a connection of its own, from ``source``; header names with _ for -."""
     host, _, port = server.addresses[0].rpartition(":")
     client: http.client.HTTPConnection
     if tls is None:
-        client = http.client.HTTPConnection(host.strip("[]"), int(port), timeout=20)
+        client = http.client.HTTPConnection(
+            host.strip("[]"), int(port), timeout=20, source_address=(source, 0) if source else None
+        )
     else:
         client = http.client.HTTPSConnection(host, int(port), timeout=20, context=tls)
     with closing(client):

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 import json
+import socket
 
 import pytest
 
 from ros_diagnostics_exporter.events import Event, EventLog
+from ros_diagnostics_exporter.web import api
 
 from .conftest import ask, component, fleet, robot
 
@@ -81,6 +83,26 @@ def test_events_are_filtered_and_newest_first(serve):
     assert times("?robot=a&level=ERROR") == [1.0]
     assert times("?component=Motor%201&limit=1") == [3.0]
     assert times("?since=2&until=3") == [2.0]
+    assert times("?before=3&limit=1") == [2.0]
+
+
+def test_events_come_in_pages_of_bounded_size(serve, monkeypatch):
+    monkeypatch.setattr(api, "PAGE", 10_000)
+    log = EventLog()
+    for number in range(50):
+        log.record(
+            Event(float(number), "level", "a", message="é" * (6_000 if number == 7 else 500))
+        )
+    server, before, times = serve(events=log.find), "", []
+    while True:
+        answer = ask(server, f"/api/v1/events?limit=10000{before}")
+        page = json.loads(answer.body)
+        assert len(answer.body) < 10_100 or len(page["events"]) == 1
+        times += [event["time"] for event in page["events"]]
+        if "next" not in page:
+            break
+        before = f"&before={page['next']}"
+    assert times == [float(number) for number in reversed(range(50))]
 
 
 @pytest.mark.parametrize(
@@ -163,10 +185,58 @@ def test_who_changed_something_sees_it_at_once(serve):
 
 
 @pytest.mark.parametrize(
-    ("site", "status"), [("cross-site", 403), ("same-site", 403), ("none", 200)]
+    ("site", "status"),
+    [("cross-site", 403), ("same-site", 403), ("none", 200), ("same-origin", 200)],
 )
 def test_a_page_of_another_site_cannot_reload(serve, site, status):
     assert ask(serve(lifecycle=True), "/-/reload", "POST", Sec_Fetch_Site=site).status == status
+
+
+# As browsers send it over plain HTTP to another host than localhost: without Sec-Fetch-Site.
+@pytest.mark.parametrize("path", ["/-/reload", "/-/forget?robot=a"])
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": "10.0.0.5:9877", "Origin": "http://evil.example"},
+        {"Host": "10.0.0.5:9877", "Origin": "http://10.0.0.5"},  # another port
+        {"Host": "10.0.0.5:9877", "Origin": "http://10.0.0.5:9877.evil.example"},
+        {"Host": "10.0.0.5:9877", "Origin": "null"},  # a sandboxed frame, a file
+        {"Host": "10.0.0.5:9877", "Origin": ""},
+        {"Host": "10.0.0.5:9877", "Origin": "http://[evil"},
+        {"Host": "10.0.0.5:9877", "Referer": "http://evil.example/10.0.0.5:9877"},
+        {"Host": "10.0.0.5:9877", "Origin": "ftp://10.0.0.5:9877"},
+        {"Host": "10.0.0.5:9877", "Origin": "http://evil.example", "Referer": "http://10.0.0.5:9877/"},
+        # DNS rebinding: the page's own name was pointed here.
+        {"Host": "evil.example:9877", "Origin": "http://evil.example:9877"},
+        {"Host": "evil.example:9877", "Referer": "http://evil.example:9877/page"},
+    ],
+)  # fmt: skip
+def test_a_browser_on_plain_http_cannot_change_anything_for_another_site(serve, path, headers):
+    called = []
+    server = serve(
+        reload=lambda: called.append("reload"),
+        forget=lambda *_: called.append("forget"),
+        lifecycle=True,
+    )
+    answer = ask(server, path, "POST", **headers)
+    assert (answer.status, called) == (403, [])
+    assert "another site" in json.loads(answer.body)["error"]
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {},
+        {"Host": "exporter.example.org"},  # a tool, which may use any name
+        {"Host": "10.0.0.5:9877", "Origin": "http://10.0.0.5:9877"},
+        {"Host": "[fd00::1]:9877", "Referer": "http://[FD00::1]:9877/"},
+        {"Host": "localhost:9877", "Origin": "http://localhost:9877"},
+        {"Host": "Exporter", "Origin": "https://exporter"},  # a proxy with TLS before it
+        {"Host": f"{socket.gethostname()}:80", "Origin": f"http://{socket.gethostname()}:80"},
+    ],
+)
+def test_tools_and_pages_of_its_own_may_change_something(serve, headers):
+    assert ask(serve(lifecycle=True), "/-/reload", "POST", **headers).status == 200
 
 
 def test_unknown_paths_and_methods_are_answered_as_json(serve):

@@ -7,7 +7,7 @@ import bcrypt
 import pytest
 
 from ros_diagnostics_exporter.web import auth
-from ros_diagnostics_exporter.web.auth import Bucket
+from ros_diagnostics_exporter.web.auth import Bucket, Buckets
 from ros_diagnostics_exporter.web.server import Server
 
 from .conftest import DOORS, ask, wait_until
@@ -172,6 +172,25 @@ def test_a_rate_limit_refuses_what_is_above_it(serve, tmp_path):
     path.write_text("rate_limit: {interval: 1h, burst: 2}")
     server = serve(web_config=path)
     assert [ask(server, "/-/healthy").status for _ in range(4)] == [200, 200, 429, 429]
+
+
+def test_a_client_uses_up_its_own_rate_limit_only(serve, tmp_path):
+    path = tmp_path / "web.yml"
+    path.write_text(
+        f"rate_limit: {{interval: 1h, burst: 2}}\nbasic_auth_users: {{alice: {hashed(PASSWORD)}}}"
+    )
+    server = serve(web_config=path)
+    flood = [ask(server, "/metrics", source="127.0.0.2").status for _ in range(10)]
+    assert flood == [401] * 2 + [429] * 8
+    assert ask(server, "/metrics", Authorization=basic("alice", PASSWORD)).status == 200
+
+
+def test_clients_beyond_number_are_not_counted_for_ever():
+    buckets = Buckets()
+    for number in range(auth.CLIENTS + 10):
+        assert buckets.take(str(number), 3600.0, 1, 100.0)
+    assert not buckets.take("900", 3600.0, 1, 100.0)
+    assert len(buckets._buckets) == auth.CLIENTS
 
 
 def test_a_bucket_fills_again_up_to_its_burst():

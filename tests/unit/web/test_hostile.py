@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
+import http.client
 import socket
+import ssl
 import threading
 import time
 
+import bcrypt
 import pytest
 
-from ros_diagnostics_exporter.web import guard, scrape
+from ros_diagnostics_exporter.web import answers, files, guard, scrape
 from ros_diagnostics_exporter.web.guard import Phase
 
-from .conftest import ask, connect, wait_until
+from .conftest import ask, component, connect, fleet, robot, wait_until
 
 GET = b"GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n"
 BIG = b"x" * 30_000_000  # 1,000 robots
@@ -96,12 +100,12 @@ def test_hundreds_of_idle_connections_do_not_keep_a_scrape_out(serve, short, mon
     monkeypatch.setattr(guard, "MAX_CONNECTIONS", 300)
     server = serve()
     with contextlib.ExitStack() as crowd:
-        idle = [crowd.enter_context(connect(server)) for _ in range(guard.MAX_CONNECTIONS + 100)]
+        idle = [crowd.enter_context(connect(server)) for _ in range(files.MOST + 100)]
         assert ask(server, "/metrics").status == 200
         connections = server._uvicorn.server_state.connections
-        wait_until(lambda: len(connections) <= guard.MAX_CONNECTIONS)
+        wait_until(lambda: len(connections) <= files.MOST)
         assert ended(idle[0])  # who waited longest had to go
-        assert len(connections) > guard.MAX_CONNECTIONS - 10
+        assert len(connections) > files.MOST - 10
         assert ask(server, "/metrics").status == 200
 
 
@@ -126,6 +130,26 @@ def test_large_headers_are_refused_and_the_connection_closed(serve, short):
         sock.sendall(b"GET / HTTP/1.1\r\nX: " + b"a" * 20_000)
         assert sock.recv(1_000).startswith(b"HTTP/1.1 400")
         assert ended(sock)
+
+
+@pytest.mark.parametrize(
+    ("request_", "statuses"),
+    [
+        (b"GET / HTTP/1.1\r\nHost: x\r\nX: " + b"a" * 17_000, {431}),
+        (b"GET / HTTP/1.1\r\nHost: x" + b"\r\nA: b" * 4_000, {431}),
+        (b"GET /api/v1/fleet?robot=" + b"a" * 9_000 + b" HTTP/1.1\r\nHost: x", {414}),
+        # 400 where it does not arrive in one piece: h11 gives up before the application sees it.
+        (b"GET /" + b"a" * 100_000 + b" HTTP/1.1\r\nHost: x", {414, 400}),
+    ],
+)
+def test_what_is_large_is_rejected_also_when_it_arrives_at_once(serve, short, request_, statuses):
+    server = serve()
+    with connect(server) as sock:
+        sock.sendall(request_ + b"\r\n\r\n")
+        assert int(sock.recv(1_000).split()[1]) in statuses
+        assert ended(sock)
+    answer = ask(server, "/-/healthy", X="a" * 15_000)
+    assert answer.status == 200
 
 
 def test_many_headers_are_refused_and_the_connection_closed(serve, short):
@@ -186,14 +210,14 @@ def test_a_client_that_does_not_read_its_answer_is_cut_off(serve, short):
 def test_clients_that_do_not_read_do_not_keep_a_scrape_out(serve, short):
     server = serve(metrics=lambda _: BIG)
     with contextlib.ExitStack() as crowd:
-        for _ in range(2 * scrape.MAX_ANSWERS):
+        for _ in range(20):
             crowd.enter_context(connect(server)).sendall(GET)
         for _ in range(3):
             assert ask(server, "/metrics").body == BIG
 
 
 def test_a_scrape_that_waits_too_long_for_its_turn_is_told_to_come_again(serve, short, monkeypatch):
-    monkeypatch.setattr(scrape, "PATIENCE", 0.0)
+    monkeypatch.setattr(answers, "PATIENCE", 0.0)
     release, entered = threading.Event(), threading.Event()
 
     def slow(_openmetrics):
@@ -203,10 +227,11 @@ def test_a_scrape_that_waits_too_long_for_its_turn_is_told_to_come_again(serve, 
 
     server = serve(metrics=slow)
     with contextlib.ExitStack() as crowd:
-        for _ in range(scrape.MAX_ANSWERS):
+        under_way = answers.MAX_BYTES // scrape.FIRST_SIZE
+        for _ in range(under_way):
             crowd.enter_context(connect(server)).sendall(GET)
         assert entered.wait(20)
-        wait_until(lambda: len(server._uvicorn.server_state.tasks) == scrape.MAX_ANSWERS)
+        wait_until(lambda: len(server._uvicorn.server_state.tasks) == under_way)
         answer = ask(server, "/metrics")
         assert (answer.status, answer.headers["Retry-After"]) == (503, "1")
         release.set()
@@ -252,3 +277,104 @@ def test_stopping_does_not_wait_for_clients(serve, short, monkeypatch, caplog):
         server.stop()
     assert set(threading.enumerate()) <= before
     assert not caplog.records  # that somebody did not read is no error of ours
+
+
+def stuck(server, number: int, source: str, path: bytes = b"/metrics") -> list[socket.socket]:
+    """Connections that ask for something and do not read it."""
+    host, _, port = server.addresses[0].rpartition(":")
+    made = []
+    for _ in range(number):
+        sock = socket.socket()
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4_096)
+        sock.bind((source, 0))
+        sock.settimeout(20)
+        sock.connect((host, int(port)))
+        sock.sendall(GET.replace(b"/metrics", path))
+        made.append(sock)
+    return made
+
+
+def test_who_reads_is_not_cut_while_others_do_not(serve, short):
+    """One that is served again and again on one connection, from the attackers' own address."""
+    server = serve(metrics=lambda _: b"x" * 2_000_000)
+    server.connections.limit = 50
+    host, _, port = server.addresses[0].rpartition(":")
+    reader = http.client.HTTPConnection(host, int(port), timeout=20)
+    with contextlib.ExitStack() as crowd:
+        crowd.callback(reader.close)
+        reader.connect()
+        own = reader.sock
+        for _ in range(10):
+            for sock in stuck(server, 10, "127.0.0.1"):
+                crowd.enter_context(sock)
+            reader.request("GET", "/metrics")
+            assert len(reader.getresponse().read()) == 2_000_000
+        assert reader.sock is own
+        assert len(server.connections) <= 50
+
+
+def test_the_address_with_too_many_connections_loses_its_own(serve, short):
+    server = serve()
+    server.connections.limit = 50
+    with contextlib.ExitStack() as crowd:
+        idle = [crowd.enter_context(connect(server)) for _ in range(5)]  # they wait longest
+        wait_until(lambda: len(server.connections) == 5)
+        for sock in stuck(server, 100, "127.0.0.2", b"/-/healthy"):
+            crowd.enter_context(sock)
+        assert ask(server, "/metrics").status == 200
+        for sock in idle:
+            sock.sendall(GET)
+            assert sock.recv(1_000).startswith(b"HTTP/1.1 200")
+
+
+def test_who_has_not_logged_in_goes_before_who_has(serve, short, tmp_path):
+    path = tmp_path / "web.yml"
+    path.write_text(
+        f"basic_auth_users: {{alice: {bcrypt.hashpw(b'x', bcrypt.gensalt(4)).decode()}}}"
+    )
+    server = serve(web_config=path)
+    server.connections.limit = 20
+    login = b"Authorization: Basic " + base64.b64encode(b"alice:x")
+    with contextlib.ExitStack() as crowd:
+        known = crowd.enter_context(connect(server))
+        known.sendall(GET.replace(b"Host: x", b"Host: x\r\n" + login))
+        assert known.recv(1_000).startswith(b"HTTP/1.1 200")
+        for sock in stuck(server, 50, "127.0.0.1"):
+            crowd.enter_context(sock)
+        wait_until(lambda: len(server.connections) <= 20)
+        known.sendall(GET.replace(b"Host: x", b"Host: x\r\n" + login))
+        assert known.recv(1_000).startswith(b"HTTP/1.1 200")
+
+
+def test_tls_handshakes_that_do_not_go_on_do_not_keep_others_out(serve, short, tls_config, ca):
+    server = serve(web_config=tls_config)
+    server.connections.limit = 20
+    context = ssl.create_default_context()
+    ca.configure_trust(context)
+    with contextlib.ExitStack() as crowd:
+        silent = [crowd.enter_context(connect(server)) for _ in range(100)]
+        assert ended(silent[0])
+        assert ask(server, "/metrics", tls=context).status == 200
+        assert len(server.connections) <= 20
+
+
+@pytest.mark.parametrize("path", ["/api/v1/fleet", "/", "/api/v1/events?limit=10000", "/sd/node"])
+def test_answers_that_are_not_read_take_a_bounded_part_of_the_memory(
+    serve, short, monkeypatch, path
+):
+    monkeypatch.setattr(answers, "MAX_BYTES", 10_000_000)
+    monkeypatch.setattr(answers, "UNREAD", 1_000.0)  # they all count as readers
+    large = robot("r" * 2_000_000, component("m" * 2_000_000, "ERROR"), up=False)
+    server = serve(
+        fleet=lambda: fleet(large),
+        events=lambda _: [{"id": 1, "message": "x" * 4_000_000}],
+        targets=lambda _job, _port: [{"targets": ["x" * 4_000_000], "labels": {}}],
+    )
+    with contextlib.ExitStack() as crowd:
+        for sock in stuck(server, 10, "127.0.0.1", path.encode()):
+            crowd.enter_context(sock)
+        wait_until(lambda: ask(server, path).status == 503)
+        assert ask(server, path).headers["Retry-After"] == "1"
+        assert ask(server, "/metrics").status == 200
+        monkeypatch.setattr(answers, "UNREAD", 0.0)  # now they do not
+        assert ask(server, path).status == 200

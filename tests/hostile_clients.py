@@ -1,0 +1,50 @@
+"""Clients that ask and do not read, in a process of their own, until it is ended.
+
+What the server closes is opened again at once, so that there are always as many.
+
+    python hostile_clients.py PORT NUMBER SOURCE PATH
+"""
+
+from __future__ import annotations
+
+import select
+import socket
+import sys
+from contextlib import suppress
+
+REQUESTS = 5  # on each connection
+
+
+def connect(port: int, source: str, path: str) -> socket.socket:
+    """A connection from ``source`` with requests for ``path`` under way."""
+    sock = socket.socket()
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4_096)
+    sock.bind((source, 0))
+    sock.settimeout(60)
+    with suppress(OSError):  # closed again already, which poll() tells
+        sock.connect(("127.0.0.1", port))
+        sock.sendall(f"GET {path} HTTP/1.1\r\nHost: x\r\n\r\n".encode() * REQUESTS)
+    return sock
+
+
+def crowd(port: int, number: int, source: str, path: str) -> None:
+    """Keep ``number`` of them open, for ever."""
+    poll, opened = select.poll(), {}
+
+    def add() -> None:
+        sock = connect(port, source, path)
+        opened[sock.fileno()] = sock
+        poll.register(sock, select.POLLRDHUP)  # that there is data to read is of no interest
+
+    for _ in range(number):
+        add()
+    print("ready", flush=True)
+    while True:
+        for fileno, _ in poll.poll():
+            poll.unregister(fileno)
+            opened.pop(fileno).close()
+            add()
+
+
+if __name__ == "__main__":
+    crowd(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4])

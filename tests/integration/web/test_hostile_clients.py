@@ -1,0 +1,156 @@
+"""Clients that ask without end and do not read, against the real exporter, from a crowd of sockets.
+
+They open again what is closed. Each process stays below 1,024 open files.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import sys
+import time
+import urllib.request
+from collections.abc import Callable
+from itertools import cycle
+from pathlib import Path
+
+import bcrypt
+import pytest
+
+import hostile_clients
+from fleet_demo.processes import Process
+from fleet_demo.waiting import until
+from ros_diagnostics_exporter.diagnostics import Level, Status
+from ros_publisher import publisher
+
+pytestmark = pytest.mark.integration
+
+ROBOTS = 1_000  # declared: some megabytes of metrics without a publisher
+CLIENTS = 520
+SCRAPES = 20
+EVENTS = 10_000
+MEGABYTE = 1_000_000
+
+
+@pytest.fixture
+def attack(site, ends) -> Callable[..., Process]:
+    """A function: so many clients from an address ask for a path and do not read."""
+
+    def start(number: int, source: str, path: str) -> Process:
+        options = map(str, (site.port, number, source, path))
+        command = [sys.executable, hostile_clients.__file__, *options]
+        clients = Process("clients", command, None, site.folder / "clients.log")
+        ends(clients).start()
+        clients.wait_for_output("ready", seconds=60)
+        return clients
+
+    return start
+
+
+def scrape(port: int, authorization: str = "") -> bytes:
+    """The exposition, asked for as Prometheus does."""
+    headers = {"Accept-Encoding": "gzip", "Authorization": authorization}
+    request = urllib.request.Request(f"http://127.0.0.1:{port}/metrics", headers=headers)
+    with urllib.request.urlopen(request, timeout=30) as answer:
+        return gzip.decompress(answer.read())
+
+
+def memory(process: Process) -> int:
+    """The most bytes of RAM that the process has held so far."""
+    status = Path(f"/proc/{process.pid}/status").read_text()
+    return int(status.partition("VmHWM:")[2].split()[0]) * 1_024
+
+
+def changes(exposition: bytes) -> float:
+    """How often levels have changed."""
+    lines = exposition.decode().splitlines()
+    return sum(
+        float(line.rpartition(" ")[2])
+        for line in lines
+        if line.startswith("ros_diagnostics_component_changes_total{")
+    )
+
+
+def declare(site, robots: int) -> None:
+    """Write a fleet.yml with robots that are never received."""
+    robot = "  - {name: robot_%d, namespace: /robot_%d, domain_id: %d}\n"
+    names = "".join(robot % (number, number, site.domain_id) for number in range(robots))
+    site.fleet_file.write_text(f"fleet: hall\nrobots:\n{names}")
+
+
+@pytest.mark.parametrize("source", ["127.0.0.1", "127.0.0.2"])
+@pytest.mark.parametrize("path", ["/metrics", "/api/v1/fleet"])
+def test_clients_that_do_not_read_do_not_lock_prometheus_out(site, ends, attack, source, path):
+    declare(site, ROBOTS)
+    exporter = ends(site.exporter()).start()
+    exporter.wait_for_output("serving fleet", seconds=60)
+    size, before = len(scrape(site.port)), memory(exporter)
+    assert size > MEGABYTE
+    attack(CLIENTS, source, path)
+    for _ in range(SCRAPES):
+        assert abs(len(scrape(site.port)) - size) < size / 10
+    assert memory(exporter) - before < 800 * MEGABYTE
+    assert "Traceback" not in exporter.output()
+
+
+def test_clients_without_a_password_do_not_lock_prometheus_out(site, ends, attack, tmp_path):
+    web, login = tmp_path / "web.yml", base64.b64encode(b"prometheus:x").decode()
+    hashed = bcrypt.hashpw(b"x", bcrypt.gensalt(rounds=10)).decode()
+    web.write_text(f"basic_auth_users: {{prometheus: {hashed}}}")
+    exporter = ends(site.exporter("--web.config.file", web)).start()
+    exporter.wait_for_output("serving fleet", seconds=60)
+    attack(CLIENTS, "127.0.0.1", "/metrics?" + "x" * 2_000)
+    for _ in range(SCRAPES):
+        assert b"ros_diagnostics_exporter_robots" in scrape(site.port, f"Basic {login}")
+
+
+def test_events_that_are_not_read_take_a_bounded_part_of_the_memory(site, ends, attack):
+    exporter = ends(site.exporter()).start()
+    exporter.wait_for_output("serving fleet", seconds=60)
+    with publisher(site.domain_id) as robot:
+        robot.offer("/robot_1/diagnostics_agg")
+        robot.wait_for_listeners()
+
+        levels = cycle((Level.ERROR, Level.OK))
+
+        def change() -> bool:
+            """Whether the levels have changed as often as events are remembered."""
+            level, message = next(levels), f"{time.monotonic()} " + "\N{ROBOT FACE}" * 4_000
+            arms = [Status(level, f"/Arm/Arm {number}", message) for number in range(100)]
+            robot.send("/robot_1/diagnostics_agg", Status(level, "/Arm", ""), *arms)
+            return changes(scrape(site.port)) >= EVENTS
+
+        until(change, exporter.describe, seconds=120)
+    before = memory(exporter)
+    attack(8, "127.0.0.1", "/api/v1/events?limit=10000")
+    for _ in range(SCRAPES):
+        assert scrape(site.port)
+    assert memory(exporter) - before < 300 * MEGABYTE
+
+
+def test_a_low_limit_of_open_files_is_named_and_survived(site, ends, attack):
+    exporter = site.exporter()
+    exporter.argv = ["prlimit", "--nofile=38:38", *exporter.argv]  # it has 22 before any client
+    ends(exporter).start()
+    exporter.wait_for_output("serving fleet", seconds=60)
+    assert "only 38 files may be open" in exporter.output()
+    assert "LimitNOFILE" in exporter.output()
+    attack(300, "127.0.0.2", "/metrics")
+    until(lambda: "no connection can be accepted" in exporter.output(), exporter.describe)
+    for _ in range(SCRAPES):
+        assert b'exporter_domain_up{domain_id="' in scrape(site.port)
+    assert len(exporter.output().splitlines()) < 100
+    assert "Traceback" not in exporter.output()
+
+
+def test_connections_leave_files_for_the_domains(site, ends, attack):
+    exporter = site.exporter()
+    exporter.argv = ["prlimit", "--nofile=128:1024", *exporter.argv]
+    ends(exporter).start()
+    exporter.wait_for_output("serving fleet", seconds=60)
+    attack(CLIENTS, "127.0.0.2", "/metrics")
+    files = Path(f"/proc/{exporter.pid}/fd")
+    # The soft limit was raised.
+    until(lambda: 500 < len(list(files.iterdir())) < 600, exporter.describe)
+    assert scrape(site.port)
+    assert "files may be open" not in exporter.output()
