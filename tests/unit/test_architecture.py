@@ -22,6 +22,7 @@ TREES = {
 ROOMS = (  # each imports only from above; files side by side in a tuple do not know each other
     ("diagnostics", "units", "metrics", "ranks", "logs", "systemd", "client", "acknowledgement"),
     ("config", "tree", "values", "flags", "metrics_reference", "events"),
+    ("faults",),
     ("ros", "state", "nagios", "status", "ack"),
     ("storage", "sample_text", "snapshot", "own_metrics", "watching", "alertmanager"),
     ("exposition", "web"),
@@ -39,7 +40,8 @@ KNOW_ROS = {
     "virtual_robots.bags_ros",
 }
 ROS_PACKAGES = {"rclpy", "rcl_interfaces", "diagnostic_msgs", "builtin_interfaces", "std_msgs"}
-NO_CLOCK = {"diagnostics", "config", "tree", "values", "units", "state", "storage", "exposition"}
+NO_CLOCK = {"diagnostics", "config", "tree", "values", "units", "state", "faults", "storage"}
+NO_CLOCK |= {"exposition"}
 CLOCKS = {"time.time", "time.monotonic", "time.perf_counter", "datetime.now", "datetime.utcnow"}
 
 FILES = sorted(
