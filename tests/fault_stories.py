@@ -43,19 +43,23 @@ def level(
     component: str,
     to: Level,
     robot: str = "r1",
+    *,
     group: str = "",
     total: int = 20,
     confirm_after: float = 10.0,
     **settings: bool,
 ) -> Event:
     """One component is received with this level, or is found STALE."""
-    return levels([component], to, robot, group, total, confirm_after, **settings)
+    return levels(
+        [component], to, robot, group=group, total=total, confirm_after=confirm_after, **settings
+    )
 
 
 def levels(
     components: Iterable[str],
     to: Level,
     robot: str = "r1",
+    *,
     group: str = "",
     total: int = 20,
     confirm_after: float = 10.0,
@@ -93,8 +97,9 @@ def never(robot: str = "r1") -> Event:
     return lambda faults, now: faults.robot_pending(robot, now)
 
 
-def maintenance(robot: str = "r1", *, planned: bool) -> Event:
-    return lambda faults, now: faults.maintenance(robot, now, planned=planned)
+def maintenance(*robots: str, planned: bool) -> Event:
+    """A planned downtime of these robots (r1) begins or ends."""
+    return lambda faults, now: faults.maintenance(dict.fromkeys(robots or ("r1",), planned), now)
 
 
 def restart() -> Event:
@@ -160,6 +165,7 @@ class Player:
         self.faults = Faults(settings)
         self.rows: dict[tuple[str, tuple[str, ...]], Row] = {}
         self.reborn_at_events = False
+        self.writes = True
         self._each_second = each_second
         self.second = READY - 100
 
@@ -193,7 +199,8 @@ class Player:
             if isinstance(event, FleetChange):
                 self.settings = event.settings
             changes += event(self.faults, instant(second))
-            self.write(second)
+            if self.writes:
+                self.write(second)
         return changes
 
 
@@ -233,7 +240,8 @@ def play(
         last = player(robots, settings, **how)
         for second, event, *expected in scenes:
             changes = last.go(second, *([] if event is None else [event]))
-            assert told(changes) == expected, f"at {second} s, {how}"
+            found = told(changes)
+            assert found == expected, f"at {second} s, {how}: {found}, expected {expected}"
         assert len(list(last.faults.faults())) == sum(
             1 if "began" in text else -1 for _, _, *texts in scenes for text in texts
         )

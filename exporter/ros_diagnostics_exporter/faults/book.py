@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from enum import Enum
 from math import inf
 from typing import Literal
 
@@ -15,6 +14,7 @@ from ros_diagnostics_exporter.faults.records import (
     Presence,
     Problem,
     Robot,
+    RowKey,
 )
 from ros_diagnostics_exporter.faults.settings import (
     ComponentSettings,
@@ -25,7 +25,7 @@ from ros_diagnostics_exporter.faults.timers import Timers
 
 TimerKind = Literal["confirm", "cover", "returned", "presence", "flaps", "settled"]
 Timer = tuple[TimerKind, "Problem | Cause | Robot | Component | None"]
-RowKey = tuple[str, tuple[str, ...]]  # kind, key
+FLEET_ROW: RowKey = ("fleet", ())
 
 
 class Book:
@@ -54,9 +54,9 @@ class Book:
         """Have every site and common cause judged again, because the whole has changed."""
         self.touched_causes.update(dict.fromkeys(self.causes.values()))
 
-    def write(self, record: Problem | Cause | Robot | Component | None) -> None:
-        """Have the row of this record written again; of None, the fleet's own."""
-        self.written[row_key(record)] = None
+    def write(self, record: Problem | Cause | Robot | Component) -> None:
+        """Have the row of this record written again."""
+        self.written[record.row] = None
 
     # -- records -----------------------------------------------------------------------------
 
@@ -148,21 +148,6 @@ class Book:
         if problem.robot is not None:
             return problem.robot.settings.confirm_after
         return self.settings.confirm_after
-
-
-def row_key(record: Problem | Cause | Robot | Component | None) -> RowKey:
-    """Which row a record is written to."""
-    if isinstance(record, Problem):
-        return "problem", tuple(
-            part.value if isinstance(part, Enum) else part for part in record.identity
-        )
-    if isinstance(record, Component):
-        return "component", (record.robot.name, *record.name)
-    if isinstance(record, Cause):
-        return "cause", (record.scope.value, record.name)
-    if isinstance(record, Robot):
-        return "robot", (record.name,)
-    return "fleet", ()
 
 
 def _drop_from_owner(problem: Problem) -> None:

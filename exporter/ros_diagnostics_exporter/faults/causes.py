@@ -34,9 +34,13 @@ def count_component(book: Book, component: Component) -> None:
     book.touched_causes[cause] = None
 
 
-def count_robot(book: Book, robot: Robot) -> None:
-    """Count a robot, or not, towards the silence of its site, until it is back."""
-    fresh = robot.presence is Presence.SILENT and not robot.maintenance
+def count_robot(book: Book, robot: Robot, now: Instant) -> None:
+    """Count a robot, or not, towards the silence of its site, until it is back.
+
+    That nothing was received of it since a start is no silence within restart_grace.
+    """
+    silent = robot.presence is Presence.SILENT and not robot.maintenance
+    fresh = silent and (robot.counted or now.mono >= book.settled_at)
     counted = fresh or (robot.counted and not robot.up)
     if not (counted or robot.counted):
         return

@@ -7,7 +7,7 @@ from ros_diagnostics_exporter.diagnostics import Instant, Level
 from ros_diagnostics_exporter.faults import causes, verdicts
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
-from ros_diagnostics_exporter.faults.judge import end
+from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import (
     Change,
     ComponentName,
@@ -110,9 +110,9 @@ def _note_change(book: Book, component: Component, level: Level, now: Instant) -
 
 
 def decay(book: Book, component: Component, now: Instant) -> None:
-    """Let a component that changed come to rest."""
+    """Let a component that changed come to rest, as far as its robot is received."""
     flaps = component.flaps
-    if flaps is None:
+    if flaps is None or not component.robot.up:
         return
     flaps.decay(now.mono, component.robot.settings.flap_interval)
     _judge_flapping(book, component, flaps, now)
@@ -125,7 +125,7 @@ def resume(book: Book, component: Component, now: Instant) -> None:
     """Go on counting changes after the robot's silence."""
     if component.flaps is not None:
         component.flaps.last = now.mono
-        wake(book, component)
+        _judge_flapping(book, component, component.flaps, now)
         book.write(component)
 
 
@@ -209,8 +209,7 @@ def _drop_unwanted(
         for value_key, problem in component.values.items()
         if value_key[0] == report.key and value_key not in wanted
     ]
-    ended = [end(book, problem, now, "removed") for problem in unwanted]
-    return [change for change in ended if change is not None]
+    return end_all(book, unwanted, now)
 
 
 def _add_value(

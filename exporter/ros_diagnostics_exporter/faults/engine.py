@@ -7,11 +7,11 @@ as they are after the robot's first array; from then on, what changes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.faults import causes, components, judge, presence, removal, rows
-from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.book import FLEET_ROW, Book
 from ros_diagnostics_exporter.faults.model import (
     Change,
     ComponentName,
@@ -53,7 +53,7 @@ class Faults:
         book = self._book
         book.settled_at = now.mono + book.settings.restart_grace
         book.timers.set(("settled", None), book.settled_at)
-        book.write(None)
+        book.written[FLEET_ROW] = None
         for robot in book.robots.values():
             if robot.up:
                 presence.fall_silent(book, robot, now, now, counts=False)
@@ -89,7 +89,7 @@ class Faults:
         elif isinstance(record, Component):
             components.decay(book, record, at)
         elif not isinstance(record, Robot):
-            book.touch(book.problems.values())
+            presence.settle(book, at)
         elif kind == "presence":
             presence.decay(book, record, at)
         else:
@@ -104,7 +104,8 @@ class Faults:
         book.settings = settings
         book.touch(book.problems.values())
         book.touch_causes()
-        book.touched_causes.update({robot.many: None for robot in book.robots.values()})
+        for robot in book.robots.values():
+            presence.judge_anew(book, robot, now)
         return changes + judge.settle(book, now)
 
     def configure_robot(
@@ -127,17 +128,21 @@ class Faults:
             changes += removal.end_pending(book, robot, now)
             presence.become_pending(book, robot, now)
         book.note_presence(robot)
-        causes.count_robot(book, robot)
-        presence.touch_all(book, robot)
+        causes.count_robot(book, robot, now)
+        presence.judge_anew(book, robot, now)
         book.write(robot)
         return changes + judge.settle(book, now)
 
-    def maintenance(self, name: str, now: Instant, *, planned: bool) -> list[Change]:
-        """Begin or end a planned downtime of a robot."""
+    def maintenance(self, planned: Mapping[str, bool], now: Instant) -> list[Change]:
+        """Begin (True) or end the planned downtimes of robots, of all that change at one time.
+
+        What many of them have in common is seen only when they are given together.
+        """
         changes = self.advance(now)
-        robot = self._robot(name)
-        if robot.maintenance != planned:
-            presence.set_maintenance(self._book, robot, planned=planned)
+        for name, is_planned in planned.items():
+            robot = self._robot(name)
+            if robot.maintenance != is_planned:
+                presence.set_maintenance(self._book, robot, now, planned=is_planned)
         return changes + judge.settle(self._book, now)
 
     def forget_robot(self, name: str, now: Instant) -> list[Change]:
@@ -265,7 +270,7 @@ class Faults:
     # -- what outlives the process -----------------------------------------------------------
 
     def take_rows(self, now: Instant) -> list[Row]:
-        """The rows that changed since they were last taken."""
+        """The rows that changed since they were last taken; to be taken now and then."""
         return rows.take(self._book, now)
 
     def restore(self, stored: Iterable[Row], now: Instant) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Literal
 
 from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.faults import causes
@@ -33,7 +33,8 @@ def settle(book: Book, now: Instant) -> list[Change]:
 def _judge(book: Book, problem: Problem, now: Instant) -> Change | None:
     if problem.fault is not None:
         if problem.verdict is Verdict.WELL and why_not_end(problem) is None:
-            return end(book, problem, now, "recovered")
+            _drop(book, problem)
+            return Change("recovered", problem.fault, now.wall)
         return None
     if problem.verdict is Verdict.WELL:
         _drop(book, problem)
@@ -53,12 +54,16 @@ def _begin(book: Book, problem: Problem, now: Instant) -> Change:
     return Change("began", fault, now.wall)
 
 
-def end(
-    book: Book, problem: Problem, now: Instant, what: Literal["recovered", "removed"]
-) -> Change | None:
-    """Take a problem out; the change if it was a fault."""
-    _drop(book, problem)
-    return None if problem.fault is None else Change(what, problem.fault, now.wall)
+def end_all(book: Book, problems: Iterable[Problem], now: Instant) -> list[Change]:
+    """Take problems out, as a person wants it; those that were faults, as changes."""
+    ordered = sorted(problems, key=lambda problem: problem.identity)
+    for problem in ordered:
+        _drop(book, problem)
+    return [
+        Change("removed", problem.fault, now.wall)
+        for problem in ordered
+        if problem.fault is not None
+    ]
 
 
 def describe(book: Book, identity: Identity, evidence: str) -> None:

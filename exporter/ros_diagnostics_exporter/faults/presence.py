@@ -32,7 +32,7 @@ def fall_silent(book: Book, robot: Robot, since: Instant, now: Instant, *, count
         give_verdict(book, robot.problems[State.PENDING], Verdict.HELD)
     robot.presence = Presence.SILENT
     components.hold(book, robot)
-    _note_presence(book, robot)
+    _note_presence(book, robot, now)
 
 
 def become_pending(book: Book, robot: Robot, now: Instant) -> None:
@@ -44,7 +44,7 @@ def become_pending(book: Book, robot: Robot, now: Instant) -> None:
         pending = robot.problems.get(State.PENDING)
         pending = pending or _add(book, robot, State.PENDING, now, now)
         give_verdict(book, pending, Verdict.ABSENT)
-    _note_presence(book, robot)
+    _note_presence(book, robot, now)
 
 
 def come_back(book: Book, robot: Robot, now: Instant) -> None:
@@ -61,16 +61,23 @@ def come_back(book: Book, robot: Robot, now: Instant) -> None:
             give_verdict(book, robot.problems[state], Verdict.WELL)
     for component in robot.components.values():
         components.resume(book, component, now)
-    _note_presence(book, robot)
+    _note_presence(book, robot, now)
 
 
-def set_maintenance(book: Book, robot: Robot, *, planned: bool) -> None:
+def set_maintenance(book: Book, robot: Robot, now: Instant, *, planned: bool) -> None:
     """Begin or end the quiet of a planned downtime."""
     robot.maintenance = planned
     for component in robot.components.values():
         causes.count_component(book, component)
-    _note_presence(book, robot)
+    _note_presence(book, robot, now)
     touch_all(book, robot)
+
+
+def settle(book: Book, now: Instant) -> None:
+    """Judge what restart_grace kept quiet, now that it is over."""
+    for robot in book.robots.values():
+        _note_presence(book, robot, now)
+    book.touch(book.problems.values())
 
 
 def touch_all(book: Book, robot: Robot) -> None:
@@ -87,9 +94,17 @@ def decay(book: Book, robot: Robot, now: Instant) -> None:
         book.write(robot)
 
 
-def _note_presence(book: Book, robot: Robot) -> None:
+def judge_anew(book: Book, robot: Robot, now: Instant) -> None:
+    """Judge all about a robot by other settings."""
+    decay(book, robot, now)
+    for component in list(robot.components.values()):
+        components.decay(book, component, now)
+    touch_all(book, robot)
+
+
+def _note_presence(book: Book, robot: Robot, now: Instant) -> None:
     book.note_presence(robot)
-    causes.count_robot(book, robot)
+    causes.count_robot(book, robot, now)
     book.touched_causes[robot.many] = None
     book.write(robot)
 

@@ -23,6 +23,7 @@ from ros_diagnostics_exporter.faults.model import (
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 
 ValueKey = tuple[str, str, str]  # key, bound, severity
+RowKey = tuple[str, tuple[str, ...]]  # kind, key: the row that a record is written to
 
 
 class Presence(str, Enum):
@@ -40,7 +41,17 @@ class Problem:
     confirm_after is counted. ``robot``, ``component`` and ``cause`` are what it belongs to.
     """
 
-    __slots__ = ("cause", "clock", "component", "fault", "identity", "robot", "since", "verdict")
+    __slots__ = (
+        "cause",
+        "clock",
+        "component",
+        "fault",
+        "identity",
+        "robot",
+        "row",
+        "since",
+        "verdict",
+    )
 
     def __init__(
         self,
@@ -52,6 +63,7 @@ class Problem:
         cause: Cause | None = None,
     ) -> None:
         self.identity = identity
+        self.row: RowKey = ("problem", (identity[0].value, identity[1].value, *identity[2:]))
         self.since = since
         self.clock = since.mono
         self.robot = robot
@@ -80,6 +92,7 @@ class Component:
         "name",
         "problems",
         "robot",
+        "row",
         "settings",
         "since",
         "values",
@@ -88,6 +101,7 @@ class Component:
     def __init__(self, robot: Robot, name: ComponentName, settings: ComponentSettings) -> None:
         self.robot = robot
         self.name = name
+        self.row: RowKey = ("component", (robot.name, *name))
         self.settings = settings
         self.level = Level.OK
         self.since: Instant | None = None
@@ -129,12 +143,14 @@ class Robot:
         "presence",
         "problems",
         "returned_until",
+        "row",
         "settings",
         "total",
     )
 
     def __init__(self, name: str, settings: RobotSettings) -> None:
         self.name = name
+        self.row: RowKey = ("robot", (name,))
         self.settings = settings
         self.declared = False
         self.presence = Presence.NEVER
@@ -178,11 +194,22 @@ class Cause:
     them whose trouble is known now. A robot's own cause counts its components instead.
     """
 
-    __slots__ = ("active", "covers_until", "fresh", "members", "name", "problems", "robot", "scope")
+    __slots__ = (
+        "active",
+        "covers_until",
+        "fresh",
+        "members",
+        "name",
+        "problems",
+        "robot",
+        "row",
+        "scope",
+    )
 
     def __init__(self, scope: Scope, name: str, robot: Robot | None = None) -> None:
         self.scope = scope
         self.name = name
+        self.row: RowKey = ("cause", (scope.value, name))
         self.robot = robot
         self.active: Instant | None = None
         self.covers_until = -inf

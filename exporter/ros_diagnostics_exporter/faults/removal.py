@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.faults import causes, components
 from ros_diagnostics_exporter.faults.book import Book
-from ros_diagnostics_exporter.faults.judge import end
+from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import Change, ComponentName, Scope, State
 from ros_diagnostics_exporter.faults.records import Component, Problem, Robot
 
@@ -16,9 +15,9 @@ from ros_diagnostics_exporter.faults.records import Component, Problem, Robot
 def remove_robot(book: Book, robot: Robot, now: Instant) -> list[Change]:
     """Take out a robot with all its parts."""
     changes: list[Change] = []
-    for name in list(robot.components):
+    for name in sorted(robot.components):
         changes += remove_component(book, robot, name, now)
-    changes += _end_all(book, robot.all_problems(), now)
+    changes += end_all(book, robot.all_problems(), now)
     leave_site(book, robot)
     book.touched_causes.pop(robot.many, None)
     book.timers.clear(("cover", robot.many))
@@ -37,7 +36,7 @@ def remove_component(book: Book, robot: Robot, name: ComponentName, now: Instant
         return []
     _uncount(book, component)
     component.since, component.flaps = None, None
-    changes = _end_all(book, (*component.problems.values(), *component.values.values()), now)
+    changes = end_all(book, (*component.problems.values(), *component.values.values()), now)
     if name in robot.components:  # it went with its last problem, if it had one
         book.drop_component(component)
     book.touched_causes[robot.many] = None
@@ -80,13 +79,13 @@ def _renamed(old: Problem, component: Component) -> Problem:
 def remove_check(book: Book, robot: Robot, check: str, now: Instant) -> list[Change]:
     """Take out a check that expects nothing any more."""
     problem = robot.checks.get(check)
-    return [] if problem is None else _end_all(book, (problem,), now)
+    return [] if problem is None else end_all(book, (problem,), now)
 
 
 def end_pending(book: Book, robot: Robot, now: Instant) -> list[Change]:
     """No longer miss a robot that is not declared any more."""
     problem = robot.problems.get(State.PENDING)
-    return [] if problem is None or robot.declared else _end_all(book, (problem,), now)
+    return [] if problem is None or robot.declared else end_all(book, (problem,), now)
 
 
 def leave_site(book: Book, robot: Robot) -> None:
@@ -110,8 +109,3 @@ def _uncount(book: Book, component: Component) -> None:
         cause = book.cause(Scope.COMMON, component.name.component)
         cause.count(component.robot.name, component.name.group, member=False, fresh=False)
         book.touched_causes[cause] = None
-
-
-def _end_all(book: Book, problems: Iterable[Problem], now: Instant) -> list[Change]:
-    ended = [end(book, problem, now, "removed") for problem in list(problems)]
-    return [change for change in ended if change is not None]

@@ -14,7 +14,7 @@ from typing import Any
 
 from ros_diagnostics_exporter.diagnostics import Instant, Level
 from ros_diagnostics_exporter.faults import causes, components
-from ros_diagnostics_exporter.faults.book import Book, RowKey
+from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
 from ros_diagnostics_exporter.faults.model import (
     ComponentName,
@@ -25,7 +25,14 @@ from ros_diagnostics_exporter.faults.model import (
     State,
     Verdict,
 )
-from ros_diagnostics_exporter.faults.records import Cause, Component, Presence, Problem, Robot
+from ros_diagnostics_exporter.faults.records import (
+    Cause,
+    Component,
+    Presence,
+    Problem,
+    Robot,
+    RowKey,
+)
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 
 _Fields = dict[str, Any]
@@ -72,7 +79,7 @@ def restore(book: Book, stored: Iterable[Row], now: Instant) -> None:
     for row in sorted(stored, key=lambda row: (_ORDER.index(row.kind), row.key)):
         if row.fields is not None:
             readers[row.kind](book, row.key, row.fields, clock)
-    _count(book)
+    _count(book, now)
     _set_timers(book)
     book.touched.clear()
     book.touched_causes.clear()
@@ -257,10 +264,10 @@ def _give_to_owner(book: Book, problem: Problem) -> None:
 # -- what follows from the rows ----------------------------------------------------------------
 
 
-def _count(book: Book) -> None:
+def _count(book: Book, now: Instant) -> None:
     for robot in book.robots.values():
         book.note_presence(robot)
-        causes.count_robot(book, robot)
+        causes.count_robot(book, robot, now)
         for component in robot.components.values():
             causes.count_component(book, component)
 

@@ -32,11 +32,11 @@ def of_component(
     if settings.planned_stale:
         return _NOTHING_KNOWN
     # An ERROR that no longer reports is still an ERROR, and a WARNING a WARNING.
-    was_critical = State.CRITICAL in known
+    critical = settings.stale_is_critical or State.CRITICAL in known
     return {
-        State.WARNING: _ABSENT if State.WARNING in known and not was_critical else _HELD,
+        State.WARNING: _ABSENT if State.WARNING in known and not critical else _HELD,
         State.STALE: _ABSENT,
-        State.CRITICAL: _ABSENT if was_critical or settings.stale_is_critical else _HELD,
+        State.CRITICAL: _ABSENT if critical else _HELD,
     }
 
 

@@ -8,6 +8,7 @@ from fault_stories import (
     WARN,
     FleetChange,
     back,
+    check,
     forget,
     level,
     levels,
@@ -18,6 +19,7 @@ from fault_stories import (
     robot_settings,
     silent,
     together,
+    value,
 )
 from ros_diagnostics_exporter.faults.settings import CauseSettings, FleetSettings
 
@@ -104,8 +106,6 @@ def _recovered_stale():
 
 
 def test_values_and_checks_of_a_robot_with_many_components_in_trouble_are_reported():
-    from fault_stories import check, value
-
     play(
         (0, levels(PARTS, ERROR, total=10)),
         (10, None, f"began {MANY}"),
@@ -176,9 +176,14 @@ def test_silence_stale_and_a_restart_are_no_recovery_of_a_common_cause():
         (10, None, "began common/critical camera"),
         (20, on_robots(SIX[:3], level, "camera", STALE)),
         (30, restart()),
-        (40, together(*(back(robot, level("camera", STALE, robot)) for robot in TEN))),
+        (40, together(*(back(robot, level("camera", STALE, robot)) for robot in SIX))),
         (50, on_robots(SIX, level, "camera", ERROR)),
-        (60, on_robots(SIX, level, "camera", OK), "recovered common/critical camera"),
+        (
+            60,
+            on_robots(SIX, level, "camera", OK),
+            *each(TEN[6:], "robot/silent", part=""),
+            "recovered common/critical camera",
+        ),
         (100, None),
         robots=TEN,
     )
@@ -186,17 +191,13 @@ def test_silence_stale_and_a_restart_are_no_recovery_of_a_common_cause():
 
 def test_robots_in_maintenance_do_not_count_towards_a_common_cause():
     play(
-        (0, on_robots(SIX[:3], maintenance_of, True)),
+        (0, maintenance(*SIX[:3], planned=True)),
         (0, on_robots(SIX, level, "camera", ERROR)),
         (10, None, *each(SIX[3:])),
-        (20, on_robots(SIX[:3], maintenance_of, False)),
+        (20, maintenance(*SIX[:3], planned=False)),
         (30, None, "began common/critical camera"),
         robots=TEN,
     )
-
-
-def maintenance_of(planned, robot):
-    return maintenance(robot, planned=planned)
 
 
 def test_what_all_robots_have_in_common_is_not_many_components_of_each():
@@ -271,14 +272,14 @@ def test_one_after_the_other_until_they_are_a_site():
 def test_a_site_in_maintenance_is_no_outage_and_a_window_is_no_recovery():
     play(
         (0, sites(*SIX, site="hall")),
-        (10, on_robots(SIX, maintenance_of, True)),
+        (10, maintenance(*SIX, planned=True)),
         (20, on_robots(SIX, silent)),
         (100, on_robots(SIX, back_of)),
-        (200, on_robots(SIX, maintenance_of, False)),
+        (200, maintenance(*SIX, planned=False)),
         (300, on_robots(SIX, silent)),
         (310, None, "began site/silent hall"),
-        (320, on_robots(SIX, maintenance_of, True)),
-        (400, on_robots(SIX, maintenance_of, False)),
+        (320, maintenance(*SIX, planned=True)),
+        (400, maintenance(*SIX, planned=False)),
         (410, on_robots(SIX, back_of), "recovered site/silent hall"),
         (500, None),
     )
@@ -286,6 +287,17 @@ def test_a_site_in_maintenance_is_no_outage_and_a_window_is_no_recovery():
 
 def back_of(robot):
     return back(robot)
+
+
+def test_a_site_that_was_switched_off_in_its_window_is_one_if_it_outlives_it():
+    play(
+        (0, sites(*SIX, site="hall")),
+        (10, maintenance(*SIX, planned=True)),
+        (20, on_robots(SIX, silent)),
+        (100, maintenance(*SIX, planned=False)),
+        (110, None, "began site/silent hall"),
+        (500, on_robots(SIX, back_of), "recovered site/silent hall"),
+    )
 
 
 def test_a_restart_is_no_outage_of_a_site():

@@ -77,8 +77,8 @@ def test_a_person_takes_a_robot_out():
             40,
             forget(),
             "removed component/critical r1 motor",
-            "removed robot/silent r1",
             "removed check/critical r1 motors",
+            "removed robot/silent r1",
         ),
         (10_000, None),
     )
