@@ -89,7 +89,8 @@ class RobotModel:
     silent_at: int = 0
     silent_since: int | None = None
     pending_since: int | None = None
-    back_at: int = -(10**9)
+    received: bool = False
+    returned_until: float = -(10**9)  # what rests on absence waits that long
     total: int = 0
     slots: Slots | None = None
     flapping: bool = False
@@ -125,9 +126,9 @@ class Model:
 
     def started(self, now: int) -> None:
         self.settled_at = now + int(self.settings.restart_grace)
-        for robot in self.robots.values():
+        for name, robot in self.robots.items():
             if robot.presence == "up":
-                self._fall_silent(robot, now)
+                self._fall_silent(name, robot, now)
 
     def configure_robot(self, name: str, settings: RobotSettings, declared: bool, now: int) -> None:
         robot = self.robots.get(name)
@@ -163,13 +164,15 @@ class Model:
             return
         if robot.presence == "up":
             self._note(robot, 0, now)
-        self._fall_silent(robot, now)
+        self._fall_silent(name, robot, now)
 
-    def _fall_silent(self, robot: RobotModel, now: int) -> None:
+    def _fall_silent(self, name: str, robot: RobotModel, now: int) -> None:
         robot.presence = "silent"
         robot.silent_at = now
         if robot.silent_since is None:
             robot.silent_since = now
+        for where, part in robot.components.items():
+            self._keep_open(part, name, where)
         for part in (
             *robot.components.values(),
             *robot.values.values(),
@@ -190,7 +193,8 @@ class Model:
         if robot.presence == "silent":
             self._note(robot, OK + 1, now)
         robot.presence = "up"
-        robot.back_at = now
+        robot.received = True
+        robot.returned_until = now + robot.settings.confirm_after
         robot.pending_since = None
         if key_of("robot", "silent", robot=name) not in self.faults:
             robot.silent_since = None
@@ -231,7 +235,7 @@ class Model:
             self._open(part, to, now)
 
     def _keep_open(self, part: Part, name: str, where: tuple[str, str]) -> None:
-        """What lasts goes on under something worse, and under STALE."""
+        """What lasts goes on under something worse, under STALE and in silence."""
         for state in ("warning", "stale", "critical"):
             key = key_of("component", state, robot=name, group=where[0], component=where[1])
             if key in self.faults:
@@ -245,7 +249,7 @@ class Model:
 
     def _note_level(self, robot: RobotModel, part: Part, to: Level, now: int) -> None:
         last = OK if part.slots is None else part.slots.states[-1]
-        returned = to == STALE and now < robot.back_at + robot.settings.confirm_after
+        returned = to == STALE and now < robot.returned_until
         if to == last or returned or robot.maintenance:
             return
         part.slots = part.slots or Slots(now)
@@ -406,7 +410,7 @@ class Model:
         troubled = [key for key, part in robot.components.items() if part.clock is not None]
         own = [key for key in troubled if not self._covered("common", key[1], now)]
         blind = robot.presence != "up" or robot.maintenance
-        blind = blind or now < robot.back_at + robot.settings.confirm_after
+        blind = blind or now < robot.returned_until
         return len(troubled), 0 if blind else len(own), robot.total
 
     def _covered(self, scope: str, name: str, now: int) -> bool:
@@ -463,7 +467,7 @@ class Model:
             robot.flapping and not site,
             well=not robot.flapping,
         )
-        returned = settled and now >= robot.back_at + confirm and not robot.flapping
+        returned = settled and now >= robot.returned_until and not robot.flapping
         for check, part in robot.checks.items():
             since = part.open.get("")
             begins = since is not None and part.fresh and returned and now >= since + confirm
@@ -539,13 +543,13 @@ class Model:
                 self._end(key, "recovered", now)
         elif begins and since is not None:
             self.faults[key] = {"since": since, "labels": tuple(sorted(labels.items()))}
-            self._tell("began", key, now)
+            self._note_fault("began", key, now)
 
     def _end(self, key: Key, what: str, now: int) -> None:
         if key in self.faults:
-            self._tell(what, key, now)
+            self._note_fault(what, key, now)
             del self.faults[key]
 
-    def _tell(self, what: str, key: Key, now: int) -> None:
+    def _note_fault(self, what: str, key: Key, now: int) -> None:
         fault = self.faults[key]
         self.changes.append((now, what, key, fault["since"], fault["labels"]))

@@ -1,6 +1,6 @@
 """Stories for the judgement of faults: who does what at which second, and what changes by it.
 
-Each story is played three times: as told, with time passing second by second, and with a new
+Each story is played three times: as written, with time passing second by second, and with a new
 engine from the written rows before each event. All three have to give the same.
 """
 
@@ -89,7 +89,7 @@ def silent(robot: str = "r1", last: float | None = None) -> Event:
 
 
 def back(robot: str = "r1", *reports: Event) -> Event:
-    """The robot is received, with what its first array says."""
+    """The robot is received, with what its first array brings."""
     return together(lambda faults, now: faults.robot_back(robot, now), *reports)
 
 
@@ -153,7 +153,7 @@ def words(identity: Identity) -> str:
     return " ".join([f"{identity.scope.value}/{identity.state.value}", *parts])
 
 
-def told(changes: Iterable[Change]) -> list[str]:
+def texts(changes: Iterable[Change]) -> list[str]:
     return [f"{change.what} {words(change.fault.identity)}" for change in changes]
 
 
@@ -240,9 +240,9 @@ def play(
         last = player(robots, settings, **how)
         for second, event, *expected in scenes:
             changes = last.go(second, *([] if event is None else [event]))
-            found = told(changes)
+            found = texts(changes)
             assert found == expected, f"at {second} s, {how}: {found}, expected {expected}"
         assert len(list(last.faults.faults())) == sum(
-            1 if "began" in text else -1 for _, _, *texts in scenes for text in texts
+            1 if "began" in text else -1 for _, _, *expected in scenes for text in expected
         )
     return last

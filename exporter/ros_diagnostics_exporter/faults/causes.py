@@ -30,7 +30,7 @@ def count_component(book: Book, component: Component) -> None:
         component.counted = counted
         book.write(component)
     cause = book.cause(Scope.COMMON, component.name.component)
-    cause.count(component.robot.name, component.name.group, member=counted, fresh=fresh)
+    cause.count(component.robot.name, component.name.group, counts=counted, fresh=fresh)
     book.touched_causes[cause] = None
 
 
@@ -46,7 +46,7 @@ def count_robot(book: Book, robot: Robot, now: Instant) -> None:
         return
     robot.counted = counted
     cause = book.cause(Scope.SITE, robot.settings.site)
-    cause.count(robot.name, "", member=counted, fresh=fresh)
+    cause.count(robot.name, "", counts=counted, fresh=fresh)
     book.touched_causes[cause] = None
 
 
@@ -77,12 +77,12 @@ def drop_usual(book: Book, cause: Cause) -> None:
 
 def _update(book: Book, cause: Cause, now: Instant) -> None:
     needed = _settings(book, cause).needed(book.whole(cause))
-    members, fresh = _counts(book, cause, now)
+    counted, fresh = _counts(book, cause, now)
     if cause.active is None and fresh >= needed:
         cause.active = now
         book.write(cause)
         _touch_excluding(book, cause)
-    elif cause.active is not None and 2 * members < needed:
+    elif cause.active is not None and 2 * counted < needed:
         cause.active = None
         cause.covers_until = now.mono + _confirm_after(book, cause)
         book.timers.set(("cover", cause), cause.covers_until)
@@ -137,7 +137,7 @@ def _counts(book: Book, cause: Cause, now: Instant) -> tuple[int, int]:
     """(how many keep it active, how many of them may make it active)."""
     robot = cause.robot
     if robot is None:
-        return len(cause.members), len(cause.fresh)
+        return len(cause.counted), len(cause.fresh)
     troubled = [each for each in robot.components.values() if each.since is not None]
     needed = _settings(book, cause).needed(robot.total)
     nothing_known = not robot.up or robot.maintenance or now.mono < robot.returned_until

@@ -97,7 +97,7 @@ def hold(book: Book, robot: Robot) -> None:
 
 
 def _note_change(book: Book, component: Component, level: Level, now: Instant) -> None:
-    """Count a change of level; not in maintenance, nor what an aggregator says after a start."""
+    """Count a change of level; not in maintenance, nor what an aggregator reports after a start."""
     robot = component.robot
     last = Level.OK if component.flaps is None else component.flaps.slots[-1]
     returned = level is Level.STALE and now.mono < robot.returned_until

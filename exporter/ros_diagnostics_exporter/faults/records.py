@@ -112,7 +112,7 @@ class Component:
 
     @property
     def flapping(self) -> bool:
-        """Whether it changes too often for anything else to be said of it."""
+        """Whether it changes too often for anything else to be reported of it."""
         problem = self.problems.get(State.FLAPPING)
         return problem is not None and problem.in_trouble
 
@@ -190,15 +190,15 @@ class Cause:
 
     ``scope`` is SITE, COMMON or ROBOT and ``name`` the site, the component or the robot. While
     ``active``, and until ``covers_until`` (monotonic) after it, what it explains does not begin.
-    ``members`` (robot -> what of it) stay until they are received better; ``fresh`` are those of
+    ``counted`` (robot -> what of it) stay until they are received better; ``fresh`` are those of
     them whose trouble is known now. A robot's own cause counts its components instead.
     """
 
     __slots__ = (
         "active",
+        "counted",
         "covers_until",
         "fresh",
-        "members",
         "name",
         "problems",
         "robot",
@@ -213,7 +213,7 @@ class Cause:
         self.robot = robot
         self.active: Instant | None = None
         self.covers_until = -inf
-        self.members: dict[str, set[str]] = {}
+        self.counted: dict[str, set[str]] = {}
         self.fresh: dict[str, set[str]] = {}
         self.problems: dict[str, Problem] = {}  # by severity; "" where there is one
 
@@ -221,9 +221,9 @@ class Cause:
         """Whether what it explains is quiet."""
         return self.active is not None or now.mono < self.covers_until
 
-    def count(self, robot: str, part: str, *, member: bool, fresh: bool) -> None:
+    def count(self, robot: str, part: str, *, counts: bool, fresh: bool) -> None:
         """Note whether a part of a robot belongs to it."""
-        for sets, wanted in ((self.members, member), (self.fresh, fresh)):
+        for sets, wanted in ((self.counted, counts), (self.fresh, fresh)):
             if wanted:
                 sets.setdefault(robot, set()).add(part)
             elif robot in sets:
@@ -234,4 +234,4 @@ class Cause:
     @property
     def is_usual(self) -> bool:
         """Whether there is nothing to keep."""
-        return not (self.members or self.problems or self.active) and self.covers_until == -inf
+        return not (self.counted or self.problems or self.active) and self.covers_until == -inf

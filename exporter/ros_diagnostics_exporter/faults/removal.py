@@ -99,7 +99,7 @@ def leave_site(book: Book, robot: Robot) -> None:
     if robot.counted:
         robot.counted = False
         cause = book.cause(Scope.SITE, robot.settings.site)
-        cause.count(robot.name, "", member=False, fresh=False)
+        cause.count(robot.name, "", counts=False, fresh=False)
         book.touched_causes[cause] = None
 
 
@@ -107,5 +107,5 @@ def _uncount(book: Book, component: Component) -> None:
     if component.counted:
         component.counted = False
         cause = book.cause(Scope.COMMON, component.name.component)
-        cause.count(component.robot.name, component.name.group, member=False, fresh=False)
+        cause.count(component.robot.name, component.name.group, counts=False, fresh=False)
         book.touched_causes[cause] = None

@@ -194,7 +194,7 @@ class Both:
 
     def never(self, robot):
         known = self.model.robots.get(robot)
-        if known is not None and known.back_at < 0 and known.presence == "silent":
+        if known is not None and not known.received and known.presence == "silent":
             self.engine(never(robot))
             self.model.pending(robot, self.second)
 
@@ -248,7 +248,7 @@ def run(history, *, reborn: bool = False, compare: bool = False) -> Both:
 
 
 def plain(changes):
-    """Changes as the model tells them, those of one second in one order."""
+    """Changes as the model gives them, those of one second in one order."""
     return sorted(
         (
             round(at - WALL),
