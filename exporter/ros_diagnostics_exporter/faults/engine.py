@@ -1,8 +1,8 @@
 """The faults of a fleet: takes what the state finds out, returns the faults that began and ended.
 
-A component is judged while its robot is up only. So after `robot_back` the caller reports every
-component that is not OK, every value that has thresholds and every check that expects something,
-as they are after the robot's first array; from then on, what changes.
+A component is judged while its robot is up only: what was known is void once it is silent. So after
+`robot_back` the caller reports every component, every value that has thresholds and every check that
+expects something, as they are after the robot's first array; from then on, what changes.
 """
 
 from __future__ import annotations
@@ -277,7 +277,7 @@ class Faults:
         """Put back the rows that a former process had, into an engine that has nothing yet.
 
         What follows is as it would have been there; robots that are no longer wanted are to be
-        forgotten.
+        forgotten. LookupError, TypeError or ValueError: the rows are not what `take_rows` gave.
         """
         rows.restore(self._book, stored, now)
 
