@@ -86,8 +86,6 @@ def hold(book: Book, robot: Robot) -> None:
                 give_verdict(book, problem, Verdict.HELD)
         for problem in component.values.values():
             give_verdict(book, problem, Verdict.HELD)
-        # Silence is no rest: a component that flapped does so until it is received otherwise.
-        book.timers.clear(("flaps", component))
         causes.count_component(book, component)
         book.write(component)
     book.touched_causes[robot.many] = None
@@ -110,7 +108,7 @@ def _note_change(book: Book, component: Component, level: Level, now: Instant) -
 
 
 def decay(book: Book, component: Component, now: Instant) -> None:
-    """Let a component that changed come to rest, as far as its robot is received."""
+    """Let a component that changed come to rest; silence of its robot is no rest."""
     flaps = component.flaps
     if flaps is None or not component.robot.up:
         return

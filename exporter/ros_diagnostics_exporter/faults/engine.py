@@ -1,8 +1,8 @@
 """The faults of a fleet: takes what the state finds out, returns the faults that began and ended.
 
-A component is judged while its robot is up only: what was known is void once it is silent. So after
-`robot_back` the caller reports every component, every value that has thresholds and every check that
-expects something, as they are after the robot's first array; from then on, what changes.
+A component is judged only while its robot is up: what was known is void once it is silent. So
+after `robot_back` the caller reports every component, every value that has thresholds and every
+check that expects something, as they are after the robot's first array; then what changes.
 """
 
 from __future__ import annotations

@@ -140,6 +140,17 @@ def test_the_last_robots_to_recover_are_not_reported_one_by_one():
     )
 
 
+def test_a_common_cause_lasts_until_fewer_than_half_of_its_threshold_are_left():
+    play(
+        (0, on_robots(SIX, level, "camera", ERROR)),
+        (10, None, "began common/critical camera"),
+        (20, on_robots(SIX[3:], level, "camera", OK)),
+        (30, level("camera", OK), "recovered common/critical camera"),
+        (40, None, *each(SIX[1:3])),
+        robots=TEN,
+    )
+
+
 def test_one_name_in_five_groups_of_one_robot_is_no_common_cause():
     groups = [f"/group_{number}" for number in range(5)]
     play(
@@ -196,6 +207,22 @@ def test_robots_in_maintenance_do_not_count_towards_a_common_cause():
         (10, None, *each(SIX[3:])),
         (20, maintenance(*SIX[:3], planned=False)),
         (30, None, "began common/critical camera"),
+        (40, on_robots(SIX[:3], level, "camera", STALE)),
+        (45, on_robots(SIX[3:], level, "camera", OK), *each(SIX[3:], what="recovered")),
+        (50, level("camera", OK), "recovered common/critical camera"),
+        (60, None, *each(SIX[1:3]), *each(SIX[1:3], "component/stale")),
+        robots=TEN,
+    )
+
+
+def test_silent_robots_make_no_common_cause():
+    play(
+        (0, on_robots(SIX[:3], level, "camera", ERROR)),
+        (10, None, *each(SIX[:3])),
+        (20, on_robots(SIX[:3], silent)),
+        (30, None, *each(SIX[:3], "robot/silent", part="")),
+        (40, on_robots(SIX[3:5], level, "camera", ERROR)),
+        (50, None, *each(SIX[3:5])),
         robots=TEN,
     )
 
@@ -287,6 +314,17 @@ def test_a_site_in_maintenance_is_no_outage_and_a_window_is_no_recovery():
 
 def back_of(robot):
     return back(robot)
+
+
+def test_robots_in_maintenance_are_no_part_of_what_a_share_is_of():
+    play(
+        (0, sites(*TEN, site="hall")),
+        (10, maintenance(*TEN[4:], planned=True)),
+        (20, on_robots(TEN[:2], silent)),
+        (30, None, "began site/silent hall"),
+        robots=TEN,
+        settings=FleetSettings(site=CauseSettings(2, 0.5)),
+    )
 
 
 def test_a_site_that_was_switched_off_in_its_window_is_one_if_it_outlives_it():

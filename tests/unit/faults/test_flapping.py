@@ -2,7 +2,7 @@
 
 import pytest
 
-from fault_stories import ERROR, OK, STALE, WARN, back, forget, level, play, silent
+from fault_stories import ERROR, OK, STALE, WARN, back, forget, level, maintenance, play, silent
 from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory, flap_ratio
 
 FLAPPING = "flapping/flapping r1 motor"
@@ -55,6 +55,16 @@ def test_a_fault_from_before_goes_on_and_ends_with_the_flapping_if_it_is_well_th
             "recovered component/warning r1 motor",
             f"recovered {FLAPPING}",
         ),
+    )
+
+
+def test_what_changed_in_maintenance_is_not_flapping_after_it():
+    play(
+        (0, maintenance(planned=True)),
+        *changes(2, 20),
+        *[(50 + 2 * turn, (silent(), back())[turn % 2]) for turn in range(20)],
+        (90, maintenance(planned=False)),
+        (1000, None),
     )
 
 
