@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from copy import copy
 
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fault_model import Model
@@ -96,6 +96,10 @@ events = st.one_of(
 histories = st.lists(st.tuples(st.integers(0, 8), events, st.booleans()), max_size=40)
 
 
+# The machine may be: a history takes as long as it takes.
+busy = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+
 class Both:
     """Does the same to the engine and to the model."""
 
@@ -140,9 +144,6 @@ class Both:
 
     def engine(self, *events) -> None:
         self.changes += self.player.go(self.second, *events)
-
-    def up(self, robot: str) -> bool:
-        return robot in self.model.robots and self.model.robots[robot].presence == "up"
 
     # -- events ------------------------------------------------------------------------------
 
@@ -261,7 +262,7 @@ def plain(changes):
     )
 
 
-@settings(deadline=None)
+@busy
 @given(histories)
 def test_the_engine_gives_what_brute_force_gives(history):
     both = run(history, compare=True)
@@ -269,13 +270,13 @@ def test_the_engine_gives_what_brute_force_gives(history):
     assert plain(both.changes) == sorted(both.model.changes)
 
 
-@settings(deadline=None)
+@busy
 @given(histories)
 def test_a_new_engine_from_the_written_rows_at_any_event_changes_nothing(history):
     assert run(history, reborn=True).changes == run(history).changes
 
 
-@settings(deadline=None)
+@busy
 @given(histories)
 def test_none_begins_in_quiet(history):
     for what, identity, robot, part in run(history).seen:
@@ -288,7 +289,7 @@ def test_none_begins_in_quiet(history):
             assert part.fresh, identity
 
 
-@settings(deadline=None)
+@busy
 @given(histories)
 def test_none_ends_without_a_fresh_lower_level_or_a_person(history):
     better = {"warning": {OK}, "stale": {OK, WARN}, "critical": {OK, WARN}}
@@ -303,7 +304,7 @@ def test_none_ends_without_a_fresh_lower_level_or_a_person(history):
             assert robot.presence == "up", identity
 
 
-@settings(deadline=None)
+@busy
 @given(histories)
 def test_every_problem_has_one_end_or_lasts(history):
     both = run(history)
@@ -316,7 +317,7 @@ def test_every_problem_has_one_end_or_lasts(history):
     assert now == {identity for identity, count in lasting.items() if count}
 
 
-@settings(deadline=None)
+@busy
 @given(histories)
 def test_timers_and_rows_are_bounded_by_what_is_in_trouble(history):
     both = run(history)
