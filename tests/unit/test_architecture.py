@@ -23,6 +23,7 @@ ROOMS = (  # each imports only from above; files side by side in a tuple do not 
     ("diagnostics", "units", "files", "metrics", "ranks", "texts", "systemd"),
     ("client", "acknowledgement", "logs"),
     ("config", "tree", "values", "flags", "metrics_reference", "events", "topic_queue"),
+    ("faults",),
     ("ros", "state", "nagios", "status", "ack"),
     ("storage", "sample_text", "snapshot", "own_metrics", "watching", "alertmanager"),
     ("exposition", "web", "reloading"),
@@ -40,7 +41,8 @@ KNOW_ROS = {
     "virtual_robots.bags_ros",
 }
 ROS_PACKAGES = {"rclpy", "rcl_interfaces", "diagnostic_msgs", "builtin_interfaces", "std_msgs"}
-NO_CLOCK = {"diagnostics", "config", "tree", "values", "units", "state", "storage", "exposition"}
+NO_CLOCK = {"diagnostics", "config", "tree", "values", "units", "state", "faults", "storage"}
+NO_CLOCK |= {"exposition"}
 CLOCKS = {"time.time", "time.monotonic", "time.perf_counter", "datetime.now", "datetime.utcnow"}
 
 FILES = sorted(

@@ -1,0 +1,164 @@
+"""The records of the whole fleet, and notes of what has to be judged or written again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import inf
+from typing import Literal
+
+from ros_diagnostics_exporter.diagnostics import Instant
+from ros_diagnostics_exporter.faults.model import ComponentName, Identity, Scope
+from ros_diagnostics_exporter.faults.records import (
+    Cause,
+    Component,
+    Presence,
+    Problem,
+    Robot,
+    RowKey,
+)
+from ros_diagnostics_exporter.faults.settings import (
+    ComponentSettings,
+    FleetSettings,
+    RobotSettings,
+)
+from ros_diagnostics_exporter.faults.timers import Timers
+
+TimerKind = Literal["confirm", "cover", "returned", "presence", "flaps", "settled"]
+Timer = tuple[TimerKind, "Problem | Cause | Robot | Component | None"]
+FLEET_ROW: RowKey = ("fleet", ())
+
+
+class Book:
+    """All records. ``settled_at`` (monotonic) is the end of restart_grace."""
+
+    def __init__(self, settings: FleetSettings) -> None:
+        self.settings = settings
+        self.settled_at = -inf
+        self.robots: dict[str, Robot] = {}
+        self.causes: dict[tuple[Scope, str], Cause] = {}  # of sites and components
+        self.problems: dict[Identity, Problem] = {}
+        self.named: dict[str, dict[Component, None]] = {}  # components with a record, by name
+        self.present: dict[str, set[str]] = {}  # site -> robots that causes are shares of
+        self.timers: Timers[Timer] = Timers()
+        self.touched: dict[Problem, None] = {}
+        self.touched_causes: dict[Cause, None] = {}
+        self.written: dict[RowKey, None] = {}  # rows that differ from what was last taken
+
+    # -- notes -------------------------------------------------------------------------------
+
+    def touch(self, problems: Iterable[Problem]) -> None:
+        """Have these judged again."""
+        self.touched.update(dict.fromkeys(problems))
+
+    def touch_causes(self) -> None:
+        """Have every site and common cause judged again, because the whole has changed."""
+        self.touched_causes.update(dict.fromkeys(self.causes.values()))
+
+    def write(self, record: Problem | Cause | Robot | Component) -> None:
+        """Have the row of this record written again."""
+        self.written[record.row] = None
+
+    # -- records -----------------------------------------------------------------------------
+
+    def add_robot(self, name: str, settings: RobotSettings) -> Robot:
+        """A new robot, never received."""
+        robot = self.robots[name] = Robot(name, settings)
+        self.write(robot)
+        return robot
+
+    def add_component(
+        self, robot: Robot, name: ComponentName, settings: ComponentSettings
+    ) -> Component:
+        """A new record of a component that was OK."""
+        return self.adopt_component(Component(robot, name, settings))
+
+    def adopt_component(self, component: Component) -> Component:
+        """Keep the record of a component."""
+        name = component.name
+        component.robot.components[name] = component
+        self.named.setdefault(name.component, {})[component] = None
+        self.write(component)
+        return component
+
+    def drop_component(self, component: Component) -> None:
+        """Take out the record of a component."""
+        name = component.name
+        del component.robot.components[name]
+        del self.named[name.component][component]
+        if not self.named[name.component]:
+            del self.named[name.component]
+        self.timers.clear(("flaps", component))
+        self.write(component)
+
+    def add_problem(self, problem: Problem) -> Problem:
+        """Keep a new problem, which its owner already has."""
+        self.problems[problem.identity] = problem
+        self.write(problem)
+        return problem
+
+    def drop_problem(self, problem: Problem) -> None:
+        """Take out a problem, here and at its owner."""
+        del self.problems[problem.identity]
+        self.touched.pop(problem, None)
+        self.timers.clear(("confirm", problem))
+        self.write(problem)
+        _drop_from_owner(problem)
+
+    def cause(self, scope: Scope, name: str) -> Cause:
+        """The cause of a site or a component name, made if it is new."""
+        cause = self.causes.get((scope, name))
+        if cause is None:
+            cause = self.causes[scope, name] = Cause(scope, name)
+        return cause
+
+    def covered(self, scope: Scope, name: str, now: Instant) -> bool:
+        """Whether a site's or a common cause keeps quiet what it explains."""
+        cause = self.causes.get((scope, name))
+        return cause is not None and cause.covers(now)
+
+    # -- what causes are counted of ----------------------------------------------------------
+
+    def note_presence(self, robot: Robot) -> None:
+        """Count the robot, or not, among those that a share of robots is a share of."""
+        site = self.present.setdefault(robot.settings.site, set())
+        wanted = robot.presence is not Presence.NEVER and not robot.maintenance
+        if wanted != (robot.name in site):
+            (site.add if wanted else site.discard)(robot.name)
+            self.touch_causes()
+        if not site:
+            del self.present[robot.settings.site]
+
+    def whole(self, cause: Cause) -> int:
+        """How many there are of what the cause counts."""
+        if cause.robot is not None:
+            return cause.robot.total
+        if cause.scope is Scope.SITE:
+            return len(self.present.get(cause.name, ()))
+        return sum(map(len, self.present.values()))
+
+    def confirm_after(self, problem: Problem) -> float:
+        """Seconds in trouble after which the problem is a fault."""
+        identity = problem.identity
+        if identity.state == "flapping":
+            return 0.0
+        if identity.state == "pending":
+            return self.settings.pending_after
+        if problem.component is not None:
+            return problem.component.settings.confirm_after
+        if problem.robot is not None:
+            return problem.robot.settings.confirm_after
+        return self.settings.confirm_after
+
+
+def _drop_from_owner(problem: Problem) -> None:
+    identity = problem.identity
+    if problem.cause is not None:
+        del problem.cause.problems[identity.severity]
+    elif problem.component is not None and identity.scope is Scope.VALUE:
+        del problem.component.values[identity.key, identity.bound, identity.state.value]
+    elif problem.component is not None:
+        del problem.component.problems[identity.state]
+    elif identity.scope is Scope.CHECK and problem.robot is not None:
+        del problem.robot.checks[identity.check]
+    elif problem.robot is not None:
+        del problem.robot.problems[identity.state]

@@ -1,0 +1,190 @@
+"""Larger causes: when many problems are one, and what that one explains.
+
+A cause is active from the threshold on until fewer than half of that are left. It is a problem of
+its own from then on; what it explains is quiet at once, and for confirm_after after its end, so
+that neither the first robots to fail nor the last to recover are reported one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import inf
+
+from ros_diagnostics_exporter.diagnostics import Instant, Level
+from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
+from ros_diagnostics_exporter.faults.records import Cause, Component, Presence, Problem, Robot
+from ros_diagnostics_exporter.faults.settings import CauseSettings
+
+
+def count_component(book: Book, component: Component) -> None:
+    """Count a component, or not, towards what many robots have in common.
+
+    It counts from when it is CRITICAL, out of maintenance, until it is received better.
+    """
+    fresh = component.level is Level.ERROR and not component.robot.maintenance
+    counted = fresh or (component.counted and component.level not in (Level.OK, Level.WARN))
+    if not (counted or component.counted):
+        return
+    if counted != component.counted:
+        component.counted = counted
+        book.write(component)
+    cause = book.cause(Scope.COMMON, component.name.component)
+    cause.count(component.robot.name, component.name.group, counts=counted, fresh=fresh)
+    book.touched_causes[cause] = None
+
+
+def count_robot(book: Book, robot: Robot, now: Instant) -> None:
+    """Count a robot, or not, towards the silence of its site, until it is back.
+
+    That nothing was received of it since a start is no silence within restart_grace.
+    """
+    silent = robot.presence is Presence.SILENT and not robot.maintenance
+    fresh = silent and (robot.counted or now.mono >= book.settled_at)
+    counted = fresh or (robot.counted and not robot.up)
+    if not (counted or robot.counted):
+        return
+    robot.counted = counted
+    cause = book.cause(Scope.SITE, robot.settings.site)
+    cause.count(robot.name, "", counts=counted, fresh=fresh)
+    book.touched_causes[cause] = None
+
+
+def update_touched(book: Book, now: Instant) -> None:
+    """Judge the causes that were touched; those of robots last, because others explain them."""
+    for of_robots in (False, True):
+        touched = [each for each in book.touched_causes if (each.robot is not None) is of_robots]
+        for cause in touched:
+            del book.touched_causes[cause]
+            _update(book, cause, now)
+
+
+def end_cover(book: Book, cause: Cause) -> None:
+    """Judge again what a cause explained, now that it no longer does."""
+    cause.covers_until = -inf
+    book.write(cause)
+    _touch_explained(book, cause)
+    drop_usual(book, cause)
+
+
+def drop_usual(book: Book, cause: Cause) -> None:
+    """Take out the cause if there is nothing to keep."""
+    if cause.robot is None and cause.is_usual and (cause.scope, cause.name) in book.causes:
+        del book.causes[cause.scope, cause.name]
+        book.touched_causes.pop(cause, None)
+        book.timers.clear(("cover", cause))
+
+
+def _update(book: Book, cause: Cause, now: Instant) -> None:
+    needed = _settings(book, cause).needed(book.whole(cause))
+    counted, fresh = _counts(book, cause, now)
+    if cause.active is None and fresh >= needed:
+        cause.active = now
+        book.write(cause)
+        _touch_excluding(book, cause)
+    elif cause.active is not None and 2 * counted < needed:
+        cause.active = None
+        cause.covers_until = now.mono + _confirm_after(book, cause)
+        book.timers.set(("cover", cause), cause.covers_until)
+        book.write(cause)
+    _judge(book, cause, Verdict.BAD if 2 * fresh >= needed else Verdict.HELD)
+    drop_usual(book, cause)
+
+
+def _judge(book: Book, cause: Cause, verdict: Verdict) -> None:
+    """Pass the verdict on to the cause's problems, made where there are none yet."""
+    if cause.active is None and not cause.problems:
+        return
+    if cause.scope is Scope.SITE and verdict is Verdict.BAD:
+        verdict = Verdict.ABSENT
+    for severity, applies in _severities(cause).items():
+        problem = cause.problems.get(severity)
+        if problem is None and applies is Verdict.BAD and cause.active is not None:
+            problem = Problem(
+                _identity(cause, severity), cause.active, robot=cause.robot, cause=cause
+            )
+            cause.problems[severity] = book.add_problem(problem)
+        if problem is None:
+            continue
+        well = cause.active is None or applies is Verdict.WELL
+        new = Verdict.WELL if well else min(applies, verdict)
+        if cause.active is not None:
+            problem.clock = cause.active.mono
+        if new is not problem.verdict:
+            problem.verdict = new
+            book.write(problem)
+        book.touch((problem,))
+
+
+def _severities(cause: Cause) -> dict[str, Verdict]:
+    """Which problems a cause is, and whether each of them applies.
+
+    Many components are as severe as the worst of them; the milder goes on under the worse.
+    """
+    if cause.robot is None:
+        return {"": Verdict.BAD}
+    critical = any(
+        State.CRITICAL in each.problems and each.problems[State.CRITICAL].in_trouble
+        for each in cause.robot.components.values()
+    )
+    return {
+        "critical": Verdict.BAD if critical else Verdict.WELL,
+        "warning": Verdict.HELD if critical else Verdict.BAD,
+    }
+
+
+def _counts(book: Book, cause: Cause, now: Instant) -> tuple[int, int]:
+    """(how many keep it active, how many of them may make it active)."""
+    robot = cause.robot
+    if robot is None:
+        return len(cause.counted), len(cause.fresh)
+    troubled = [each for each in robot.components.values() if each.since is not None]
+    needed = _settings(book, cause).needed(robot.total)
+    nothing_known = not robot.up or robot.maintenance or now.mono < robot.returned_until
+    if nothing_known or len(troubled) < needed / 2:
+        return len(troubled), 0
+    own = sum(not book.covered(Scope.COMMON, each.name.component, now) for each in troubled)
+    return len(troubled), own
+
+
+def _settings(book: Book, cause: Cause) -> CauseSettings:
+    if cause.robot is not None:
+        return book.settings.many
+    return book.settings.site if cause.scope is Scope.SITE else book.settings.common
+
+
+def _confirm_after(book: Book, cause: Cause) -> float:
+    robot = cause.robot
+    return book.settings.confirm_after if robot is None else robot.settings.confirm_after
+
+
+def _identity(cause: Cause, severity: str) -> Identity:
+    if cause.scope is Scope.SITE:
+        return Identity(Scope.SITE, State.SILENT, site=cause.name)
+    if cause.scope is Scope.COMMON:
+        return Identity(Scope.COMMON, State.CRITICAL, component=cause.name)
+    return Identity(Scope.ROBOT, State.MANY, robot=cause.name, severity=severity)
+
+
+def _explained_components(book: Book, cause: Cause) -> Iterable[Component]:
+    if cause.robot is not None:
+        return cause.robot.components.values()
+    return book.named.get(cause.name, ())
+
+
+def _touch_explained(book: Book, cause: Cause) -> None:
+    """Have all that a cause explains judged again."""
+    if cause.scope is Scope.SITE:
+        for name in book.present.get(cause.name, ()):
+            book.touch(book.robots[name].problems.values())
+        return
+    for component in _explained_components(book, cause):
+        book.touch(component.problems.values())
+    _touch_excluding(book, cause)
+
+
+def _touch_excluding(book: Book, cause: Cause) -> None:
+    """What is common to many robots does not count as many components of one of them."""
+    if cause.scope is Scope.COMMON:
+        for component in book.named.get(cause.name, ()):
+            book.touched_causes[component.robot.many] = None

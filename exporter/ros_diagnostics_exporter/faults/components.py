@@ -1,0 +1,241 @@
+"""What is reported of a robot's parts: levels of components, values, checks."""
+
+from __future__ import annotations
+
+from ros_diagnostics_exporter.config.fleet import Threshold
+from ros_diagnostics_exporter.diagnostics import Instant, Level
+from ros_diagnostics_exporter.faults import causes, verdicts
+from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
+from ros_diagnostics_exporter.faults.judge import end_all
+from ros_diagnostics_exporter.faults.model import (
+    Change,
+    ComponentName,
+    ComponentReport,
+    Identity,
+    Scope,
+    State,
+    ValueReport,
+    Verdict,
+)
+from ros_diagnostics_exporter.faults.records import Component, Problem, Robot, ValueKey
+from ros_diagnostics_exporter.faults.settings import ComponentSettings
+
+
+def report_level(book: Book, robot: Robot, report: ComponentReport, now: Instant) -> None:
+    """Take the level of one component of a robot that is up."""
+    planned = report.level is Level.STALE and report.settings.planned_stale
+    component = robot.components.get(report.name)
+    if component is None:
+        if report.level is Level.OK or planned:
+            return
+        component = book.add_component(robot, report.name, report.settings)
+    component.settings = report.settings
+    if not planned:
+        _note_change(book, component, report.level, now)
+    component.level = report.level
+    if report.level is Level.OK:
+        component.since = None
+    elif component.since is None and not planned:
+        component.since = now
+    _judge_level(book, component, now)
+    causes.count_component(book, component)
+    book.touched_causes[robot.many] = None
+    book.write(component)
+    if component.is_usual:
+        book.drop_component(component)
+
+
+def _judge_level(book: Book, component: Component, now: Instant) -> None:
+    found = verdicts.of_component(component.level, component.settings, component.problems)
+    for state, verdict in found.items():
+        problem = component.problems.get(state)
+        if problem is None:
+            if verdict < Verdict.ABSENT or component.since is None:
+                continue
+            # A CRITICAL counts from when it turned so: one that got better and worse again is
+            # another fault, which no acknowledgement of the first one holds.
+            since = now if state is State.CRITICAL else component.since
+            identity = Identity(Scope.COMPONENT, state, "", component.robot.name, *component.name)
+            problem = Problem(identity, since, robot=component.robot, component=component)
+            component.problems[state] = book.add_problem(problem)
+        if component.since is not None:
+            problem.clock = component.since.mono
+        give_verdict(book, problem, verdict)
+    if component.level is Level.STALE:
+        for value in component.values.values():
+            give_verdict(book, value, Verdict.HELD)
+
+
+def give_verdict(book: Book, problem: Problem, verdict: Verdict) -> None:
+    """Note what is known of a problem now, and have it judged."""
+    if verdict is not problem.verdict:
+        problem.verdict = verdict
+        book.write(problem)
+    book.touch((problem,))
+
+
+def hold(book: Book, robot: Robot) -> None:
+    """Note that nothing fresh is known of any part of the robot."""
+    for problem in robot.checks.values():
+        give_verdict(book, problem, Verdict.HELD)
+    for component in robot.components.values():
+        component.level = Level.STALE
+        for state, problem in component.problems.items():
+            if state is not State.FLAPPING:
+                give_verdict(book, problem, Verdict.HELD)
+        for problem in component.values.values():
+            give_verdict(book, problem, Verdict.HELD)
+        causes.count_component(book, component)
+        book.write(component)
+    book.touched_causes[robot.many] = None
+
+
+# -- flapping ----------------------------------------------------------------------------------
+
+
+def _note_change(book: Book, component: Component, level: Level, now: Instant) -> None:
+    """Count a change of level; not in maintenance, nor what an aggregator reports after a start."""
+    robot = component.robot
+    last = Level.OK if component.flaps is None else component.flaps.slots[-1]
+    returned = level is Level.STALE and now.mono < robot.returned_until
+    if level == last or returned or robot.maintenance:
+        return
+    if component.flaps is None:
+        component.flaps = FlapHistory([last] * SLOTS, now.mono)
+    component.flaps.change(level, now.mono, robot.settings.flap_interval)
+    _judge_flapping(book, component, component.flaps, now)
+
+
+def decay(book: Book, component: Component, now: Instant) -> None:
+    """Let a component that changed come to rest; silence of its robot is no rest."""
+    flaps = component.flaps
+    if flaps is None or not component.robot.up:
+        return
+    flaps.decay(now.mono, component.robot.settings.flap_interval)
+    _judge_flapping(book, component, flaps, now)
+    book.write(component)
+    if component.is_usual:
+        book.drop_component(component)
+
+
+def resume(book: Book, component: Component, now: Instant) -> None:
+    """Go on counting changes after the robot's silence."""
+    if component.flaps is not None:
+        component.flaps.last = now.mono
+        _judge_flapping(book, component, component.flaps, now)
+        book.write(component)
+
+
+def wake(book: Book, component: Component) -> None:
+    """Have the component's changes decay in time, or forget that there were any."""
+    flaps = component.flaps
+    if flaps is None:
+        return
+    if flaps.ratio > 0.0:
+        due = flaps.last + component.robot.settings.flap_interval
+        book.timers.set(("flaps", component), due)
+    elif flaps.slots[-1] == Level.OK:
+        component.flaps = None
+
+
+def _judge_flapping(book: Book, component: Component, flaps: FlapHistory, now: Instant) -> None:
+    problem = component.problems.get(State.FLAPPING)
+    settings = book.settings
+    verdict = verdicts.of_flapping(
+        flaps.ratio,
+        settings.flapping_start,
+        settings.flapping_stop,
+        in_trouble=component.flapping,
+    )
+    if problem is None and verdict is Verdict.BAD:
+        robot = component.robot
+        identity = Identity(Scope.FLAPPING, State.FLAPPING, "", robot.name, *component.name)
+        problem = Problem(identity, now, robot=robot, component=component)
+        component.problems[State.FLAPPING] = book.add_problem(problem)
+    if problem is not None:
+        give_verdict(book, problem, verdict)
+        book.touch(component.problems.values())
+    wake(book, component)
+
+
+# -- values and checks -------------------------------------------------------------------------
+
+
+def report_value(
+    book: Book,
+    of: tuple[Robot, ComponentName, ComponentSettings],
+    report: ValueReport,
+    now: Instant,
+) -> list[Change]:
+    """Take one value ``of`` a component of a robot that is up; what ended with its threshold."""
+    robot, name, settings = of
+    changes = _drop_unwanted(book, robot.components.get(name), report, now)
+    for threshold in report.thresholds:
+        component = robot.components.get(name)
+        problem = None if component is None else component.values.get(_value_key(report, threshold))
+        verdict = verdicts.of_value(
+            threshold,
+            report.number,
+            book.settings.value_hysteresis,
+            in_trouble=problem is not None and problem.in_trouble,
+        )
+        if problem is None and verdict is Verdict.BAD:
+            component = component or book.add_component(robot, name, settings)
+            problem = _add_value(book, component, report, threshold, now)
+        if problem is not None:
+            give_verdict(book, problem, verdict)
+    if name in robot.components:
+        robot.components[name].settings = settings
+        book.write(robot.components[name])
+    return changes
+
+
+def _value_key(report: ValueReport, threshold: Threshold) -> ValueKey:
+    return report.key, threshold.bound, threshold.severity
+
+
+def _drop_unwanted(
+    book: Book, component: Component | None, report: ValueReport, now: Instant
+) -> list[Change]:
+    """End what rested on thresholds that the config no longer has."""
+    if component is None:
+        return []
+    wanted = {_value_key(report, each) for each in report.thresholds}
+    unwanted = [
+        problem
+        for value_key, problem in component.values.items()
+        if value_key[0] == report.key and value_key not in wanted
+    ]
+    return end_all(book, unwanted, now)
+
+
+def _add_value(
+    book: Book, component: Component, report: ValueReport, threshold: Threshold, now: Instant
+) -> Problem:
+    identity = Identity(
+        Scope.VALUE,
+        State(threshold.severity),
+        "",
+        component.robot.name,
+        *component.name,
+        key=report.key,
+        bound=threshold.bound,
+    )
+    problem = Problem(identity, now, robot=component.robot, component=component)
+    component.values[_value_key(report, threshold)] = book.add_problem(problem)
+    return problem
+
+
+def report_check(
+    book: Book, robot: Robot, check: str, numbers: tuple[int, int], now: Instant
+) -> None:
+    """Take how many components a check of a robot that is up (found, expects)."""
+    found, expected = numbers
+    problem = robot.checks.get(check)
+    if problem is None and found < expected:
+        identity = Identity(Scope.CHECK, State.CRITICAL, robot=robot.name, check=check)
+        problem = Problem(identity, now, robot=robot)
+        robot.checks[check] = book.add_problem(problem)
+    if problem is not None:
+        give_verdict(book, problem, Verdict.ABSENT if found < expected else Verdict.WELL)

@@ -1,0 +1,288 @@
+"""The faults of a fleet: takes what the state finds out, returns the faults that began and ended.
+
+A component is judged only while its robot is up: what was known is void once it is silent. So
+after `robot_back` the caller reports every component, every value that has thresholds and every
+check that expects something, as they are after the robot's first array; then what changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from ros_diagnostics_exporter.diagnostics import Instant
+from ros_diagnostics_exporter.faults import causes, components, judge, presence, removal, rows
+from ros_diagnostics_exporter.faults.book import FLEET_ROW, Book
+from ros_diagnostics_exporter.faults.model import (
+    Change,
+    ComponentName,
+    ComponentReport,
+    Fault,
+    Identity,
+    ProblemView,
+    Row,
+    ValueReport,
+    Verdict,
+    at_mono,
+)
+from ros_diagnostics_exporter.faults.quiet import why_not_begin, why_not_end
+from ros_diagnostics_exporter.faults.records import Cause, Component, Presence, Problem, Robot
+from ros_diagnostics_exporter.faults.settings import (
+    ComponentSettings,
+    FleetSettings,
+    RobotSettings,
+)
+
+
+class Faults:
+    """Everything that is wrong with a fleet.
+
+    Each input lets time pass up to ``now`` first. All of them return what began and ended, in
+    that order of time; robots that were not configured raise LookupError. Not thread-safe.
+    """
+
+    def __init__(self, settings: FleetSettings) -> None:
+        self._book = Book(settings)
+
+    # -- time --------------------------------------------------------------------------------
+
+    def started(self, now: Instant) -> list[Change]:
+        """Note that the process has started: nothing is received yet, and restart_grace begins.
+
+        To be called first, after `restore` and before time passes.
+        """
+        book = self._book
+        book.settled_at = now.mono + book.settings.restart_grace
+        book.timers.set(("settled", None), book.settled_at)
+        book.written[FLEET_ROW] = None
+        for robot in book.robots.values():
+            if robot.up:
+                presence.fall_silent(book, robot, now, now, counts=False)
+        return judge.settle(book, now)
+
+    def settled(self, now: Instant) -> bool:
+        """Whether restart_grace is over."""
+        return now.mono >= self._book.settled_at
+
+    @property
+    def next_timer(self) -> float:
+        """When `advance` has something to do, in seconds of the monotonic clock; or infinite."""
+        return self._book.timers.next
+
+    def advance(self, now: Instant) -> list[Change]:
+        """Let time pass; costs nothing while no timer is due."""
+        timers = self._book.timers
+        changes: list[Change] = []
+        while (due := timers.next) <= now.mono:
+            # As of when each was due, so that it does not matter how often this is called.
+            at = at_mono(due, now)
+            for kind, record in timers.pop():
+                self._ring(kind, record, at)
+            changes += judge.settle(self._book, at)
+        return changes
+
+    def _ring(self, kind: str, record: object, at: Instant) -> None:
+        book = self._book
+        if isinstance(record, Problem):
+            book.touch((record,))
+        elif isinstance(record, Cause):
+            causes.end_cover(book, record)
+        elif isinstance(record, Component):
+            components.decay(book, record, at)
+        elif not isinstance(record, Robot):
+            presence.settle(book, at)
+        elif kind == "presence":
+            presence.decay(book, record, at)
+        else:
+            presence.touch_all(book, record)
+
+    # -- config and people -------------------------------------------------------------------
+
+    def configure(self, settings: FleetSettings, now: Instant) -> list[Change]:
+        """Follow other settings of the fleet."""
+        changes = self.advance(now)
+        book = self._book
+        book.settings = settings
+        book.touch(book.problems.values())
+        book.touch_causes()
+        for robot in book.robots.values():
+            presence.judge_anew(book, robot, now)
+        return changes + judge.settle(book, now)
+
+    def configure_robot(
+        self, name: str, settings: RobotSettings, now: Instant, *, declared: bool
+    ) -> list[Change]:
+        """Add a robot, or follow other settings of it; ``declared`` ones are missed if pending.
+
+        What a fault has of the former settings, its labels, stays as it is.
+        """
+        changes = self.advance(now)
+        book = self._book
+        robot = book.robots.get(name)
+        if robot is None:
+            robot = book.add_robot(name, settings)
+        elif robot.settings.site != settings.site:
+            removal.leave_site(book, robot)
+        robot.settings = settings
+        robot.declared = declared
+        if robot.presence is Presence.NEVER:
+            changes += removal.end_pending(book, robot, now)
+            presence.become_pending(book, robot, now)
+        book.note_presence(robot)
+        causes.count_robot(book, robot, now)
+        presence.judge_anew(book, robot, now)
+        book.write(robot)
+        return changes + judge.settle(book, now)
+
+    def maintenance(self, planned: Mapping[str, bool], now: Instant) -> list[Change]:
+        """Begin (True) or end the planned downtimes of robots, of all that change at one time.
+
+        What many of them have in common is seen only when they are given together.
+        """
+        changes = self.advance(now)
+        for name, is_planned in planned.items():
+            robot = self._robot(name)
+            if robot.maintenance != is_planned:
+                presence.set_maintenance(self._book, robot, now, planned=is_planned)
+        return changes + judge.settle(self._book, now)
+
+    def forget_robot(self, name: str, now: Instant) -> list[Change]:
+        """Take out a robot with all that is wrong with it, as a person wants it."""
+        changes = self.advance(now)
+        changes += removal.remove_robot(self._book, self._robot(name), now)
+        return changes + judge.settle(self._book, now)
+
+    def forget_component(self, robot: str, name: ComponentName, now: Instant) -> list[Change]:
+        """Take out a component with all that is wrong with it, as a person wants it."""
+        changes = self.advance(now)
+        changes += removal.remove_component(self._book, self._robot(robot), name, now)
+        return changes + judge.settle(self._book, now)
+
+    def component_moved(
+        self, robot: str, old: ComponentName, new: ComponentName, now: Instant
+    ) -> list[Change]:
+        """Follow a component into another group: its faults end there and begin here."""
+        changes = self.advance(now)
+        changes += removal.move_component(self._book, self._robot(robot), old, new, now)
+        return changes + judge.settle(self._book, now)
+
+    # -- what is received --------------------------------------------------------------------
+
+    def robot_back(self, name: str, now: Instant) -> list[Change]:
+        """Note that a robot is received, for the first time or again; see the module."""
+        changes = self.advance(now)
+        presence.come_back(self._book, self._robot(name), now)
+        return changes + judge.settle(self._book, now)
+
+    def robot_silent(self, name: str, since: Instant, now: Instant) -> list[Change]:
+        """Note that nothing was received of a robot for its stale_after, ``since`` then."""
+        changes = self.advance(now)
+        presence.fall_silent(self._book, self._robot(name), since, now, counts=True)
+        return changes + judge.settle(self._book, now)
+
+    def robot_pending(self, name: str, now: Instant) -> list[Change]:
+        """Note that a robot never received lost the publishers for which it counted as silent."""
+        changes = self.advance(now)
+        presence.become_pending(self._book, self._robot(name), now)
+        return changes + judge.settle(self._book, now)
+
+    def components_changed(
+        self, robot: str, reports: Iterable[ComponentReport], total: int, now: Instant
+    ) -> list[Change]:
+        """Take the components whose level or settings one array changed.
+
+        ``total`` is how many components the robot has. Nothing counts while the robot is silent.
+        """
+        changes = self.advance(now)
+        book, known = self._book, self._robot(robot)
+        if known.total != total:
+            known.total = total
+            book.touched_causes[known.many] = None
+            book.write(known)
+        if known.up:
+            for report in reports:
+                components.report_level(book, known, report, now)
+        return changes + judge.settle(book, now)
+
+    def values_changed(
+        self,
+        robot: str,
+        name: ComponentName,
+        settings: ComponentSettings,
+        reports: Iterable[ValueReport],
+        now: Instant,
+    ) -> list[Change]:
+        """Take the values of one component that changed, of those that have thresholds, or had."""
+        changes = self.advance(now)
+        known = self._robot(robot)
+        if known.up:
+            for report in reports:
+                changes += components.report_value(self._book, (known, name, settings), report, now)
+        return changes + judge.settle(self._book, now)
+
+    def check_changed(
+        self, robot: str, check: str, found: int, expected: int | None, now: Instant
+    ) -> list[Change]:
+        """Take how many components a check finds; ``expected`` None: it expects none any more."""
+        changes = self.advance(now)
+        known = self._robot(robot)
+        if expected is None:
+            changes += removal.remove_check(self._book, known, check, now)
+        elif known.up:
+            components.report_check(self._book, known, check, (found, expected), now)
+        return changes + judge.settle(self._book, now)
+
+    def describe(self, identity: Identity, evidence: str) -> None:
+        """Fix the evidence of a fault that began: once, for its life, at most 4,096 characters."""
+        judge.describe(self._book, identity, evidence)
+
+    # -- what is asked -----------------------------------------------------------------------
+
+    def faults(self) -> Iterator[Fault]:
+        """All faults that last."""
+        for problem in self._book.problems.values():
+            if problem.fault is not None:
+                yield problem.fault
+
+    def problems(self, now: Instant, robot: str | None = None) -> Iterator[ProblemView]:
+        """All problems, soft and hard, or those of one robot and its parts."""
+        book = self._book
+        wanted = book.problems.values() if robot is None else self._robot(robot).all_problems()
+        for problem in wanted:
+            well = problem.verdict is Verdict.WELL
+            quiet = why_not_end(problem) if well else why_not_begin(book, problem, now)
+            yield ProblemView(
+                identity=problem.identity,
+                since=problem.since.wall,
+                due=at_mono(problem.clock + book.confirm_after(problem), now).wall,
+                fault=problem.fault,
+                quiet=quiet if well or problem.fault is None else None,
+                well=well,
+            )
+
+    def in_trouble(self, robot: str, name: ComponentName | None = None) -> bool:
+        """Whether a component, or a robot or any part of it, has a problem: not to be forgotten."""
+        known = self._robot(robot)
+        if name is None:
+            return next(known.all_problems(), None) is not None
+        component = known.components.get(name)
+        return component is not None and bool(component.problems or component.values)
+
+    # -- what outlives the process -----------------------------------------------------------
+
+    def take_rows(self, now: Instant) -> list[Row]:
+        """The rows that changed since they were last taken; to be taken now and then."""
+        return rows.take(self._book, now)
+
+    def restore(self, stored: Iterable[Row], now: Instant) -> None:
+        """Put back the rows that a former process had, into an engine that has nothing yet.
+
+        What follows is as it would have been there; robots that are no longer wanted are to be
+        forgotten. LookupError, TypeError or ValueError: the rows are not what `take_rows` gave.
+        """
+        rows.restore(self._book, stored, now)
+
+    def _robot(self, name: str) -> Robot:
+        robot = self._book.robots.get(name)
+        if robot is None:
+            raise LookupError(f"no robot {name!r} is configured")
+        return robot

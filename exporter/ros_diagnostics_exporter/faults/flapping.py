@@ -1,0 +1,57 @@
+"""Nagios' flap detection: how often something changed over its last 21 states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+SLOTS = 21
+_LOW_CURVE = 0.75
+_HIGH_CURVE = 1.25
+
+
+def flap_ratio(slots: Sequence[int]) -> float:
+    """Weighted share (0..1) of changes between neighbouring states, the oldest first.
+
+    The newest of the 20 possible changes weighs 1.25, the oldest 0.75: the formula of Nagios'
+    check_for_service_flapping (base/flapping.c). ``slots`` holds 21 states.
+    """
+    changes = 0.0
+    for position in range(1, SLOTS):
+        if slots[position] != slots[position - 1]:
+            weight = (position - 1) * (_HIGH_CURVE - _LOW_CURVE) / (SLOTS - 2)
+            changes += weight + _LOW_CURVE
+    return changes / (SLOTS - 1)
+
+
+class FlapHistory:
+    """The last 21 states of one thing.
+
+    A state is recorded at every change, so that no change is ever missed, and otherwise once an
+    interval, so that what has come to rest no longer flaps after 21 intervals.
+    """
+
+    __slots__ = ("last", "ratio", "slots")
+
+    def __init__(self, slots: Sequence[int], mono: float) -> None:
+        self.slots = list(slots)
+        self.ratio = flap_ratio(self.slots)
+        self.last = mono  # when the latest state was recorded
+
+    def decay(self, mono: float, interval: float) -> None:
+        """Record what the time since the last record adds."""
+        # The tolerance lets a timer that is due after one interval find it over.
+        steps = int((mono - self.last) / interval + 1e-9)
+        if steps <= 0:
+            return
+        self.last += steps * interval
+        if self.ratio > 0.0:
+            steps = min(steps, SLOTS)
+            self.slots = self.slots[steps:] + [self.slots[-1]] * steps
+            self.ratio = flap_ratio(self.slots)
+
+    def change(self, state: int, mono: float, interval: float) -> None:
+        """Record a change to another state."""
+        self.decay(mono, interval)
+        self.last = mono
+        self.slots = [*self.slots[1:], state]
+        self.ratio = flap_ratio(self.slots)

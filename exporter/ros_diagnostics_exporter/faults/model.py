@@ -1,0 +1,155 @@
+"""What goes in and out: identities, faults, reports of what changed, and why a problem is quiet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from typing import Literal, NamedTuple
+
+from ros_diagnostics_exporter.config.fleet import Threshold
+from ros_diagnostics_exporter.diagnostics import Instant, Level
+from ros_diagnostics_exporter.faults.settings import ComponentSettings
+
+
+class Scope(str, Enum):
+    """What a fault is about."""
+
+    COMPONENT = "component"
+    VALUE = "value"
+    CHECK = "check"
+    ROBOT = "robot"
+    FLAPPING = "flapping"  # of a component
+    SITE = "site"
+    COMMON = "common"
+
+
+class State(str, Enum):
+    """What is wrong with it."""
+
+    WARNING = "warning"
+    STALE = "stale"
+    CRITICAL = "critical"
+    SILENT = "silent"
+    PENDING = "pending"
+    FLAPPING = "flapping"
+    MANY = "many"
+
+
+class Identity(NamedTuple):
+    """Which fault it is, the same for every exporter that judges it; what does not apply is "".
+
+    ``severity`` is that of many components, whose state does not say it.
+    """
+
+    scope: Scope
+    state: State
+    site: str = ""
+    robot: str = ""
+    group: str = ""
+    component: str = ""
+    check: str = ""
+    key: str = ""
+    bound: str = ""
+    severity: str = ""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A confirmed problem.
+
+    ``since`` is when the trouble began, ``confirmed`` when the fault did (both Unix time);
+    ``labels`` are the robot's own at that moment, ``evidence`` what the caller wrote about it.
+    """
+
+    identity: Identity
+    since: float
+    confirmed: float
+    labels: Mapping[str, str]
+    evidence: str = ""
+
+
+class Change(NamedTuple):
+    """A fault began or ended, ``at`` Unix time; "removed" by a person, "recovered" by itself."""
+
+    what: Literal["began", "recovered", "removed"]
+    fault: Fault
+    at: float
+
+
+class ComponentName(NamedTuple):
+    """Which component of which robot."""
+
+    group: str
+    component: str
+
+
+class ComponentReport(NamedTuple):
+    """One component's level that counts, and how it is judged."""
+
+    name: ComponentName
+    level: Level
+    settings: ComponentSettings
+
+
+class ValueReport(NamedTuple):
+    """One value that has thresholds, or had; ``number`` is None while nothing fresh is known."""
+
+    key: str
+    number: float | None
+    thresholds: tuple[Threshold, ...]
+
+
+class Verdict(IntEnum):
+    """What is known of a problem now."""
+
+    WELL = 0  # a fresh lower level
+    HELD = 1  # nothing fresh: neither begins nor ends
+    ABSENT = 2  # in trouble, for want of data
+    BAD = 3  # in trouble, freshly reported
+
+
+class Reason(str, Enum):
+    """Why a problem is quiet."""
+
+    NO_DATA = "no_data"
+    ROBOT_SILENT = "robot_silent"
+    MAINTENANCE = "maintenance"
+    RESTART = "restart"  # within restart_grace
+    RETURNED = "returned"  # the robot is back for less than confirm_after
+    FLAPPING = "flapping"
+    ROBOT_FLAPPING = "robot_flapping"
+    SITE = "site"
+    COMMON = "common"
+    MANY = "many"
+
+
+class ProblemView(NamedTuple):
+    """A problem as pages and the API show it, soft (``fault`` is None) or hard.
+
+    ``since`` is Unix time, ``due`` when it may begin at the earliest; ``quiet`` says why it does
+    not begin then, or why a fault that is ``well`` again goes on.
+    """
+
+    identity: Identity
+    since: float
+    due: float
+    fault: Fault | None
+    quiet: Reason | None
+    well: bool
+
+
+class Row(NamedTuple):
+    """One row of what outlives the process; ``fields`` is None where the row is to be deleted.
+
+    ``kind`` and ``key`` identify it. Fields are JSON values, their times Unix time.
+    """
+
+    kind: str
+    key: tuple[str, ...]
+    fields: dict[str, object] | None
+
+
+def at_mono(mono: float, now: Instant) -> Instant:
+    """The Instant at a reading of the monotonic clock, by the difference of both clocks ``now``."""
+    return Instant(mono, now.wall + (mono - now.mono))

@@ -1,0 +1,150 @@
+"""Whether robots are received: silent, pending, back, coming and going."""
+
+from __future__ import annotations
+
+from ros_diagnostics_exporter.diagnostics import Instant
+from ros_diagnostics_exporter.faults import causes, components, verdicts
+from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.components import give_verdict
+from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
+from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
+from ros_diagnostics_exporter.faults.records import Presence, Problem, Robot
+
+_UP, _DOWN = 1, 0  # states of a robot's history
+
+
+def fall_silent(book: Book, robot: Robot, since: Instant, now: Instant, *, counts: bool) -> None:
+    """Note that a robot is no longer received; ``counts``: as one time that it went.
+
+    ``since`` is its last message, from which the fault will be dated.
+    """
+    problem = robot.problems.get(State.SILENT) or _add(book, robot, State.SILENT, since, now)
+    if problem.fault is None and since.wall < problem.since.wall:
+        problem.since = since
+    if robot.presence is Presence.SILENT:
+        book.write(problem)
+        return
+    if robot.up and counts:
+        _note_change(book, robot, _DOWN, now)
+    problem.clock = now.mono
+    give_verdict(book, problem, Verdict.ABSENT)
+    if State.PENDING in robot.problems:
+        give_verdict(book, robot.problems[State.PENDING], Verdict.HELD)
+    robot.presence = Presence.SILENT
+    components.hold(book, robot)
+    _note_presence(book, robot, now)
+
+
+def become_pending(book: Book, robot: Robot, now: Instant) -> None:
+    """Note that a robot was never received, and that none of its publishers is there."""
+    robot.presence = Presence.NEVER
+    if State.SILENT in robot.problems:
+        give_verdict(book, robot.problems[State.SILENT], Verdict.HELD)
+    if robot.declared:
+        pending = robot.problems.get(State.PENDING)
+        pending = pending or _add(book, robot, State.PENDING, now, now)
+        give_verdict(book, pending, Verdict.ABSENT)
+    _note_presence(book, robot, now)
+
+
+def come_back(book: Book, robot: Robot, now: Instant) -> None:
+    """Note that a robot is received, for the first time or again."""
+    if robot.up:
+        return
+    if robot.presence is Presence.SILENT:
+        _note_change(book, robot, _UP, now)
+    robot.presence = Presence.UP
+    robot.returned_until = now.mono + robot.settings.confirm_after
+    book.timers.set(("returned", robot), robot.returned_until)
+    for state in (State.SILENT, State.PENDING):
+        if state in robot.problems:
+            give_verdict(book, robot.problems[state], Verdict.WELL)
+    for component in robot.components.values():
+        components.resume(book, component, now)
+    _note_presence(book, robot, now)
+
+
+def set_maintenance(book: Book, robot: Robot, now: Instant, *, planned: bool) -> None:
+    """Begin or end the quiet of a planned downtime."""
+    robot.maintenance = planned
+    for component in robot.components.values():
+        causes.count_component(book, component)
+    _note_presence(book, robot, now)
+    touch_all(book, robot)
+
+
+def settle(book: Book, now: Instant) -> None:
+    """Judge what restart_grace kept quiet, now that it is over."""
+    for robot in book.robots.values():
+        _note_presence(book, robot, now)
+    book.touch(book.problems.values())
+
+
+def touch_all(book: Book, robot: Robot) -> None:
+    """Have everything about a robot judged again."""
+    book.touch(robot.all_problems())
+    book.touched_causes[robot.many] = None
+
+
+def decay(book: Book, robot: Robot, now: Instant) -> None:
+    """Let a robot that came and went come to rest."""
+    if robot.history is not None:
+        robot.history.decay(now.mono, robot.settings.presence_interval)
+        _judge_flapping(book, robot, robot.history, now)
+        book.write(robot)
+
+
+def judge_anew(book: Book, robot: Robot, now: Instant) -> None:
+    """Judge all about a robot by other settings."""
+    decay(book, robot, now)
+    for component in list(robot.components.values()):
+        components.decay(book, component, now)
+    touch_all(book, robot)
+
+
+def _note_presence(book: Book, robot: Robot, now: Instant) -> None:
+    book.note_presence(robot)
+    causes.count_robot(book, robot, now)
+    book.touched_causes[robot.many] = None
+    book.write(robot)
+
+
+def _note_change(book: Book, robot: Robot, state: int, now: Instant) -> None:
+    """Count a robot's coming or going; not in maintenance."""
+    last = _UP if robot.history is None else robot.history.slots[-1]
+    if state == last or robot.maintenance:
+        return
+    if robot.history is None:
+        robot.history = FlapHistory([last] * SLOTS, now.mono)
+    robot.history.change(state, now.mono, robot.settings.presence_interval)
+    _judge_flapping(book, robot, robot.history, now)
+
+
+def _judge_flapping(book: Book, robot: Robot, history: FlapHistory, now: Instant) -> None:
+    settings = book.settings
+    was_flapping = robot.flapping
+    verdict = verdicts.of_flapping(
+        history.ratio,
+        settings.flapping_start,
+        settings.flapping_stop,
+        in_trouble=was_flapping,
+    )
+    problem = robot.problems.get(State.FLAPPING)
+    if problem is None and verdict is Verdict.BAD:
+        problem = _add(book, robot, State.FLAPPING, now, now)
+    if problem is not None:
+        give_verdict(book, problem, verdict)
+    if robot.flapping != was_flapping:
+        touch_all(book, robot)
+    if history.ratio > 0.0:
+        due = history.last + robot.settings.presence_interval
+        book.timers.set(("presence", robot), due)
+    elif history.slots[-1] == _UP:
+        robot.history = None
+
+
+def _add(book: Book, robot: Robot, state: State, since: Instant, now: Instant) -> Problem:
+    problem = Problem(Identity(Scope.ROBOT, state, robot=robot.name), since, robot=robot)
+    problem.clock = now.mono
+    robot.problems[state] = book.add_problem(problem)
+    return problem

@@ -1,0 +1,79 @@
+"""Why a problem does not begin although it is due, or a fault does not end although it is well."""
+
+from __future__ import annotations
+
+from ros_diagnostics_exporter.diagnostics import Instant
+from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.model import Reason, Scope, State, Verdict
+from ros_diagnostics_exporter.faults.records import Component, Problem, Robot
+
+# Of the robot itself rather than of a part of it: its silence keeps none of them quiet.
+_OF_PRESENCE = {State.SILENT, State.PENDING, State.FLAPPING}
+
+
+def why_not_begin(book: Book, problem: Problem, now: Instant) -> Reason | None:
+    """The first reason that keeps the problem from beginning now; None: it may."""
+    robot, component = problem.robot, problem.component
+    if robot is not None:
+        reason = _of_robot(book, problem, robot, now)
+        if reason is not None:
+            return reason
+    if component is not None and problem.identity.scope is not Scope.VALUE:
+        reason = _of_component(book, problem, component, now)
+        if reason is not None:
+            return reason
+    if problem.verdict is Verdict.HELD:
+        return Reason.NO_DATA
+    if problem.verdict is Verdict.ABSENT and now.mono < book.settled_at:
+        return Reason.RESTART
+    return None
+
+
+def why_not_end(problem: Problem) -> Reason | None:
+    """What keeps a fault from ending although it is well; None: it ends.
+
+    Maintenance and flapping are quiet both ways.
+    """
+    robot, component, identity = problem.robot, problem.component, problem.identity
+    if robot is not None and robot.maintenance:
+        return Reason.MAINTENANCE
+    if robot is not None and identity.state is State.SILENT and robot.flapping:
+        return Reason.ROBOT_FLAPPING
+    if component is not None and identity.scope is Scope.COMPONENT and component.flapping:
+        return Reason.FLAPPING
+    return None
+
+
+def _of_robot(book: Book, problem: Problem, robot: Robot, now: Instant) -> Reason | None:
+    """Why the robot keeps it quiet."""
+    identity = problem.identity
+    if robot.maintenance:
+        return Reason.MAINTENANCE
+    of_presence = identity.scope is Scope.ROBOT and identity.state in _OF_PRESENCE
+    if not of_presence and not robot.up:
+        return Reason.ROBOT_SILENT
+    if (
+        of_presence
+        and identity.state is not State.PENDING
+        and book.covered(Scope.SITE, robot.settings.site, now)
+    ):
+        return Reason.SITE
+    # What is freshly received of a robot that comes and goes is as true as of any other.
+    if robot.flapping and problem.verdict is Verdict.ABSENT:
+        return Reason.ROBOT_FLAPPING
+    if not of_presence and problem.verdict is Verdict.ABSENT and now.mono < robot.returned_until:
+        return Reason.RETURNED
+    return None
+
+
+def _of_component(
+    book: Book, problem: Problem, component: Component, now: Instant
+) -> Reason | None:
+    """Why the component's own flapping, or what explains its level, keeps it quiet."""
+    if problem.identity.scope is Scope.COMPONENT and component.flapping:
+        return Reason.FLAPPING
+    if component.robot.many.covers(now):
+        return Reason.MANY
+    if book.covered(Scope.COMMON, component.name.component, now):
+        return Reason.COMMON
+    return None

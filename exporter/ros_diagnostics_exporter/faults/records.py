@@ -1,0 +1,237 @@
+"""What is kept: robots, their components in trouble, problems, larger causes.
+
+A component has a record only while something about it is not as usual, so that a healthy fleet
+costs one record for each robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import Enum
+from math import inf
+
+from ros_diagnostics_exporter.diagnostics import Instant, Level
+from ros_diagnostics_exporter.faults.flapping import FlapHistory
+from ros_diagnostics_exporter.faults.model import (
+    ComponentName,
+    Fault,
+    Identity,
+    Scope,
+    State,
+    Verdict,
+)
+from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
+
+ValueKey = tuple[str, str, str]  # key, bound, severity
+RowKey = tuple[str, tuple[str, ...]]  # kind, key: the row that a record is written to
+
+
+class Presence(str, Enum):
+    """Whether a robot is received."""
+
+    NEVER = "never"
+    SILENT = "silent"
+    UP = "up"
+
+
+class Problem:
+    """One thing that is wrong, confirmed (``fault``) or not yet.
+
+    ``since`` is when this state began, ``clock`` (monotonic) when the trouble did from which
+    confirm_after is counted. ``robot``, ``component`` and ``cause`` are what it belongs to.
+    """
+
+    __slots__ = (
+        "cause",
+        "clock",
+        "component",
+        "fault",
+        "identity",
+        "robot",
+        "row",
+        "since",
+        "verdict",
+    )
+
+    def __init__(
+        self,
+        identity: Identity,
+        since: Instant,
+        *,
+        robot: Robot | None = None,
+        component: Component | None = None,
+        cause: Cause | None = None,
+    ) -> None:
+        self.identity = identity
+        self.row: RowKey = ("problem", (identity[0].value, identity[1].value, *identity[2:]))
+        self.since = since
+        self.clock = since.mono
+        self.robot = robot
+        self.component = component
+        self.cause = cause
+        self.verdict = Verdict.HELD
+        self.fault: Fault | None = None
+
+    @property
+    def in_trouble(self) -> bool:
+        """Whether it was not well when last known."""
+        return self.verdict is not Verdict.WELL
+
+
+class Component:
+    """A component that is or was in trouble.
+
+    ``level`` is the latest, STALE while its robot is silent; ``since`` when it left OK;
+    ``counted`` whether it counts towards a common cause until it is received better.
+    """
+
+    __slots__ = (
+        "counted",
+        "flaps",
+        "level",
+        "name",
+        "problems",
+        "robot",
+        "row",
+        "settings",
+        "since",
+        "values",
+    )
+
+    def __init__(self, robot: Robot, name: ComponentName, settings: ComponentSettings) -> None:
+        self.robot = robot
+        self.name = name
+        self.row: RowKey = ("component", (robot.name, *name))
+        self.settings = settings
+        self.level = Level.OK
+        self.since: Instant | None = None
+        self.problems: dict[State, Problem] = {}  # FLAPPING among them
+        self.values: dict[ValueKey, Problem] = {}
+        self.flaps: FlapHistory | None = None
+        self.counted = False
+
+    @property
+    def flapping(self) -> bool:
+        """Whether it changes too often for anything else to be reported of it."""
+        problem = self.problems.get(State.FLAPPING)
+        return problem is not None and problem.in_trouble
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether there is nothing to keep."""
+        return not (self.problems or self.values or self.counted) and (
+            self.since is None and self.flaps is None
+        )
+
+
+class Robot:
+    """One robot, with what is wrong with it and its components.
+
+    ``total`` is how many components it has; ``returned_until`` (monotonic) when what rests on
+    absence may begin after its return; ``history`` counts its coming and going.
+    """
+
+    __slots__ = (
+        "checks",
+        "components",
+        "counted",
+        "declared",
+        "history",
+        "maintenance",
+        "many",
+        "name",
+        "presence",
+        "problems",
+        "returned_until",
+        "row",
+        "settings",
+        "total",
+    )
+
+    def __init__(self, name: str, settings: RobotSettings) -> None:
+        self.name = name
+        self.row: RowKey = ("robot", (name,))
+        self.settings = settings
+        self.declared = False
+        self.presence = Presence.NEVER
+        self.maintenance = False
+        self.returned_until = -inf
+        self.total = 0
+        self.counted = False  # towards its site's silence
+        self.history: FlapHistory | None = None
+        self.problems: dict[State, Problem] = {}  # SILENT, PENDING, FLAPPING
+        self.checks: dict[str, Problem] = {}
+        self.components: dict[ComponentName, Component] = {}
+        self.many = Cause(Scope.ROBOT, name, self)
+
+    @property
+    def up(self) -> bool:
+        """Whether it is received."""
+        return self.presence is Presence.UP
+
+    @property
+    def flapping(self) -> bool:
+        """Whether it comes and goes."""
+        problem = self.problems.get(State.FLAPPING)
+        return problem is not None and problem.in_trouble
+
+    def all_problems(self) -> Iterator[Problem]:
+        """Everything that is wrong with the robot and its parts."""
+        yield from self.problems.values()
+        yield from self.checks.values()
+        yield from self.many.problems.values()
+        for component in self.components.values():
+            yield from component.problems.values()
+            yield from component.values.values()
+
+
+class Cause:
+    """Many problems that are one: of a site, of one component on many robots, of one robot.
+
+    ``scope`` is SITE, COMMON or ROBOT and ``name`` the site, the component or the robot. While
+    ``active``, and until ``covers_until`` (monotonic) after it, what it explains does not begin.
+    ``counted`` (robot -> what of it) stay until they are received better; ``fresh`` are those of
+    them whose trouble is known now. A robot's own cause counts its components instead.
+    """
+
+    __slots__ = (
+        "active",
+        "counted",
+        "covers_until",
+        "fresh",
+        "name",
+        "problems",
+        "robot",
+        "row",
+        "scope",
+    )
+
+    def __init__(self, scope: Scope, name: str, robot: Robot | None = None) -> None:
+        self.scope = scope
+        self.name = name
+        self.row: RowKey = ("cause", (scope.value, name))
+        self.robot = robot
+        self.active: Instant | None = None
+        self.covers_until = -inf
+        self.counted: dict[str, set[str]] = {}
+        self.fresh: dict[str, set[str]] = {}
+        self.problems: dict[str, Problem] = {}  # by severity; "" where there is one
+
+    def covers(self, now: Instant) -> bool:
+        """Whether what it explains is quiet."""
+        return self.active is not None or now.mono < self.covers_until
+
+    def count(self, robot: str, part: str, *, counts: bool, fresh: bool) -> None:
+        """Note whether a part of a robot belongs to it."""
+        for sets, wanted in ((self.counted, counts), (self.fresh, fresh)):
+            if wanted:
+                sets.setdefault(robot, set()).add(part)
+            elif robot in sets:
+                sets[robot].discard(part)
+                if not sets[robot]:
+                    del sets[robot]
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether there is nothing to keep."""
+        return not (self.counted or self.problems or self.active) and self.covers_until == -inf

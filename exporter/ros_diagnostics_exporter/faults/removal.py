@@ -1,0 +1,111 @@
+"""What a person takes out or renames: the only end of a fault beside a fresh lower level."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ros_diagnostics_exporter.diagnostics import Instant
+from ros_diagnostics_exporter.faults import causes, components
+from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.judge import end_all
+from ros_diagnostics_exporter.faults.model import Change, ComponentName, Scope, State
+from ros_diagnostics_exporter.faults.records import Component, Problem, Robot
+
+
+def remove_robot(book: Book, robot: Robot, now: Instant) -> list[Change]:
+    """Take out a robot with all its parts."""
+    changes: list[Change] = []
+    for name in sorted(robot.components):
+        changes += remove_component(book, robot, name, now)
+    changes += end_all(book, robot.all_problems(), now)
+    leave_site(book, robot)
+    book.touched_causes.pop(robot.many, None)
+    book.timers.clear(("cover", robot.many))
+    book.timers.clear(("returned", robot))
+    book.timers.clear(("presence", robot))
+    book.write(robot.many)
+    book.write(robot)
+    del book.robots[robot.name]
+    return changes
+
+
+def remove_component(book: Book, robot: Robot, name: ComponentName, now: Instant) -> list[Change]:
+    """Take out a component, if it has a record."""
+    component = robot.components.get(name)
+    if component is None:
+        return []
+    _uncount(book, component)
+    component.since, component.flaps = None, None
+    changes = end_all(book, (*component.problems.values(), *component.values.values()), now)
+    if name in robot.components:  # it went with its last problem, if it had one
+        book.drop_component(component)
+    book.touched_causes[robot.many] = None
+    return changes
+
+
+def move_component(
+    book: Book, robot: Robot, old: ComponentName, new: ComponentName, now: Instant
+) -> list[Change]:
+    """Give a component another name: each of its faults ends under the old and begins here."""
+    component = robot.components.get(old)
+    if component is None or old == new:
+        return []
+    changes = remove_component(book, robot, new, now)
+    moved = Component(robot, new, component.settings)
+    moved.level, moved.since, moved.flaps = component.level, component.since, component.flaps
+    moved.counted = component.counted
+    moved.problems = {key: _renamed(each, moved) for key, each in component.problems.items()}
+    moved.values = {key: _renamed(each, moved) for key, each in component.values.items()}
+    changes += remove_component(book, robot, old, now)
+    book.adopt_component(moved)
+    for problem in (*moved.problems.values(), *moved.values.values()):
+        book.touch((book.add_problem(problem),))
+        if problem.fault is not None:
+            changes.append(Change("began", problem.fault, now.wall))
+    components.wake(book, moved)
+    causes.count_component(book, moved)
+    return changes
+
+
+def _renamed(old: Problem, component: Component) -> Problem:
+    group, name = component.name
+    identity = old.identity._replace(group=group, component=name)
+    problem = Problem(identity, old.since, robot=old.robot, component=component)
+    problem.clock, problem.verdict = old.clock, old.verdict
+    problem.fault = None if old.fault is None else replace(old.fault, identity=identity)
+    return problem
+
+
+def remove_check(book: Book, robot: Robot, check: str, now: Instant) -> list[Change]:
+    """Take out a check that expects nothing any more."""
+    problem = robot.checks.get(check)
+    return [] if problem is None else end_all(book, (problem,), now)
+
+
+def end_pending(book: Book, robot: Robot, now: Instant) -> list[Change]:
+    """No longer miss a robot that is not declared any more."""
+    problem = robot.problems.get(State.PENDING)
+    return [] if problem is None or robot.declared else end_all(book, (problem,), now)
+
+
+def leave_site(book: Book, robot: Robot) -> None:
+    """No longer count the robot towards its site."""
+    site = book.present.get(robot.settings.site, set())
+    if robot.name in site:
+        site.discard(robot.name)
+        if not site:
+            del book.present[robot.settings.site]
+        book.touch_causes()
+    if robot.counted:
+        robot.counted = False
+        cause = book.cause(Scope.SITE, robot.settings.site)
+        cause.count(robot.name, "", counts=False, fresh=False)
+        book.touched_causes[cause] = None
+
+
+def _uncount(book: Book, component: Component) -> None:
+    if component.counted:
+        component.counted = False
+        cause = book.cause(Scope.COMMON, component.name.component)
+        cause.count(component.robot.name, component.name.group, counts=False, fresh=False)
+        book.touched_causes[cause] = None

@@ -1,0 +1,297 @@
+"""Faults as rows that outlive the process; times in them are Unix time.
+
+Robots, components in trouble, problems and larger causes have a row each, so that a change is
+written alone. What can be counted from them is counted again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict
+from math import inf
+from types import MappingProxyType
+from typing import Any
+
+from ros_diagnostics_exporter.diagnostics import Instant, Level
+from ros_diagnostics_exporter.faults import causes, components
+from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.flapping import FlapHistory
+from ros_diagnostics_exporter.faults.model import (
+    ComponentName,
+    Fault,
+    Identity,
+    Row,
+    Scope,
+    State,
+    Verdict,
+)
+from ros_diagnostics_exporter.faults.records import (
+    Cause,
+    Component,
+    Presence,
+    Problem,
+    Robot,
+    RowKey,
+)
+from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
+
+_Fields = dict[str, Any]
+_ORDER = ("fleet", "robot", "component", "cause", "problem")  # each refers to those before
+
+
+class _Clock:
+    """Turns readings of the monotonic clock into Unix time and back, by one Instant."""
+
+    def __init__(self, now: Instant) -> None:
+        self._offset = now.wall - now.mono
+
+    def wall(self, mono: float) -> float | None:
+        """The Unix time; None for never."""
+        return None if mono == -inf else mono + self._offset
+
+    def mono(self, wall: float | None) -> float:
+        """The monotonic clock's reading then."""
+        return -inf if wall is None else wall - self._offset
+
+    def instant(self, wall: float) -> Instant:
+        """Both."""
+        return Instant(wall - self._offset, wall)
+
+
+def take(book: Book, now: Instant) -> list[Row]:
+    """The rows that were to be written, which then no longer are."""
+    clock = _Clock(now)
+    taken = [Row(kind, key, _fields(book, (kind, key), clock)) for kind, key in book.written]
+    book.written.clear()
+    return taken
+
+
+def restore(book: Book, stored: Iterable[Row], now: Instant) -> None:
+    """Put rows back into an empty book."""
+    clock = _Clock(now)
+    readers = {
+        "fleet": _read_fleet,
+        "robot": _read_robot,
+        "component": _read_component,
+        "cause": _read_cause,
+        "problem": _read_problem,
+    }
+    for row in sorted(stored, key=lambda row: (_ORDER.index(row.kind), row.key)):
+        if row.fields is not None:
+            readers[row.kind](book, row.key, row.fields, clock)
+    _count(book, now)
+    _set_timers(book)
+    book.touched.clear()
+    book.touched_causes.clear()
+    book.written.clear()
+
+
+# -- writing -----------------------------------------------------------------------------------
+
+
+def _fields(book: Book, row: RowKey, clock: _Clock) -> _Fields | None:
+    kind, key = row
+    if kind == "fleet":
+        return {"settled_at": clock.wall(book.settled_at)}
+    if kind == "problem":
+        problem = book.problems.get(_identity(key))
+        return None if problem is None else _of_problem(problem, clock)
+    if kind == "cause":
+        cause = _cause(book, key)
+        return None if cause is None else _of_cause(cause, clock)
+    robot = book.robots.get(key[0])
+    if robot is None:
+        return None
+    if kind == "robot":
+        return _of_robot(robot, clock)
+    component = robot.components.get(ComponentName(*key[1:]))
+    return None if component is None else _of_component(component, clock)
+
+
+def _identity(key: tuple[str, ...]) -> Identity:
+    scope, state, *others = key
+    return Identity(Scope(scope), State(state), *others)
+
+
+def _cause(book: Book, key: tuple[str, ...]) -> Cause | None:
+    scope, name = Scope(key[0]), key[1]
+    if scope is not Scope.ROBOT:
+        return book.causes.get((scope, name))
+    robot = book.robots.get(name)
+    return None if robot is None else robot.many
+
+
+def _of_problem(problem: Problem, clock: _Clock) -> _Fields:
+    fault = problem.fault
+    return {
+        "since": problem.since.wall,
+        "clock": clock.wall(problem.clock),
+        "verdict": int(problem.verdict),
+        "fault": None
+        if fault is None
+        else {
+            "since": fault.since,
+            "confirmed": fault.confirmed,
+            "labels": dict(fault.labels),
+            "evidence": fault.evidence,
+        },
+    }
+
+
+def _of_cause(cause: Cause, clock: _Clock) -> _Fields | None:
+    if cause.active is None and cause.covers_until == -inf:
+        return None
+    return {
+        "active": None if cause.active is None else cause.active.wall,
+        "covers_until": clock.wall(cause.covers_until),
+    }
+
+
+def _of_robot(robot: Robot, clock: _Clock) -> _Fields:
+    settings = robot.settings
+    return {
+        "labels": dict(settings.labels),
+        "confirm_after": settings.confirm_after,
+        "flap_interval": settings.flap_interval,
+        "presence_interval": settings.presence_interval,
+        "declared": robot.declared,
+        "presence": robot.presence.value,
+        "maintenance": robot.maintenance,
+        "returned_until": clock.wall(robot.returned_until),
+        "total": robot.total,
+        "counted": robot.counted,
+        "history": _of_history(robot.history, clock),
+    }
+
+
+def _of_component(component: Component, clock: _Clock) -> _Fields:
+    return {
+        "settings": asdict(component.settings),
+        "level": int(component.level),
+        "since": None if component.since is None else component.since.wall,
+        "counted": component.counted,
+        "flaps": _of_history(component.flaps, clock),
+    }
+
+
+def _of_history(history: FlapHistory | None, clock: _Clock) -> _Fields | None:
+    if history is None:
+        return None
+    return {"slots": [int(each) for each in history.slots], "last": clock.wall(history.last)}
+
+
+# -- reading -----------------------------------------------------------------------------------
+
+
+def _read_fleet(book: Book, _key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
+    book.settled_at = clock.mono(fields["settled_at"])
+
+
+def _read_robot(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
+    settings = RobotSettings(
+        MappingProxyType(fields["labels"]),
+        fields["confirm_after"],
+        fields["flap_interval"],
+        fields["presence_interval"],
+    )
+    robot = book.add_robot(key[0], settings)
+    robot.declared = fields["declared"]
+    robot.presence = Presence(fields["presence"])
+    robot.maintenance = fields["maintenance"]
+    robot.returned_until = clock.mono(fields["returned_until"])
+    robot.total = fields["total"]
+    robot.counted = fields["counted"]
+    robot.history = _read_history(fields["history"], clock)
+
+
+def _read_component(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
+    settings = ComponentSettings(**fields["settings"])
+    component = book.add_component(book.robots[key[0]], ComponentName(*key[1:]), settings)
+    component.level = Level(fields["level"])
+    since = fields["since"]
+    component.since = None if since is None else clock.instant(since)
+    component.counted = fields["counted"]
+    component.flaps = _read_history(fields["flaps"], clock)
+
+
+def _read_history(fields: _Fields | None, clock: _Clock) -> FlapHistory | None:
+    return None if fields is None else FlapHistory(fields["slots"], clock.mono(fields["last"]))
+
+
+def _read_cause(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
+    scope, name = Scope(key[0]), key[1]
+    cause = book.robots[name].many if scope is Scope.ROBOT else book.cause(scope, name)
+    active = fields["active"]
+    cause.active = None if active is None else clock.instant(active)
+    cause.covers_until = clock.mono(fields["covers_until"])
+
+
+def _read_problem(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
+    identity = _identity(key)
+    problem = Problem(identity, clock.instant(fields["since"]))
+    problem.clock = clock.mono(fields["clock"])
+    problem.verdict = Verdict(fields["verdict"])
+    fault = fields["fault"]
+    if fault is not None:
+        labels = MappingProxyType(fault["labels"])
+        times = fault["since"], fault["confirmed"]
+        problem.fault = Fault(identity, *times, labels, fault["evidence"])
+    _give_to_owner(book, problem)
+    book.add_problem(problem)
+
+
+def _give_to_owner(book: Book, problem: Problem) -> None:
+    identity = problem.identity
+    robot = problem.robot = book.robots[identity.robot] if identity.robot else None
+    if robot is None or identity.state is State.MANY:
+        of = identity.site if identity.scope is Scope.SITE else identity.component
+        cause = book.cause(identity.scope, of) if robot is None else robot.many
+        problem.cause = cause
+        cause.problems[identity.severity] = problem
+    elif identity.scope is Scope.CHECK:
+        robot.checks[identity.check] = problem
+    elif identity.scope is Scope.ROBOT:
+        robot.problems[identity.state] = problem
+    else:
+        name = ComponentName(identity.group, identity.component)
+        component = problem.component = robot.components[name]
+        if identity.scope is Scope.VALUE:
+            component.values[identity.key, identity.bound, identity.state.value] = problem
+        else:
+            component.problems[identity.state] = problem
+
+
+# -- what follows from the rows ----------------------------------------------------------------
+
+
+def _count(book: Book, now: Instant) -> None:
+    for robot in book.robots.values():
+        book.note_presence(robot)
+        causes.count_robot(book, robot, now)
+        for component in robot.components.values():
+            causes.count_component(book, component)
+
+
+def _set_timers(book: Book) -> None:
+    timers = book.timers
+    if book.settled_at > -inf:
+        timers.set(("settled", None), book.settled_at)
+    for problem in book.problems.values():
+        if problem.fault is None:
+            timers.set(("confirm", problem), problem.clock + book.confirm_after(problem))
+    for cause in (*book.causes.values(), *(robot.many for robot in book.robots.values())):
+        if cause.covers_until > -inf:
+            timers.set(("cover", cause), cause.covers_until)
+    for robot in book.robots.values():
+        _set_timers_of(book, robot)
+
+
+def _set_timers_of(book: Book, robot: Robot) -> None:
+    if robot.returned_until > -inf:
+        book.timers.set(("returned", robot), robot.returned_until)
+    if robot.history is not None and robot.history.ratio > 0.0:
+        due = robot.history.last + robot.settings.presence_interval
+        book.timers.set(("presence", robot), due)
+    if robot.up:
+        for component in robot.components.values():
+            components.wake(book, component)

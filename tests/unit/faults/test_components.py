@@ -1,0 +1,302 @@
+"""Faults of components: confirmation, nesting, what ends them and what does not."""
+
+from fault_stories import (
+    ERROR,
+    OK,
+    STALE,
+    WALL,
+    WARN,
+    back,
+    forget,
+    instant,
+    level,
+    maintenance,
+    moved,
+    play,
+    robot_settings,
+    silent,
+)
+
+
+def test_an_error_is_a_fault_after_confirm_after_until_it_is_received_better():
+    play(
+        (20, level("motor", ERROR)),
+        (29, None),
+        (30, None, "began component/critical r1 motor"),
+        (59, None),
+        (60, level("motor", OK), "recovered component/critical r1 motor"),
+    )
+
+
+def test_an_error_that_ends_before_confirm_after_is_none():
+    play((20, level("motor", ERROR)), (29, level("motor", OK)), (100, None))
+
+
+def test_a_fault_shorter_than_a_scrape_is_one_where_confirm_after_is_zero():
+    play(
+        (20, level("motor", ERROR, confirm_after=0), "began component/critical r1 motor"),
+        (20.2, level("motor", OK, confirm_after=0), "recovered component/critical r1 motor"),
+    )
+
+
+def test_a_component_may_have_a_confirm_after_of_its_own():
+    play(
+        (0, level("motor", WARN)),
+        (0, level("arm", WARN, confirm_after=30)),
+        (10, None, "began component/warning r1 motor"),
+        (29, None),
+        (30, None, "began component/warning r1 arm"),
+    )
+
+
+def test_a_confirmed_warning_that_gets_worse_is_critical_at_once_and_goes_on_under_it():
+    play(
+        (0, level("motor", WARN)),
+        (10, None, "began component/warning r1 motor"),
+        (50, level("motor", ERROR), "began component/critical r1 motor"),
+        (70, level("motor", WARN), "recovered component/critical r1 motor"),
+        (90, level("motor", OK), "recovered component/warning r1 motor"),
+    )
+
+
+def test_the_clock_counts_time_in_trouble_and_not_in_one_level():
+    play(
+        (0, level("motor", WARN)),
+        (6, level("motor", ERROR)),
+        (10, None, "began component/critical r1 motor"),
+        (20, level("motor", OK), "recovered component/critical r1 motor"),
+    )
+
+
+def test_critical_that_gets_better_is_a_warning_at_once():
+    play(
+        (0, level("motor", ERROR)),
+        (10, None, "began component/critical r1 motor"),
+        (
+            20,
+            level("motor", WARN),
+            "recovered component/critical r1 motor",
+            "began component/warning r1 motor",
+        ),
+        (30, level("motor", OK), "recovered component/warning r1 motor"),
+    )
+
+
+def test_critical_that_gets_better_and_worse_again_is_another_fault():
+    last = play(
+        (0, level("motor", ERROR)),
+        (10, None, "began component/critical r1 motor"),
+        (
+            20,
+            level("motor", WARN),
+            "recovered component/critical r1 motor",
+            "began component/warning r1 motor",
+        ),
+        (40, level("motor", ERROR), "began component/critical r1 motor"),
+    )
+
+    since = {each.identity.state.value: each.since - WALL for each in last.faults.faults()}
+    assert since == {"warning": 0, "critical": 40}
+
+
+def test_stale_is_a_state_of_its_own_and_ends_with_a_fresh_status():
+    play(
+        (0, level("camera", STALE)),
+        (10, None, "began component/stale r1 camera"),
+        (60, level("camera", OK), "recovered component/stale r1 camera"),
+    )
+
+
+def test_stale_ends_neither_a_warning_nor_a_critical():
+    play(
+        (0, level("motor", WARN)),
+        (10, None, "began component/warning r1 motor"),
+        (20, level("motor", STALE), "began component/stale r1 motor"),
+        (30, level("motor", ERROR), "began component/critical r1 motor"),
+        (40, level("motor", STALE)),
+        (
+            50,
+            level("motor", WARN),
+            "recovered component/critical r1 motor",
+            "recovered component/stale r1 motor",
+        ),
+        (60, level("motor", OK), "recovered component/warning r1 motor"),
+    )
+
+
+def test_an_error_that_no_longer_reports_is_still_critical():
+    play(
+        (0, level("motor", ERROR)),
+        (5, level("motor", STALE)),
+        (10, None, "began component/critical r1 motor", "began component/stale r1 motor"),
+    )
+
+
+def test_stale_is_critical_too_where_the_config_says_so_and_nothing_where_it_is_planned():
+    play(
+        (0, level("camera", STALE, stale_is_critical=True)),
+        (0, level("arm", STALE, planned_stale=True)),
+        (10, None, "began component/critical r1 camera", "began component/stale r1 camera"),
+        (40, level("arm", ERROR, planned_stale=True)),
+        (50, None, "began component/critical r1 arm"),
+        (60, level("arm", STALE, planned_stale=True)),
+        (70, level("arm", OK, planned_stale=True), "recovered component/critical r1 arm"),
+    )
+
+
+def test_a_second_fault_while_the_first_lasts():
+    play(
+        (0, level("motor", ERROR)),
+        (10, None, "began component/critical r1 motor"),
+        (20, level("arm", ERROR)),
+        (30, None, "began component/critical r1 arm"),
+        (40, level("motor", OK), "recovered component/critical r1 motor"),
+        (50, level("arm", OK), "recovered component/critical r1 arm"),
+    )
+
+
+def test_the_same_name_in_two_groups_is_two_components():
+    play(
+        (0, level("motor", ERROR, group="/left")),
+        (5, level("motor", ERROR, group="/right")),
+        (10, None, "began component/critical r1 /left motor"),
+        (15, None, "began component/critical r1 /right motor"),
+        (20, level("motor", OK, group="/left"), "recovered component/critical r1 /left motor"),
+    )
+
+
+def test_a_component_under_another_name_is_another_and_the_old_one_waits_for_a_person():
+    play(
+        (0, level("motor", ERROR)),
+        (10, None, "began component/critical r1 motor"),
+        (20, level("motor", STALE), "began component/stale r1 motor"),
+        (20, level("drive", ERROR)),
+        (30, None, "began component/critical r1 drive"),
+        (1000, None),
+        (
+            1000,
+            forget("r1", "motor"),
+            "removed component/critical r1 motor",
+            "removed component/stale r1 motor",
+        ),
+    )
+
+
+def test_a_component_that_moves_to_another_group_keeps_its_fault_and_its_clock():
+    last = play(
+        (0, level("motor", ERROR, group="/a")),
+        (5, moved("motor", "/a", "/b")),
+        (10, None, "began component/critical r1 /b motor"),
+        (
+            20,
+            moved("motor", "/b", "/c"),
+            "removed component/critical r1 /b motor",
+            "began component/critical r1 /c motor",
+        ),
+        (30, level("motor", ERROR, group="/b")),
+        (35, level("motor", OK, group="/b")),
+    )
+
+    assert [each.since for each in last.faults.faults()] == [WALL]
+    assert last.go(40, level("motor", OK, group="/c"))[0].what == "recovered"
+
+
+def test_labels_are_those_of_the_beginning_for_the_life_of_a_fault():
+    last = play(
+        (0, robot_settings(site="hall", team="red")),
+        (0, level("motor", ERROR)),
+        (0, level("arm", ERROR, confirm_after=30)),
+        (10, None, "began component/critical r1 motor"),
+        (20, robot_settings(site="yard", team="blue")),
+        (30, None, "began component/critical r1 arm"),
+    )
+
+    labels = {each.identity.component: dict(each.labels) for each in last.faults.faults()}
+    assert labels == {
+        "motor": {"site": "hall", "team": "red"},
+        "arm": {"site": "yard", "team": "blue"},
+    }
+
+
+def test_evidence_is_fixed_once():
+    last = play((0, level("motor", ERROR)), (10, None, "began component/critical r1 motor"))
+    identity = next(iter(last.faults.faults())).identity
+
+    last.faults.describe(identity, "x" * 5000)
+    last.faults.describe(identity, "another")
+    last.reborn(11)
+
+    assert next(iter(last.faults.faults())).evidence == "x" * 4096
+
+
+def test_another_confirm_after_holds_for_what_is_not_confirmed():
+    play(
+        (0, level("motor", ERROR)),
+        (0, level("arm", ERROR)),
+        (5, level("motor", ERROR, confirm_after=30)),
+        (7, level("arm", ERROR, confirm_after=1), "began component/critical r1 arm"),
+        (30, None, "began component/critical r1 motor"),
+    )
+
+
+# -- silence -----------------------------------------------------------------------------------
+
+
+def test_nothing_begins_while_the_robot_is_silent_and_nothing_ends():
+    play(
+        (0, level("motor", ERROR)),
+        (5, level("arm", ERROR)),
+        (10, None, "began component/critical r1 motor"),
+        (12, silent()),
+        (22, None, "began robot/silent r1"),
+        (
+            90,
+            back("r1", level("motor", OK), level("arm", ERROR)),
+            "recovered robot/silent r1",
+            "recovered component/critical r1 motor",
+            "began component/critical r1 arm",
+        ),
+    )
+
+
+def test_what_fails_during_a_silence_has_its_confirm_after_from_the_return_on():
+    play(
+        (0, silent()),
+        (10, None, "began robot/silent r1"),
+        (90, back("r1", level("motor", ERROR)), "recovered robot/silent r1"),
+        (99, None),
+        (100, None, "began component/critical r1 motor"),
+    )
+
+
+def test_a_robot_that_returns_may_say_stale_for_a_moment():
+    play(
+        (30, silent()),
+        (40, None, "began robot/silent r1"),
+        (
+            90,
+            back("r1", level("motor", STALE), level("arm", STALE)),
+            "recovered robot/silent r1",
+        ),
+        (95, level("motor", OK)),
+        (100, None, "began component/stale r1 arm"),
+    )
+
+
+def test_an_error_of_before_that_is_stale_after_the_return_waits_for_confirm_after():
+    play(
+        (0, level("motor", ERROR)),
+        (5, silent()),
+        (15, None, "began robot/silent r1"),
+        (90, back("r1", level("motor", STALE)), "recovered robot/silent r1"),
+        (99, None),
+        (100, None, "began component/critical r1 motor", "began component/stale r1 motor"),
+    )
+
+
+def test_why_a_problem_is_quiet():
+    last = play((0, level("motor", ERROR)), (5, maintenance(planned=True)))
+
+    view = next(last.faults.problems(instant(last.second)))
+    assert (view.since - WALL, view.due - WALL, view.fault) == (0, 10, None)
+    assert view.quiet == "maintenance"

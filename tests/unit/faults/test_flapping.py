@@ -1,0 +1,143 @@
+"""Components that change too often."""
+
+import pytest
+
+from fault_stories import ERROR, OK, STALE, WARN, back, forget, level, maintenance, play, silent
+from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory, flap_ratio
+
+FLAPPING = "flapping/flapping r1 motor"
+CRITICAL = "component/critical r1 motor"
+
+
+def changes(first: int, count: int, period: int = 2):
+    """The motor is now OK, now in ERROR, OK at last."""
+    levels = ([ERROR, OK] * count)[-count:]
+    return [(first + period * turn, level("motor", each)) for turn, each in enumerate(levels)]
+
+
+def test_one_that_changes_often_is_flapping_once_and_nothing_else():
+    play(
+        *changes(2, 6),
+        (14, level("motor", ERROR), f"began {FLAPPING}"),
+        (16, level("motor", OK)),
+        (18, level("motor", ERROR)),
+        (100, None),
+        (101, level("motor", OK)),
+        (400, None, f"recovered {FLAPPING}"),
+    )
+
+
+def test_one_that_comes_to_rest_in_error_is_critical_then():
+    play(
+        *changes(2, 6),
+        (14, level("motor", ERROR), f"began {FLAPPING}"),
+        (400, None, f"began {CRITICAL}", f"recovered {FLAPPING}"),
+    )
+
+
+def test_a_fault_from_before_goes_on_and_ends_with_the_flapping_if_it_is_well_then():
+    play(
+        (-20, level("motor", ERROR)),
+        (-10, None, f"began {CRITICAL}"),
+        (0, level("motor", OK), f"recovered {CRITICAL}"),
+        (1, level("motor", ERROR)),
+        (11, None, f"began {CRITICAL}"),
+        (12, level("motor", OK), f"recovered {CRITICAL}"),
+        (13, level("motor", WARN)),
+        (23, None, "began component/warning r1 motor"),
+        (24, level("motor", ERROR), f"began {CRITICAL}"),
+        (25, level("motor", WARN), f"began {FLAPPING}"),
+        (30, level("motor", OK)),
+        (
+            400,
+            None,
+            f"recovered {CRITICAL}",
+            "recovered component/warning r1 motor",
+            f"recovered {FLAPPING}",
+        ),
+    )
+
+
+def test_what_changed_in_maintenance_is_not_flapping_after_it():
+    play(
+        (0, maintenance(planned=True)),
+        *changes(2, 20),
+        *[(50 + 2 * turn, (silent(), back())[turn % 2]) for turn in range(20)],
+        (90, maintenance(planned=False)),
+        (1000, None),
+    )
+
+
+def test_below_the_ratio_each_fault_is_reported():
+    scenes = []
+    for turn in range(10):
+        begin = 200 * turn
+        scenes += [
+            (begin, level("motor", ERROR)),
+            (begin + 10, None, f"began {CRITICAL}"),
+            (begin + 20, level("motor", OK), f"recovered {CRITICAL}"),
+        ]
+    play(*scenes)
+
+
+def test_silence_is_no_rest():
+    play(
+        *changes(2, 6),
+        (14, level("motor", ERROR), f"began {FLAPPING}"),
+        (20, silent()),
+        (30, None, "began robot/silent r1"),
+        (3000, back("r1", level("motor", OK)), "recovered robot/silent r1"),
+        (3020, None),
+        (3400, None, f"recovered {FLAPPING}"),
+    )
+
+
+def test_a_robot_that_comes_and_goes_makes_no_component_flap():
+    scenes = []
+    for turn in range(12):
+        scenes += [
+            (100 * turn, silent()),
+            (100 * turn + 5, back("r1", level("motor", STALE), level("arm", OK))),
+            (100 * turn + 6, level("motor", OK)),
+        ]
+        if turn == 3:
+            scenes[-2] += ("began robot/flapping r1",)
+    play(*scenes)
+
+
+def test_a_person_takes_a_flapping_component_out():
+    play(
+        *changes(2, 6),
+        (14, level("motor", ERROR), f"began {FLAPPING}"),
+        (20, forget("r1", "motor"), f"removed {FLAPPING}"),
+        (1000, None),
+    )
+
+
+# -- the formula -------------------------------------------------------------------------------
+
+
+def test_the_newest_change_weighs_most():
+    assert flap_ratio([0] * SLOTS) == 0.0
+    assert flap_ratio([0, 1] * 10 + [0]) == pytest.approx(1.0)
+    assert flap_ratio([1] + [0] * 20) == pytest.approx(0.75 / 20)
+    assert flap_ratio([0] * 20 + [1]) == pytest.approx(1.25 / 20)
+
+
+def test_time_without_a_change_is_recorded_once_an_interval():
+    history = FlapHistory([0] * SLOTS, 0.0)
+    history.change(1, 10.0, 15.0)
+    history.decay(54.9, 15.0)
+
+    assert history.slots == [0] * 18 + [1] * 3
+    assert history.last == 40.0
+
+
+@pytest.mark.parametrize("interval", [0.1, 0.3, 7.7])
+def test_a_timer_after_one_interval_always_records(interval):
+    history = FlapHistory([0] * SLOTS, 0.0)
+    history.change(1, 1234.567, interval)
+    for _ in range(SLOTS):
+        history.decay(history.last + interval, interval)
+
+    assert history.ratio == 0.0
