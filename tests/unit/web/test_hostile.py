@@ -13,7 +13,7 @@ import time
 import bcrypt
 import pytest
 
-from ros_diagnostics_exporter.web import answers, files, guard, scrape
+from ros_diagnostics_exporter.web import answers, guard, scrape
 from ros_diagnostics_exporter.web.guard import Phase
 
 from .conftest import ask, component, connect, fleet, robot, wait_until
