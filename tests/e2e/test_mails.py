@@ -36,7 +36,7 @@ def test_a_motor_broken_twice_is_told_twice_and_each_recovery_too(
             assert "/d/ros-diagnostics-component?" in part
             assert "/user/alerts/RosDiagnosticsComponentCritical.md" in part
             assert "component%3D%22Motor%202%22" in part
-            assert 'ros-diagnostics-ack "robot_2" "Motor 2"' in unescape(part)
+            assert " -- 'robot_2' 'Motor 2'" in unescape(part)
 
 
 def test_an_exporter_killed_and_restarted_while_a_motor_is_critical_sends_no_mail(

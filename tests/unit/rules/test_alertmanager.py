@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 from pathlib import Path
 from typing import Any
@@ -196,9 +197,30 @@ def test_mail_tells_what_happened_and_what_to_do(part: str, tmp_path: Path):
         "component%3D%22Motor%201%22",
     ):
         assert expected in said
-    command = said.replace("&#34;", '"')
-    acknowledge = 'ros-diagnostics-ack "r1" "Motor 1" --comment "..." --url '
-    assert acknowledge + "http://alertmanager:9093" in command
+    acknowledge = "ros-diagnostics-ack --comment '...' --url http://alertmanager:9093"
+    assert f"{acknowledge} -- 'r1' 'Motor 1'" in html.unescape(said)
+
+
+@pytest.mark.parametrize("part", ["text", "html"])
+@pytest.mark.parametrize(
+    "component", ["--list", "$(touch a)", "`touch a`", '"; touch a; "', "'; touch a; '", "a\\", "*"]
+)
+def test_the_command_in_a_mail_is_no_other_command_for_a_shell(
+    part: str, component: str, tmp_path: Path
+):
+    labels = {
+        "alertname": "RosDiagnosticsComponentCritical",
+        "severity": "critical",
+        **MOTOR,
+        "component": component,
+    }
+    mail = html.unescape(render(f"ros_diagnostics.email.{part}", data("firing", labels), tmp_path))
+    line = next(line for line in mail.splitlines() if "ros-diagnostics-ack" in line)
+    command = line[line.index("ros-diagnostics-ack") :].partition("</code>")[0]
+
+    printed = run_tool("sh", "-c", command.replace("ros-diagnostics-ack", r"printf '%s\n'", 1))
+
+    assert printed.splitlines()[-2:] == ["r1", component]
 
 
 @pytest.mark.parametrize("part", ["text", "html"])
