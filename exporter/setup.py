@@ -23,10 +23,10 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            f"check_ros_diagnostics = {NAME}.nagios:main",
-            f"ros-diagnostics-ack = {NAME}.ack:main",
-            f"ros-diagnostics-exporter = {NAME}.cli:main",
-            f"ros-diagnostics-status = {NAME}.status:main",
+            f"check_ros_diagnostics = {NAME}.cli.check_nagios:main",
+            f"ros-diagnostics-ack = {NAME}.cli.ack:main",
+            f"ros-diagnostics-exporter = {NAME}.cli.main:main",
+            f"ros-diagnostics-status = {NAME}.cli.status:main",
         ],
     },
 )

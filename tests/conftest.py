@@ -10,8 +10,8 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from fleet_demo import domains, ports
-from fleet_demo.processes import Process
+from testbed import domains, ports
+from testbed.processes import Process
 
 # For rclpy in the test process itself; programs get the same from `dds_environment`. Each process
 # that uses ROS writes a log file: they go where the system tidies up.

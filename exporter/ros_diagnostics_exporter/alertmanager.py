@@ -15,8 +15,8 @@ from urllib.parse import urlencode
 
 from ros_diagnostics_exporter import acknowledgement
 from ros_diagnostics_exporter.acknowledgement import ESCALATION, Acknowledgement
-from ros_diagnostics_exporter.client import UnreachableError, ask
-from ros_diagnostics_exporter.diagnostics import Instant
+from ros_diagnostics_exporter.http_client import UnreachableError, ask
+from ros_diagnostics_exporter.model import Instant
 
 log = logging.getLogger(__name__)
 

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from ros_diagnostics_exporter.metrics import (
+from ros_diagnostics_exporter.metrics.families import (
     COMPONENT,
     EXPORTER_FAMILIES,
     FLEET_FAMILIES,

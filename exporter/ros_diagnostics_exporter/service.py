@@ -12,19 +12,20 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from ros_diagnostics_exporter import ros, snapshot
 from ros_diagnostics_exporter.acknowledgement import Acknowledgement
 from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.config.fleet import Fleet
-from ros_diagnostics_exporter.diagnostics import Array, Instant
+from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog
-from ros_diagnostics_exporter.exposition import Exposition
-from ros_diagnostics_exporter.own_metrics import Facts, OwnMetrics
-from ros_diagnostics_exporter.reloading import Reloader
-from ros_diagnostics_exporter.state.fleet import State, Topic
+from ros_diagnostics_exporter.ingest import ros
+from ros_diagnostics_exporter.metrics.exposition import Exposition
+from ros_diagnostics_exporter.metrics.self_metrics import Facts, OwnMetrics
+from ros_diagnostics_exporter.model import Array, Instant
+from ros_diagnostics_exporter.state import snapshot
 from ros_diagnostics_exporter.state.network import Endpoint
-from ros_diagnostics_exporter.storage import Storage
-from ros_diagnostics_exporter.web.doors import Doors
+from ros_diagnostics_exporter.state.state import State, Topic
+from ros_diagnostics_exporter.state.storage import Storage
+from ros_diagnostics_exporter.web.backend import Doors
 
 log = logging.getLogger(__name__)
 

@@ -10,7 +10,8 @@ from pathlib import Path
 from grafana_foundation_sdk.cog.encoder import JSONEncoder
 from grafana_foundation_sdk.models import dashboard
 
-from fleet_dashboards import alerts, component, fleet, listing, monitoring, robot
+from fleet_dashboards.dashboards import alerts, component, fleet, monitoring, robot
+from fleet_dashboards.lib import listing
 
 FOLDER = Path(__file__).resolve().parents[1] / "dashboards"
 BOARDS = (fleet.build, robot.build, component.build, alerts.build, monitoring.build)

@@ -11,7 +11,7 @@ from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from virtual_robots.kinds import kind_path, load_kind
+from virtual_robots.simulation.kinds import kind_path, load_kind
 
 
 def robots(context: LaunchContext) -> list[ExecuteProcess | Node]:

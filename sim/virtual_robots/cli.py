@@ -15,8 +15,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from virtual_robots.aggregator import VERSIONS, AnalyzerConfigError
-from virtual_robots.documents import DocumentError
-from virtual_robots.kinds import known_kinds
+from virtual_robots.schema.documents import DocumentError
+from virtual_robots.simulation.kinds import known_kinds
 from virtual_robots.terminal import complain
 
 COMMANDS = """commands:
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Not before: without ROS, the sentences above shall come, and --help shall work.
     module = "recording_commands" if recordings else "commands"
     commands = importlib.import_module(f"virtual_robots.{module}")
-    ros = importlib.import_module("virtual_robots.ros")
+    ros = importlib.import_module("virtual_robots.ros.contexts")
     try:
         getattr(commands, command)(options)
     except (DocumentError, AnalyzerConfigError, ros.DomainError) as error:

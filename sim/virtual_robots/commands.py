@@ -9,16 +9,16 @@ import argparse
 import os
 from pathlib import Path
 
-from virtual_robots.control import Control, set_parameter
-from virtual_robots.documents import DocumentError
-from virtual_robots.fleet import Fleet
-from virtual_robots.kinds import kind_path
-from virtual_robots.members import Happening, Note, RobotSpec
-from virtual_robots.player import Player
-from virtual_robots.ros import chosen_domain_id, ros_context
-from virtual_robots.scenario import load_scenario, plan
+from virtual_robots.ros.contexts import chosen_domain_id, ros_context
+from virtual_robots.ros.control import Control, set_parameter
+from virtual_robots.ros.transport import Participants, Transport, too_many_for_localhost
+from virtual_robots.schema.documents import DocumentError
+from virtual_robots.simulation.fleet import Fleet
+from virtual_robots.simulation.kinds import kind_path
+from virtual_robots.simulation.members import Happening, Note, RobotSpec
+from virtual_robots.simulation.player import Player
+from virtual_robots.simulation.scenario import load_scenario, plan
 from virtual_robots.terminal import complain, say, stop_on_signals
-from virtual_robots.transport import Participants, Transport, too_many_for_localhost
 
 
 def run(options: argparse.Namespace) -> None:

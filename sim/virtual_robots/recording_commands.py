@@ -10,9 +10,9 @@ import threading
 from collections import Counter
 from collections.abc import Callable
 
-from virtual_robots.bags import BagWriter, Recorded, read_recordings, recorded_topics
-from virtual_robots.bags_ros import Playback, Recorder
-from virtual_robots.ros import chosen_domain_id, ros_context
+from virtual_robots.recording.bags import BagWriter, Recorded, read_recordings, recorded_topics
+from virtual_robots.ros.bags import Playback, Recorder
+from virtual_robots.ros.contexts import chosen_domain_id, ros_context
 from virtual_robots.terminal import complain, say, stop_on_signals
 
 

@@ -17,15 +17,15 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-import prometheus_site
 from bench import month
 from bench.robots import aggregated_array
-from committed_dashboards import Question, filled, questions
-from fleet_demo.waiting import until
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
-from ros_diagnostics_exporter.diagnostics import Instant
-from ros_diagnostics_exporter.state.fleet import State, Topic
-from served_fleet import ServedFleet, serving
+from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.state.state import State, Topic
+from support import prometheus_site
+from support.committed_dashboards import Question, filled, questions
+from support.served_fleet import ServedFleet, serving
+from testbed.polling import until
 
 INTERVAL = 5  # seconds, of scrapes and evaluations, as shipped
 THINNED = 30  # seconds, of rules/timeline.yml

@@ -14,7 +14,6 @@ from itertools import cycle
 from rclpy.serialization import serialize_message
 
 from bench.robots import aggregated_array
-from ros_diagnostics_exporter.diagnostics import Instant, Level
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import ComponentName, ComponentReport
 from ros_diagnostics_exporter.faults.settings import (
@@ -22,8 +21,9 @@ from ros_diagnostics_exporter.faults.settings import (
     FleetSettings,
     RobotSettings,
 )
-from ros_diagnostics_exporter.ros import decode
-from ros_publisher import message
+from ros_diagnostics_exporter.ingest.ros import decode
+from ros_diagnostics_exporter.model import Instant, Level
+from support.ros_publisher import message
 
 ROBOTS = [f"robot_{number}" for number in range(1000)]
 PARTS = range(16)

@@ -36,10 +36,11 @@ from statistics import median
 
 from bench.scraper import TIMEOUT, Scrape, ScrapeError, Scraper
 from bench.sim import cpu_seconds
-from fleet_demo import asking, domains
-from fleet_demo.ports import free_port
-from fleet_demo.processes import Process
-from fleet_demo.waiting import until
+from testbed import domains
+from testbed import http as asking
+from testbed.polling import until
+from testbed.ports import free_port
+from testbed.processes import Process
 
 EXPORTER = Path(sys.executable).with_name("ros-diagnostics-exporter")
 ROBOTS = 20

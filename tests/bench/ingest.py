@@ -11,10 +11,10 @@ from rclpy.serialization import serialize_message
 
 from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
-from ros_diagnostics_exporter.diagnostics import Array, Instant
-from ros_diagnostics_exporter.ros import decode
-from ros_diagnostics_exporter.state.fleet import State, Topic
-from ros_publisher import message
+from ros_diagnostics_exporter.ingest.ros import decode
+from ros_diagnostics_exporter.model import Array, Instant
+from ros_diagnostics_exporter.state.state import State, Topic
+from support.ros_publisher import message
 
 ROUNDS = 5_000
 TOPIC = Topic(0, "/robot/diagnostics_agg")

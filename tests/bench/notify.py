@@ -26,10 +26,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
-from fleet_demo import asking
-from fleet_demo.mail import Inbox
-from fleet_demo.stack import Plan, Stack, running
-from fleet_demo.waiting import until
+from testbed import http as asking
+from testbed.mail import Inbox
+from testbed.polling import until
+from testbed.stack import Plan, Stack, running
 
 MOTOR = "Motor 2"
 ROBOTS = 40  # of which so few break at a time that no rule takes it for a common cause

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from ros_diagnostics_exporter.diagnostics import Array, Status
+from ros_diagnostics_exporter.model import Array, Status
 
 GROUPS, COMPONENTS, VALUES = 4, 4, 4
 

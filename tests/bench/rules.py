@@ -29,9 +29,6 @@ from statistics import median
 from typing import Any, NamedTuple
 
 from bench.robots import COMPONENTS, GROUPS, aggregated_array
-from fleet_demo.ports import free_port
-from fleet_demo.processes import Process
-from fleet_demo.waiting import until
 from ros_diagnostics_exporter.config.fleet import (
     Fleet,
     Profile,
@@ -40,9 +37,12 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
-from ros_diagnostics_exporter.diagnostics import Instant
-from ros_diagnostics_exporter.exposition import Exposition
-from ros_diagnostics_exporter.state.fleet import State, Topic
+from ros_diagnostics_exporter.metrics.exposition import Exposition
+from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.state.state import State, Topic
+from testbed.polling import until
+from testbed.ports import free_port
+from testbed.processes import Process
 
 PROMETHEUS = Path(__file__).resolve().parents[2] / "prometheus"
 INTERVAL = 5.0

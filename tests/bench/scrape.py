@@ -18,9 +18,9 @@ from prometheus_client.registry import Collector
 
 from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
-from ros_diagnostics_exporter.diagnostics import Instant
-from ros_diagnostics_exporter.exposition import Exposition
-from ros_diagnostics_exporter.state.fleet import State, Topic
+from ros_diagnostics_exporter.metrics.exposition import Exposition
+from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.state.state import State, Topic
 
 
 class Samples(Collector):

@@ -19,8 +19,8 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 
-from fleet_demo import domains
-from fleet_demo.processes import Process
+from testbed import domains
+from testbed.processes import Process
 
 BIN = Path(sys.executable).parent
 NUMBER = re.compile(rb"Sequence\0\0\0\0[\x02-\x09]\0\0\0(\d+)\0")

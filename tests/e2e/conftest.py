@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from e2e.amazon import SENT
-from fleet_demo import asking
-from fleet_demo.mail import Inbox
-from fleet_demo.stack import Plan, Stack, running
-from fleet_demo.waiting import until
+from support.sns import SENT
+from testbed import http as asking
+from testbed.mail import Inbox
+from testbed.polling import until
+from testbed.stack import Plan, Stack, running
 
 HERE = Path(__file__).parent
 

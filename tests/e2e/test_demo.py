@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from fleet_demo import grafana
-from fleet_demo.processes import Process
-from fleet_demo.waiting import until
+from testbed import grafana
+from testbed.polling import until
+from testbed.processes import Process
 
 READY = "smtp://"  # the last of the addresses, printed when all servers are ready
 PROGRAMS = ("virtual-robots", "ros-diagnostics-exporter", "prometheus", "alertmanager")
@@ -31,7 +31,7 @@ def start_demo(start_process, tmp_path):
         scratch = tmp_path / "scratch"
         scratch.mkdir()
         environment = {**os.environ, "TMPDIR": str(scratch)}
-        demo = start_process("demo", [sys.executable, "-m", "fleet_demo", *options], environment)
+        demo = start_process("demo", [sys.executable, "-m", "demo", *options], environment)
         demo.wait_for_output(READY, seconds=120)
         return demo
 

@@ -9,13 +9,12 @@ from pathlib import Path
 import pytest
 import yaml
 
-import host_checks
-import prometheus_site
-from fleet_demo import domains, programs
-from fleet_demo.asking import answers
-from fleet_demo.ports import free_port
-from fleet_demo.processes import Process
-from fleet_demo.waiting import until
+from support import host_checks, prometheus_site
+from testbed import domains, programs
+from testbed.http import answers
+from testbed.polling import until
+from testbed.ports import free_port
+from testbed.processes import Process
 
 FLEET = """
 fleet: hall

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from fleet_demo import domains, ports
-from fleet_demo.processes import Process
-from fleet_demo.waiting import until
+from testbed import domains, ports
+from testbed.polling import until
+from testbed.processes import Process
 
 # Not everybody's PATH has the folder that Debian puts it into.
 NAGIOS = shutil.which("nagios4", path=f"{os.environ['PATH']}:/usr/sbin")

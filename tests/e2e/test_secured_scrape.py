@@ -17,9 +17,9 @@ import bcrypt
 import pytest
 import trustme
 
-from fleet_demo import domains, ports
-from fleet_demo.processes import Process
-from fleet_demo.waiting import until
+from testbed import domains, ports
+from testbed.polling import until
+from testbed.processes import Process
 
 pytestmark = pytest.mark.e2e
 

@@ -19,6 +19,9 @@ def _no_labels() -> Mapping[str, str]:
     return MappingProxyType({})
 
 
+AGGREGATED = "_agg"  # what the name of an aggregate's topic ends in, by custom
+
+
 class Source(str, Enum):
     """Which of a robot's topics is the truth about its components."""
 
@@ -183,3 +186,17 @@ class Fleet:
         found.update(domain for each in self.discoveries for domain in each.domain_ids)
         found.update(each.domain_id for each in self.shared)
         return tuple(sorted(found))
+
+
+def topics_of(topic: str, source: Source) -> tuple[str | None, str | None]:
+    """The aggregated and the raw topic of a robot of which one is known.
+
+    A source of one kind is taken at its word, whatever the topic is called; else the name tells
+    which of the two it is, and the other is called likewise.
+    """
+    if source is Source.AGG:
+        return topic, None
+    if source is Source.RAW:
+        return None, topic
+    raw = topic.removesuffix(AGGREGATED)
+    return raw + AGGREGATED, raw

@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from ros_diagnostics_exporter.config.errors import WrongValueError
+from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
 from ros_diagnostics_exporter.config.model_base import Entry, optional, required
 from ros_diagnostics_exporter.config.patterns import Wildcards, Words
-from ros_diagnostics_exporter.config.promotion import MetricName, Unit
 from ros_diagnostics_exporter.config.scalars import Duration, Name, PositiveDuration
 
 LevelWord = Literal["OK", "WARN", "ERROR", "STALE"]

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from ros_diagnostics_exporter.config.advice import advice
 from ros_diagnostics_exporter.config.conflicts import refuse_conflicts
 from ros_diagnostics_exporter.config.downtimes import downtimes
 from ros_diagnostics_exporter.config.errors import LISTED, Problem, shortened
 from ros_diagnostics_exporter.config.fleet import (
+    AGGREGATED,
     Discovery,
     Fleet,
     Limits,
@@ -19,8 +19,9 @@ from ros_diagnostics_exporter.config.fleet import (
     Robot,
     Shared,
     Source,
+    topics_of,
 )
-from ros_diagnostics_exporter.config.lookup import AGGREGATED, topics_of
+from ros_diagnostics_exporter.config.lint import advice
 from ros_diagnostics_exporter.config.model_robot import DiscoveryEntry, RobotEntry, SharedEntry
 from ros_diagnostics_exporter.config.profiles import DEFAULT, resolved
 from ros_diagnostics_exporter.config.scalars import shown

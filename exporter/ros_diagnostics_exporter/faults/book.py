@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from math import inf
 from typing import Literal
 
-from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.faults.model import ComponentName, Identity, Scope
 from ros_diagnostics_exporter.faults.records import (
     Cause,
@@ -22,6 +21,7 @@ from ros_diagnostics_exporter.faults.settings import (
     RobotSettings,
 )
 from ros_diagnostics_exporter.faults.timers import Timers
+from ros_diagnostics_exporter.model import Instant
 
 TimerKind = Literal["confirm", "cover", "returned", "presence", "flaps", "settled"]
 Timer = tuple[TimerKind, "Problem | Cause | Robot | Component | None"]

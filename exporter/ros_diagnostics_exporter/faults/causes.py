@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import inf
 
-from ros_diagnostics_exporter.diagnostics import Instant, Level
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
 from ros_diagnostics_exporter.faults.records import Cause, Component, Presence, Problem, Robot
 from ros_diagnostics_exporter.faults.settings import CauseSettings
+from ros_diagnostics_exporter.model import Instant, Level
 
 
 def count_component(book: Book, component: Component) -> None:

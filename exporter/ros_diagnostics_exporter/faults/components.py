@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from ros_diagnostics_exporter.diagnostics import Instant, Level
 from ros_diagnostics_exporter.faults import causes, verdicts
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
@@ -20,6 +19,7 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.faults.records import Component, Problem, Robot, ValueKey
 from ros_diagnostics_exporter.faults.settings import ComponentSettings
+from ros_diagnostics_exporter.model import Instant, Level
 
 
 def report_level(book: Book, robot: Robot, report: ComponentReport, now: Instant) -> None:

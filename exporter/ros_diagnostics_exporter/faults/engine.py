@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.faults import causes, components, judge, presence, removal, rows
 from ros_diagnostics_exporter.faults.book import FLEET_ROW, Book
 from ros_diagnostics_exporter.faults.model import (
@@ -31,6 +30,7 @@ from ros_diagnostics_exporter.faults.settings import (
     FleetSettings,
     RobotSettings,
 )
+from ros_diagnostics_exporter.model import Instant
 
 
 class Faults:

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from dataclasses import replace
 from types import MappingProxyType
 
-from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.faults import causes
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.model import Change, Fault, Identity, Verdict
 from ros_diagnostics_exporter.faults.quiet import why_not_begin, why_not_end
 from ros_diagnostics_exporter.faults.records import Problem
+from ros_diagnostics_exporter.model import Instant
 
 EVIDENCE_LENGTH = 4096  # characters
 

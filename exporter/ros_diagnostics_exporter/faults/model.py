@@ -8,8 +8,8 @@ from enum import Enum, IntEnum
 from typing import Literal, NamedTuple
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from ros_diagnostics_exporter.diagnostics import Instant, Level
 from ros_diagnostics_exporter.faults.settings import ComponentSettings
+from ros_diagnostics_exporter.model import Instant, Level
 
 
 class Scope(str, Enum):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.faults import causes, components, verdicts
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.components import give_verdict
 from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
 from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
 from ros_diagnostics_exporter.faults.records import Presence, Problem, Robot
+from ros_diagnostics_exporter.model import Instant
 
 _UP, _DOWN = 1, 0  # states of a robot's history
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.model import Reason, Scope, State, Verdict
 from ros_diagnostics_exporter.faults.records import Component, Problem, Robot
+from ros_diagnostics_exporter.model import Instant
 
 # Of the robot itself rather than of a part of it: its silence keeps none of them quiet.
 _OF_PRESENCE = {State.SILENT, State.PENDING, State.FLAPPING}

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from enum import Enum
 from math import inf
 
-from ros_diagnostics_exporter.diagnostics import Instant, Level
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
 from ros_diagnostics_exporter.faults.model import (
     ComponentName,
@@ -21,6 +20,7 @@ from ros_diagnostics_exporter.faults.model import (
     Verdict,
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
+from ros_diagnostics_exporter.model import Instant, Level
 
 ValueKey = tuple[str, str, str]  # key, bound, severity
 RowKey = tuple[str, tuple[str, ...]]  # kind, key: the row that a record is written to

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ros_diagnostics_exporter.diagnostics import Instant
 from ros_diagnostics_exporter.faults import causes, components
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import Change, ComponentName, Scope, State
 from ros_diagnostics_exporter.faults.records import Component, Problem, Robot
+from ros_diagnostics_exporter.model import Instant
 
 
 def remove_robot(book: Book, robot: Robot, now: Instant) -> list[Change]:

@@ -12,7 +12,6 @@ from math import inf
 from types import MappingProxyType
 from typing import Any
 
-from ros_diagnostics_exporter.diagnostics import Instant, Level
 from ros_diagnostics_exporter.faults import causes, components
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
@@ -34,6 +33,7 @@ from ros_diagnostics_exporter.faults.records import (
     RowKey,
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
+from ros_diagnostics_exporter.model import Instant, Level
 
 _Fields = dict[str, Any]
 _ORDER = ("fleet", "robot", "component", "cause", "problem")  # each refers to those before

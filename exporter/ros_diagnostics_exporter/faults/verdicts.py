@@ -7,9 +7,9 @@ from math import isnan
 from types import MappingProxyType
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from ros_diagnostics_exporter.diagnostics import Level
 from ros_diagnostics_exporter.faults.model import State, Verdict
 from ros_diagnostics_exporter.faults.settings import ComponentSettings
+from ros_diagnostics_exporter.model import Level
 
 _WELL, _HELD, _ABSENT, _BAD = Verdict.WELL, Verdict.HELD, Verdict.ABSENT, Verdict.BAD
 # WARNING goes on under STALE and CRITICAL, and STALE under CRITICAL: the worse is no recovery.

@@ -10,10 +10,10 @@ import re
 from collections import deque
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule
-from ros_diagnostics_exporter.diagnostics import Instant, Level, Status
+from ros_diagnostics_exporter.model import Instant, Level, Status
+from ros_diagnostics_exporter.state.component_values import Values
 from ros_diagnostics_exporter.state.flapping import SLOTS, FlapHistory
-from ros_diagnostics_exporter.state.readings import Values
-from ros_diagnostics_exporter.state.remembered import RememberedComponent
+from ros_diagnostics_exporter.state.persisted import RememberedComponent
 
 OK, WARN, ERROR, STALE = (int(level) for level in Level)
 

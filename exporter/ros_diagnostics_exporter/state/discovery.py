@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from ros_diagnostics_exporter.config.fleet import Discovery, Robot
-from ros_diagnostics_exporter.config.lookup import topics_of
+from ros_diagnostics_exporter.config.fleet import Discovery, Robot, topics_of
 
 
 def _wants(discovery: Discovery, name: str) -> bool:

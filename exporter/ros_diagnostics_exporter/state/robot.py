@@ -11,14 +11,14 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 
 from ros_diagnostics_exporter.config import fleet as config
-from ros_diagnostics_exporter.diagnostics import Array, Instant
+from ros_diagnostics_exporter.model import Array, Instant
 from ros_diagnostics_exporter.state.bounds import Budget
 from ros_diagnostics_exporter.state.component import Component, Identity
-from ros_diagnostics_exporter.state.intake import RawIntake, TreeIntake
-from ros_diagnostics_exporter.state.members import Members
+from ros_diagnostics_exporter.state.components import Members
 from ros_diagnostics_exporter.state.network import Endpoint, Network
+from ros_diagnostics_exporter.state.persisted import RememberedRobot
 from ros_diagnostics_exporter.state.reasons import TOLD, Rejection, Silence
-from ros_diagnostics_exporter.state.remembered import RememberedRobot
+from ros_diagnostics_exporter.state.updates import RawIntake, TreeIntake
 from ros_diagnostics_exporter.state.versions import Versions
 
 log = logging.getLogger(__name__)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ros_diagnostics_exporter.config.fleet import Robot, Shared, Source
-from ros_diagnostics_exporter.config.lookup import shared_identity
-from ros_diagnostics_exporter.diagnostics import Status
-from ros_diagnostics_exporter.tree import TreeReader
+from ros_diagnostics_exporter.ingest.tree import TreeReader
+from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.state.rules import shared_identity
 
 
 class Splitter:

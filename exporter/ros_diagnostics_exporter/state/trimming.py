@@ -6,7 +6,7 @@ exporter does with a text (keep it, log it, part it at its slashes) must stay ch
 
 from __future__ import annotations
 
-from ros_diagnostics_exporter.diagnostics import Array, Status
+from ros_diagnostics_exporter.model import Array, Status
 from ros_diagnostics_exporter.state.bounds import bounded
 
 MOST_TEXT = 4096  # characters of a name, hardware_id, message, key or value

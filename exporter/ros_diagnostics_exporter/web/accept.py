@@ -14,8 +14,8 @@ import ssl
 from collections.abc import Callable
 from functools import partial
 
-from .clients import Connections, address_of
-from .guard import TIMEOUTS, GuardedProtocol, Phase
+from ros_diagnostics_exporter.web.connections import Connections, address_of
+from ros_diagnostics_exporter.web.protocol import TIMEOUTS, GuardedProtocol, Phase
 
 AT_ONCE = 100  # connections accepted before others are served again
 PAUSE = 0.1  # seconds until accepting is tried again after an error

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from .calls import BusyError
-from .clients import Connections
-from .guard import GuardedProtocol
+from ros_diagnostics_exporter.web.connections import Connections
+from ros_diagnostics_exporter.web.protocol import GuardedProtocol
+from ros_diagnostics_exporter.web.workers import BusyError
 
 MAX_BYTES = 128 * 1024 * 1024  # of scrapes' answers under way, and as many of all others
 PIECE = 256 * 1024  # bytes handed to a connection at once; smaller answers are not counted

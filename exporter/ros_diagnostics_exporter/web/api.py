@@ -15,12 +15,11 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import Response
 
-from ros_diagnostics_exporter.diagnostics import Level
 from ros_diagnostics_exporter.events import KINDS, Wanted
-
-from .calls import Calls
-from .doors import Doors
-from .origin import is_foreign
+from ros_diagnostics_exporter.model import Level
+from ros_diagnostics_exporter.web.backend import Doors
+from ros_diagnostics_exporter.web.origin import is_foreign
+from ros_diagnostics_exporter.web.workers import Calls
 
 FLEET_AGE = 1.0  # seconds that one look at the fleet serves all who ask
 MAX_EVENTS = 10_000

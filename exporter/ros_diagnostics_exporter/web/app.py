@@ -11,17 +11,17 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
-from .answers import Answers, Counted, busy
-from .api import FLEET_AGE, Api, Look, RefusedError, look_at, refuse
-from .auth import Logins
-from .calls import BusyError, Calls
-from .clients import Connections
-from .doors import Doors
-from .gate import Gate
-from .openapi import describe
-from .pages import landing
-from .scrape import Scrape
-from .settings import Settings
+from ros_diagnostics_exporter.web.answers import Answers, Counted, busy
+from ros_diagnostics_exporter.web.api import FLEET_AGE, Api, Look, RefusedError, look_at, refuse
+from ros_diagnostics_exporter.web.auth import Logins
+from ros_diagnostics_exporter.web.backend import Doors
+from ros_diagnostics_exporter.web.connections import Connections
+from ros_diagnostics_exporter.web.live_config import Settings
+from ros_diagnostics_exporter.web.middleware import Gate
+from ros_diagnostics_exporter.web.openapi import describe
+from ros_diagnostics_exporter.web.pages import landing
+from ros_diagnostics_exporter.web.scrape import Scrape
+from ros_diagnostics_exporter.web.workers import BusyError, Calls
 
 
 @dataclass(frozen=True)

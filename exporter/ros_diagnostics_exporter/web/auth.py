@@ -16,7 +16,7 @@ from collections.abc import Mapping
 
 import bcrypt
 
-from .calls import Calls
+from ros_diagnostics_exporter.web.workers import Calls
 
 REMEMBERED = 100  # logins
 CLIENTS = 1_000  # addresses whose requests are counted

@@ -9,7 +9,7 @@ from html import escape as escape_markup
 from typing import Any
 
 from ros_diagnostics_exporter import __version__
-from ros_diagnostics_exporter.ranks import (
+from ros_diagnostics_exporter.severity import (
     RANKS,
     ago,
     faults_of,

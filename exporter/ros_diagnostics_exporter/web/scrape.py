@@ -8,8 +8,8 @@ from collections.abc import Callable
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import Receive, Scope, Send
 
-from .answers import Answers, send_pieces
-from .calls import Calls
+from ros_diagnostics_exporter.web.answers import Answers, send_pieces
+from ros_diagnostics_exporter.web.workers import Calls
 
 TEXT = "text/plain; version=0.0.4; charset=utf-8"
 OPENMETRICS = "application/openmetrics-text; version=1.0.0; charset=utf-8"

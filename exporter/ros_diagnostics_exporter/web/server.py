@@ -18,15 +18,15 @@ from typing import Any, cast
 import uvicorn
 from starlette.applications import Starlette
 
-from .accept import Acceptor
-from .app import build, start_threads
-from .clients import Connections
-from .doors import Doors
-from .files import allowed_connections
-from .guard import MAX_HEADER_BYTES, TIMEOUTS, GuardedProtocol, Phase
-from .listen import BACKLOG, bind_all, name_of
-from .settings import Settings
-from .tls import follow
+from ros_diagnostics_exporter.web.accept import Acceptor
+from ros_diagnostics_exporter.web.app import build, start_threads
+from ros_diagnostics_exporter.web.backend import Doors
+from ros_diagnostics_exporter.web.connections import Connections
+from ros_diagnostics_exporter.web.file_limit import allowed_connections
+from ros_diagnostics_exporter.web.listen import BACKLOG, bind_all, name_of
+from ros_diagnostics_exporter.web.live_config import Settings
+from ros_diagnostics_exporter.web.protocol import MAX_HEADER_BYTES, TIMEOUTS, GuardedProtocol, Phase
+from ros_diagnostics_exporter.web.tls import follow
 
 GRACE = 3  # seconds for answers under way when the server stops
 

@@ -2,7 +2,7 @@
 
 Free of ROS and of clocks: ``now`` (seconds, any origin) is an argument everywhere. What it does is
 what the C++ program does, release 4.2.7 or 4.2.6, its surprises included; the recordings in
-tests/golden hold it to that. Left out: parameters set at run time.
+tests/data/golden hold it to that. Left out: parameters set at run time.
 """
 
 from virtual_robots.aggregator.aggregator import VERSIONS, Aggregator, Report

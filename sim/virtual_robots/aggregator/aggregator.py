@@ -12,7 +12,7 @@ from virtual_robots.aggregator.analyzers import OtherAnalyzer
 from virtual_robots.aggregator.groups import build_group, rolled_up
 from virtual_robots.aggregator.items import received_item
 from virtual_robots.aggregator.parameters import AnalyzerConfigError, Parameters
-from virtual_robots.diagnostics import ERROR, OK, STALE, Status
+from virtual_robots.model import ERROR, OK, STALE, Status
 
 VERSIONS = ("4.2.7", "4.2.6")
 

@@ -20,7 +20,7 @@ from virtual_robots.aggregator.items import (
     without_prefix,
 )
 from virtual_robots.aggregator.parameters import AnalyzerConfigError, Parameters
-from virtual_robots.diagnostics import ERROR, OK, STALE, Status
+from virtual_robots.model import ERROR, OK, STALE, Status
 
 
 class Analyzer(Protocol):

@@ -17,7 +17,7 @@ from virtual_robots.aggregator.analyzers import (
 )
 from virtual_robots.aggregator.items import MESSAGE_OF_LEVEL, Item, listed, missing_item
 from virtual_robots.aggregator.parameters import Parameters
-from virtual_robots.diagnostics import ERROR, OK, STALE, Status
+from virtual_robots.model import ERROR, OK, STALE, Status
 
 LOAD_FAILED = "Pluginlib exception loading analyzer"
 INIT_FAILED = "Analyzer init failed"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from virtual_robots.diagnostics import ERROR, STALE, Status
+from virtual_robots.model import ERROR, STALE, Status
 
 MESSAGE_OF_LEVEL = ("OK", "Warning", "Error", "Stale")
 

@@ -13,8 +13,8 @@ from rclpy.serialization import serialize_message
 
 from bench.actors.pace import ticks
 from bench.robots import aggregated_array
-from ros_diagnostics_exporter.diagnostics import Status
-from ros_publisher import message, publisher
+from ros_diagnostics_exporter.model import Status
+from support.ros_publisher import message, publisher
 
 HOSTILE_TOPIC = "/hostile/diagnostics_agg"
 LONGEST_TEXT = 4096  # characters of a text that the exporter keeps

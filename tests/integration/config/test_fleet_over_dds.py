@@ -10,7 +10,7 @@ from urllib.error import URLError
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from fleet_demo.waiting import until
+from testbed.polling import until
 
 pytestmark = pytest.mark.integration
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from fleet_demo.processes import Process
-from fleet_demo.waiting import until
+from testbed.polling import until
+from testbed.processes import Process
 
 COMMAND = Path(sys.executable).parent / "virtual-robots"
 

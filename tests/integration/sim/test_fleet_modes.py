@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from fleet_demo import domains
-from fleet_demo.processes import Process
+from testbed import domains
+from testbed.processes import Process
 
 pytestmark = pytest.mark.integration
 

@@ -14,14 +14,14 @@ from typing import Any
 import pytest
 from rosbags.rosbag2 import Writer
 
-from fleet_demo.processes import Process
-from fleet_demo.waiting import until
+from testbed.polling import until
+from testbed.processes import Process
 from virtual_robots import cli
-from virtual_robots.bags import BagWriter, Recorded, read_recordings
+from virtual_robots.recording.bags import BagWriter, Recorded, read_recordings
 
 pytestmark = pytest.mark.integration
 
-GOLDEN = Path(__file__).parents[2] / "golden"
+GOLDEN = Path(__file__).parents[2] / "data/golden"
 
 
 def contents(bag: Path) -> dict[str, list[bytes]]:

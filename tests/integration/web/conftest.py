@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from fleet_demo import domains, ports
-from fleet_demo.processes import Process
+from testbed import domains, ports
+from testbed.processes import Process
 
 BIN = Path(sys.executable).parent
 

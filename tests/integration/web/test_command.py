@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from fleet_demo import ports
-from fleet_demo.waiting import until
+from testbed import ports
+from testbed.polling import until
 
 pytestmark = pytest.mark.integration
 

@@ -11,8 +11,8 @@ import urllib.request
 
 import pytest
 
-from fleet_demo.processes import Process
-from fleet_demo.waiting import until
+from testbed.polling import until
+from testbed.processes import Process
 
 pytestmark = pytest.mark.integration
 
@@ -55,7 +55,7 @@ def test_a_fifo_among_the_files_is_named_and_a_dead_robot_is_found_all_the_same(
 # The program, on a machine whose disk never answers for files of the name hung.yml.
 HUNG = """
 import sys, threading
-from ros_diagnostics_exporter import cli
+from ros_diagnostics_exporter.cli import main as cli
 from ros_diagnostics_exporter.config import yamlfile
 
 read = yamlfile.read_regular

@@ -7,9 +7,9 @@ import urllib.request
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from fleet_demo.waiting import until
-from ros_diagnostics_exporter.diagnostics import Level, Status
-from ros_publisher import publisher
+from ros_diagnostics_exporter.model import Level, Status
+from support.ros_publisher import publisher
+from testbed.polling import until
 
 pytestmark = pytest.mark.integration
 

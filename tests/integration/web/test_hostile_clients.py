@@ -17,11 +17,11 @@ from pathlib import Path
 import bcrypt
 import pytest
 
-import hostile_clients
-from fleet_demo.processes import Process
-from fleet_demo.waiting import until
-from ros_diagnostics_exporter.diagnostics import Level, Status
-from ros_publisher import publisher
+from ros_diagnostics_exporter.model import Level, Status
+from support import hostile_clients
+from support.ros_publisher import publisher
+from testbed.polling import until
+from testbed.processes import Process
 
 pytestmark = pytest.mark.integration
 

@@ -13,9 +13,9 @@ from contextlib import contextmanager
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from fleet_demo.waiting import until
-from ros_diagnostics_exporter.diagnostics import Status
-from ros_publisher import Publisher, publisher
+from ros_diagnostics_exporter.model import Status
+from support.ros_publisher import Publisher, publisher
+from testbed.polling import until
 
 pytestmark = pytest.mark.integration
 

@@ -9,7 +9,7 @@ import urllib.request
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from fleet_demo.waiting import until
+from testbed.polling import until
 
 pytestmark = pytest.mark.integration
 

@@ -1,4 +1,4 @@
-"""Every bad file in tests/configs gets exactly the text that stands beside it."""
+"""Every bad file in tests/data/configs gets exactly the text that stands beside it."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = Path(__file__).parents[2] / "data/configs"
 BAD = sorted(CONFIGS.glob("bad-*.yml"))
 
 

@@ -9,7 +9,7 @@ from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.config.scalars import duration
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = Path(__file__).parents[2] / "data/configs"
 
 
 def test_all_that_was_understood_is_told(monkeypatch):

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from ros_diagnostics_exporter.cli import main
+from ros_diagnostics_exporter.cli.main import main
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.load import load
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "one-robot.yml"
-BAD = Path(__file__).parents[2] / "configs" / "bad-domain-id.yml"
+BAD = Path(__file__).parents[2] / "data/configs" / "bad-domain-id.yml"
 
 
 def test_check_tells_what_was_understood(capsys):

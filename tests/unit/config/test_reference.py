@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from ros_diagnostics_exporter.config import patterns, scalars, yamlfile, yamltree
-from ros_diagnostics_exporter.config.lookup import SEARCHED
 from ros_diagnostics_exporter.config.reference import main, renewed
 from ros_diagnostics_exporter.config.reserved import RESERVED_LABEL_PREFIXES, RESERVED_LABELS
+from ros_diagnostics_exporter.state.rules import SEARCHED
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "configuration.md"
 

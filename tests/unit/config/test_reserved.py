@@ -1,7 +1,7 @@
 """The names that the config keeps free agree with the table of the metrics."""
 
-from ros_diagnostics_exporter import metrics
 from ros_diagnostics_exporter.config.reserved import RESERVED_LABELS, RESERVED_METRIC_PREFIXES
+from ros_diagnostics_exporter.metrics import families as metrics
 
 
 def test_every_label_of_robot_info_and_of_components_is_reserved():

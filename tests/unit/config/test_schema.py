@@ -15,7 +15,7 @@ from ros_diagnostics_exporter.config.model import FleetFile
 from ros_diagnostics_exporter.config.schema import SCHEMAS, main, schema
 from ros_diagnostics_exporter.config.yamlfile import read
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = Path(__file__).parents[2] / "data/configs"
 FLEET = schema(FleetFile)
 VALIDATOR = Draft7Validator(FLEET)
 

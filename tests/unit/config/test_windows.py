@@ -5,7 +5,7 @@ from zoneinfo import ZoneInfo
 
 import pytest
 
-from ros_diagnostics_exporter.config.windows import in_maintenance
+from ros_diagnostics_exporter.state.maintenance import in_maintenance
 
 BERLIN = ZoneInfo("Europe/Berlin")
 

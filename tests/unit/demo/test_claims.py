@@ -8,10 +8,10 @@ import sys
 
 import pytest
 
-from fleet_demo import domains, ports
+from testbed import domains, ports
 
 HOLD_A_LEASE = (
-    "import sys; from fleet_demo import domains; lease = domains.lease();"
+    "import sys; from testbed import domains; lease = domains.lease();"
     "print(lease.__enter__(), flush=True); sys.stdin.read()"
 )
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from fleet_demo import grafana, site
+from testbed import configuration as site
+from testbed import grafana
 
 ADDRESSES = site.Addresses(*(f"127.0.0.1:{port}" for port in range(1, 6)))
 

@@ -7,7 +7,7 @@ from email.message import EmailMessage
 
 import pytest
 
-from fleet_demo.mail import Inbox, MailServer
+from testbed.mail import Inbox, MailServer
 
 
 @pytest.fixture

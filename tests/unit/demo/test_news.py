@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from fleet_demo.news import changes
-from fleet_demo.sight import Alert, Robot, Sight, Trouble
+from demo.changes import changes
+from demo.observation import Alert, Robot, Sight, Trouble
 
 HOT = Trouble("Motor 2", "ERROR", "hot")
 

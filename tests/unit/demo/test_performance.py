@@ -5,12 +5,14 @@ from __future__ import annotations
 import pytest
 from rich.console import Console
 
-from fleet_demo import performance, programs, site
-from fleet_demo.mail import Inbox
-from fleet_demo.performance import Performance
-from fleet_demo.screen import Screen
-from fleet_demo.stack import Server, Stack
-from fleet_demo.watch import GoneForGoodError
+from demo import performance
+from demo.liveness import GoneForGoodError
+from demo.performance import Performance
+from demo.screen import Screen
+from testbed import configuration as site
+from testbed import programs
+from testbed.mail import Inbox
+from testbed.stack import Server, Stack
 
 
 @pytest.fixture

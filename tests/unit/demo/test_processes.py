@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from fleet_demo.processes import Process
-from fleet_demo.waiting import until
+from testbed.polling import until
+from testbed.processes import Process
 
 STUBBORN = (
     "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN);"
@@ -25,7 +25,7 @@ POLITE = (
     "print('ready', flush=True); signal.pause()"
 )
 START_AN_ORPHAN = (
-    "import sys; from pathlib import Path; from fleet_demo.processes import Process;"
+    "import sys; from pathlib import Path; from testbed.processes import Process;"
     "argv = [sys.executable, '-c', sys.argv[1]];"
     "process = Process('orphan', argv, None, Path(sys.argv[2])).start();"
     "process.wait_for_output('ready'); print(process.pid, flush=True); sys.stdin.read()"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet_demo import story
+from demo import script as story
 
 CHECKOUT = Path(__file__).parents[3]
 README = (CHECKOUT / "README.md").read_text()

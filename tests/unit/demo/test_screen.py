@@ -7,9 +7,9 @@ import io
 import pytest
 from rich.console import Console
 
-from fleet_demo.mail import Mail
-from fleet_demo.screen import Screen
-from fleet_demo.sight import Alert, Robot, Sight, Trouble
+from demo.observation import Alert, Robot, Sight, Trouble
+from demo.screen import Screen
+from testbed.mail import Mail
 
 LINK = "http://127.0.0.1:61000/d/ros-diagnostics-component?" + "x" * 120
 TROUBLE = Trouble("Motor 2", "ERROR", "no [encoder] pulses")

@@ -7,7 +7,7 @@ import subprocess
 import pytest
 import yaml
 
-from fleet_demo import site
+from testbed import configuration as site
 
 ADDRESSES = site.Addresses(*(f"127.0.0.1:{port}" for port in range(1, 6)))
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from fleet_demo.mail import Mail
-from fleet_demo.story import Fault, Pace, Step, cut_short, expected, step, verdict
+from demo.script import Fault, Pace, Step, cut_short, expected, step, verdict
+from testbed.mail import Mail
 
 FAULT = Fault("robot_7", "Motor 1", "hot")
 PACE = Pace(well=10, told=5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fleet_demo.__main__ import main
+from demo.__main__ import main
 
 
 @pytest.mark.parametrize("seconds", ["-3", "0", "nan", "soon"])

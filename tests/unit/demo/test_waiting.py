@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fleet_demo.waiting import until
+from testbed.polling import until
 
 
 def test_the_answer_is_returned():

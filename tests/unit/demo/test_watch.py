@@ -7,10 +7,10 @@ import threading
 
 import pytest
 
-from fleet_demo.processes import Process
-from fleet_demo.stack import Server
-from fleet_demo.waiting import until
-from fleet_demo.watch import GoneForGoodError, Watch
+from demo.liveness import GoneForGoodError, Watch
+from testbed.polling import until
+from testbed.processes import Process
+from testbed.stack import Server
 
 
 @pytest.fixture

@@ -8,8 +8,15 @@ from copy import copy
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fault_model import Model
-from fault_stories import (
+from ros_diagnostics_exporter.faults.model import ComponentName, ComponentReport, ValueReport
+from ros_diagnostics_exporter.faults.settings import (
+    CauseSettings,
+    ComponentSettings,
+    FleetSettings,
+    RobotSettings,
+)
+from support.fault_model import Model
+from support.fault_stories import (
     BATTERY,
     ERROR,
     OK,
@@ -25,13 +32,6 @@ from fault_stories import (
     never,
     restart,
     silent,
-)
-from ros_diagnostics_exporter.faults.model import ComponentName, ComponentReport, ValueReport
-from ros_diagnostics_exporter.faults.settings import (
-    CauseSettings,
-    ComponentSettings,
-    FleetSettings,
-    RobotSettings,
 )
 
 ROBOTS = ("r1", "r2", "r3", "r4")

@@ -1,6 +1,7 @@
 """Many problems that are one: of a robot, of a component on many robots, of a site."""
 
-from fault_stories import (
+from ros_diagnostics_exporter.faults.settings import CauseSettings, FleetSettings
+from support.fault_stories import (
     ERROR,
     OK,
     STALE,
@@ -21,7 +22,6 @@ from fault_stories import (
     together,
     value,
 )
-from ros_diagnostics_exporter.faults.settings import CauseSettings, FleetSettings
 
 MANY = "robot/many r1 critical"
 MILD = "robot/many r1 warning"

@@ -1,6 +1,6 @@
 """Faults of components: confirmation, nesting, what ends them and what does not."""
 
-from fault_stories import (
+from support.fault_stories import (
     ERROR,
     OK,
     STALE,

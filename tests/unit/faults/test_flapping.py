@@ -2,8 +2,19 @@
 
 import pytest
 
-from fault_stories import ERROR, OK, STALE, WARN, back, forget, level, maintenance, play, silent
 from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory, flap_ratio
+from support.fault_stories import (
+    ERROR,
+    OK,
+    STALE,
+    WARN,
+    back,
+    forget,
+    level,
+    maintenance,
+    play,
+    silent,
+)
 
 FLAPPING = "flapping/flapping r1 motor"
 CRITICAL = "component/critical r1 motor"

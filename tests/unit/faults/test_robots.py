@@ -1,6 +1,7 @@
 """Faults of robots: silent, pending, coming and going; and restarts of the exporter."""
 
-from fault_stories import (
+from ros_diagnostics_exporter.faults.settings import FleetSettings
+from support.fault_stories import (
     ERROR,
     OK,
     STALE,
@@ -19,7 +20,6 @@ from fault_stories import (
     silent,
     together,
 )
-from ros_diagnostics_exporter.faults.settings import FleetSettings
 
 
 def test_a_silent_robot_is_one_fault_dated_from_its_last_message():

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from fault_stories import ERROR, STALE, back, level, maintenance, play, silent, value
 from ros_diagnostics_exporter.config.fleet import Threshold
+from support.fault_stories import ERROR, STALE, back, level, maintenance, play, silent, value
 
 HOT = (Threshold("high", "warning", 80.0),)
 LOW = "value/warning r1 battery charge low"

@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from committed_dashboards import BOARDS, GRAFANA, panels
+from support.committed_dashboards import BOARDS, GRAFANA, panels
 
 SDK = pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python 3.11")
 
@@ -142,7 +142,7 @@ def test_an_empty_table_says_what_that_means_and_an_empty_cell_nothing(panel):
 
 
 def test_a_value_is_shown_in_the_unit_behind_its_name():
-    from fleet_dashboards import palette
+    from fleet_dashboards.lib import palette
 
     (graph,) = (p for p in panels(BOARDS["ros-diagnostics-robot"]) if p["title"] == "Temperatures")
     shown = {

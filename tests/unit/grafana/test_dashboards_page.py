@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from committed_dashboards import BOARDS, ROOT, panels
+from support.committed_dashboards import BOARDS, ROOT, panels
 
 PAGE = (ROOT / "docs" / "dashboards.md").read_text(encoding="utf-8")
 PANELS = {(board["title"], panel["title"]) for board in BOARDS.values() for panel in panels(board)}
@@ -15,8 +15,8 @@ PANELS = {(board["title"], panel["title"]) for board in BOARDS.values() for pane
 def test_the_page_lists_every_panel_with_its_question():
     """`./run dashboards` writes it."""
     pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python 3.11")
-    from fleet_dashboards import listing
     from fleet_dashboards.__main__ import built
+    from fleet_dashboards.lib import listing
 
     assert listing.page(built()) == PAGE
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from committed_dashboards import BOARDS, ROOT, Question, filled, questions
-from ros_diagnostics_exporter.metrics import ALL_FAMILIES
+from ros_diagnostics_exporter.metrics.families import ALL_FAMILIES
+from support.committed_dashboards import BOARDS, ROOT, Question, filled, questions
 
 QUESTIONS = list(questions())
 FAMILIES = {family.name: family for family in ALL_FAMILIES}

@@ -8,8 +8,8 @@ import pytest
 
 pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python 3.11")
 
-from fleet_dashboards import palette
-from ros_diagnostics_exporter.units import _SPELLINGS
+from fleet_dashboards.lib import palette
+from ros_diagnostics_exporter.ingest.units import _SPELLINGS
 
 # What remains of linear RGB: Machado, Oliveira, Fernandes 2009, severity 1.0.
 EYES = {

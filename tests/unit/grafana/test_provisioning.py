@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from committed_dashboards import BOARDS, GRAFANA
+from support.committed_dashboards import BOARDS, GRAFANA
 
 
 def provisioned(kind: str) -> list[dict[str, Any]]:

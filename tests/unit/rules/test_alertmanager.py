@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from shipped_rules import ALERTMANAGER, run_tool
+
+from support.shipped_rules import ALERTMANAGER, run_tool
 
 MOTOR = {"fleet": "f", "robot": "r1", "group": "/Motor", "component": "Motor 1"}
 

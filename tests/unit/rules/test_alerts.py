@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 import yaml
-from shipped_rules import PROMETHEUS, ROOT, RULE_FILES, STORY_FILES, alerts, rules, run_tool
 
-from ros_diagnostics_exporter import ack, metrics
+from ros_diagnostics_exporter.cli import ack
+from ros_diagnostics_exporter.metrics import families as metrics
+from support.shipped_rules import PROMETHEUS, ROOT, RULE_FILES, STORY_FILES, alerts, rules, run_tool
 
 PAGES = {page.stem: page for page in (ROOT / "docs" / "alerts").glob("*.md")}
 HEADINGS = ["Meaning", "Impact", "Diagnosis", "Mitigation", "Tuning"]

@@ -6,7 +6,7 @@ import re
 import subprocess
 import sys
 
-from shipped_rules import ROOT
+from support.shipped_rules import ROOT
 
 # A row ends with one test or several, each between backquotes.
 ROW = re.compile(r"^\| .* \| ((?:(?:, )?`tests/[^`]+`)+) \|$", re.MULTILINE)

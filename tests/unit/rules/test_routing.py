@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from shipped_rules import ALERTMANAGER, alerts, run_tool
 
-from ros_diagnostics_exporter import ack
+from ros_diagnostics_exporter.cli import ack
+from support.shipped_rules import ALERTMANAGER, alerts, run_tool
 
 # What begins like a route or goes on with one, behind a comment sign.
 SWITCHED_OFF = re.compile(r"^    # (?=- matchers|  )", re.MULTILINE)

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from shipped_rules import ROOT
 
-from e2e.stories import fleets, scaled
+from e2e.rule_scenarios import clocks as scaled
+from e2e.rule_scenarios import fleets
+from support.shipped_rules import ROOT
 
 LONG = re.compile(r"\b\d+[mhd]\b")
 

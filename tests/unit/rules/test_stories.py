@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 import yaml
-from shipped_rules import PROMETHEUS, STORY_FILES, run_tool
+
+from support.shipped_rules import PROMETHEUS, STORY_FILES, run_tool
 
 
 def stories() -> list[Any]:

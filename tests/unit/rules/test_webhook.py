@@ -10,9 +10,9 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from shipped_rules import ALERTMANAGER
 
-from fleet_demo.waiting import until
+from support.shipped_rules import ALERTMANAGER
+from testbed.polling import until
 
 MESSAGE = {
     "version": "4",

@@ -1,4 +1,4 @@
-"""Behaviour of the real aggregator that the recordings in tests/golden do not show."""
+"""Behaviour of the real aggregator that the recordings in tests/data/golden do not show."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from virtual_robots.aggregator import Aggregator, load_parameters
-from virtual_robots.diagnostics import ERROR, OK, STALE, WARN, Status
+from virtual_robots.model import ERROR, OK, STALE, WARN, Status
 
 GENERIC = "type: diagnostic_aggregator/GenericAnalyzer"
 ROW = dict[str, tuple[int, str]]

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from virtual_robots.bags import (
+from virtual_robots.model import Status
+from virtual_robots.recording.bags import (
     ARRAY,
     STATUS,
     BagWriter,
@@ -17,11 +18,10 @@ from virtual_robots.bags import (
     read_recordings,
     recorded_topics,
 )
-from virtual_robots.cdr import encode_array, encode_status
-from virtual_robots.diagnostics import Status
-from virtual_robots.documents import DocumentError
+from virtual_robots.recording.cdr import encode_array, encode_status
+from virtual_robots.schema.documents import DocumentError
 
-GOLDEN = Path(__file__).parents[2] / "golden"
+GOLDEN = Path(__file__).parents[2] / "data/golden"
 MOTOR = Status(2, "Motor 1", "hot", "mc-01", (("Temperature (°C)", "91.5"),))
 MESSAGES = [
     Recorded(

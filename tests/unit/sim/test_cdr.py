@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from virtual_robots.cdr import encode_array, encode_status
-from virtual_robots.diagnostics import Status
+from virtual_robots.model import Status
+from virtual_robots.recording.cdr import encode_array, encode_status
 
 serialization = pytest.importorskip("rclpy.serialization", reason="needs ROS 2's message types")
 messages = pytest.importorskip("diagnostic_msgs.msg", reason="needs ROS 2's message types")

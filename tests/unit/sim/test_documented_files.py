@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from fleet_stories import fleet_of, of
-
-from virtual_robots.fleet import Fleet
-from virtual_robots.life import DEEDS
-from virtual_robots.members import Note, Topic
-from virtual_robots.scenario import load_scenario, plan
-from virtual_robots.thesis import ThesisSettings, load_settings
+from support.simulated_fleet import fleet_of, of
+from virtual_robots.schema.thesis import ThesisSettings, load_settings
+from virtual_robots.simulation.fleet import Fleet
+from virtual_robots.simulation.life import DEEDS
+from virtual_robots.simulation.members import Note, Topic
+from virtual_robots.simulation.scenario import load_scenario, plan
 
 PAGE = (Path(__file__).parents[3] / "docs" / "virtual-robots.md").read_text()
 SETTINGS, KIND, STORY = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)

@@ -6,11 +6,11 @@ from collections import Counter
 from itertools import pairwise
 
 import pytest
-from fleet_stories import fleet_of, level_of, number_of, of
 
-from virtual_robots.components import Fault, UnknownFaultError
-from virtual_robots.diagnostics import ERROR, OK, STALE
-from virtual_robots.members import Happening, Message, Topic
+from support.simulated_fleet import fleet_of, level_of, number_of, of
+from virtual_robots.model import ERROR, OK, STALE
+from virtual_robots.simulation.components import Fault, UnknownFaultError
+from virtual_robots.simulation.members import Happening, Message, Topic
 
 COMPONENTS = [
     "Motor 1", "Motor 2", "Motor 3", "Sensor 1", "Sensor 2",

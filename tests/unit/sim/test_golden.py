@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from virtual_robots.aggregator import Aggregator, AnalyzerConfigError, Report, load_parameters
-from virtual_robots.diagnostics import Status
+from virtual_robots.model import Status
 
-GOLDEN = Path(__file__).parents[2] / "golden"
+GOLDEN = Path(__file__).parents[2] / "data/golden"
 ABORTS = {
     "int_pub_rate": "pub_rate: is 1, must be a number with a decimal point, as in 1.0",
     "int_timeout": "power.timeout: is 5, must be a number with a decimal point, as in 5.0",

@@ -6,14 +6,14 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from fleet_stories import fleet_of, level_of, message_of, of
 
-from virtual_robots.components import Component, Fault
-from virtual_robots.diagnostics import ERROR, OK, STALE, WARN
-from virtual_robots.documents import DocumentError
-from virtual_robots.kinds import build_components, kind_path, known_kinds, load_kind
-from virtual_robots.members import Topic
-from virtual_robots.models import ComponentModel
+from support.simulated_fleet import fleet_of, level_of, message_of, of
+from virtual_robots.model import ERROR, OK, STALE, WARN
+from virtual_robots.schema.documents import DocumentError
+from virtual_robots.schema.kinds import ComponentModel
+from virtual_robots.simulation.components import Component, Fault
+from virtual_robots.simulation.kinds import build_components, kind_path, known_kinds, load_kind
+from virtual_robots.simulation.members import Topic
 
 KOBUKI = {
     "Battery": ("Voltage (V)", "Percent", "Charge (Ah)", "Capacity (Ah)", "Source",

@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from fleet_stories import fleet_of, number_of, of
 
-from virtual_robots.fleet import Fleet
-from virtual_robots.kinds import kind_path
-from virtual_robots.life import LEASE, Order, order
-from virtual_robots.members import Happening, Presence, RobotSpec, Topic
+from support.simulated_fleet import fleet_of, number_of, of
+from virtual_robots.simulation.fleet import Fleet
+from virtual_robots.simulation.kinds import kind_path
+from virtual_robots.simulation.life import LEASE, Order, order
+from virtual_robots.simulation.members import Happening, Presence, RobotSpec, Topic
 
 
 def told(fleet: Fleet, before: float, wanted: Order, after: float) -> list[Happening]:

@@ -7,13 +7,13 @@ import threading
 from pathlib import Path
 
 import pytest
-from fleet_stories import fleet_of, level_of, of
 
-from fleet_demo.waiting import until
-from virtual_robots.components import UnknownFaultError
-from virtual_robots.diagnostics import ERROR
-from virtual_robots.members import Happening, Topic
-from virtual_robots.player import Player
+from support.simulated_fleet import fleet_of, level_of, of
+from testbed.polling import until
+from virtual_robots.model import ERROR
+from virtual_robots.simulation.components import UnknownFaultError
+from virtual_robots.simulation.members import Happening, Topic
+from virtual_robots.simulation.player import Player
 
 
 def test_all_that_is_due_is_taken_and_the_end_is_kept() -> None:

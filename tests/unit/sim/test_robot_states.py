@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 import pytest
-from fleet_stories import fleet_of, of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from virtual_robots.components import Fault
-from virtual_robots.fleet import Fleet
-from virtual_robots.kinds import kind_path
-from virtual_robots.life import DEEDS, Order, order
-from virtual_robots.members import Happening, Message, Presence, RobotSpec, Topic
+from support.simulated_fleet import fleet_of, of
+from virtual_robots.simulation.components import Fault
+from virtual_robots.simulation.fleet import Fleet
+from virtual_robots.simulation.kinds import kind_path
+from virtual_robots.simulation.life import DEEDS, Order, order
+from virtual_robots.simulation.members import Happening, Message, Presence, RobotSpec, Topic
 
 LONG = 60.0  # seconds, more than a reboot and than a lease
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from fleet_stories import level_of, of
 
-from virtual_robots.diagnostics import ERROR, OK, WARN
-from virtual_robots.documents import DocumentError
-from virtual_robots.fleet import Fleet
-from virtual_robots.members import Happening, Note, Topic
-from virtual_robots.scenario import load_scenario, plan
+from support.simulated_fleet import level_of, of
+from virtual_robots.model import ERROR, OK, WARN
+from virtual_robots.schema.documents import DocumentError
+from virtual_robots.simulation.fleet import Fleet
+from virtual_robots.simulation.members import Happening, Note, Topic
+from virtual_robots.simulation.scenario import load_scenario, plan
 
 STORY = """
 description: a minute in the life of a mixed fleet

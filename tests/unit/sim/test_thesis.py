@@ -7,13 +7,13 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from fleet_stories import fleet_of, of
 
-from virtual_robots.components import Fault
-from virtual_robots.diagnostics import ERROR, OK, WARN
-from virtual_robots.documents import DocumentError
-from virtual_robots.members import Message, Topic
-from virtual_robots.thesis import load_settings
+from support.simulated_fleet import fleet_of, of
+from virtual_robots.model import ERROR, OK, WARN
+from virtual_robots.schema.documents import DocumentError
+from virtual_robots.schema.thesis import load_settings
+from virtual_robots.simulation.components import Fault
+from virtual_robots.simulation.members import Message, Topic
 
 
 def settings(folder: Path, **values: float) -> Path:

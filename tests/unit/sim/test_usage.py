@@ -113,7 +113,7 @@ def test_an_environment_with_a_domain_that_is_no_number_is_told(
 def test_robots_that_nobody_will_find_are_told_of(
     robots: int, participants: str, discovery: str, told: bool
 ) -> None:
-    transport = pytest.importorskip("virtual_robots.transport", reason="needs ROS 2")
+    transport = pytest.importorskip("virtual_robots.ros.transport", reason="needs ROS 2")
     environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": discovery}
     sentence = transport.too_many_for_localhost(
         robots, transport.Participants(participants), environment

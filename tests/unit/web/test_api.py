@@ -7,8 +7,7 @@ import pytest
 
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.web import api
-
-from .conftest import ask, component, fleet, robot
+from support.web_server import ask, component, fleet, robot
 
 MOTOR = component("Motor 1", "ERROR")
 

@@ -9,8 +9,7 @@ import pytest
 from ros_diagnostics_exporter.web import auth
 from ros_diagnostics_exporter.web.auth import Bucket, Buckets
 from ros_diagnostics_exporter.web.server import Server
-
-from .conftest import DOORS, ask, wait_until
+from support.web_server import DOORS, ask, wait_until
 
 PASSWORD = "häslo: with colon"
 

@@ -13,10 +13,10 @@ import time
 import bcrypt
 import pytest
 
-from ros_diagnostics_exporter.web import answers, guard, scrape
-from ros_diagnostics_exporter.web.guard import Phase
-
-from .conftest import ask, component, connect, fleet, robot, wait_until
+from ros_diagnostics_exporter.web import answers, scrape
+from ros_diagnostics_exporter.web import protocol as guard
+from ros_diagnostics_exporter.web.protocol import Phase
+from support.web_server import ask, component, connect, fleet, robot, wait_until
 
 GET = b"GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n"
 BIG = b"x" * 30_000_000  # 1,000 robots

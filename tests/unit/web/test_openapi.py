@@ -9,8 +9,7 @@ from schemathesis import GenerationMode
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.web.openapi import describe
 from ros_diagnostics_exporter.web.server import Server
-
-from .conftest import DOORS, component, fleet, robot
+from support.web_server import DOORS, component, fleet, robot
 
 LOG = EventLog()
 LOG.record(Event(1.0, "level", "a", "/Motor", "Motor 1", "OK", "ERROR", "hot"))

@@ -2,10 +2,9 @@ from __future__ import annotations
 
 from html.parser import HTMLParser
 
-from ros_diagnostics_exporter.ranks import state_of
+from ros_diagnostics_exporter.severity import state_of
 from ros_diagnostics_exporter.web.pages import landing
-
-from .conftest import ask, component, fleet, robot
+from support.web_server import ask, component, fleet, robot
 
 EVIL = "\"'><script>alert(1)</script><img src=x onerror=alert(1)>&amp;"
 SILENT = {"up": False, "silent_reason": "mute"}

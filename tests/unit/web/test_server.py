@@ -8,8 +8,7 @@ import pytest
 
 from ros_diagnostics_exporter.web.listen import ListenError, parse_address
 from ros_diagnostics_exporter.web.server import Server
-
-from .conftest import DOORS, ask, wait_until
+from support.web_server import DOORS, ask, wait_until
 
 PROMETHEUS = (
     "application/openmetrics-text;version=1.0.0;q=0.5,"

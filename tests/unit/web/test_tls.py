@@ -5,10 +5,9 @@ import ssl
 import pytest
 import trustme
 
-from ros_diagnostics_exporter.web.settings import Settings
+from ros_diagnostics_exporter.web.live_config import Settings
 from ros_diagnostics_exporter.web.webconfig import WebConfigError
-
-from .conftest import ask, connect, renew
+from support.web_server import ask, connect, renew
 
 
 @pytest.fixture

@@ -1,0 +1,130 @@
+"""The command: flags, wiring, signals, exit codes. The only file that knows all others."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import signal
+import sys
+import threading
+from collections.abc import Sequence
+from contextlib import closing
+
+from ros_diagnostics_exporter import logs
+from ros_diagnostics_exporter.alertmanager import Alertmanager
+from ros_diagnostics_exporter.cli import flags, systemd
+from ros_diagnostics_exporter.config.check import describe
+from ros_diagnostics_exporter.config.errors import ConfigError
+from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.events import EventLog, EventLogError
+from ros_diagnostics_exporter.ingest import ros
+from ros_diagnostics_exporter.service import Service
+from ros_diagnostics_exporter.web.listen import AddressError, ListenError
+from ros_diagnostics_exporter.web.live_config import Settings
+from ros_diagnostics_exporter.web.server import Server
+from ros_diagnostics_exporter.web.webconfig import WebConfigError
+
+EXIT_FAILURE = 1
+EXIT_USAGE = 2  # also a config that cannot be read, as argparse exits for a wrong flag
+
+log = logging.getLogger("ros_diagnostics_exporter")
+
+
+class WebEndedError(Exception):
+    """The web server has ended by itself; its own log line says why."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the exporter until SIGTERM or SIGINT; the exit code."""
+    own, for_ros = ros.split_arguments(sys.argv[1:] if arguments is None else arguments)
+    options = flags.parse(own)
+    wrapped = options.log_format == "json" and not options.config_check
+    logs.set_up(options.log_level, options.log_format, logs.wrap_output() if wrapped else None)
+    try:
+        return _check(options) if options.config_check else _run(options, for_ros)
+    except (ConfigError, WebConfigError) as error:
+        print(error, file=sys.stderr)  # noqa: T201
+        return EXIT_USAGE
+    except EventLogError as error:
+        print(f"ros-diagnostics-exporter: --events.path: {error}", file=sys.stderr)  # noqa: T201
+        return EXIT_USAGE
+    except AddressError as error:
+        print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
+        return EXIT_USAGE
+    except WebEndedError:
+        return EXIT_FAILURE
+    except (ros.RosMissingError, ListenError) as error:
+        print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
+        return EXIT_FAILURE
+
+
+def _check(options: argparse.Namespace) -> int:
+    print(describe(load(options.config_file)), end="")  # noqa: T201
+    Settings(options.web_config)
+    return 0
+
+
+def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
+    fleet = load(options.config_file)
+    for warning in fleet.warnings:
+        log.warning(warning)
+    ros.check_ros()
+    with closing(EventLog(options.events_path)) as events:
+        service = Service(
+            fleet,
+            options.config_file,
+            options.storage_path,
+            events,
+            for_ros,
+            alertmanager=_alertmanager(options),
+        )
+        _serve(options, service)
+    return 0
+
+
+def _alertmanager(options: argparse.Namespace) -> Alertmanager | None:
+    if not options.alertmanager_urls:
+        return None
+    return Alertmanager(
+        options.alertmanager_urls,
+        user=options.alertmanager_user,
+        password_file=options.alertmanager_password_file,
+        ca_file=options.alertmanager_ca_file,
+    )
+
+
+def _serve(options: argparse.Namespace, service: Service) -> None:
+    server = Server(
+        service.doors(),
+        listen=options.listen_addresses or [flags.DEFAULT_ADDRESS],
+        telemetry_path=options.telemetry_path,
+        web_config=options.web_config,
+        lifecycle=options.lifecycle,
+        domains=len(service.state.fleet.domain_ids),
+    )
+    server.start()
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda _number, _frame: stop.set())
+    reload = threading.Event()
+    signal.signal(signal.SIGHUP, lambda _number, _frame: reload.set())
+    try:
+        service.start()
+        systemd.notify("READY=1")
+        log.info("serving fleet %s on %s", service.state.fleet.name, ", ".join(server.addresses))
+        while not stop.is_set():
+            if not server.alive:
+                raise WebEndedError  # nobody would see the faults: whoever watches restarts us
+            if reload.is_set():
+                reload.clear()
+                service.request_reload("SIGHUP")
+            service.tick()
+            stop.wait(service.TICK)
+    finally:
+        systemd.notify("STOPPING=1")
+        server.stop()
+        service.stop()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

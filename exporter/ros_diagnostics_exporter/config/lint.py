@@ -1,0 +1,78 @@
+"""What is allowed in a config and yet probably not meant: one line for each, never an error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from ros_diagnostics_exporter.config.errors import Problem
+from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.config.metric_names import base_unit_for
+from ros_diagnostics_exporter.config.validate import Checked, Placed
+
+# A domain's ports begin at 7400 + 250 * id; Linux gives 32768 to 60999 to outgoing connections.
+# https://docs.ros.org/en/jazzy/Concepts/Intermediate/About-Domain-ID.html
+EPHEMERAL_DOMAINS = range(102, 215)
+
+
+def advice(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
+    """Every warning about `fleet`, which was made of `checked`: place, what, what is better."""
+    found = [
+        *_ephemeral_domains(checked),
+        *_units(checked),
+        *_labels_of_no_robot(checked, fleet),
+        *_nothing_to_watch(checked, fleet),
+    ]
+    return tuple(str(each) for each in found)
+
+
+def _ephemeral_domains(checked: Checked) -> Iterator[Problem]:
+    remedy = "prefer 0 to 101 (215 to 232 work on Linux, too)"
+    said: list[tuple[Placed[Any], str, tuple[int, ...]]] = [
+        *((each, "domain_id", (each.entry.domain_id or 0,)) for each in checked.robots),
+        *((each, "domain_id", (each.entry.domain_id or 0,)) for each in checked.shared),
+        *((each, "domain_ids", each.entry.domain_ids or (0,)) for each in checked.discovery),
+    ]
+    for placed, key, ids in said:
+        shared = [each for each in ids if each in EPHEMERAL_DOMAINS]
+        if shared:
+            numbers = ", ".join(map(str, shared[:5])) + (", ..." if len(shared) > 5 else "")
+            what = f"DDS domain {numbers} shares its ports with Linux' outgoing connections"
+            yield placed.problem(key, what=what, remedy=remedy)
+
+
+def _units(checked: Checked) -> Iterator[Problem]:
+    for placed in checked.profiles:
+        for at, value in enumerate(placed.entry.values or ()):
+            base = base_unit_for(value.metric) if value.metric else None
+            if base:
+                what = f"{value.metric} is not in a base unit of Prometheus"
+                remedy = f"call it ..._{base} and convert with scale"
+                yield placed.problem("values", at, "metric", what=what, remedy=remedy)
+            converted = value.scale is not None or value.offset is not None
+            has_unit_label = value.metric is None or value.thresholds is not None
+            if converted and has_unit_label and value.unit is None:
+                what = "is converted, but its label still has the unit from before"
+                yield placed.problem("values", at, what=what, remedy="add unit: and the new one")
+
+
+def _labels_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Problem]:
+    """A downtime for a label that no robot can have is a slip of the pen: it never holds."""
+    known = {"robot", "fleet"}
+    known.update(*(each.labels for each in fleet.robots))
+    known.update(*(each.labels for each in fleet.discoveries))
+    known.update(*(each.labels for each in fleet.shared))
+    for placed in checked.maintenance:
+        for label in placed.entry.selector:
+            if label not in known:
+                what = f"no robot has the label {label}, so this never holds"
+                remedy = f"select by one of {', '.join(sorted(known))}"
+                yield placed.problem("selector", label, what=what, remedy=remedy)
+
+
+def _nothing_to_watch(checked: Checked, fleet: Fleet) -> Iterator[Problem]:
+    if not (fleet.robots or fleet.discoveries or fleet.shared):
+        what = "no robots, discovery or shared topics, so there is nothing to watch"
+        yield checked.document.problem(
+            (), what, 'add discovery: [{topic: "/{robot}/diagnostics_agg"}]'
+        )

@@ -1,0 +1,182 @@
+"""Reads the config again, when asked to and when its files changed, in a thread of its own.
+
+A file system may hang: then only this thread waits, and whoever asks for a reload gets an error.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from pathlib import Path
+
+from ros_diagnostics_exporter.config.errors import ConfigError, Problem
+from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.config.watcher import Watch
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.model import Instant
+
+log = logging.getLogger(__name__)
+
+LOOK = 1.0  # seconds between two looks at the files
+ANSWER = 10.0  # seconds after which a read that is under way counts as hanging
+LISTED = 3  # problems in an event
+FILES_CHANGED = "its files changed"
+
+
+class Reloader:
+    """Keeps the config as its files say.
+
+    Args:
+        path: fleet.yml.
+        fleet: What was read of it at the start.
+        apply: Called with every Fleet that is read, in the reloader's thread.
+        record: Called with an event for every attempt that changes something.
+        clocks: What tells the time.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        fleet: Fleet,
+        *,
+        apply: Callable[[Fleet], None],
+        record: Callable[[Event], None],
+        clocks: Callable[[], Instant],
+    ) -> None:
+        self._path = path
+        self._fleet = fleet
+        self._apply = apply
+        self._record = record
+        self._clocks = clocks
+        self._watch = Watch(fleet.sources)
+        self._lock = threading.Lock()  # of the two below
+        self._next: Future[None] | None = None  # the attempt that was asked for
+        self._why = ""
+        self._wake = threading.Event()
+        self._stopping = False
+        self._busy_since: float | None = None  # monotonic
+        self._hang_logged = False
+        self._error = ""  # of the last attempt
+        self._successful = True
+        self.time = clocks().wall  # when the config was last read successfully, Unix time
+        self._thread = threading.Thread(target=self._run, name="config", daemon=True)
+
+    def start(self) -> None:
+        """Look at the files from now on."""
+        self._thread.start()
+
+    def stop(self, seconds: float) -> None:
+        """Apply nothing more; an attempt under way is waited for at most ``seconds``."""
+        self._stopping = True
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join(seconds)
+
+    @property
+    def successful(self) -> bool:
+        """Whether the last attempt succeeded, and none hangs."""
+        return self._successful and not self._hangs()
+
+    def _hangs(self) -> bool:
+        since = self._busy_since
+        return since is not None and self._clocks().mono - since > ANSWER
+
+    def request(self, why: str) -> Future[None]:
+        """Have the config read soon, which is logged with ``why``; the attempt."""
+        with self._lock:
+            if self._next is None:
+                self._next, self._why = Future(), why
+            self._wake.set()
+            return self._next
+
+    def reload(self, why: str) -> None:
+        """Have the config read, and wait for it.
+
+        Raises:
+            ConfigError: the config cannot be used, or it takes too long to read.
+        """
+        attempt = self.request(why)
+        try:
+            attempt.result(0 if self._hangs() else ANSWER)
+        except FutureTimeoutError:  # in Python 3.10 not the built-in one
+            what = f"has not been read after {ANSWER:.0f} s"
+            remedy = "see whether its disk or network folder answers; the log says how it ends"
+            raise ConfigError([Problem(self._path, None, "", what, remedy)]) from None
+
+    def tick(self) -> None:
+        """Log once when reading hangs."""
+        hangs = self._hangs()
+        if hangs and not self._hang_logged:
+            log.error(
+                "%s or what belongs to it has not been read after %.0f s: "
+                "the config cannot change until its disk or network folder answers",
+                self._path,
+                ANSWER,
+            )
+        self._hang_logged = hangs
+
+    # -- in the thread -----------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while not self._stopping:
+            self._wake.wait(LOOK)
+            with self._lock:
+                self._wake.clear()
+                attempt, self._next = self._next, None
+                why = self._why if attempt is not None else FILES_CHANGED
+            self._busy_since = self._clocks().mono
+            try:
+                if attempt is not None or self._watch.look():
+                    self._read(why)
+            except ConfigError as error:
+                _fail(attempt, error)
+            except Exception as error:
+                # Our own fault. It must neither end the thread nor go unseen.
+                self._successful = False
+                log.exception("reading the config failed")
+                _fail(attempt, error)
+            else:
+                if attempt is not None:
+                    attempt.set_result(None)
+            self._busy_since = None
+
+    def _read(self, why: str) -> None:
+        """Read everything and have it applied; only what changes something is worth an event."""
+        asked = why != FILES_CHANGED
+        self._watch.mark()
+        try:
+            fleet = load(self._path)
+        except ConfigError as error:
+            self._watch.watch(error.sources)
+            self._failed(error, why, again=str(error) == self._error and not asked)
+            raise
+        self._watch.watch(fleet.sources)
+        if self._stopping:
+            return
+        same = fleet == self._fleet and self._successful
+        self.time = self._clocks().wall
+        if same and not asked:
+            return
+        self._apply(fleet)
+        self._fleet, self._error, self._successful = fleet, "", True
+        self._record(Event(self.time, "config", after="read"))
+        log.info("the config was read again: %s", why)
+        for warning in fleet.warnings:
+            log.warning("%s", warning)
+
+    def _failed(self, error: ConfigError, why: str, *, again: bool) -> None:
+        self._error, self._successful = str(error), False
+        if again:
+            return
+        message = error.text(LISTED)
+        self._record(Event(self._clocks().wall, "config", after="refused", message=message))
+        log.error("the config was not taken over (%s), the old one goes on:\n%s", why, error)
+
+
+def _fail(attempt: Future[None] | None, error: Exception) -> None:
+    if attempt is not None:
+        attempt.set_exception(error)

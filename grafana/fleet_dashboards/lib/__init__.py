@@ -1,0 +1,1 @@
+"""What the dashboards are made of: panels, tables, links, palette, variables."""

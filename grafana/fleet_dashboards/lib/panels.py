@@ -1,0 +1,207 @@
+"""The kinds of panels that the dashboards are made of, with one look each.
+
+A panel's description begins with the question that it answers, and ends in a question mark there:
+docs/dashboards.md is made from it. Only panel types that Grafana has had since 9.0 are used.
+"""
+
+from __future__ import annotations
+
+from grafana_foundation_sdk.builders import (
+    bargauge,
+    prometheus,
+    stat,
+    statetimeline,
+    text,
+    timeseries,
+)
+from grafana_foundation_sdk.builders import common as common_builders
+from grafana_foundation_sdk.builders import dashboard as builders
+from grafana_foundation_sdk.models import common, dashboard
+
+from fleet_dashboards.lib import palette
+from fleet_dashboards.lib.variables import DATASOURCE
+
+WIDTH = 24  # of Grafana's grid; on a phone every panel is as wide as the screen
+
+
+def over_time(expr: str, legend: str = "", ref: str = "A") -> prometheus.Dataquery:
+    """A query over the time range; ``legend`` is Grafana's template of labels."""
+    query = prometheus.Dataquery().expr(tidy(expr)).range().ref_id(ref)
+    return query.legend_format(legend or "__auto").datasource(DATASOURCE)
+
+
+def at_end(expr: str, legend: str = "", ref: str = "A") -> prometheus.Dataquery:
+    """A query at the end of the time range."""
+    return over_time(expr, legend, ref).instant()
+
+
+def tidy(expr: str) -> str:
+    """An expression as it stands in the JSON: no empty lines, no indentation common to all."""
+    lines = [line.rstrip() for line in expr.splitlines() if line.strip()]
+    margin = min(len(line) - len(line.lstrip()) for line in lines)
+    return "\n".join(line[margin:] for line in lines)
+
+
+# --- One number, or one word ---
+
+
+def number(title: str, description: str, expr: str, unit: str = "short") -> stat.Panel:
+    """The present value, large."""
+    return (
+        stat.Panel()
+        .title(title)
+        .description(description)
+        .datasource(DATASOURCE)
+        .with_target(at_end(expr))
+        .unit(unit)
+        .reduce_options(common_builders.ReduceDataOptions().calcs(["lastNotNull"]))
+        .color_mode(common.BigValueColorMode.VALUE)
+        .color_scheme(fixed(palette.NEUTRAL))
+        .graph_mode(common.BigValueGraphMode.NONE)
+        .text_mode(common.BigValueTextMode.VALUE)
+        .no_value("-")
+        .height(4)
+        .span(4)
+    )
+
+
+def word(
+    title: str, description: str, expr: str, mappings: list[dashboard.ValueMapping]
+) -> stat.Panel:
+    """The present value as a word on its colour."""
+    panel = number(title, description, expr).mappings(mappings)
+    return panel.color_mode(common.BigValueColorMode.BACKGROUND).color_scheme(by_thresholds())
+
+
+def name(title: str, description: str, expr: str, label: str) -> stat.Panel:
+    """The value of a label, of all series that there are."""
+    panel = number(title, description, expr).targets([at_end(expr, f"{{{{{label}}}}}")])
+    return panel.text_mode(common.BigValueTextMode.NAME)
+
+
+# --- Lines and bars over time ---
+
+
+def graph(
+    title: str, description: str, *queries: prometheus.Dataquery, unit: str = "short"
+) -> timeseries.Panel:
+    """Lines over time."""
+    return (
+        timeseries.Panel()
+        .title(title)
+        .description(description)
+        .datasource(DATASOURCE)
+        .targets(list(queries))
+        .unit(unit)
+        .legend(legend())
+        .tooltip(common_builders.VizTooltipOptions().mode(common.TooltipDisplayMode.MULTI))
+        .line_width(1)
+        .fill_opacity(5)
+        .show_points(common.VisibilityMode.NEVER)
+        .height(8)
+        .span(WIDTH // 2)
+    )
+
+
+def stacked(panel: timeseries.Panel) -> timeseries.Panel:
+    """Turn lines into areas, one upon the other."""
+    stacking = common_builders.StackingConfig().mode(common.StackingMode.NORMAL)
+    return panel.stacking(stacking).fill_opacity(70).line_width(0)
+
+
+def timeline(title: str, description: str, *queries: prometheus.Dataquery) -> statetimeline.Panel:
+    """A bar for each series, in the colours of the states over time."""
+    return (
+        statetimeline.Panel()
+        .title(title)
+        .description(description)
+        .datasource(DATASOURCE)
+        .targets(list(queries))
+        .mappings(palette.state_mappings())
+        .color_scheme(by_thresholds())
+        .show_value(common.VisibilityMode.NEVER)
+        .merge_values(True)
+        .row_height(0.85)
+        .fill_opacity(90)
+        .line_width(0)
+        .legend(legend())
+        .tooltip(common_builders.VizTooltipOptions().mode(common.TooltipDisplayMode.SINGLE))
+        .height(10)
+        .span(WIDTH)
+    )
+
+
+def legend() -> common_builders.VizLegendOptions:
+    """Below the graph, so that a phone's width is the graph's."""
+    return (
+        common_builders.VizLegendOptions()
+        .display_mode(common.LegendDisplayMode.LIST)
+        .placement(common.LegendPlacement.BOTTOM)
+        .show_legend(True)
+        .calcs([])
+    )
+
+
+def bars(title: str, description: str, *queries: prometheus.Dataquery) -> bargauge.Panel:
+    """A bar for each series, as long as its present value."""
+    return (
+        bargauge.Panel()
+        .title(title)
+        .description(description)
+        .datasource(DATASOURCE)
+        .targets(list(queries))
+        .orientation(common.VizOrientation.HORIZONTAL)
+        .display_mode(common.BarGaugeDisplayMode.BASIC)
+        .reduce_options(common_builders.ReduceDataOptions().calcs(["lastNotNull"]))
+        .color_scheme(fixed(palette.NEUTRAL))
+        .height(8)
+        .span(WIDTH // 2)
+    )
+
+
+# --- Words, colours ---
+
+
+def note(title: str, description: str, markdown: str) -> text.Panel:
+    """A text."""
+    return text.Panel().title(title).description(description).content(markdown).span(WIDTH)
+
+
+def fixed(colour: str) -> builders.FieldColor:
+    """One colour, whatever the value."""
+    return builders.FieldColor().mode(dashboard.FieldColorModeId.FIXED).fixed_color(colour)
+
+
+def by_thresholds() -> builders.FieldColor:
+    """The colour of the value's mapping."""
+    return builders.FieldColor().mode(dashboard.FieldColorModeId.THRESHOLDS)
+
+
+def series(name: str, colour: str) -> list[dashboard.DynamicConfigValue]:
+    """Properties of an override: this name and colour for a series."""
+    return [
+        dashboard.DynamicConfigValue("displayName", name),
+        dashboard.DynamicConfigValue("color", {"mode": "fixed", "fixedColor": colour}),
+    ]
+
+
+def steps(*bounds: tuple[float | None, str]) -> builders.ThresholdsConfig:
+    """Colours from a value on; the first has no value."""
+    thresholds = [dashboard.Threshold(value, colour) for value, colour in bounds]
+    config = builders.ThresholdsConfig().mode(dashboard.ThresholdsMode.ABSOLUTE)
+    return config.steps(thresholds)
+
+
+def dashed(colour: str) -> list[dashboard.DynamicConfigValue]:
+    """Properties of an override: a bound, not a measurement."""
+    return [
+        dashboard.DynamicConfigValue("color", {"mode": "fixed", "fixedColor": colour}),
+        dashboard.DynamicConfigValue("custom.lineStyle", {"fill": "dash", "dash": [10, 10]}),
+        dashboard.DynamicConfigValue("custom.fillOpacity", 0),
+    ]
+
+
+def threshold_lines() -> common_builders.GraphThresholdsStyleConfig:
+    """Draw the thresholds as dashed lines."""
+    style = common_builders.GraphThresholdsStyleConfig()
+    return style.mode(common.GraphThresholdsStyleMode.DASHED)

@@ -1,0 +1,1 @@
+"""What demo, end-to-end tests and benches share: processes, ports, domains, servers, mail."""

@@ -1,0 +1,74 @@
+"""ROS domains for demo and tests: a run has one of its own and hears nobody else's robots."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from testbed.locks import claim
+
+# Above 101 the UDP ports of a domain overlap with Linux' ephemeral ports (ROS 2 documentation,
+# "The ROS_DOMAIN_ID").
+DOMAINS = range(1, 102)
+
+
+@contextmanager
+def lease() -> Iterator[int]:
+    """Yield a ROS domain id that no other lease holds and that nobody on this machine uses.
+
+    Raises:
+        RuntimeError: All domains are taken.
+    """
+    for domain_id in _starting_somewhere():
+        holder = claim(f"ros-domain/{domain_id}")
+        if holder is None:
+            continue
+        with holder:
+            if not _in_use(domain_id):
+                yield domain_id
+                return
+    raise RuntimeError(f"all ROS domains from {DOMAINS[0]} to {DOMAINS[-1]} are in use")
+
+
+def environment(domain_id: int) -> dict[str, str]:
+    """Return this process' environment for a program that talks ROS on this machine only.
+
+    UDP, because Fast DDS' shared memory outlives a killed process. What would lead the program to
+    another network (a discovery server, a profile of the user's) is left out.
+    """
+    elsewhere = {
+        "CYCLONEDDS_URI",
+        "FASTDDS_DEFAULT_PROFILES_FILE",
+        "FASTRTPS_DEFAULT_PROFILES_FILE",
+        "ROS_DISCOVERY_SERVER",
+        "ROS_LOCALHOST_ONLY",  # where set, it overrules the discovery range
+        "ROS_STATIC_PEERS",
+    }
+    kept = {name: value for name, value in os.environ.items() if name not in elsewhere}
+    return kept | {
+        "ROS_DOMAIN_ID": str(domain_id),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+    }
+
+
+def _starting_somewhere() -> list[int]:
+    """Every domain once, in an order that spreads processes that start together."""
+    first = os.getpid() % len(DOMAINS)
+    return [*DOMAINS[first:], *DOMAINS[:first]]
+
+
+def _in_use(domain_id: int) -> bool:
+    """Say whether a participant that took no lease is in the domain.
+
+    Each binds the domain's discovery port, 7400 + 250 x domain (RTPS 2.2, section 9.6.1.1), shared
+    with others of its kind; a socket that does not share can only have it while none is there.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("", 7400 + 250 * domain_id))
+        except OSError:
+            return True
+    return False

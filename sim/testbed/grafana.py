@@ -1,0 +1,77 @@
+"""Grafana with the shipped dashboards, where it is installed; the road works without it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import yaml
+
+from testbed.configuration import CHECKOUT, Addresses
+
+BINARIES = ("grafana", "grafana-server")  # the second: up to Grafana 9
+PACKAGED_HOME = Path("/usr/share/grafana")
+HOME_DASHBOARD = "ros-diagnostics-fleet"
+ABSENT = (
+    "no Grafana in PATH: install it (https://grafana.com/grafana/download) and start again,"
+    " or import grafana/dashboards/*.json into yours"
+)
+
+
+def command() -> list[str] | None:
+    """Return how Grafana is started here; None where it is not installed."""
+    for name in BINARIES:
+        if found := shutil.which(name):
+            home = _home(Path(found))
+            # What a package puts into PATH is a script that insists on /etc/grafana/grafana.ini,
+            # which an ordinary user may not read.
+            packaged = home / "bin" / name
+            server = ["server"] if name == "grafana" else []
+            binary = str(packaged) if packaged.exists() else found
+            return [binary, *server, f"--homepath={home}"]
+    return None
+
+
+def _home(found: Path) -> Path:
+    """Return the folder with Grafana's web pages: two above an unpacked archive's binary."""
+    unpacked = found.resolve().parent.parent
+    return unpacked if (unpacked / "conf" / "defaults.ini").exists() else PACKAGED_HOME
+
+
+def write_provisioning(folder: Path, addresses: Addresses) -> None:
+    """Copy the shipped provisioning to ``folder``; it leads to this run's servers."""
+    shutil.copytree(CHECKOUT / "grafana" / "provisioning", folder)
+    sources = folder / "datasources" / "ros-diagnostics.yml"
+    content = yaml.safe_load(sources.read_text())
+    urls = {"prometheus": addresses.prometheus, "alertmanager": addresses.alertmanager}
+    for each in content["datasources"]:
+        each["url"] = f"http://{urls[each['type']]}"
+    sources.write_text(yaml.safe_dump(content))
+    boards = folder / "dashboards" / "ros-diagnostics.yml"
+    content = yaml.safe_load(boards.read_text())
+    for provider in content["providers"]:
+        provider["options"]["path"] = str(_dashboards())
+    boards.write_text(yaml.safe_dump(content))
+
+
+def environment(folder: Path, address: str) -> dict[str, str]:
+    """Return the environment of a Grafana that keeps to ``folder`` and asks for no password."""
+    host, port = address.split(":")
+    return {
+        **os.environ,
+        "GF_PATHS_DATA": str(folder / "data"),
+        "GF_PATHS_LOGS": str(folder / "log"),
+        "GF_PATHS_PLUGINS": str(folder / "plugins"),
+        "GF_PATHS_PROVISIONING": str(folder / "provisioning"),
+        "GF_SERVER_HTTP_ADDR": host,
+        "GF_SERVER_HTTP_PORT": port,
+        "GF_AUTH_ANONYMOUS_ENABLED": "true",  # it listens on 127.0.0.1 only
+        "GF_ANALYTICS_REPORTING_ENABLED": "false",
+        "GF_ANALYTICS_CHECK_FOR_UPDATES": "false",
+        "GF_DASHBOARDS_DEFAULT_HOME_DASHBOARD_PATH": str(_dashboards() / f"{HOME_DASHBOARD}.json"),
+    }
+
+
+def _dashboards() -> Path:
+    return CHECKOUT / "grafana" / "dashboards"

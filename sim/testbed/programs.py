@@ -1,0 +1,96 @@
+"""The command line of every program that a run starts, and where the program is found."""
+
+from __future__ import annotations
+
+import shutil
+import sysconfig
+from pathlib import Path
+
+from testbed.configuration import CHECKOUT
+
+WITHOUT_END = 1e9  # seconds; the demo ends the robots, sooner or later
+
+
+class MissingProgram(Exception):  # noqa: N818 - says what is wrong, as FileNotFoundError does
+    """A program is not installed; the text says how to get it."""
+
+
+def own(name: str) -> str:
+    """Return the path of a command that this project installs.
+
+    Raises:
+        MissingProgram: This Python environment does not have it.
+    """
+    path = Path(sysconfig.get_path("scripts")) / name
+    if not path.exists():
+        raise MissingProgram(f"{path}: no such command; ./run installs it")
+    return str(path)
+
+
+def distributed(*names: str) -> str:
+    """Return the path of a server that the distribution packages, by the first name found.
+
+    Raises:
+        MissingProgram: None of the names is in PATH.
+    """
+    for name in names:
+        if path := shutil.which(name):
+            return path
+    raise MissingProgram(f"{names[0]}: no such program in PATH; ./run installs it with apt")
+
+
+def virtual_robots(
+    robots: int, seed: int, domain_id: int, scenario: Path | None = None
+) -> list[str]:
+    """Return the command that publishes the diagnostics of ``robots`` robots, or of a scenario.
+
+    The robots of a scenario go on as it left them when its own duration is over.
+    """
+    fleet = ["--robots", str(robots), "--seed", str(seed)]
+    if scenario is not None:
+        fleet = ["--scenario", str(scenario), "--duration", str(WITHOUT_END)]
+    return [own("virtual-robots"), *fleet, "--domain-id", str(domain_id)]
+
+
+def fault(robot: str, component: str, level: str, message: str, domain_id: int) -> list[str]:
+    """Return the command that gives a virtual robot's component a level (`ok`: repairs it)."""
+    said = ["--message", message] if message else []
+    where = ["--domain-id", str(domain_id)]
+    return [own("virtual-robots"), "fault", robot, component, level, *said, *where]
+
+
+def exporter(config: Path, address: str, storage: Path, alertmanager: str) -> list[str]:
+    """Return the command that serves the fleet of ``config`` at ``address``."""
+    return [
+        own("ros-diagnostics-exporter"),
+        f"--config.file={config}",
+        f"--web.listen-address={address}",
+        f"--storage.path={storage}",
+        f"--alertmanager.url=http://{alertmanager}",
+    ]
+
+
+def prometheus(config: Path, address: str, storage: Path) -> list[str]:
+    """Return the command that scrapes, evaluates the rules and keeps the data in ``storage``."""
+    return [
+        distributed("prometheus"),
+        f"--config.file={config}",
+        f"--storage.tsdb.path={storage}",
+        f"--web.listen-address={address}",
+        f"--web.external-url=http://{address}/",  # what links in alerts begin with
+        f"--web.user-assets={CHECKOUT / 'docs'}",  # the runbooks, at /user/alerts/
+        "--log.level=warn",
+    ]
+
+
+def alertmanager(config: Path, address: str, storage: Path) -> list[str]:
+    """Return the command that groups the alerts and sends the mails; alone, not in a cluster."""
+    return [
+        distributed("prometheus-alertmanager", "alertmanager"),
+        f"--config.file={config}",
+        f"--storage.path={storage}",
+        f"--web.listen-address={address}",
+        f"--web.external-url=http://{address}/",
+        "--cluster.listen-address=",
+        "--log.level=warn",
+    ]

@@ -1,0 +1,1 @@
+"""Recordings of diagnostics: rosbag2 and JSON."""

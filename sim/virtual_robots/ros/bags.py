@@ -1,0 +1,128 @@
+"""Recordings on real topics: played to them, written from them.
+
+Bytes pass through as they are. Which files there are is decided in bags.py.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping
+from fnmatch import fnmatchcase
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from virtual_robots.recording.bags import ARRAY, STATUS, Recorded
+from virtual_robots.ros.contexts import quiet_node
+
+MESSAGE_TYPES = {ARRAY: DiagnosticArray, STATUS: DiagnosticStatus}
+# Nothing that was recorded shall get lost here, so more is kept than a robot would.
+KEPT = 1000
+LOOK_FOR_TOPICS_EVERY = 0.5
+LOOK_FOR_SUBSCRIBERS_EVERY = 0.05
+
+
+class Playback:
+    """Topics that recorded messages are played to.
+
+    ``topics`` are recorded topic -> type; ``renamed`` gives the topic to publish a recorded one on.
+    """
+
+    def __init__(
+        self, context: Context, topics: Mapping[str, str], renamed: Callable[[str], str]
+    ) -> None:
+        self._node = quiet_node("virtual_robots_replay", context)
+        self._publishers = {
+            topic: self._node.create_publisher(
+                MESSAGE_TYPES[kind], renamed(topic), QoSProfile(depth=KEPT)
+            )
+            for topic, kind in topics.items()
+        }
+
+    def wait_for_subscribers(self, seconds: float, stop: threading.Event) -> bool:
+        """Wait until each topic has one; False if that took longer or ``stop`` was set."""
+        end = time.monotonic() + seconds
+        while not all(p.get_subscription_count() for p in self._publishers.values()):
+            if time.monotonic() >= end or stop.wait(LOOK_FOR_SUBSCRIBERS_EVERY):
+                return False
+        return True
+
+    def play(self, messages: Iterable[Recorded], rate: float, stop: threading.Event) -> int:
+        """Publish the messages with their distances in time, ``rate`` times as fast.
+
+        Returns how many were published before they ended or ``stop`` was set.
+        """
+        started, first, count = time.monotonic(), None, 0
+        for message in messages:
+            first = message.at if first is None else first
+            due = started + (message.at - first) / 1e9 / rate
+            if stop.wait(max(0.0, due - time.monotonic())):
+                break
+            self._publishers[message.topic].publish(message.data)
+            count += 1
+        return count
+
+    def close(self) -> None:
+        """Leave the graph, when the last messages have arrived (or after some seconds)."""
+        for publisher in self._publishers.values():
+            publisher.wait_for_all_acked(Duration(seconds=5))
+        self._node.destroy_node()
+
+
+class Recorder:
+    """Hands every diagnostic message of a domain to ``take``, on topics that match ``patterns``.
+
+    Topics that appear later are found too; ``found`` is called with each. A topic's messages are
+    asked for reliably where all its publishers offer that, as ros2 bag does.
+    """
+
+    def __init__(
+        self,
+        context: Context,
+        patterns: Iterable[str],
+        take: Callable[[Recorded], None],
+        found: Callable[[str], None],
+    ) -> None:
+        self._node = quiet_node("virtual_robots_record", context)
+        self._patterns = list(patterns)
+        self._take = take
+        self._found = found
+        self._topics: dict[str, Any] = {}
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(self._node)
+        self._node.create_timer(LOOK_FOR_TOPICS_EVERY, self._find_topics)
+        self._find_topics()
+
+    def record(self, stop: threading.Event, until: float = float("inf")) -> None:
+        """Listen until ``stop`` is set or ``until`` (s) is over."""
+        end = time.monotonic() + until
+        while not stop.is_set() and time.monotonic() < end:
+            self._executor.spin_once(timeout_sec=min(0.2, max(0.0, end - time.monotonic())))
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+
+    def _find_topics(self) -> None:
+        for topic, kinds in self._node.get_topic_names_and_types():
+            kind = kinds[0]
+            wanted = any(fnmatchcase(topic, pattern) for pattern in self._patterns)
+            if wanted and kind in MESSAGE_TYPES and topic not in self._topics:
+                self._topics[topic] = self._subscribe(topic, kind)
+                self._found(topic)
+
+    def _subscribe(self, topic: str, kind: str) -> Any:
+        def on_message(data: bytes) -> None:
+            self._take(Recorded(time.time_ns(), topic, kind, data))
+
+        offered = self._node.get_publishers_info_by_topic(topic)
+        reliable = all(p.qos_profile.reliability == ReliabilityPolicy.RELIABLE for p in offered)
+        reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+        qos = QoSProfile(depth=KEPT, reliability=reliability)
+        return self._node.create_subscription(MESSAGE_TYPES[kind], topic, on_message, qos, raw=True)

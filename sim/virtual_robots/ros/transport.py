@@ -1,0 +1,144 @@
+"""The robots' topics over DDS: which participant has them, and the bytes that go out.
+
+What a message means is decided elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from virtual_robots.recording.cdr import encode_array, encode_status
+from virtual_robots.ros.contexts import DomainError, check_domain_id, open_context, quiet_node
+from virtual_robots.simulation.members import Happening, Message, Presence, Topic
+
+DRIVER_NODE = "virtual_robot_driver"
+TYPES = {
+    Topic.RAW: DiagnosticArray,
+    Topic.AGGREGATED: DiagnosticArray,
+    Topic.TOPLEVEL: DiagnosticStatus,
+}
+
+
+class Participants(Enum):
+    """Who shares a DDS participant: the whole fleet, or each robot has its own, or its domain."""
+
+    FLEET = "fleet"
+    ROBOT = "robot"
+    DOMAIN = "domain"
+
+
+# With discovery on this machine only, Fast DDS asks the ports of so many participants (measured:
+# of 60 robots 32 are found).
+FOUND_ON_LOCALHOST = 32
+
+
+def too_many_for_localhost(
+    robots: int, participants: Participants, environment: Mapping[str, str]
+) -> str:
+    """A sentence if some of the robots will not be found; empty otherwise."""
+    local = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST"
+    if not local or participants is not Participants.ROBOT or robots < FOUND_ON_LOCALHOST:
+        return ""
+    return (
+        f"with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST only {FOUND_ON_LOCALHOST} DDS participants"
+        f" find each other, so not all of {robots} robots will be heard; set it to SUBNET"
+    )
+
+
+class Transport:
+    """Publishes what happens in a fleet.
+
+    ``robots`` are all names that can appear; with DOMAIN the first has ``domain_id`` and each of
+    the others the next one. Without ``aggregated`` they have their raw topic only: another program
+    publishes the rest. Raises DomainError if these are more domains than there are.
+    """
+
+    def __init__(
+        self,
+        robots: list[str],
+        domain_id: int,
+        participants: Participants,
+        *,
+        aggregated: bool = True,
+    ) -> None:
+        self._topics = tuple(Topic) if aggregated else (Topic.RAW,)
+        step = 1 if participants is Participants.DOMAIN else 0
+        last = domain_id + step * (len(robots) - 1)
+        try:
+            check_domain_id(last)
+        except DomainError as error:
+            raise DomainError(
+                f"{len(robots)} robots in a domain each, from {domain_id}, need domain {last}:"
+                f" {error}; start lower or with fewer robots"
+            ) from error
+        self._domains = {name: domain_id + step * i for i, name in enumerate(robots)}
+        self._shared: tuple[Context, Node] | None = None
+        if participants is Participants.FLEET:
+            self._shared = _open(domain_id, f"{DRIVER_NODE}s", None)
+        self._own: dict[str, tuple[Context, Node]] = {}
+        self._publishers: dict[tuple[str, Topic], Any] = {}
+
+    def take(self, happening: Happening, started: float) -> None:
+        """Do what has happened; ``started`` is the fleet's start in seconds since the epoch."""
+        if isinstance(happening, Message):
+            self._publish(happening, started)
+        elif isinstance(happening, Presence):
+            change = self.appear if happening.present else self.vanish
+            change(happening.robot)
+
+    def appear(self, robot: str) -> None:
+        """Bring the robot into the graph, if it is not there."""
+        if (robot, Topic.RAW) in self._publishers:
+            return
+        node = self._node_of(robot)
+        # As the real ones: reliable, volatile, and the last message only.
+        qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+        for topic in self._topics:
+            name = f"/{robot}/{topic.value}"
+            self._publishers[robot, topic] = node.create_publisher(TYPES[topic], name, qos)
+
+    def vanish(self, robot: str) -> None:
+        """Take the robot out of the graph, with goodbye."""
+        for topic in self._topics:
+            publisher = self._publishers.pop((robot, topic))
+            if self._shared is not None:
+                self._shared[1].destroy_publisher(publisher)
+        if robot in self._own:
+            _close(*self._own.pop(robot))
+
+    def close(self) -> None:
+        """Take all out of the graph."""
+        for context, node in self._own.values():
+            _close(context, node)
+        if self._shared is not None:
+            _close(*self._shared)
+
+    def _publish(self, message: Message, started: float) -> None:
+        if message.topic is Topic.TOPLEVEL:
+            data = encode_status(message.statuses[0])
+        else:
+            data = encode_array(message.statuses, started + message.stamp)
+        self._publishers[message.robot, message.topic].publish(data)
+
+    def _node_of(self, robot: str) -> Node:
+        if self._shared is not None:
+            return self._shared[1]
+        self._own[robot] = _open(self._domains[robot], DRIVER_NODE, f"/{robot}")
+        return self._own[robot][1]
+
+
+def _open(domain_id: int, name: str, namespace: str | None) -> tuple[Context, Node]:
+    context = open_context(domain_id)
+    return context, quiet_node(name, context, namespace)
+
+
+def _close(context: Context, node: Node) -> None:
+    node.destroy_node()
+    context.try_shutdown()

@@ -1,0 +1,1 @@
+"""The files that describe virtual robots: kinds, scenarios, the thesis' settings."""

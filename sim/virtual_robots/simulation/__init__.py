@@ -1,0 +1,1 @@
+"""The fleet as a discrete simulation, on a clock of its own."""

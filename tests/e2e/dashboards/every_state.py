@@ -1,0 +1,143 @@
+"""A fleet that is in every state at once, and a second one that is well.
+
+Each robot is named after what is the matter with it. What the dashboards must show of it stands in
+the files of cells/.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.model import Array, Instant, Status
+from ros_diagnostics_exporter.state.network import Endpoint
+from ros_diagnostics_exporter.state.state import State, Topic
+from support.served_fleet import ServedFleet
+from support.state_driver import ERROR, OK, WARN, tree
+
+HALL = """
+fleet: hall
+profiles:
+  default:
+    stale_after: 3s
+    confirm_after: 1s
+    values:
+      - {key: Level, thresholds: {low: {warning: 30, critical: 15}}}
+      - {key: Temperature, thresholds: {high: {warning: 80}}}
+      - {key: Voltage (V), thresholds: {low: {warning: 22}}}
+      - {key: Cycles, thresholds: {high: {warning: 1000}}}
+  slow: {confirm_after: 1h}
+  lasers: {checks: {lasers: {match: [Laser], expect: 2}}}
+  loose: {components: [{match: Sensor, confirm_after: 1h}]}
+  docked: {components: [{match: Arm, planned_stale: true}]}
+robots:
+  - {name: well, namespace: /well, labels: {site: north, robot_group: carriers, kind: cart}}
+  - {name: warned, namespace: /warned, labels: {site: north, robot_group: carriers}}
+  - {name: broken, namespace: /broken, labels: {site: north, robot_group: carriers}}
+  - {name: stale, namespace: /stale, labels: {site: south, robot_group: carriers}}
+  - {name: silent, namespace: /silent, labels: {site: south, robot_group: carriers}}
+  - {name: pending, namespace: /pending, labels: {site: south}}
+  - {name: maintained, namespace: /maintained, labels: {site: south}}
+  - {name: flapping, namespace: /flapping, profile: loose}
+  - {name: fresh, namespace: /fresh, profile: slow}
+  - {name: short, namespace: /short, profile: lasers}
+  - {name: docked, namespace: /docked, profile: docked}
+  - {name: cut_off, namespace: /cut_off, labels: {uplink: ap_9}}
+maintenance:
+  - name: overhaul
+    selector: {robot: maintained}
+    comment: new motor
+    weekly: [Mon-Sun 00:00-24:00]
+"""
+ANNEX = """
+fleet: annex
+robots:
+  - {name: well, namespace: /well, labels: {site: north}}
+"""
+NEVER_HEARD = "pending"
+FALL_SILENT = ("silent", "cut_off")
+TURNS_BEFORE = 3  # scrapes in which what falls silent or goes missing is still there
+
+
+def _status(name: str, level: int = OK, message: str = "", *values: tuple[str, str]) -> Status:
+    return Status(level, name, message or ("OK" if level == OK else ""), f"id of {name}", values)
+
+
+def _battery(level: int = OK, message: str = "", percent: int = 80) -> Status:
+    return _status(
+        "Battery",
+        level,
+        message,
+        ("Level", f"{percent} %"),
+        ("Voltage (V)", "24.5"),
+        ("Cycles", "7"),
+    )
+
+
+def _motor(level: int = OK, message: str = "", degrees: int = 40) -> Status:
+    return _status("Motor 1", level, message, ("Temperature", f"{degrees} degC"))
+
+
+def _statuses(robot: str, turn: int) -> tuple[Status, ...]:
+    """What a robot says at a scrape, the ``turn``-th since the start."""
+    usual = {"Power": (_battery(),), "Motor": (_motor(),)}
+    said: dict[str, dict[str, tuple[Status, ...]]] = {
+        "warned": {"Power": (_battery(WARN, "Low charge", 20),), "Motor": (_motor(degrees=41),)},
+        "broken": {
+            "Power": (_battery(percent=78),),
+            "Motor": (_motor(ERROR, "Motor failure", 42),),
+            "Laser": (_status("Laser 1", WARN, "Dirty"),),
+            "Odd": (Status(9, "Odd level", "there is no level 9", ""),),
+        },
+        "stale": {**usual, "Camera": (_status("Cam 1"),) if turn < TURNS_BEFORE else ()},
+        "maintained": {"Power": (_battery(),), "Motor": (_motor(ERROR, "No motor", 75),)},
+        # Its battery keeps the robot itself in one state.
+        "flapping": {
+            "Power": (_battery(WARN, "Low charge", 25),),
+            "Motor": (_motor(),),
+            "Sensor": (_status("Sensor 1", (OK, WARN)[turn % 2], "Loose"),),
+        },
+        "fresh": {"Power": (_battery(),), "Motor": (_motor(ERROR, "Motor failure", 39),)},
+        "short": {**usual, "Laser": (_status("Laser 1"),)},
+        "docked": {**usual, "Tool": (_status("Arm"),) if turn < TURNS_BEFORE else ()},
+    }
+    return tree(**said.get(robot, usual))
+
+
+def every_state(folder: Path) -> ServedFleet:
+    """The fleet "hall"."""
+    return _served(folder / "hall.yml", HALL)
+
+
+def all_well(folder: Path) -> ServedFleet:
+    """The fleet "annex", whose only robot has a namesake in the hall."""
+    return _served(folder / "annex.yml", ANNEX)
+
+
+def _served(path: Path, text: str) -> ServedFleet:
+    path.write_text(text)
+    turns = iter(range(1_000_000))
+
+    def speak(state: State, now: Instant) -> None:
+        turn = next(turns)
+        for robot in list(state.robots.values()):
+            name = robot.settings.name
+            topic = robot.settings.topic_agg or ""
+            if name == NEVER_HEARD:
+                continue
+            state.graph(0, _endpoints(state), now)
+            if name not in FALL_SILENT or turn < TURNS_BEFORE:
+                stamp = now.wall - (7.0 if name == "warned" else 0.5)
+                state.receive(Topic(0, topic), Array(stamp, _statuses(name, turn), 900), now)
+
+    served = ServedFleet(load(path), speak)
+    speak(served.state, served.started)
+    return served
+
+
+def _endpoints(state: State) -> dict[str, Endpoint]:
+    return {
+        robot.settings.topic_agg or "": Endpoint(1)
+        for robot in state.robots.values()
+        if robot.settings.name not in {*FALL_SILENT, NEVER_HEARD}
+    }

@@ -1,0 +1,122 @@
+"""A team that is told in certain hours only: the shipped route, switched on, on a real server."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from support.alerts import hand, reload
+from testbed.configuration import CHECKOUT
+from testbed.http import answers
+from testbed.mail import Inbox, MailServer
+from testbed.polling import until
+from testbed.programs import alertmanager
+
+COMMENTED = """\
+    # - matchers: [team = arms]
+    #   receiver: team
+    #   continue: true
+    #   active_time_intervals: [working-hours]
+"""
+FAULT = {
+    "labels": {
+        "alertname": "RosDiagnosticsComponentCritical",
+        "severity": "critical",
+        "fleet": "f",
+        "robot": "r1",
+        "component": "Motor 1",
+        "team": "arms",
+    }
+}
+PROBLEM = "** PROBLEM ** f/r1 Motor 1 is CRITICAL"
+RECOVERY = "** RECOVERY ** f/r1 Motor 1 is no longer CRITICAL"
+EVERYBODY = "robots@localhost"
+TEAM = "team@localhost"
+
+
+class Site:
+    """An Alertmanager whose working hours are set by the test."""
+
+    def __init__(self, folder: Path, free_port: Callable[[], int]) -> None:
+        shutil.copytree(CHECKOUT / "alertmanager", folder / "alertmanager")
+        self.config = folder / "alertmanager" / "alertmanager.yml"
+        self.address = f"127.0.0.1:{free_port()}"
+        self.smtp = f"127.0.0.1:{free_port()}"
+        self.inbox = Inbox()
+
+    def set_hours(self, *, now: bool) -> None:
+        """Write working hours that hold today, or on other days only."""
+        text = self.config.read_text()
+        content = yaml.safe_load(text.replace(COMMENTED, COMMENTED.replace("# ", "")))
+        content["global"]["smtp_smarthost"] = self.smtp
+        content["route"]["group_interval"] = "1s"
+        around = [datetime.now(timezone.utc) + timedelta(days=days) for days in (-1, 0, 1)]
+        days = {f"{day:%A}".lower() for day in around}  # midnight may come within the test
+        others = {"monday", "tuesday", "wednesday", "thursday", "friday"} - days
+        content["time_intervals"][0]["time_intervals"] = [
+            {"weekdays": sorted(days if now else others)}
+        ]
+        self.config.write_text(yaml.safe_dump(content))
+
+    def told(self, address: str) -> list[str]:
+        """The subjects of all mails to the address."""
+        return [each.subject for each in self.inbox.mails() if address in each.recipients]
+
+    def wait_for(self, address: str, *subjects: str) -> None:
+        until(lambda: self.told(address) == [*subjects], lambda: f"{self.told(address)}", 30)
+
+    def settle(self) -> None:
+        """Wait until a mail that is not held would have come."""
+        then = time.monotonic() + 4
+        until(lambda: time.monotonic() >= then, "some turns of the groups")
+
+
+@pytest.fixture
+def site(
+    tmp_path: Path, free_port: Callable[[], int], start_process: Callable[..., Any]
+) -> Iterator[Site]:
+    assert COMMENTED in (CHECKOUT / "alertmanager" / "alertmanager.yml").read_text()
+    site = Site(tmp_path, free_port)
+    site.set_hours(now=False)
+    server = MailServer(site.smtp, site.inbox)
+    server.start()
+    start_process("alertmanager", alertmanager(site.config, site.address, tmp_path / "data"))
+    until(lambda: answers(site.address, "/-/ready"), "Alertmanager is ready", 30)
+    yield site
+    server.stop()
+
+
+def test_a_team_is_told_in_its_hours_what_began_before_and_everybody_at_once(site: Site):
+    """Outside of its hours it gets no recovery either: what must not be missed goes to all."""
+    hand(site.address, FAULT)
+    site.wait_for(EVERYBODY, PROBLEM)
+    site.settle()
+    assert site.told(TEAM) == []
+
+    site.set_hours(now=True)
+    reload(site.address)
+    site.wait_for(TEAM, PROBLEM)
+
+    site.set_hours(now=False)
+    reload(site.address)
+    hand(site.address, FAULT, over=True)
+    site.wait_for(EVERYBODY, PROBLEM, RECOVERY)
+    site.settle()
+    assert site.told(TEAM) == [PROBLEM]
+
+
+def test_within_its_hours_a_team_is_told_the_recovery_too(site: Site):
+    site.set_hours(now=True)
+    reload(site.address)
+    hand(site.address, FAULT)
+    site.wait_for(TEAM, PROBLEM)
+    hand(site.address, FAULT, over=True)
+    site.wait_for(TEAM, PROBLEM, RECOVERY)
+    site.wait_for(EVERYBODY, PROBLEM, RECOVERY)

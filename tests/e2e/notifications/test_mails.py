@@ -1,0 +1,63 @@
+"""From a fault in a robot to the operator's inbox, over the whole road.
+
+The tests break robots and kill programs; they post no alert and send no mail themselves.
+"""
+
+from __future__ import annotations
+
+from html import unescape
+
+PROBLEM = "** PROBLEM ** demo/robot_2 Motor 2 is CRITICAL"
+RECOVERY = "** RECOVERY ** demo/robot_2 Motor 2 is no longer CRITICAL"
+
+
+def test_a_motor_broken_twice_is_told_twice_and_each_recovery_too(
+    stack, wait_for_mails, wait_for_scrapes
+):
+    for cycle in (0, 2):
+        stack.fault("robot_2", "Motor 2", "error", "winding at 131 C")
+        wait_for_mails(cycle + 1)
+        stack.fault("robot_2", "Motor 2", "ok")
+        wait_for_mails(cycle + 2)
+    wait_for_scrapes(3)  # a mail too many would come within these
+
+    mails = stack.inbox.mails()
+    assert [mail.subject for mail in mails] == [PROBLEM, RECOVERY, PROBLEM, RECOVERY]
+    for mail in mails:
+        assert "robot_2" in mail.text
+        assert "Motor 2" in mail.text
+        assert f"{mail.subject}</h2>" in mail.html
+    assert len({mail.thread for mail in mails}) == 1
+    for problem in mails[::2]:
+        for part in (problem.text, problem.html):
+            assert "winding at 131 C" in part
+            assert "Temperature" in part
+            assert "all OK" in part
+            assert "/d/ros-diagnostics-component?" in part
+            assert "/user/alerts/RosDiagnosticsComponentCritical.md" in part
+            assert "component%3D%22Motor%202%22" in part
+            assert " -- 'robot_2' 'Motor 2'" in unescape(part)
+
+
+def test_an_exporter_killed_and_restarted_while_a_motor_is_critical_sends_no_mail(
+    stack, wait_for_mails, wait_for_scrapes
+):
+    stack.fault("robot_2", "Motor 2", "error", "winding at 131 C")
+    assert wait_for_mails(1) == [PROBLEM]
+
+    stack.exporter.process.kill()
+    wait_for_failed_scrape(stack)
+    stack.exporter.process.start()
+    wait_for_scrapes(8)
+
+    assert [mail.subject for mail in stack.inbox.mails()] == [PROBLEM]
+    stack.fault("robot_2", "Motor 2", "ok")
+    wait_for_mails(2)
+    wait_for_scrapes(3)
+    assert [mail.subject for mail in stack.inbox.mails()] == [PROBLEM, RECOVERY]
+
+
+def wait_for_failed_scrape(stack) -> None:
+    from testbed.polling import until
+
+    until(lambda: stack.query('up{job="ros-diagnostics"} == 0'), "a scrape that fails")

@@ -1,0 +1,84 @@
+"""A pair of Alertmanagers of which one is killed: no mail is lost, none comes twice."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+
+from support.alertmanager_cluster import PEER_TIMEOUT, clustered, sees_two
+from support.alerts import hand
+from testbed.configuration import CHECKOUT
+from testbed.mail import Inbox, MailServer
+from testbed.polling import until
+from testbed.processes import Process
+from testbed.programs import alertmanager
+
+PROBLEM = "** PROBLEM ** f/r1 Motor 1 is CRITICAL"
+RECOVERY = "** RECOVERY ** f/r1 Motor 1 is no longer CRITICAL"
+
+
+class Pair:
+    """Two Alertmanagers that know each other, and alerts handed to both as Prometheus does."""
+
+    def __init__(self, inbox: Inbox) -> None:
+        self.inbox = inbox
+        self.halves: list[tuple[str, Process]] = []
+
+    def tell(self, *, over: bool = False) -> None:
+        labels = {"alertname": "RosDiagnosticsComponentCritical", "fleet": "f", "robot": "r1"}
+        for address, process in self.halves:
+            if process.alive:
+                hand(address, {"labels": {**labels, "component": "Motor 1"}}, over=over)
+
+    def subjects(self) -> list[str]:
+        return [mail.subject for mail in self.inbox.mails()]
+
+    def settled(self, number: int) -> list[str]:
+        """All subjects, when so many mails have come and each half had time for one too many."""
+        until(lambda: len(self.subjects()) >= number, lambda: f"mails: {self.subjects()}", 60)
+        then = time.monotonic() + 2 * PEER_TIMEOUT + 2
+        until(lambda: time.monotonic() >= then, "each half had its turn")
+        return self.subjects()
+
+
+@pytest.fixture
+def pair(
+    tmp_path: Path, free_port: Callable[[], int], start_process: Callable[..., Process]
+) -> Iterator[Pair]:
+    shutil.copytree(CHECKOUT / "alertmanager", tmp_path / "alertmanager")
+    config = tmp_path / "alertmanager" / "alertmanager.yml"
+    smtp = f"127.0.0.1:{free_port()}"
+    content = yaml.safe_load(config.read_text())
+    content["global"]["smtp_smarthost"] = smtp
+    content["route"]["group_interval"] = "1s"
+    config.write_text(yaml.safe_dump(content))
+    pair = Pair(Inbox())
+    server = MailServer(smtp, pair.inbox)
+    server.start()
+    gossip = [f"127.0.0.1:{free_port()}" for _ in range(2)]
+    for number, (mine, other) in enumerate([gossip, gossip[::-1]]):
+        address = f"127.0.0.1:{free_port()}"
+        alone = alertmanager(config, address, tmp_path / f"data{number}")
+        process = start_process(f"half{number}", clustered(alone, mine, other))
+        pair.halves.append((address, process))
+    until(lambda: all(sees_two(address) for address, _ in pair.halves), "the pair", 60)
+    yield pair
+    server.stop()
+
+
+@pytest.mark.parametrize("killed", [0, 1])
+def test_a_killed_half_loses_and_doubles_no_mail(pair: Pair, killed: int):
+    pair.tell()
+    assert pair.settled(1) == [PROBLEM]
+
+    pair.halves[killed][1].kill()
+    pair.tell(over=True)
+    assert pair.settled(2) == [PROBLEM, RECOVERY]
+
+    pair.tell()
+    assert pair.settled(3) == [PROBLEM, RECOVERY, PROBLEM]

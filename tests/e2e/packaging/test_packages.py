@@ -1,0 +1,131 @@
+"""What is installed from: the wheel, the systemd unit, the Containerfile, compose.yaml."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+import urllib.request
+import venv
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from testbed import domains, ports
+from testbed.polling import until
+from testbed.processes import Process
+
+ROOT = Path(__file__).parents[3]
+UNIT = ROOT / "packaging" / "ros-diagnostics-exporter.service"
+
+pytestmark = pytest.mark.e2e
+
+
+def run(*command: str | Path, **options: Any) -> str:
+    ended = subprocess.run(
+        list(map(str, command)), capture_output=True, text=True, timeout=280, check=False, **options
+    )
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    return ended.stdout + ended.stderr
+
+
+@pytest.mark.slow
+def test_the_wheel_in_an_empty_environment_serves_a_fleet(tmp_path):
+    """Everything that is needed at run time is in the wheel or named as its dependency."""
+    run(sys.executable, "-m", "pip", "wheel", "--no-deps", "--wheel-dir", tmp_path, ROOT)
+    (wheel,) = tmp_path.glob("*.whl")
+    venv.create(tmp_path / "empty", with_pip=True)
+    bin_ = tmp_path / "empty" / "bin"
+    run(bin_ / "pip", "install", "--quiet", f"{wheel}[ros]", cwd=tmp_path)
+    address = f"127.0.0.1:{ports.free_port()}"
+    with domains.lease() as domain:
+        (tmp_path / "fleet.yml").write_text(
+            "fleet: hall\n"
+            f'discovery: [{{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain}]}}]\n'
+        )
+        environment = domains.environment(domain)
+        robots = [bin_ / "virtual-robots", "--robots", "2", "--domain-id", str(domain)]
+        exporter = [
+            *(bin_ / "ros-diagnostics-exporter", "--config.file", tmp_path / "fleet.yml"),
+            *("--web.listen-address", address, "--storage.path", tmp_path / "state"),
+        ]
+        running = [
+            Process("robots", robots, environment, tmp_path / "robots.log"),
+            Process("exporter", exporter, environment, tmp_path / "exporter.log"),
+        ]
+        try:
+            for each in running:
+                each.start()
+            until(lambda: served(address) == {"robot_1", "robot_2"}, running[1].describe)
+            assert "openapi" in fetch(address, "/api/v1/openapi.json")
+            status = run(bin_ / "ros-diagnostics-status", "--url", f"http://{address}")
+            assert "2 OK" in status
+            check = [bin_ / "check_ros_diagnostics", "-H", "robot_1", "--url", f"http://{address}"]
+            assert run(*check).startswith("OK - ")
+        finally:
+            for each in running:
+                each.stop()
+
+
+def fetch(address: str, path: str) -> Any:
+    with urllib.request.urlopen(f"http://{address}{path}", timeout=20) as answer:
+        return json.load(answer)
+
+
+def served(address: str) -> set[str]:
+    try:
+        robots = fetch(address, "/api/v1/fleet")["robots"]
+    except OSError:
+        return set()
+    return {robot["robot"] for robot in robots if robot["up"]}
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
+def test_systemd_understands_the_unit_and_finds_it_confined(tmp_path):
+    unit = tmp_path / UNIT.name
+    unit.write_text(UNIT.read_text().replace("/opt/ros-diagnostics-exporter/bin/", "/bin/true "))
+    assert run("systemd-analyze", "verify", unit) == ""
+    said = run("systemd-analyze", "security", "--offline=yes", UNIT)
+    found = re.search(r"Overall exposure level for \S+: ([\d.]+)", said)
+    assert found is not None
+    assert float(found[1]) < 2.0
+
+
+def test_the_unit_and_the_containerfile_start_what_the_wheel_installs():
+    started = re.search(r"^ExecStart=\S*/(\S+) ", UNIT.read_text(), re.MULTILINE)
+    containerfile = (ROOT / "packaging" / "Containerfile").read_text()
+    entry = re.search(r'ENTRYPOINT \["(\S+)"\]', containerfile)
+    scripts = re.findall(r"^(\S+) = \"\w+\.", (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
+    assert started is not None
+    assert entry is not None
+    assert {started[1], entry[1], "virtual-robots", "check_ros_diagnostics"} <= set(scripts)
+    for copied in re.findall(r"^COPY (?!--from)(.+) \S+$", containerfile, re.MULTILINE):
+        assert all((ROOT / name).exists() for name in copied.split())
+
+
+def test_compose_mounts_what_there_is_and_pins_every_image():
+    services = yaml.safe_load((ROOT / "compose.yaml").read_text())["services"]
+    assert len(services) == 7
+    for service in services.values():
+        tag = service["image"].rpartition(":")[2]
+        assert re.fullmatch(r"v?\d+\.\d+\.\d+", tag), service["image"]
+        for volume in service.get("volumes", ()):
+            source = volume.partition(":")[0]
+            assert not source.startswith("./") or (ROOT / source).exists(), volume
+        assert service["cap_drop"] == ["ALL"]
+
+
+def test_prometheus_takes_the_settings_that_compose_mounts(tmp_path):
+    shutil.copytree(ROOT / "prometheus", tmp_path, dirs_exist_ok=True)
+    shutil.copy(ROOT / "packaging" / "compose" / "prometheus.yml", tmp_path / "prometheus.yml")
+    run("promtool", "check", "config", tmp_path / "prometheus.yml")
+
+
+def test_the_exporter_takes_the_fleet_that_compose_mounts():
+    command = Path(sys.executable).parent / "ros-diagnostics-exporter"
+    path = ROOT / "packaging" / "compose" / "fleet.yml"
+    assert "42" in run(command, "--config.check", "--config.file", path)

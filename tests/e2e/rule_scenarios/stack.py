@@ -1,0 +1,240 @@
+"""The stage of the stories: robots, exporters, probes and servers, and what can be done to them.
+
+Everything is real and runs on this machine: virtual robots in a ROS domain, an exporter for each
+fleet, blackbox_exporter, Prometheus and Alertmanager. A TCP port of an address stands for a ping:
+this machine answers pings to all its addresses, and a port can be closed.
+"""
+
+from __future__ import annotations
+
+import signal
+import socketserver
+import threading
+import urllib.request
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rcl_interfaces.srv import SetParameters
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from e2e.rule_scenarios import clocks as scaled
+from e2e.rule_scenarios import fleets
+from support import host_checks, prometheus_site
+from testbed import domains, programs
+from testbed import http as asking
+from testbed.polling import until
+from testbed.ports import free_port
+from testbed.processes import Process
+
+STAGE = "stage"
+
+
+class Orders:
+    """Sets the parameters of the virtual robots' node: one request for many orders."""
+
+    def __init__(self, domain_id: int) -> None:
+        self._context = Context()
+        self._context.init(domain_id=domain_id)
+        self._node = Node("stories", context=self._context, enable_rosout=False)
+        self._client = self._node.create_client(SetParameters, "/virtual_robots/set_parameters")
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+
+    def give(self, orders: Sequence[tuple[str, str]]) -> None:
+        """Set each (target, order); all are obeyed on return.
+
+        Raises:
+            AssertionError: One is refused; the text says why.
+        """
+        assert self._client.wait_for_service(timeout_sec=30), "no virtual robots answer"
+        parameters = [
+            Parameter(target.replace("/", "."), Parameter.Type.STRING, order).to_parameter_msg()
+            for target, order in orders
+        ]
+        future = self._client.call_async(SetParameters.Request(parameters=parameters))
+        self._executor.spin_until_future_complete(future, timeout_sec=60)
+        assert future.done(), f"the virtual robots did not answer to {orders}"
+        refused = [each.reason for each in future.result().results if not each.successful]
+        assert not refused, refused
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+class Host:
+    """An address of this machine that answers at a port, or does not."""
+
+    def __init__(self, address: str, port: int) -> None:
+        self._where = (address, port)
+        self._server: socketserver.TCPServer | None = None
+
+    def answer(self) -> None:
+        socketserver.TCPServer.allow_reuse_address = True
+        self._server = socketserver.TCPServer(self._where, socketserver.BaseRequestHandler)
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+
+    def fall_silent(self) -> None:
+        if self._server is not None:
+            self._server.shutdown()
+            self._server.server_close()
+            self._server = None
+
+
+class Stage:
+    """What runs, and the deeds that a story may ask for."""
+
+    def __init__(self, folder: Path, domain_id: int) -> None:
+        self.folder = folder
+        self.domain_id = domain_id
+        environment = domains.environment(domain_id) | {"ROS_LOG_DIR": str(folder / "ros-log")}
+        for fleet in fleets.FLEETS:
+            (folder / fleet).mkdir()
+        self.configs = {
+            "hall": fleets.write_hall(folder / "hall", domain_id),
+            "shaft": fleets.write_shaft(folder / "shaft", domain_id),
+            "yard": fleets.write_yard(folder / "yard", domain_id),
+        }
+        fleets.declare(folder / "hall", domain_id)
+        self.addresses = {fleet: f"127.0.0.1:{free_port()}" for fleet in fleets.FLEETS}
+        self.exporters = {
+            fleet: Process(
+                f"exporter of {fleet}",
+                [
+                    programs.own("ros-diagnostics-exporter"),
+                    f"--config.file={config}",
+                    f"--web.listen-address={self.addresses[fleet]}",
+                    f"--storage.path={config.parent / 'state'}",
+                    "--web.enable-lifecycle",
+                ],
+                environment,
+                folder / f"exporter-{fleet}.log",
+            )
+            for fleet, config in self.configs.items()
+        }
+        scenario = fleets.write_scenario(folder)
+        argv = programs.virtual_robots(0, 0, domain_id, scenario)
+        self.robots = Process("virtual-robots", argv, environment, folder / "robots.log")
+        self.probe_port, self.blackbox_port = free_port(), free_port()
+        self.blackbox = Process("blackbox", self._blackbox_argv(), None, folder / "blackbox.log")
+        self.uplink = Host(fleets.UPLINK, self.probe_port)
+        self.wedged = Host(fleets.ON, self.probe_port)
+        self.orders: Orders | None = None
+
+    @property
+    def processes(self) -> tuple[Process, ...]:
+        """What has to be started before Prometheus."""
+        return (self.blackbox, *self.exporters.values())
+
+    def perform(self, deeds: Sequence[str]) -> None:
+        """Let the orders to robots happen, and the stage's own, in their order."""
+        batch: list[tuple[str, str]] = []
+        for deed in deeds:
+            target, _, order = deed.partition(": ")
+            if target != STAGE:
+                batch.append((target, order))
+                continue
+            self._order(batch)
+            batch = []
+            self._deeds()[order]()
+        self._order(batch)
+
+    def probes(self) -> list[dict[str, Any]]:
+        """The scrape configurations of docs/alerts.md, with a port in place of ICMP."""
+        relabel = [
+            {
+                "source_labels": ["__address__"],
+                "target_label": "__param_target",
+                "replacement": f"$1:{self.probe_port}",
+            },
+            {"source_labels": ["__param_target"], "target_label": "instance"},
+            {"target_label": "__address__", "replacement": f"127.0.0.1:{self.blackbox_port}"},
+        ]
+        common = {
+            "metrics_path": "/probe",
+            "params": {"module": ["port"]},
+            "relabel_configs": relabel,
+        }
+        listed = {"url": f"http://{self.addresses['hall']}/sd/ping", "refresh_interval": "5s"}
+        uplink = {"targets": [fleets.UPLINK], "labels": {"fleet": "hall", "uplink": "ap_9"}}
+        return [
+            {"job_name": "ros-diagnostics-ping", "http_sd_configs": [listed], **common},
+            {"job_name": "ros-diagnostics-uplink", "static_configs": [uplink], **common},
+        ]
+
+    def _deeds(self) -> dict[str, Callable[[], object]]:
+        hall, shaft = self.folder / "hall", self.exporters["shaft"]
+        return {
+            "complete short": lambda: fleets.equip(self.folder, "short", fleets.COMPLETE),
+            "maintain serviced": lambda: fleets.plan_maintenance(hall, "serviced"),
+            "finish serviced": (hall / "maintenance.d" / "serviced.yml").unlink,
+            "sell": (hall / "robots.d" / "sold.yml").unlink,
+            "forget scrapped": lambda: self._post("hall", "/-/forget?robot=scrapped"),
+            "raise limit": lambda: fleets.write_hall(hall, self.domain_id, components=60),
+            "cut uplink": self.uplink.fall_silent,
+            "mend uplink": self.uplink.answer,
+            "stall exporter": lambda: shaft.signal(signal.SIGSTOP),
+            "let exporter go on": lambda: shaft.signal(signal.SIGCONT),
+            "kill exporter": shaft.kill,
+            "start exporter": shaft.start,
+        }
+
+    def _order(self, batch: Sequence[tuple[str, str]]) -> None:
+        if batch:
+            assert self.orders is not None
+            self.orders.give(batch)
+
+    def _post(self, fleet: str, path: str) -> None:
+        request = urllib.request.Request(f"http://{self.addresses[fleet]}{path}", b"")
+        with urllib.request.urlopen(request, timeout=30) as answer:
+            assert answer.status == 200
+
+    def _blackbox_argv(self) -> list[str]:
+        config = self.folder / "blackbox.yml"
+        config.write_text(yaml.safe_dump({"modules": {"port": {"prober": "tcp", "timeout": "1s"}}}))
+        address = f"--web.listen-address=127.0.0.1:{self.blackbox_port}"
+        return [programs.distributed(*host_checks.BLACKBOX), f"--config.file={config}", address]
+
+
+@contextmanager
+def running(folder: Path) -> Iterator[tuple[Stage, prometheus_site.Site]]:
+    """Start everything: the robots last, so that nothing of theirs is missed.
+
+    Raises:
+        programs.MissingProgram: A server is not installed.
+        TimeoutError: One is not ready in time.
+    """
+    with ExitStack() as ending:
+        stage = Stage(folder, ending.enter_context(domains.lease()))
+        for host in (stage.uplink, stage.wedged):
+            host.answer()
+            ending.callback(host.fall_silent)
+        for process in (*stage.processes, stage.robots):
+            ending.callback(process.stop)
+        for process in stage.processes:
+            process.start()
+        for address in (*stage.addresses.values(), f"127.0.0.1:{stage.blackbox_port}"):
+            path = "/metrics" if address.endswith(str(stage.blackbox_port)) else "/-/ready"
+            until(lambda at=address, p=path: asking.answers(at, p), f"{address}{path}", 90)
+        site = ending.enter_context(
+            prometheus_site.running(
+                folder,
+                stage.addresses,
+                {},
+                probes=stage.probes(),
+                interval=fleets.INTERVAL,
+                prepare=lambda prometheus: scaled.scale(prometheus / "rules", fleets.SETTINGS),
+            )
+        )
+        stage.robots.start()
+        stage.robots.wait_for_output("ready: ", 60)
+        stage.orders = Orders(stage.domain_id)
+        ending.callback(stage.orders.close)
+        yield stage, site

@@ -1,8 +1,0 @@
-"""All stories: they are played at the same time, on robots of their own."""
-
-from __future__ import annotations
-
-from e2e.stories.components import COMPONENTS, VALUES
-from e2e.stories.robots import FLEETS, NETWORK, ROBOTS
-
-STORIES = (*COMPONENTS, *VALUES, *ROBOTS, *NETWORK, *FLEETS)

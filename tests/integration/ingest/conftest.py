@@ -1,0 +1,78 @@
+"""A running exporter in the test process, without its web server."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+
+from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.service import Service
+from support.ros_publisher import Publisher, publisher
+from testbed.polling import until
+
+
+class Running:
+    """An exporter that listens on real DDS and is asked for its texts."""
+
+    def __init__(self, fleet: Fleet, tmp_path: Path) -> None:
+        self.service = Service(fleet, tmp_path / "fleet.yml", None)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._tick)
+        self.service.start()
+        self._thread.start()
+
+    def _tick(self) -> None:
+        while not self._stop.wait(self.service.TICK):
+            self.service.tick()
+
+    def samples(self, name: str) -> dict[tuple[tuple[str, str], ...], float]:
+        """Sorted labels -> value of every sample of ros_diagnostics_``name``."""
+        text = self.service.render(openmetrics=False).decode()
+        return {
+            tuple(sorted(sample.labels.items())): sample.value
+            for family in text_string_to_metric_families(text)
+            for sample in family.samples
+            if sample.name == f"ros_diagnostics_{name}"
+        }
+
+    def sample(self, name: str, **labels: str) -> float | None:
+        found = [
+            value
+            for have, value in self.samples(name).items()
+            if labels.items() <= dict(have).items()
+        ]
+        assert len(found) <= 1
+        return found[0] if found else None
+
+    def wait_for(self, name: str, value: float | None, **labels: str) -> None:
+        until(lambda: self.sample(name, **labels) == value, f"{name}{labels} is {value}", 30)
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self.service.stop()
+
+
+@pytest.fixture
+def run_exporter(tmp_path: Path) -> Iterator[Callable[[Fleet], Running]]:
+    """A function: Fleet -> an exporter that ends with the test."""
+    with ExitStack() as stack:
+
+        def run(fleet: Fleet) -> Running:
+            running = Running(fleet, tmp_path)
+            stack.callback(running.close)
+            return running
+
+        yield run
+
+
+@pytest.fixture
+def robots(ros_domain: int) -> Iterator[Publisher]:
+    """A publisher in the test's domain."""
+    with publisher(ros_domain) as made:
+        yield made

@@ -1,0 +1,555 @@
+"""The judgement of faults once more, by brute force: everything is worked out again at each second.
+
+Written from DESIGN's rules and not from the engine, for the tests that compare the two. It keeps
+what the world is like and which faults last, and knows nothing of timers, events or rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import ceil
+from typing import Any
+
+from ros_diagnostics_exporter.config.fleet import Threshold
+from ros_diagnostics_exporter.faults.settings import (
+    CauseSettings,
+    ComponentSettings,
+    FleetSettings,
+    RobotSettings,
+)
+from ros_diagnostics_exporter.model import Level
+
+OK, WARN, ERROR, STALE = Level
+STATE_OF = {WARN: "warning", ERROR: "critical", STALE: "stale"}
+Key = tuple[str, ...]  # scope, state, site, robot, group, component, check, key, bound, severity
+
+
+def key_of(
+    scope: str,
+    state: str,
+    *,
+    site: str = "",
+    robot: str = "",
+    group: str = "",
+    component: str = "",
+    check: str = "",
+    key: str = "",
+    bound: str = "",
+    severity: str = "",
+) -> Key:
+    return scope, state, site, robot, group, component, check, key, bound, severity
+
+
+@dataclass
+class Slots:
+    """The last 21 states, recorded at each change and once an interval."""
+
+    last: int
+    states: list[int] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.states = self.states or [OK] * 21
+
+    def record(self, state: int, now: int) -> None:
+        self.states = [*self.states[1:], state]
+        self.last = now
+
+    def tick(self, now: int, interval: float) -> None:
+        while now - self.last >= interval:
+            self.states = [*self.states[1:], self.states[-1]]
+            self.last += int(interval)
+
+    @property
+    def ratio(self) -> float:
+        pairs = zip(self.states, self.states[1:], strict=False)
+        return sum(0.75 + 0.5 * n / 19 for n, (a, b) in enumerate(pairs) if a != b) / 20
+
+
+@dataclass
+class Part:
+    """Anything with states that open and close: ``open`` (state -> since), ``now`` fresh or not."""
+
+    clock: int | None = None  # in trouble since
+    open: dict[str, int] = field(default_factory=dict)
+    fresh: bool = False  # reported since its robot was last received
+    level: Level = OK
+    settings: ComponentSettings = field(default_factory=ComponentSettings)
+    slots: Slots | None = None
+    flapping: bool = False
+    flapping_since: int = 0
+    counted: bool = False
+
+
+@dataclass
+class RobotModel:
+    settings: RobotSettings
+    declared: bool
+    presence: str = "never"
+    maintenance: bool = False
+    silent_at: int = 0
+    silent_since: int | None = None
+    pending_since: int | None = None
+    received: bool = False
+    returned_until: float = -(10**9)  # what rests on absence waits that long
+    total: int = 0
+    slots: Slots | None = None
+    flapping: bool = False
+    flapping_since: int = 0
+    counted: bool = False
+    components: dict[tuple[str, str], Part] = field(default_factory=dict)
+    values: dict[tuple[str, ...], Part] = field(default_factory=dict)  # group, name, key, ...
+    checks: dict[str, Part] = field(default_factory=dict)
+
+
+@dataclass
+class CauseModel:
+    active: int | None = None
+    ended: int = -(10**9)
+    wait: float = 0.0
+
+    def covers(self, now: int) -> bool:
+        return self.active is not None or now < self.ended + self.wait
+
+
+class Model:
+    """The fleet; `step` gives what began and ended by what was done since the last one."""
+
+    def __init__(self, settings: FleetSettings) -> None:
+        self.settings = settings
+        self.robots: dict[str, RobotModel] = {}
+        self.faults: dict[Key, dict[str, Any]] = {}
+        self.causes: dict[tuple[str, str], CauseModel] = {}
+        self.settled_at = -(10**9)
+        self.changes: list[tuple[int, str, Key, int, tuple[tuple[str, str], ...]]] = []
+
+    # -- what happens ------------------------------------------------------------------------
+
+    def started(self, now: int) -> None:
+        self.settled_at = now + int(self.settings.restart_grace)
+        for name, robot in self.robots.items():
+            if robot.presence == "up":
+                self._fall_silent(name, robot, now)
+
+    def configure_robot(self, name: str, settings: RobotSettings, declared: bool, now: int) -> None:
+        robot = self.robots.get(name)
+        if robot is None:
+            robot = self.robots[name] = RobotModel(settings, declared)
+        if robot.settings.site != settings.site:
+            robot.counted = False
+        robot.settings, robot.declared = settings, declared
+        if robot.presence == "never":
+            if not declared:
+                robot.pending_since = None
+                self._end(key_of("robot", "pending", robot=name), "removed", now)
+            elif robot.pending_since is None:
+                robot.pending_since = now
+
+    def forget_robot(self, name: str, now: int) -> None:
+        for key in [key for key in self.faults if key[3] == name]:
+            self._end(key, "removed", now)
+        del self.robots[name]
+        self.causes.pop(("many", name), None)
+
+    def forget_component(self, name: str, group: str, component: str, now: int) -> None:
+        robot = self.robots[name]
+        for key in [key for key in self.faults if key[3:6] == (name, group, component)]:
+            self._end(key, "removed", now)
+        robot.components.pop((group, component), None)
+        for value in [value for value in robot.values if value[:2] == (group, component)]:
+            del robot.values[value]
+
+    def silent(self, name: str, now: int) -> None:
+        robot = self.robots[name]
+        if robot.presence == "silent":
+            return
+        if robot.presence == "up":
+            self._note(robot, 0, now)
+        self._fall_silent(name, robot, now)
+
+    def _fall_silent(self, name: str, robot: RobotModel, now: int) -> None:
+        robot.presence = "silent"
+        robot.silent_at = now
+        if robot.silent_since is None:
+            robot.silent_since = now
+        for where, part in robot.components.items():
+            self._keep_open(part, name, where)
+        for part in (
+            *robot.components.values(),
+            *robot.values.values(),
+            *robot.checks.values(),
+        ):
+            part.fresh = False
+
+    def pending(self, name: str, now: int) -> None:
+        robot = self.robots[name]
+        robot.presence = "never"
+        if robot.declared and robot.pending_since is None:
+            robot.pending_since = now
+
+    def back(self, name: str, now: int) -> None:
+        robot = self.robots[name]
+        if robot.presence == "up":
+            return
+        if robot.presence == "silent":
+            self._note(robot, OK + 1, now)
+        robot.presence = "up"
+        robot.received = True
+        robot.returned_until = now + robot.settings.confirm_after
+        robot.pending_since = None
+        if key_of("robot", "silent", robot=name) not in self.faults:
+            robot.silent_since = None
+        for part in robot.components.values():
+            if part.slots is not None:
+                part.slots.last = now
+
+    def _note(self, robot: RobotModel, state: int, now: int) -> None:
+        if robot.slots is None:
+            robot.slots = Slots(now, [1] * 21)
+        if robot.slots.states[-1] != state and not robot.maintenance:
+            robot.slots.record(state, now)
+
+    def level(
+        self, name: str, where: tuple[str, str], to: Level, how: ComponentSettings, now: int
+    ) -> None:
+        robot = self.robots[name]
+        if robot.presence != "up":
+            return
+        part = robot.components.setdefault(where, Part())
+        part.settings, part.level, part.fresh = how, to, True
+        planned = to == STALE and how.planned_stale
+        if not planned:
+            self._note_level(robot, part, to, now)
+        if to == OK:
+            part.clock, part.open = None, {}
+            return
+        if part.clock is None and not planned:
+            part.clock = now
+        if to == STALE:
+            for value in [value for value in robot.values if value[:2] == where]:
+                robot.values[value].fresh = False
+        if to == WARN:
+            part.open = {state: at for state, at in part.open.items() if state == "warning"}
+        else:
+            self._keep_open(part, name, where)
+        if not planned:
+            self._open(part, to, now)
+
+    def _keep_open(self, part: Part, name: str, where: tuple[str, str]) -> None:
+        """What lasts goes on under something worse, under STALE and in silence."""
+        for state in ("warning", "stale", "critical"):
+            key = key_of("component", state, robot=name, group=where[0], component=where[1])
+            if key in self.faults:
+                part.open.setdefault(state, self.faults[key]["since"])
+
+    def _open(self, part: Part, to: Level, now: int) -> None:
+        assert part.clock is not None
+        part.open.setdefault(STATE_OF[to], now if to == ERROR else part.clock)
+        if to == STALE and part.settings.stale_is_critical:
+            part.open.setdefault("critical", now)
+
+    def _note_level(self, robot: RobotModel, part: Part, to: Level, now: int) -> None:
+        last = OK if part.slots is None else part.slots.states[-1]
+        returned = to == STALE and now < robot.returned_until
+        if to == last or returned or robot.maintenance:
+            return
+        part.slots = part.slots or Slots(now)
+        part.slots.record(to, now)
+
+    def value(
+        self,
+        name: str,
+        component: str,
+        number: float | None,
+        thresholds: tuple[Threshold, ...],
+        how: ComponentSettings,
+        *,
+        now: int,
+    ) -> None:
+        robot = self.robots[name]
+        if robot.presence != "up":
+            return
+        wanted = {("", component, "charge", each.bound, each.severity) for each in thresholds}
+        for known in [known for known in robot.values if known not in wanted]:
+            self._end(self._value_key(name, known), "removed", now)
+            del robot.values[known]
+        for each in thresholds:
+            known = ("", component, "charge", each.bound, each.severity)
+            part = robot.values.setdefault(known, Part())
+            lasts = self.faults.get(self._value_key(name, known))
+            if not part.fresh and lasts is not None:  # not known: not well either
+                part.open.setdefault("", lasts["since"])
+            part.settings, part.fresh = how, number is not None
+            if number is None:
+                if lasts is not None:
+                    part.open.setdefault("", lasts["since"])
+                continue
+            low = each.bound == "low"
+            beyond = number < each.value if low else number > each.value
+            margin = abs(each.value) * self.settings.value_hysteresis
+            near = number < each.value + margin if low else number > each.value - margin
+            if beyond:
+                part.open.setdefault("", now)
+            elif not near:
+                part.open = {}
+        if component and ("", component) in robot.components:
+            robot.components["", component].settings = how
+
+    def _value_key(self, name: str, known: tuple[str, ...]) -> Key:
+        group, component, key, bound, severity = known
+        return key_of(
+            "value", severity, robot=name, group=group, component=component, key=key, bound=bound
+        )
+
+    def check(self, name: str, check: str, found: int, expected: int | None, now: int) -> None:
+        robot = self.robots[name]
+        if expected is None:
+            self._end(key_of("check", "critical", robot=name, check=check), "removed", now)
+            robot.checks.pop(check, None)
+        elif robot.presence == "up":
+            part = robot.checks.setdefault(check, Part())
+            part.fresh = True
+            if found < expected:
+                part.open.setdefault("", now)
+            else:
+                part.open = {}
+
+    # -- working it out ----------------------------------------------------------------------
+
+    def step(self, now: int) -> None:
+        """Work everything out as it is now."""
+        for robot in self.robots.values():
+            self._flap(robot, now)
+        for scope in ("site", "common", "many"):
+            self._find_causes(scope, now)
+        for name, robot in self.robots.items():
+            self._judge_robot(name, robot, now)
+        for (scope, name), cause in self.causes.items():
+            if scope != "many":
+                self._judge_cause(scope, name, cause, now)
+
+    def _flap(self, robot: RobotModel, now: int) -> None:
+        if robot.slots is not None:
+            robot.slots.tick(now, robot.settings.presence_interval)
+            self._weigh(robot, now)
+        for part in robot.components.values():
+            if part.slots is not None and robot.presence == "up":
+                part.slots.tick(now, robot.settings.flap_interval)
+                self._weigh(part, now)
+
+    def _weigh(self, thing: Part | RobotModel, now: int) -> None:
+        was, settings = thing.flapping, self.settings
+        assert thing.slots is not None
+        limit = settings.flapping_stop if was else settings.flapping_start
+        thing.flapping = thing.slots.ratio >= limit
+        if thing.flapping and not was:
+            thing.flapping_since = now
+
+    # -- causes ------------------------------------------------------------------------------
+
+    def _find_causes(self, scope: str, now: int) -> None:
+        """Activate what is over its threshold and end what is below half of it."""
+        names = {
+            "site": {robot.settings.site for robot in self.robots.values()},
+            "common": {name for robot in self.robots.values() for _, name in robot.components},
+            "many": set(self.robots),
+        }[scope] | {name for kind, name in self.causes if kind == scope}
+        for name in names:
+            members, fresh, whole = self._count(scope, name, now)
+            needed = self._needed(scope, whole)
+            cause = self.causes.setdefault((scope, name), CauseModel())
+            if cause.active is None and fresh >= needed:
+                cause.active = now
+            elif cause.active is not None and members < needed / 2:
+                cause.active, cause.ended = None, now
+                robot = self.robots.get(name)
+                cause.wait = self.settings.confirm_after
+                if scope == "many" and robot is not None:
+                    cause.wait = robot.settings.confirm_after
+
+    def _needed(self, scope: str, whole: int) -> int:
+        settings: CauseSettings = getattr(self.settings, scope)
+        needed = max(settings.number, ceil(settings.share * whole - 1e-9), 1)
+        return needed if settings.absolute is None else min(needed, settings.absolute)
+
+    def _count(self, scope: str, name: str, now: int) -> tuple[int, int, int]:
+        """(members, those of them that are fresh, how many there could be)."""
+        known = [
+            robot
+            for robot in self.robots.values()
+            if robot.presence != "never" and not robot.maintenance
+        ]
+        if scope == "many":
+            return self._count_many(self.robots[name], now)
+        if scope == "site":
+            for robot in self.robots.values():
+                silent = robot.presence == "silent" and not robot.maintenance
+                silent = silent and (robot.counted or now >= self.settled_at)
+                robot.counted = silent or (robot.counted and robot.presence != "up")
+            here = [robot for robot in self.robots.values() if robot.settings.site == name]
+            silent_now = [
+                each
+                for each in here
+                if each.counted and each.presence == "silent" and not each.maintenance
+            ]
+            whole = sum(each.settings.site == name for each in known)
+            return sum(each.counted for each in here), len(silent_now), whole
+        members = fresh = 0
+        for robot in self.robots.values():
+            parts = [part for (_, other), part in robot.components.items() if other == name]
+            now_bad = []
+            for part in parts:
+                bad = part.fresh and part.level == ERROR and not robot.maintenance
+                better = part.fresh and part.level in (OK, WARN)
+                part.counted = bad or (part.counted and not better)
+                now_bad.append(bad)
+            members += any(part.counted for part in parts)
+            fresh += any(now_bad)
+        return members, fresh, len(known)
+
+    def _count_many(self, robot: RobotModel, now: int) -> tuple[int, int, int]:
+        troubled = [key for key, part in robot.components.items() if part.clock is not None]
+        own = [key for key in troubled if not self._covered("common", key[1], now)]
+        blind = robot.presence != "up" or robot.maintenance
+        blind = blind or now < robot.returned_until
+        return len(troubled), 0 if blind else len(own), robot.total
+
+    def _covered(self, scope: str, name: str, now: int) -> bool:
+        cause = self.causes.get((scope, name))
+        return cause is not None and cause.covers(now)
+
+    def _judge_cause(self, scope: str, name: str, cause: CauseModel, now: int) -> None:
+        key = key_of("site", "silent", site=name)
+        if scope == "common":
+            key = key_of("common", "critical", component=name)
+        _, fresh, whole = self._count(scope, name, now)
+        begins = (
+            cause.active is not None
+            and now >= cause.active + self.settings.confirm_after
+            and 2 * fresh >= self._needed(scope, whole)
+            and (scope == "common" or now >= self.settled_at)
+        )
+        self._judge(key, cause.active, begins, well=cause.active is None, labels={}, now=now)
+
+    # -- robots and their parts --------------------------------------------------------------
+
+    def _judge_robot(self, name: str, robot: RobotModel, now: int) -> None:
+        labels = robot.settings.labels
+        confirm = robot.settings.confirm_after
+        site = self._covered("site", robot.settings.site, now)
+        work = robot.maintenance
+        settled = now >= self.settled_at
+
+        def judge(key: Key, since: int | None, begins: bool, *, well: bool) -> None:
+            self._judge(
+                key, since, begins and not work, well=well and not work, labels=labels, now=now
+            )
+
+        silent = robot.presence == "silent" and settled and not site and not robot.flapping
+        judge(
+            key_of("robot", "silent", robot=name),
+            robot.silent_since,
+            silent and now >= robot.silent_at + confirm,
+            well=robot.presence == "up" and not robot.flapping,
+        )
+        if robot.presence == "up" and key_of("robot", "silent", robot=name) not in self.faults:
+            robot.silent_since = None
+        pending = robot.pending_since
+        due = pending is not None and now >= pending + self.settings.pending_after
+        judge(
+            key_of("robot", "pending", robot=name),
+            pending,
+            due and robot.presence == "never" and settled and not robot.flapping,
+            well=robot.presence == "up",
+        )
+        judge(
+            key_of("robot", "flapping", robot=name),
+            robot.flapping_since,
+            robot.flapping and not site,
+            well=not robot.flapping,
+        )
+        returned = settled and now >= robot.returned_until and not robot.flapping
+        for check, part in robot.checks.items():
+            since = part.open.get("")
+            begins = since is not None and part.fresh and returned and now >= since + confirm
+            key = key_of("check", "critical", robot=name, check=check)
+            judge(key, since, begins, well=part.fresh and since is None)
+        for known, part in robot.values.items():
+            since = part.open.get("")
+            wait = part.settings.confirm_after
+            begins = since is not None and part.fresh and now >= since + wait
+            judge(self._value_key(name, known), since, begins, well=part.fresh and since is None)
+        self._judge_many(name, robot, judge, now)
+        for (group, component), part in robot.components.items():
+            where = {"robot": name, "group": group, "component": component}
+            self._judge_component(robot, part, where, judge, returned=returned, now=now)
+
+    def _judge_many(self, name: str, robot: RobotModel, judge: Any, now: int) -> None:
+        cause = self.causes["many", name]
+        worst = any("critical" in part.open for part in robot.components.values())
+        _, own, _ = self._count_many(robot, now)
+        due = cause.active is not None and now >= cause.active + robot.settings.confirm_after
+        due = due and 2 * own >= self._needed("many", robot.total)
+        off = cause.active is None
+        judge(
+            key_of("robot", "many", robot=name, severity="critical"),
+            cause.active,
+            due and worst,
+            well=off or not worst,
+        )
+        judge(
+            key_of("robot", "many", robot=name, severity="warning"),
+            cause.active,
+            due and not worst,
+            well=off,
+        )
+
+    def _judge_component(
+        self,
+        robot: RobotModel,
+        part: Part,
+        where: dict[str, str],
+        judge: Any,
+        *,
+        returned: bool,
+        now: int,
+    ) -> None:
+        covered = self._covered("common", where["component"], now)
+        covered = covered or self._covered("many", where["robot"], now)
+        quiet = covered or not part.fresh
+        up = robot.presence == "up"
+        judge(
+            key_of("flapping", "flapping", **where),
+            part.flapping_since,
+            part.flapping and up and not covered,
+            well=not part.flapping,
+        )
+        for state in ("warning", "stale", "critical"):
+            since = part.open.get(state)
+            due = part.clock is not None and now >= part.clock + part.settings.confirm_after
+            begins = since is not None and due and not quiet and not part.flapping
+            if part.level == STALE:
+                begins = begins and returned and not part.settings.planned_stale
+                begins = begins and not (state == "warning" and "critical" in part.open)
+            elif state != STATE_OF.get(part.level):
+                begins = False
+            well = part.fresh and state not in part.open and not part.flapping
+            judge(key_of("component", state, **where), since, begins, well=well)
+
+    def _judge(
+        self, key: Key, since: int | None, begins: bool, *, well: bool, labels: Any, now: int
+    ) -> None:
+        if key in self.faults:
+            if well:
+                self._end(key, "recovered", now)
+        elif begins and since is not None:
+            self.faults[key] = {"since": since, "labels": tuple(sorted(labels.items()))}
+            self._note_fault("began", key, now)
+
+    def _end(self, key: Key, what: str, now: int) -> None:
+        if key in self.faults:
+            self._note_fault(what, key, now)
+            del self.faults[key]
+
+    def _note_fault(self, what: str, key: Key, now: int) -> None:
+        fault = self.faults[key]
+        self.changes.append((now, what, key, fault["since"], fault["labels"]))

@@ -1,0 +1,248 @@
+"""Stories for the judgement of faults: who does what at which second, and what changes by it.
+
+Each story is played three times: as written, with time passing second by second, and with a new
+engine from the written rows before each event. All three have to give the same.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+
+from ros_diagnostics_exporter.config.fleet import Threshold
+from ros_diagnostics_exporter.faults.engine import Faults
+from ros_diagnostics_exporter.faults.model import (
+    Change,
+    ComponentName,
+    ComponentReport,
+    Identity,
+    Row,
+    ValueReport,
+)
+from ros_diagnostics_exporter.faults.settings import (
+    ComponentSettings,
+    FleetSettings,
+    RobotSettings,
+)
+from ros_diagnostics_exporter.model import Instant, Level
+
+OK, WARN, ERROR, STALE = Level
+WALL = 1_000_000.0  # Unix time when the story's clock stands at 0
+READY = -100.0  # when the robots of a story are first received; it starts a while before
+Event = Callable[[Faults, Instant], "list[Change]"]
+
+
+def instant(second: float) -> Instant:
+    return Instant(float(second), WALL + second)
+
+
+# -- events ------------------------------------------------------------------------------------
+
+
+def level(
+    component: str,
+    to: Level,
+    robot: str = "r1",
+    *,
+    group: str = "",
+    total: int = 20,
+    confirm_after: float = 10.0,
+    **settings: bool,
+) -> Event:
+    """One component is received with this level, or is found STALE."""
+    return levels(
+        [component], to, robot, group=group, total=total, confirm_after=confirm_after, **settings
+    )
+
+
+def levels(
+    components: Iterable[str],
+    to: Level,
+    robot: str = "r1",
+    *,
+    group: str = "",
+    total: int = 20,
+    confirm_after: float = 10.0,
+    **settings: bool,
+) -> Event:
+    """One array brings several components with this level."""
+    judged = ComponentSettings(confirm_after, **settings)
+    reports = [ComponentReport(ComponentName(group, each), to, judged) for each in components]
+    return lambda faults, now: faults.components_changed(robot, reports, total, now)
+
+
+def on_robots(robots: Iterable[str], event: Callable[..., Event], *args: object) -> Event:
+    """The same event on several robots, at one time."""
+    events = [event(*args, robot=robot) for robot in robots]
+    return together(*events)
+
+
+def together(*events: Event) -> Event:
+    return lambda faults, now: [change for event in events for change in event(faults, now)]
+
+
+def silent(robot: str = "r1", last: float | None = None) -> Event:
+    """Nothing was received of the robot for its stale_after."""
+    return lambda faults, now: faults.robot_silent(
+        robot, now if last is None else instant(last), now
+    )
+
+
+def back(robot: str = "r1", *reports: Event) -> Event:
+    """The robot is received, with what its first array brings."""
+    return together(lambda faults, now: faults.robot_back(robot, now), *reports)
+
+
+def never(robot: str = "r1") -> Event:
+    return lambda faults, now: faults.robot_pending(robot, now)
+
+
+def maintenance(*robots: str, planned: bool) -> Event:
+    """A planned downtime of these robots (r1) begins or ends."""
+    return lambda faults, now: faults.maintenance(dict.fromkeys(robots or ("r1",), planned), now)
+
+
+def restart() -> Event:
+    """The exporter was killed, and starts with what it had written."""
+    return lambda faults, now: faults.started(now)
+
+
+def robot_settings(
+    robot: str = "r1", *, declared: bool = True, confirm_after: float = 10.0, **labels: str
+) -> Event:
+    settings = RobotSettings(labels, confirm_after)
+    return lambda faults, now: faults.configure_robot(robot, settings, now, declared=declared)
+
+
+def forget(robot: str = "r1", component: str | None = None) -> Event:
+    if component is None:
+        return lambda faults, now: faults.forget_robot(robot, now)
+    name = ComponentName("", component)
+    return lambda faults, now: faults.forget_component(robot, name, now)
+
+
+def moved(component: str, group: str, to: str, robot: str = "r1") -> Event:
+    old, new = ComponentName(group, component), ComponentName(to, component)
+    return lambda faults, now: faults.component_moved(robot, old, new, now)
+
+
+def check(found: int, expected: int | None, name: str = "motors", robot: str = "r1") -> Event:
+    return lambda faults, now: faults.check_changed(robot, name, found, expected, now)
+
+
+BATTERY = (Threshold("low", "warning", 20.0), Threshold("low", "critical", 10.0))
+
+
+def value(
+    number: float | None,
+    thresholds: tuple[Threshold, ...] = BATTERY,
+    robot: str = "r1",
+    key: str = "charge",
+    confirm_after: float = 10.0,
+) -> Event:
+    report = ValueReport(key, number, thresholds)
+    name, settings = ComponentName("", "battery"), ComponentSettings(confirm_after)
+    return lambda faults, now: faults.values_changed(robot, name, settings, [report], now)
+
+
+# -- playing -----------------------------------------------------------------------------------
+
+
+def words(identity: Identity) -> str:
+    parts = [part for part in identity[2:] if part]
+    return " ".join([f"{identity.scope.value}/{identity.state.value}", *parts])
+
+
+def texts(changes: Iterable[Change]) -> list[str]:
+    return [f"{change.what} {words(change.fault.identity)}" for change in changes]
+
+
+class Player:
+    """An engine, the rows it has written, and ways to go on with it."""
+
+    def __init__(self, settings: FleetSettings, *, each_second: bool = False) -> None:
+        self.settings = settings
+        self.faults = Faults(settings)
+        self.rows: dict[tuple[str, tuple[str, ...]], Row] = {}
+        self.reborn_at_events = False
+        self.writes = True
+        self._each_second = each_second
+        self.second = READY - 100
+
+    def write(self, second: float) -> None:
+        """Write what changed, as a database would: by row, as JSON."""
+        for row in self.faults.take_rows(instant(second)):
+            if row.fields is None:
+                self.rows.pop((row.kind, row.key), None)
+            else:
+                fields = json.loads(json.dumps(row.fields))
+                self.rows[row.kind, row.key] = row._replace(fields=fields)
+
+    def reborn(self, second: float) -> None:
+        """Go on with a new engine that knows what was written."""
+        self.write(second)
+        self.faults = Faults(self.settings)
+        self.faults.restore(list(self.rows.values()), instant(second))
+
+    def go(self, second: float, *events: Event) -> list[Change]:
+        """Let time pass, then do this; all that changed since."""
+        changes: list[Change] = []
+        while self._each_second and self.second + 1 < second:
+            self.second += 1
+            changes += self.faults.advance(instant(self.second))
+            self.write(self.second)
+        self.second = second
+        changes += self.faults.advance(instant(second))
+        for event in events:
+            if self.reborn_at_events:
+                self.reborn(second)
+            if isinstance(event, FleetChange):
+                self.settings = event.settings
+            changes += event(self.faults, instant(second))
+            if self.writes:
+                self.write(second)
+        return changes
+
+
+class FleetChange:
+    """Other settings of the fleet, which a new engine is made with as well."""
+
+    def __init__(self, settings: FleetSettings) -> None:
+        self.settings = settings
+
+    def __call__(self, faults: Faults, now: Instant) -> list[Change]:
+        return faults.configure(self.settings, now)
+
+
+def player(
+    robots: Iterable[str],
+    settings: FleetSettings,
+    *,
+    reborn: bool = False,
+    each_second: bool = False,
+) -> Player:
+    """A fleet whose robots are received and well, and whose start is long over."""
+    found = Player(settings, each_second=each_second)
+    found.go(READY - 100, restart(), *(robot_settings(robot) for robot in robots))
+    assert found.go(READY, *(back(robot) for robot in robots)) == []
+    found.reborn_at_events = reborn
+    return found
+
+
+def play(
+    *scenes: tuple[object, ...],
+    robots: Iterable[str] = ("r1",),
+    settings: FleetSettings | None = None,
+) -> Player:
+    """Play (second, event or None, change, change, ...) and compare; the player as it ends."""
+    settings, robots = settings or FleetSettings(), list(robots)
+    for how in ({"reborn": True}, {"each_second": True}, {}):
+        last = player(robots, settings, **how)
+        for second, event, *expected in scenes:
+            changes = last.go(second, *([] if event is None else [event]))
+            found = texts(changes)
+            assert found == expected, f"at {second} s, {how}: {found}, expected {expected}"
+        assert len(list(last.faults.faults())) == sum(
+            1 if "began" in text else -1 for _, _, *expected in scenes for text in expected
+        )
+    return last

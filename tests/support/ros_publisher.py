@@ -1,0 +1,87 @@
+"""Publishes arrays on real topics, from the test process itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.context import Context
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from ros_diagnostics_exporter.model import Status
+from testbed.polling import until
+
+
+def message(statuses: Sequence[Status]) -> DiagnosticArray:
+    return DiagnosticArray(
+        status=[
+            DiagnosticStatus(
+                level=bytes([status.level]),
+                name=status.name,
+                message=status.message,
+                hardware_id=status.hardware_id,
+                values=[KeyValue(key=key, value=value) for key, value in status.values],
+            )
+            for status in statuses
+        ]
+    )
+
+
+class Publisher:
+    """A node of its own in one domain; topics are made as they are used."""
+
+    def __init__(self, domain_id: int) -> None:
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain_id)
+        self._node = rclpy.create_node("robots", context=self._context)
+        self._publishers = {}
+
+    def offer(
+        self,
+        topic: str,
+        *,
+        reliable: bool = True,
+        latched: bool = False,
+        kind=DiagnosticArray,
+        depth: int = 1000,
+    ):
+        """A publisher that a subscription has matched."""
+        profile = QoSProfile(
+            depth=depth,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        )
+        self._publishers[topic] = self._node.create_publisher(kind, topic, profile)
+        return self._publishers[topic]
+
+    def listeners(self, topic: str) -> int:
+        return self._publishers[topic].get_subscription_count()
+
+    def wait_for_listeners(self) -> None:
+        for topic in self._publishers:
+            until(lambda each=topic: self.listeners(each), f"{topic} is heard")
+
+    def send(self, topic: str, *statuses: Status) -> None:
+        self._publishers[topic].publish(message(statuses))
+
+    def send_bytes(self, topic: str, data: bytes) -> None:
+        self._publishers[topic].publish(data)
+
+    def withdraw(self, topic: str) -> None:
+        self._node.destroy_publisher(self._publishers.pop(topic))
+
+    def close(self) -> None:
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+@contextmanager
+def publisher(domain_id: int) -> Iterator[Publisher]:
+    """A publisher that is gone at the end."""
+    made = Publisher(domain_id)
+    try:
+        yield made
+    finally:
+        made.close()

@@ -1,0 +1,104 @@
+"""A fleet's exposition on a port of this machine: arrays in, text out, without DDS.
+
+The state, the exposition and the exporter's own metrics are the real ones; only what ROS
+would bring comes from a function that is called with the clocks at each scrape.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+from ros_diagnostics_exporter.acknowledgement import Acknowledgement
+from ros_diagnostics_exporter.alertmanager import Alertmanager
+from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.metrics.exposition import Exposition
+from ros_diagnostics_exporter.metrics.self_metrics import Facts, OwnMetrics
+from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.state.state import State
+from testbed.ports import free_port
+
+Speak = Callable[[State, Instant], None]
+
+
+class ServedFleet:
+    """A state that is told by ``speak``, and the text of a scrape."""
+
+    def __init__(self, fleet: Fleet, speak: Speak) -> None:
+        self.started = _read_clocks()
+        self.state = State(fleet, self.started, lambda _event: None)
+        self._speak = speak
+        self.alertmanager: Alertmanager | None = None  # asked for acknowledgements at each scrape
+        self._exposition = Exposition(self.state, self._acknowledged)
+        self._own = OwnMetrics(self._facts)
+        self.domains = dict.fromkeys(fleet.domain_ids, True)
+        self._scrapes = 0
+        self._lock = threading.Lock()
+
+    def scrape(self) -> bytes:
+        """Let the robots speak and time pass, and return the exposition."""
+        with self._lock:
+            now = _read_clocks()
+            self._speak(self.state, now)
+            self.state.tick(now)
+            self._scrapes += 1
+            if self.alertmanager is not None:
+                self.alertmanager.look(self.state.fleet.name, now)
+            return self._exposition.render() + self._own.render()
+
+    def _acknowledged(self) -> list[Acknowledgement]:
+        alertmanager = self.alertmanager
+        return [] if alertmanager is None else alertmanager.known(_read_clocks().wall)
+
+    def _facts(self) -> Facts:
+        return Facts(
+            fleet=self.state.fleet.name,
+            ros_distro="jazzy",
+            rmw="none",
+            config_time=self.started.wall,
+            robots=len(self.state.robots),
+            series=self._exposition.series,
+            series_limit=self.state.fleet.limits.series,
+            rejected=self.state.rejected,
+            scrapes=self._scrapes,
+            domains=self.domains,
+            discovery_times=dict.fromkeys(self.domains, self.started.wall),
+            storage_successful=True,
+            storage_time=self.started.wall,
+            alertmanager_up=self.alertmanager and self.alertmanager.answers(_read_clocks()),
+        )
+
+
+def _read_clocks() -> Instant:
+    return Instant(time.monotonic(), time.time())
+
+
+@contextmanager
+def serving(scrape: Callable[[], bytes]) -> Iterator[str]:
+    """Answer scrapes while the context lasts; yields HOST:PORT."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            body = scrape()
+            self.send_response(200)
+            self.send_header("Content-Type", "text/plain; version=0.0.4")
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            with suppress(ConnectionError):  # the scraper ends before us
+                self.wfile.write(body)
+
+        def log_message(self, *_: object) -> None:
+            """Say nothing of every scrape."""
+
+    server = ThreadingHTTPServer(("127.0.0.1", free_port()), Handler)
+    thread = threading.Thread(target=server.serve_forever, args=(0.05,))
+    thread.start()
+    try:
+        yield f"127.0.0.1:{server.server_port}"
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()

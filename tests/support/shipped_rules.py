@@ -1,0 +1,46 @@
+"""Where the shipped rules stand, and how their tools are called."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+PROMETHEUS = ROOT / "prometheus"
+ALERTMANAGER = ROOT / "alertmanager"
+RULE_FILES = sorted((PROMETHEUS / "rules").glob("*.yml"))
+STORY_FILES = sorted((PROMETHEUS / "tests").glob("*.yml"))
+
+
+def run_tool(name: str, *arguments: object) -> str:
+    """Run promtool or amtool and return its output; a failure shows it."""
+    tool = shutil.which(name)
+    if tool is None:
+        pytest.skip(f"{name} is not installed")
+    done = subprocess.run(
+        [tool, *map(str, arguments)], capture_output=True, text=True, timeout=250, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def rules() -> Iterator[dict[str, Any]]:
+    """Every rule of every shipped file, in order."""
+    for file in RULE_FILES:
+        for group in yaml.safe_load(file.read_text())["groups"]:
+            yield from group["rules"]
+
+
+def alerts() -> dict[str, list[dict[str, Any]]]:
+    """The alerting rules by name; one name may have several rules."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for rule in rules():
+        if "alert" in rule:
+            found.setdefault(rule["alert"], []).append(rule)
+    return found

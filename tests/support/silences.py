@@ -1,0 +1,40 @@
+"""Silences as Alertmanager lists them, made as ros-diagnostics-ack makes them."""
+
+from __future__ import annotations
+
+from datetime import datetime, timezone
+
+from ros_diagnostics_exporter.acknowledgement import Acknowledgement
+from ros_diagnostics_exporter.cli.ack import silence
+
+SINCE = "2026-01-01 10:00:00.123 +0000 UTC"
+BEGAN = 1767261600.123
+MADE = datetime(2026, 1, 1, 10, 5, tzinfo=timezone.utc)
+MOTOR = Acknowledgement(
+    "r",
+    "/Motor",
+    "Motor 1",
+    "critical",
+    BEGAN,
+    "ann",
+    "spare part ordered",
+    1767261900.25,
+    1769853900.25,
+)
+
+
+def told(*, robot: str = "r", component: str | None = "Motor 1", since: str = SINCE, **changes):
+    """A silence as Alertmanager lists the one that the command made."""
+    labels = {"fleet": "f", "robot": robot}
+    if component is not None:
+        labels |= {"group": "/Motor", "component": component, "state": "critical"}
+    labels |= changes.pop("labels", {})
+    alert = {"labels": labels, "annotations": {"since": since}}
+    made = silence(alert, "ann", "spare part ordered", MADE, 30)
+    made |= {
+        "id": "0",
+        "status": {"state": "active"},
+        "startsAt": "2026-01-01T10:05:00.250Z",
+        "endsAt": "2026-01-31T10:05:00.250Z",
+    }
+    return made | changes

@@ -1,0 +1,101 @@
+"""A state whose time the test tells: arrays in, levels and texts out."""
+
+from __future__ import annotations
+
+from prometheus_client.parser import text_string_to_metric_families
+
+from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.metrics.exposition import Exposition
+from ros_diagnostics_exporter.model import Array, Instant, Status
+from ros_diagnostics_exporter.state.state import State, Topic
+
+OK, WARN, ERROR, STALE = range(4)
+WALL = 1_700_000_000.0
+
+
+def tree(**groups: dict[str, Status]) -> tuple[Status, ...]:
+    """An aggregator's array: for each group its header, then its components."""
+    rows: list[Status] = []
+    for group, statuses in groups.items():
+        keys = tuple((status.name, status.message) for status in statuses)
+        rows.append(Status(OK, f"/{group}", "OK", "", keys))
+        rows.extend(
+            status._replace(name=f"/{group}/{status.name.replace('/', ' ')}") for status in statuses
+        )
+    return tuple(rows)
+
+
+class Story:
+    """One robot "r" in the fleet "f"; time passes only as the test says, in seconds from 0."""
+
+    def __init__(self, source: Source = Source.RAW, *, fleet: Fleet | None = None, **profile):
+        self.events: list[Event] = []
+        if fleet is None:
+            robot = Robot(
+                "r",
+                topic_agg="/r/diagnostics_agg",
+                topic_raw="/r/diagnostics",
+                source=source,
+                profile=Profile(**profile),
+            )
+            fleet = Fleet("f", (robot,))
+        self.now = Instant(0.0, WALL)
+        self.state = State(fleet, self.now, self.events.append)
+        self.exposition = Exposition(self.state)
+
+    @property
+    def robot(self):
+        return self.state.robots["r"]
+
+    def at(self, seconds: float) -> None:
+        """Let time pass up to ``seconds``, ticking as often as the exporter does."""
+        while self.now.mono < seconds:
+            step = min(seconds, self.now.mono + 0.25)
+            self.now = Instant(step, WALL + step)
+            self.state.tick(self.now)
+
+    def _receive(self, topic: str, statuses: tuple[Status, ...], stamp: float) -> None:
+        array = Array(stamp, tuple(statuses), 100)
+        self.state.receive(Topic(0, topic), array, self.now)
+
+    def raw(self, *statuses: Status, stamp: float = 0.0) -> None:
+        self._receive("/r/diagnostics", statuses, stamp)
+
+    def agg(self, *statuses: Status) -> None:
+        self._receive("/r/diagnostics_agg", statuses, 0.0)
+
+    def raw_every(self, period: float, until: float, *statuses: Status) -> None:
+        """Send the same statuses now and every ``period`` seconds, up to ``until`` exclusive."""
+        while self.now.mono < until:
+            self.raw(*statuses)
+            self.at(min(until, self.now.mono + period))
+
+    def component(self, name: str):
+        (found,) = (each for each in self.robot.components.values() if each.name == name)
+        return found
+
+    def level(self, name: str) -> int:
+        return self.component(name).level
+
+    def samples(self) -> dict[str, dict[tuple[tuple[str, str], ...], float]]:
+        """What a scrape shows: family's sample name -> sorted labels -> value."""
+        found: dict[str, dict[tuple[tuple[str, str], ...], float]] = {}
+        text = self.exposition.render().decode()
+        for family in text_string_to_metric_families(text):
+            for sample in family.samples:
+                labels = tuple(sorted(sample.labels.items()))
+                series = found.setdefault(sample.name.removeprefix("ros_diagnostics_"), {})
+                assert labels not in series, f"{sample.name}{labels} twice"
+                series[labels] = sample.value
+        return found
+
+    def sample(self, name: str, **labels: str) -> float | None:
+        """The one sample of ``name`` with these labels among its own; None if there is none."""
+        found = [
+            value
+            for have, value in self.samples().get(name, {}).items()
+            if labels.items() <= dict(have).items()
+        ]
+        assert len(found) <= 1
+        return found[0] if found else None

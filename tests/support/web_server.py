@@ -1,0 +1,181 @@
+"""A server on simple functions: the web is tested without ROS and without the state."""
+
+from __future__ import annotations
+
+import http.client
+import socket
+import ssl
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trustme
+
+from ros_diagnostics_exporter.severity import OF_LEVEL
+from ros_diagnostics_exporter.web.backend import Doors
+from ros_diagnostics_exporter.web.server import Server
+
+Serve = Callable[..., Server]
+
+
+def component(name: str, level: str, **changed: Any) -> dict[str, Any]:
+    """A component as /api/v1/fleet shows it."""
+    return {
+        "component": name,
+        "group": "/Motor",
+        "hardware_id": "m-1",
+        "level": level,
+        "reported_level": level,
+        "level_before_stale": "OK" if level == "STALE" else None,
+        "state": OF_LEVEL[level],
+        "planned_stale": False,
+        "message": f"{name} says {level}",
+        "since": 1_000.0,
+        "problem_since": None if level == "OK" else 1_000.0,
+        "changes": 3,
+        "flap_ratio": 0.25,
+        "values": [{"key": "Level", "value": "12.3 V", "number": 12.3, "unit": "V"}],
+        **changed,
+    }
+
+
+def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, Any]:
+    """A robot as /api/v1/fleet shows it."""
+    return {
+        "robot": name,
+        "up": True,
+        "silent_reason": None,
+        "last_message": 1_060.0,
+        "labels": {"site": "hall"},
+        "address": None,
+        "domain_id": 7,
+        "namespace": f"/{name}",
+        "topic": f"/{name}/diagnostics_agg",
+        "profile": "default",
+        "maintenance": False,
+        "short_checks": [],
+        "groups": [{"group": "/Motor", "level": "OK", "message": "OK"}],
+        "components": list(components),
+        **changed,
+    }
+
+
+def fleet(*robots: dict[str, Any]) -> dict[str, Any]:
+    """A fleet as /api/v1/fleet shows it, looked at a minute after Unix time 1,000."""
+    return {"fleet": "hall", "time": 1_060.0, "version": "1", "robots": list(robots)}
+
+
+def no_targets(job: str, _port: int | None) -> list[dict[str, Any]]:
+    raise LookupError(job)
+
+
+DOORS = Doors(
+    metrics=lambda openmetrics: b"openmetrics\n" if openmetrics else b"text\n",
+    fleet=fleet,
+    events=lambda _wanted: [],
+    targets=no_targets,
+    ready=lambda: None,
+    reload=lambda: None,
+    forget=lambda _robot, _component: 1,
+)
+
+
+@pytest.fixture
+def serve() -> Iterator[Serve]:
+    """Starts servers: the doors' fields to replace, and the server's options as keywords."""
+    started = []
+
+    def start(listen: str = "127.0.0.1:0", **given: Any) -> Server:
+        options = {name: given.pop(name) for name in list(given) if name not in vars(DOORS)}
+        server = Server(replace(DOORS, **given), listen=[listen], **options)
+        server.start()
+        started.append(server)
+        return server
+
+    yield start
+    for server in started:
+        server.stop()
+
+
+def wait_until(condition: Callable[[], object], seconds: float = 20.0) -> None:
+    """Returns when ``condition`` holds; fails when it does not in time."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        threading.Event().wait(0.01)
+
+
+@pytest.fixture(scope="session")
+def plain() -> Iterator[Server]:
+    """A server on the doors as they are, for tests that do not change it."""
+    server = Server(DOORS, listen=["127.0.0.1:0"])
+    server.start()
+    yield server
+    server.stop()
+
+
+@pytest.fixture(scope="session")
+def ca() -> trustme.CA:
+    return trustme.CA()
+
+
+def renew(ca: trustme.CA, folder: Path) -> None:
+    """A fresh certificate for 127.0.0.1: server.crt and server.key in ``folder``."""
+    issued = ca.issue_cert("127.0.0.1")
+    issued.private_key_pem.write_to_path(folder / "server.key")
+    (folder / "server.crt").write_bytes(b"".join(each.bytes() for each in issued.cert_chain_pems))
+
+
+@pytest.fixture
+def tls_config(tmp_path: Path, ca: trustme.CA) -> Path:
+    """A web config with TLS and nothing else."""
+    renew(ca, tmp_path)
+    path = tmp_path / "web.yml"
+    path.write_text("tls_server_config: {cert_file: server.crt, key_file: server.key}")
+    return path
+
+
+class Answer:
+    """What a server said: status, headers and body, read to the end."""
+
+    def __init__(self, response: http.client.HTTPResponse) -> None:
+        self.status = response.status
+        self.headers = response.headers
+        self.body = response.read()
+
+    @property
+    def text(self) -> str:
+        return self.body.decode()
+
+
+def ask(
+    server: Server,
+    path: str,
+    method: str = "GET",
+    tls: ssl.SSLContext | None = None,
+    source: str = "",
+    **headers: str,
+) -> Answer:
+    """One request on a connection of its own, from ``source``; header names with _ for -."""
+    host, _, port = server.addresses[0].rpartition(":")
+    client: http.client.HTTPConnection
+    if tls is None:
+        client = http.client.HTTPConnection(
+            host.strip("[]"), int(port), timeout=20, source_address=(source, 0) if source else None
+        )
+    else:
+        client = http.client.HTTPSConnection(host, int(port), timeout=20, context=tls)
+    with closing(client):
+        client.request(method, path, headers={k.replace("_", "-"): v for k, v in headers.items()})
+        return Answer(client.getresponse())
+
+
+def connect(server: Server) -> socket.socket:
+    """A bare connection, for clients that misbehave."""
+    host, _, port = server.addresses[0].rpartition(":")
+    return socket.create_connection((host, int(port)), timeout=20)

@@ -1,0 +1,56 @@
+"""docs/metrics.md says what metrics.py and the state say."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from ros_diagnostics_exporter.metrics.families import ALL_FAMILIES, ROBOT_SILENT_REASON
+from ros_diagnostics_exporter.metrics_reference import main, renewed
+from ros_diagnostics_exporter.state.reasons import SHUT_OUT, FleetRejection, Rejection, Silence
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "metrics.md"
+
+
+def test_the_tables_are_what_the_code_says():
+    """If not: python -m ros_diagnostics_exporter.metrics_reference docs/metrics.md."""
+    text = DOCUMENT.read_text("utf-8")
+    assert renewed(text) == text
+    assert all(f"| `{family.name}` |" in text for family in ALL_FAMILIES)
+
+
+def test_the_command_renews_a_document(tmp_path):
+    path = tmp_path / "metrics.md"
+    text = DOCUMENT.read_text("utf-8")
+    path.write_text(re.sub(r"^\| `ros_diagnostics_robot_up` .*\n", "", text, flags=re.MULTILINE))
+    main([str(path)])
+    assert path.read_text("utf-8") == text
+
+
+def test_a_document_without_a_table_is_refused():
+    with pytest.raises(ValueError, match="not for"):
+        renewed("<!-- families of rockets -->\n<!-- end -->")
+
+
+@pytest.mark.parametrize(
+    ("table", "reasons"),
+    [
+        ("`robot_silent_reason` says", {*get_args(Silence), SHUT_OUT}),
+        ("`robot_rejected_total` counts", set(get_args(Rejection))),
+        ("`exporter_rejected_total` counts", set(get_args(FleetRejection))),
+    ],
+)
+def test_every_reason_is_explained_and_no_other(table, reasons):
+    """That the state uses no reason beyond these is checked by their types."""
+    _, _, after = DOCUMENT.read_text("utf-8").partition(f"\n{table}")
+    rows = re.search(r"(\n\|.*)+", after)[0].splitlines()
+    cells = [row.split("|")[1] for row in rows if row.startswith("| `")]
+    assert {word for cell in cells for word in re.findall(r"`(\w+)`", cell)} == reasons
+
+
+def test_the_help_of_silence_names_every_reason():
+    named = ROBOT_SILENT_REASON.help.partition("(")[2]
+    assert set(re.findall(r"\w+", named)) == {*get_args(Silence), SHUT_OUT}

@@ -1,0 +1,186 @@
+"""Asking Alertmanager: what it answers is believed, and nothing that it does hurts the exporter."""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+from ros_diagnostics_exporter.alertmanager import Alertmanager
+from ros_diagnostics_exporter.model import Instant
+from support.silences import MOTOR, told
+
+NOW = Instant(100.0, MOTOR.at + 60)
+Reply = Callable[[BaseHTTPRequestHandler], None]
+
+
+@pytest.fixture
+def server() -> Iterator[ThreadingHTTPServer]:
+    """An HTTP server whose ``reply`` a test sets; ``asked`` are the paths it was asked for."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            server.asked.append((self.path, dict(self.headers)))
+            server.reply(self)
+
+        def log_message(self, *_: object) -> None:
+            """Say nothing of every question."""
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    server.daemon_threads = True
+    server.asked = []
+    server.reply = say(json.dumps([told()]).encode())
+    thread = threading.Thread(target=server.serve_forever, args=(0.05,))
+    thread.start()
+    yield server
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def say(body: bytes, code: int = 200, length: int | None = None) -> Reply:
+    def reply(handler: BaseHTTPRequestHandler) -> None:
+        handler.send_response(code)
+        handler.send_header("Content-Length", str(len(body) if length is None else length))
+        handler.end_headers()
+        handler.wfile.write(body)
+
+    return reply
+
+
+def drip(handler: BaseHTTPRequestHandler) -> None:
+    """A byte now and then, without end: each comes in time."""
+    handler.send_response(200)
+    handler.end_headers()
+    stopped = threading.Event()
+    with suppress(OSError):
+        while not stopped.wait(0.02):
+            handler.wfile.write(b" ")
+
+
+def flood(handler: BaseHTTPRequestHandler) -> None:
+    handler.send_response(200)
+    handler.end_headers()
+    with suppress(OSError):
+        while True:
+            handler.wfile.write(b" " * 65536)
+
+
+def hang_up(handler: BaseHTTPRequestHandler) -> None:
+    handler.close_connection = True
+
+
+def url(server: ThreadingHTTPServer) -> str:
+    return f"http://127.0.0.1:{server.server_port}"
+
+
+def test_it_asks_for_its_own_fleet_and_believes_the_answer(server):
+    alertmanager = Alertmanager([url(server)])
+    assert (alertmanager.known(NOW.wall), alertmanager.answers(NOW)) == ([], False)
+
+    alertmanager.look("f", NOW)
+
+    assert alertmanager.known(NOW.wall) == [MOTOR]
+    assert alertmanager.answers(NOW)
+    ((path, _headers),) = server.asked
+    assert path == (
+        "/api/v2/silences?filter=alertname%3D%22RosDiagnosticsUnacknowledged%22"
+        "&filter=fleet%3D%22f%22"
+    )
+
+
+def test_an_acknowledgement_is_known_only_while_it_is_in_force(server):
+    alertmanager = Alertmanager([url(server)])
+    alertmanager.look("f", NOW)
+
+    assert alertmanager.known(MOTOR.at - 1) == alertmanager.known(MOTOR.until) == []
+    assert alertmanager.known(MOTOR.until - 1) == [MOTOR]
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        say(b"", 500),
+        say(b"<html>log in</html>"),
+        say(b"{}"),
+        say(b""),
+        say(b"[" * 100_000),
+        say(b"\xff\xfe"),
+        say(b"9" * 100_000),
+        say(b"[]", length=50),
+        drip,
+        flood,
+        hang_up,
+    ],
+    ids=[
+        "an error",
+        "no JSON",
+        "no list",
+        "nothing",
+        "nested without end",
+        "no text",
+        "a number without end",
+        "cut off",
+        "byte by byte",
+        "without end",
+        "none at all",
+    ],
+)
+def test_what_was_known_outlives_an_answer_that_cannot_be_used(server, monkeypatch, reply):
+    monkeypatch.setattr(Alertmanager, "TIMEOUT", 0.3)
+    alertmanager = Alertmanager([url(server)])
+    alertmanager.look("f", NOW)
+    server.reply = reply
+
+    alertmanager.look("f", NOW)
+
+    assert not alertmanager.answers(NOW)
+    assert alertmanager.known(NOW.wall) == [MOTOR]
+
+
+def test_an_answer_that_does_not_come_is_none():
+    """A look may hang in ways that no timeout ends; then the last answer becomes old."""
+    alertmanager = Alertmanager(["http://127.0.0.1:1"])
+    alertmanager._answers, alertmanager._answered_at = True, NOW.mono
+
+    assert alertmanager.answers(Instant(NOW.mono + 19, 0.0))
+    assert not alertmanager.answers(Instant(NOW.mono + 21, 0.0))
+
+
+def test_it_says_once_that_it_is_not_answered_and_once_that_it_is(server, caplog):
+    caplog.set_level(logging.INFO)
+    alertmanager = Alertmanager([url(server)])
+    good, bad = server.reply, say(b"", 503)
+    for reply in (bad, bad, good, good, bad, bad, good):
+        server.reply = reply
+        alertmanager.look("f", NOW)
+
+    levels = [record.levelname for record in caplog.records]
+    assert levels == ["ERROR", "INFO", "ERROR", "INFO"]
+    assert "503" in caplog.records[0].getMessage()
+    assert url(server) in caplog.records[1].getMessage()
+
+
+def test_of_a_pair_the_half_that_answers_is_believed(server):
+    alertmanager = Alertmanager(["http://127.0.0.1:1", url(server)])
+    alertmanager.look("f", NOW)
+
+    assert alertmanager.known(NOW.wall) == [MOTOR]
+
+
+def test_the_password_is_read_from_its_file_at_each_look(server, tmp_path):
+    file = tmp_path / "password"
+    alertmanager = Alertmanager([url(server)], user="ann", password_file=file)
+
+    alertmanager.look("f", NOW)  # before the file is there
+    assert not alertmanager.answers(NOW)
+
+    file.write_text("secret\n")
+    alertmanager.look("f", NOW)
+    assert server.asked[-1][1]["Authorization"] == "Basic YW5uOnNlY3JldA=="
+    assert alertmanager.answers(NOW)

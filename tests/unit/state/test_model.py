@@ -1,0 +1,212 @@
+"""Random fleets, losses and restarts against a plain model of the rules.
+
+The model keeps for each component nothing but its history and applies the rules as they are told
+in docs/architecture.md; it shares no code with the state.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ros_diagnostics_exporter.config.fleet import Source
+from ros_diagnostics_exporter.model import Instant, Status
+from ros_diagnostics_exporter.state.storage import Storage
+from support.state_driver import ERROR, OK, STALE, WALL, WARN, Story, tree
+
+STALE_AFTER = 7.3  # between two ticks, so that no comparison hangs on a rounding
+
+
+@dataclass
+class Expected:
+    """One component by the rules."""
+
+    level: int | None = None
+    before_stale: int | None = None
+    since: float = 0.0
+    problem_since: float | None = None
+    changes: int = 0
+    heard: float | None = None
+    gaps: list[float] = field(default_factory=list)
+    last_raw: float | None = None
+    resume: float | None = None  # restored and not heard since: when its level began
+
+    def set(self, level: int, wall: float) -> None:
+        if level == self.level:
+            self.resume = None
+            return
+        if self.resume is not None and level == self.before_stale:
+            self.since, self.level = self.resume, level
+            self.problem_since = None if level == OK else self.problem_since
+            self.before_stale = self.resume = None
+            return
+        if self.level is not None:
+            self.changes += 1
+        self.before_stale = self.level if level == STALE else None
+        self.level, self.since, self.resume = level, wall, None
+        if level == OK:
+            self.problem_since = None
+        elif self.problem_since is None:
+            self.problem_since = wall
+
+
+class Model:
+    """One robot by the rules; ``raw`` tells which kind of arrays it gets."""
+
+    def __init__(self, raw: bool) -> None:
+        self.raw = raw
+        self.components: dict[str, Expected] = {}
+        self.last: float | None = None
+        self.up = False
+
+    def threshold(self, component: Expected) -> float:
+        if not self.raw:
+            return STALE_AFTER
+        if not component.gaps:
+            return 90.0
+        return max(5.0, 3 * max(component.gaps[-10:]))
+
+    def receive(self, levels: dict[str, int], mono: float, wall: float) -> None:
+        self.last, self.up = mono, True
+        for name, level in levels.items():
+            component = self.components.setdefault(name, Expected())
+            if self.raw:
+                if component.last_raw is not None:
+                    gap = mono - component.last_raw
+                    component.gaps.append(min(gap, 2 * self.threshold(component)))
+                component.last_raw = mono
+            if level != STALE:
+                component.heard = mono
+            component.set(level, wall)
+        if not self.raw and levels:
+            for name in self.components.keys() - levels.keys():
+                self.components[name].set(STALE, wall)
+
+    def tick(self, mono: float, wall: float) -> None:
+        if not self.up:
+            return
+        if mono - self.last > STALE_AFTER:
+            self.up = False
+            for component in self.components.values():
+                component.set(STALE, wall)
+            return
+        for component in self.components.values():
+            if component.level == STALE or component.heard is None:
+                continue
+            if mono > component.heard + self.threshold(component):
+                component.set(STALE, wall)
+
+    def restart(self, wall: float) -> None:
+        self.up = False
+        for component in self.components.values():
+            component.heard = component.last_raw = None
+            component.gaps = []
+            component.changes = 0
+            if component.level != STALE:
+                component.before_stale, component.resume = component.level, component.since
+                component.level = STALE
+            if component.resume is not None:  # STALE since this process, not since the last one
+                component.since = wall
+            if component.problem_since is None:
+                component.problem_since = wall
+
+
+LEVELS = st.sampled_from([OK, WARN, ERROR, STALE])
+ACTIONS = st.one_of(
+    st.tuples(
+        st.just("send"), st.dictionaries(st.sampled_from(["A", "B/x", "n: C"]), LEVELS, max_size=3)
+    ),
+    st.tuples(st.just("wait"), st.sampled_from([0.25, 1.0, 3.0, 8.0, 30.0, 100.0])),
+    st.tuples(st.just("restart"), st.just(None)),
+)
+
+
+class Play:
+    """The same actions on the state and on the model."""
+
+    def __init__(self, source: Source, path: Path) -> None:
+        self.source, self.path = source, path
+        self.story = Story(source, stale_after=STALE_AFTER)
+        self.model = Model(raw=source is Source.RAW)
+        self.wall = WALL
+
+    def send(self, levels: dict[str, int]) -> None:
+        statuses = [Status(level, name, "text") for name, level in levels.items()]
+        if self.source is Source.RAW:
+            self.story.raw(*statuses)
+        elif statuses:
+            self.story.agg(*tree(Group=statuses))
+        else:  # as the aggregator does right after its start
+            self.story.agg(Status(STALE, "/Group", "Stale"))
+        self.model.receive(levels, self.story.now.mono, self.story.now.wall)
+
+    def wait(self, seconds: float) -> None:
+        until = self.story.now.mono + seconds
+        while self.story.now.mono < until:
+            self.story.at(self.story.now.mono + 0.25)
+            self.model.tick(self.story.now.mono, self.story.now.wall)
+
+    def restart(self, _nothing: None) -> None:
+        Storage(self.path).save(self.story.state, self.story.now, at_once=True)
+        wall = self.story.now.wall + 2.0
+        self.story = Story(fleet=self.story.state.fleet)
+        self.story.now = Instant(0.0, wall)
+        offset = wall
+        self.story.at = lambda seconds: self._at(seconds, offset)  # type: ignore[method-assign]
+        Storage(self.path).load(self.story.state, self.story.now)
+        self.model.restart(wall)
+
+    def _at(self, seconds: float, offset: float) -> None:
+        self.story.now = Instant(seconds, offset + seconds)
+        self.story.state.tick(self.story.now)
+
+    def compare(self) -> None:
+        found = {
+            component.name: (
+                component.level,
+                component.before_stale,
+                component.since,
+                component.problem_since,
+                component.changes,
+            )
+            for component in self.story.robot.components.values()
+        }
+        expected = {
+            name: (each.level, each.before_stale, each.since, each.problem_since, each.changes)
+            for name, each in self.model.components.items()
+        }
+        assert found == expected
+        assert self.story.robot.up == self.model.up
+
+
+@settings(max_examples=200)
+@given(st.sampled_from([Source.RAW, Source.AGG]), st.lists(ACTIONS, max_size=25))
+def test_the_state_keeps_the_rules_whatever_happens(source, actions):
+    with tempfile.TemporaryDirectory() as folder:
+        play = Play(source, Path(folder) / "state")
+        for what, argument in actions:
+            getattr(play, what)(argument)
+            play.compare()
+
+
+@settings(max_examples=100)
+@given(st.sampled_from([Source.RAW, Source.AGG]), st.lists(ACTIONS, max_size=25))
+def test_absence_never_ends_a_fault(source, actions):
+    """Once WARN or ERROR, a component is never gone, and OK only after a fresh OK."""
+    with tempfile.TemporaryDirectory() as folder:
+        play = Play(source, Path(folder) / "state")
+        faulty: dict[str, bool] = {}
+        for what, argument in actions:
+            getattr(play, what)(argument)
+            if what == "send":
+                for name, level in argument.items():
+                    if level != STALE:
+                        faulty[name] = level in (WARN, ERROR)
+            for name, is_faulty in faulty.items():
+                component = play.story.component(name)
+                worst = component.level if component.level != STALE else component.before_stale
+                assert (worst in (WARN, ERROR)) == is_faulty
