@@ -56,14 +56,14 @@ def test_a_fifo_among_the_files_is_named_and_a_dead_robot_is_found_all_the_same(
 HUNG = """
 import sys, threading
 from ros_diagnostics_exporter.cli import main as cli
-from ros_diagnostics_exporter.config import yamlfile
+from ros_diagnostics_exporter.config import yaml_file
 
-read = yamlfile.read_regular
+read = yaml_file.read_regular
 def read_or_hang(path, most):
     if path.name == "hung.yml":
         threading.Event().wait()
     return read(path, most)
-yamlfile.read_regular = read_or_hang
+yaml_file.read_regular = read_or_hang
 sys.exit(cli.main())
 """
 
