@@ -139,7 +139,7 @@ def _about_value(error: ErrorDetails) -> tuple[str, str]:
 
 def suggestion(word: str, known: Iterable[str]) -> str:
     """The remedy for an unknown word: the most similar known one, or a list of all."""
-    words, word = list(known), word[:100]  # comparing takes the square of the length
+    words, word = list(known), word[:100]  # the time of a comparison is quadratic
     close = difflib.get_close_matches(word.lower(), {each.lower(): each for each in words}, n=1)
     if close:
         best = next(each for each in words if each.lower() == close[0])

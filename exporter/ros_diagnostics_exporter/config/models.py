@@ -51,7 +51,7 @@ class Entry(BaseModel):
 
 
 def optional(description: str, *, example: Any, default: Any = None) -> Any:
-    """An optional key; ``default`` is what `resolve` takes where the key is not given.
+    """An optional key; ``default`` applies if the key is not given.
 
     Schema and documentation show the default, but the model has None for "not given": `resolve`
     then looks in the profile that is extended, for instance.
@@ -135,8 +135,8 @@ class ThresholdsEntry(Entry):
     def _in_order(self) -> ThresholdsEntry:
         low, high = self.low or BoundEntry(), self.high or BoundEntry()
         names = ("low critical", "low warning", "high warning", "high critical")
-        bounds = (low.critical, low.warning, high.warning, high.critical)
-        given = [(n, b) for n, b in zip(names, bounds, strict=True) if b is not None]
+        limits = (low.critical, low.warning, high.warning, high.critical)
+        given = [(n, b) for n, b in zip(names, limits, strict=True) if b is not None]
         for (below, small), (above, large) in pairwise(given):
             if small > large:
                 raise WrongValueError(

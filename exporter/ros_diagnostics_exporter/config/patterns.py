@@ -16,6 +16,11 @@ from ros_diagnostics_exporter.config.scalars import MAX_NAME, MAX_TOPIC, text
 from ros_diagnostics_exporter.regex import Pattern, RegexError, escape
 
 MAX_PATTERN = 500  # characters
+ROBOT = "{robot}"
+# Every topic; a robot's name is the last part of its namespace.
+INNERMOST = re.compile(r"(?:/[A-Za-z0-9_]+)*/(?P<robot>[A-Za-z0-9_]+)/[A-Za-z0-9_]+")
+_TOPIC = r"(?:/(?:[A-Za-z_][A-Za-z0-9_]*|[A-Za-z0-9_]*\{robot\}[A-Za-z0-9_]*|\*))+"
+_NAME = r"(?:[A-Za-z0-9_.:-]|\{robot\}|\{domain_id\})+"
 
 
 def expression(source: Any) -> Pattern:
@@ -88,41 +93,8 @@ def wildcards(value: Any) -> tuple[Pattern, ...]:
     return _listed(value, wildcard)
 
 
-_REGEX: dict[str, Any] = {
-    "type": "object",
-    "properties": {"regex": {"type": "string", "maxLength": MAX_PATTERN}},
-    "required": ["regex"],
-    "additionalProperties": False,
-}
-_WORD = [{"type": "string", "minLength": 1, "maxLength": MAX_PATTERN}, _REGEX]
-_TEXT = [*_WORD, {"type": "integer"}]
-
-
-def _one_or_more(one: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    return [*one, {"type": "array", "minItems": 1, "items": {"anyOf": one}}]
-
-
-Words = Annotated[
-    tuple[Pattern, ...],
-    PlainValidator(words),
-    WithJsonSchema({"title": "words", "anyOf": _one_or_more(_WORD)}),
-]
-Wildcards = Annotated[
-    tuple[Pattern, ...],
-    PlainValidator(wildcards),
-    WithJsonSchema({"title": "texts with *", "anyOf": _one_or_more(_TEXT)}),
-]
-
-
-ROBOT = "{robot}"
-# Every topic; a robot's name is the last part of its namespace.
-INNERMOST = re.compile(r"(?:/[A-Za-z0-9_]+)*/(?P<robot>[A-Za-z0-9_]+)/[A-Za-z0-9_]+")
-_TOPIC = r"(?:/(?:[A-Za-z_][A-Za-z0-9_]*|[A-Za-z0-9_]*\{robot\}[A-Za-z0-9_]*|\*))+"
-_NAME = r"(?:[A-Za-z0-9_.:-]|\{robot\}|\{domain_id\})+"
-
-
 def topic_template(value: Any) -> str:
-    """A topic in which one part may hold `{robot}`, and `*` stands for a part."""
+    """A topic in which one part may contain `{robot}`, and `*` is a part of any name."""
     found = text(value)
     if len(found) > MAX_TOPIC or not re.fullmatch(_TOPIC, found, re.ASCII):
         remedy = "write a topic as /{robot}/diagnostics_agg, with * for a part of any name"
@@ -135,7 +107,7 @@ def topic_template(value: Any) -> str:
 
 
 def topic_pattern(template: str) -> re.Pattern[str]:
-    """The pattern (fullmatch on topics) that a checked template means; group "robot" if it has."""
+    """The pattern (fullmatch on topics) of a valid template; group "robot" if it has {robot}."""
     source = re.escape(template).replace(re.escape(ROBOT), "(?P<robot>[A-Za-z0-9_]+)")
     return re.compile(source.replace(r"\*", "[A-Za-z0-9_]+"))
 
@@ -167,10 +139,34 @@ def split(value: Any) -> Pattern:
         source = source.replace(rf"\{{{group}\}}", f"(?P<{group}>{inner})", 1)
     if len(found) > MAX_PATTERN or "(?P<robot>" not in source or r"\{" in source:
         remedy = "write it with {robot} and {component}, each once, as {robot}/{component}"
-        raise WrongValueError(f"{quoted(found)} does not say where the robot's name is", remedy)
+        raise WrongValueError(f"{quoted(found)} does not show where the robot's name is", remedy)
     return Pattern(source, dot_all=True)
 
 
+_REGEX: dict[str, Any] = {
+    "type": "object",
+    "properties": {"regex": {"type": "string", "maxLength": MAX_PATTERN}},
+    "required": ["regex"],
+    "additionalProperties": False,
+}
+_WORD = [{"type": "string", "minLength": 1, "maxLength": MAX_PATTERN}, _REGEX]
+_TEXT = [*_WORD, {"type": "integer"}]
+
+
+def _one_or_more(one: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [*one, {"type": "array", "minItems": 1, "items": {"anyOf": one}}]
+
+
+Words = Annotated[
+    tuple[Pattern, ...],
+    PlainValidator(words),
+    WithJsonSchema({"title": "words", "anyOf": _one_or_more(_WORD)}),
+]
+Wildcards = Annotated[
+    tuple[Pattern, ...],
+    PlainValidator(wildcards),
+    WithJsonSchema({"title": "texts with *", "anyOf": _one_or_more(_TEXT)}),
+]
 TopicTemplate = Annotated[
     str,
     PlainValidator(topic_template),
@@ -189,12 +185,7 @@ Split = Annotated[
             "title": "text with {robot} and {component}",
             "anyOf": [
                 {"type": "string", "pattern": r"\{robot\}", "maxLength": MAX_PATTERN},
-                {
-                    "type": "object",
-                    "properties": {"regex": {"type": "string", "maxLength": MAX_PATTERN}},
-                    "required": ["regex"],
-                    "additionalProperties": False,
-                },
+                _REGEX,
             ],
         }
     ),

@@ -86,7 +86,7 @@ def test_while_a_file_hangs_robots_scrapes_and_sigterm_do_not(site, ends):
     robots.stop()
     until(lambda: site.up() == 0, exporter.describe)
     until(lambda: metric(site, "config_last_reload_successful") == 0, exporter.describe)
-    until(lambda: "the config cannot change until its disk" in exporter.output(), exporter.describe)
+    until(lambda: "no reload is possible until its disk" in exporter.output(), exporter.describe)
 
     assert exporter.stop(30) == 0
 
