@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 import ssl
 from pathlib import Path
-from typing import Any
 
+from ros_diagnostics_exporter.file_watcher import Signature, signature
 from ros_diagnostics_exporter.web.tls import make_context
 from ros_diagnostics_exporter.web.webconfig import WebConfig, WebConfigError, read
 
@@ -67,10 +67,10 @@ class Settings:
             self.context = make_context(fresh.tls_server_config)
         self.config = fresh
 
-    def _mark(self) -> tuple[Any, ...]:
+    def _mark(self) -> Signature:
         tls = self.config.tls_server_config
         paths = (*((self._path,) if self._path else ()), *(tls.files if tls else ()))
-        return tuple(_stat(path) for path in paths)
+        return signature(paths)
 
 
 def _opened(old: WebConfig, new: WebConfig) -> str | None:
@@ -86,11 +86,3 @@ def _opened(old: WebConfig, new: WebConfig) -> str | None:
     if old.tls_server_config.client_allowed_sans and not new.tls_server_config.client_allowed_sans:
         return "tls_server_config.client_allowed_sans"
     return None
-
-
-def _stat(path: Path) -> tuple[int, int, int] | None:
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_mtime_ns, found.st_size, found.st_ino

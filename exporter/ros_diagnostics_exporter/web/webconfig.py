@@ -21,12 +21,11 @@ from pydantic import (
     model_validator,
 )
 
-from ros_diagnostics_exporter.config.yamlfile import Document
-from ros_diagnostics_exporter.config.yamlfile import read as read_yaml
+from ros_diagnostics_exporter import durations
+from ros_diagnostics_exporter.config.yaml_file import Document
+from ros_diagnostics_exporter.config.yaml_file import read as read_yaml
 
 _BCRYPT = re.compile(r"\$2[aby]\$(0[4-9]|1[0-9]|2[0-9]|3[01])\$[./A-Za-z0-9]{53}")
-_DURATION = re.compile(r"(\d+(?:\.\d+)?)(ms|s|m|h)")
-_SECONDS = {"ms": 0.001, "s": 1.0, "m": 60.0, "h": 3600.0}
 _CIPHERS = {
     f"TLS_ECDHE_{key}_WITH_{go}": f"ECDHE-{key}-{openssl}"
     for key in ("RSA", "ECDSA")
@@ -59,10 +58,12 @@ def _cipher(name: str) -> str:
 def _seconds(text: Any) -> float:
     if text in (0, "0"):
         return 0.0
-    found = _DURATION.fullmatch(str(text))
-    if not found:
-        raise ValueError(f"{text!r} is no duration; write 500ms, 1s, 1m or 1h, or 0 for no limit")
-    return float(found[1]) * _SECONDS[found[2]]
+    try:
+        return durations.parse(str(text))
+    except ValueError:
+        raise ValueError(
+            f"{text!r} is no duration; write 500ms, 1s, 1m or 1h, or 0 for no limit"
+        ) from None
 
 
 def _version(text: str) -> str:
