@@ -15,10 +15,9 @@ PANELS = {(board["title"], panel["title"]) for board in BOARDS.values() for pane
 def test_the_page_lists_every_panel_with_its_question():
     """`./run dashboards` writes it."""
     pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python 3.11")
-    from fleet_dashboards.__main__ import built
-    from fleet_dashboards.lib import listing
+    from fleet_dashboards.__main__ import build_all, docs_page
 
-    assert listing.page(built()) == PAGE
+    assert docs_page(build_all()) == PAGE
 
 
 def test_pages_of_nagios_and_views_of_rqt_lead_to_panels_that_exist():
