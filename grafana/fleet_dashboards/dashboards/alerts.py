@@ -34,7 +34,7 @@ def build() -> builders.Dashboard:
     return new_dashboard(
         links.ALERTS_UID,
         "Alerts and reports",
-        "What was told to whom, and how well did it all run?",
+        "Which alerts fire, were notifications sent, and how available were the robots?",
         [variables.fleet()],
         [
             *map(firing_by_severity, SEVERITIES),
@@ -60,9 +60,9 @@ def build() -> builders.Dashboard:
 
 
 SEVERITIES = {
-    "critical": (palette.CRITICAL.colour, "What must somebody look after now"),
-    "warning": (palette.WARNING.colour, "What must somebody look after today"),
-    "info": (palette.NEUTRAL, "What is only to be known"),
+    "critical": (palette.CRITICAL.colour, "What needs attention now"),
+    "warning": (palette.WARNING.colour, "What needs attention today"),
+    "info": (palette.NEUTRAL, "What is for information only"),
 }
 
 
@@ -73,7 +73,7 @@ def firing_by_severity(severity: str) -> stat.Panel:
     return (
         panels.number(
             f"Firing: {severity}",
-            f"{question}? Alerts of this severity that fire now.",
+            f"{question}? Firing alerts of this severity.",
             f"count({alerts})\nor vector(0)",
         )
         .color_mode(common.BigValueColorMode.BACKGROUND)
@@ -86,8 +86,8 @@ def suppressed() -> stat.Panel:
     """Count the alerts that Alertmanager suppresses."""
     return panels.number(
         "Suppressed",
-        "How many alerts fire and are not told, because of a silence, an acknowledgement or a "
-        "worse alert of the same fault?",
+        "For how many firing alerts is no notification sent, because of a silence, an "
+        "acknowledgement or a worse alert of the same fault?",
         'max(sum by (instance) (alertmanager_alerts{state="suppressed"}))',
     )
 
@@ -97,9 +97,9 @@ def silences() -> stat.Panel:
     url = "/alerting/silences?alertmanager=ROS%20diagnostics%20Alertmanager"
     return panels.number(
         "Silences",
-        "How many silences and acknowledgements are in force? A click lists them.",
+        "How many silences and acknowledgements are active? A click lists them.",
         'max(sum by (instance) (alertmanager_silences{state="active"}))',
-    ).data_links([builders.DashboardLink("Look at them").url(url)])
+    ).data_links([builders.DashboardLink("List the silences").url(url)])
 
 
 def acknowledged_count() -> stat.Panel:
@@ -133,9 +133,9 @@ def firing_alerts() -> table.Panel:
     runbook = "${__data.fields.Runbooks}/${__data.fields.Alert}.md"
     return tables.joined(
         "Firing alerts",
-        "What fires, where, and since when? A click on the alert opens its runbook. Since is when "
-        "the alert began, which is confirm_after later than the fault.",
-        "Nothing fires",
+        "Which alerts fire, where, and since when? A click on the alert opens its runbook. Since "
+        "is when the alert became active, which is confirm_after later than the fault.",
+        "No alert fires",
         {
             "A": _WITH_RUNBOOKS,
             "B": f"{_ACTIVE_SINCE} * 1000",
@@ -166,9 +166,9 @@ def acknowledged() -> table.Panel:
     """List the acknowledged faults, with author and comment."""
     return tables.joined(
         "Acknowledged",
-        "Who takes care of which fault, since when, and with which words? Only faults that go on; "
-        "made with ros-diagnostics-ack, read by an exporter with --alertmanager.url.",
-        "Nobody has acknowledged a fault that goes on",
+        "Who acknowledged which fault, when, and with which comment? Only present faults. "
+        "Acknowledge with ros-diagnostics-ack; the exporter needs --alertmanager.url.",
+        "No present fault is acknowledged",
         {"A": f"({acknowledged_faults(_FLEET)}) * 1000", "B": _FAULT_SINCE},
         [
             *COMPONENT,
@@ -176,7 +176,7 @@ def acknowledged() -> table.Panel:
             Column("B", "Faulty since", unit="dateTimeAsIsoNoDateIfToday", width=160),
             Column("A", "Acknowledged", unit="dateTimeAsIsoNoDateIfToday", width=160),
             Column("author", "By", width=140),
-            Column("comment", "Words"),
+            Column("comment", "Comment"),
         ],
         sort="Acknowledged",
     ).height(8)
@@ -189,7 +189,7 @@ def firing_over_time() -> timeseries.Panel:
     """Show the number of firing alerts over time, by name."""
     panel = panels.graph(
         "Firing over time",
-        "When were there how many alerts, and of which kind?",
+        "Which alerts fired when, and how many of each?",
         panels.over_time(f"count by (alertname) ({_FIRING})", "{{alertname}}"),
     )
     return panels.stacked(panel).min(0).decimals(0).span(12).height(10)
@@ -213,8 +213,8 @@ def fired() -> table.Panel:
     return (
         tables.joined(
             "Fired in the time range",
-            "What fired, how often, and when last? Most often first.",
-            "Nothing fired",
+            "Which alerts fired, how often, and when last? Most often first.",
+            "No alert fired",
             {"A": _TIMES_FIRED, "B": _LAST_FIRED},
             [
                 Column("alertname", "Alert"),
@@ -244,8 +244,8 @@ def notifications_over_time() -> timeseries.Panel:
     failed = f"{_notifications('_failed', '$__rate_interval')} > 0"
     return panels.graph(
         "Notifications over time",
-        "When was how much told, by which way, and when did that fail?",
-        panels.over_time(sent, "{{integration}}: sent or tried"),
+        "How many notifications were sent by each integration, and how many failed?",
+        panels.over_time(sent, "{{integration}}: attempts"),
         panels.over_time(failed, "{{integration}}: failed", "B"),
     ).override_by_regexp("/: failed$/", panels.dashed(palette.CRITICAL.colour))
 
@@ -254,7 +254,7 @@ def notifications() -> stat.Panel:
     """Count the notifications of the time range."""
     return _by_integration(
         "Notifications",
-        "How many notifications were handed over or tried in the time range?",
+        "How many notifications were sent or attempted in the time range?",
         f"{_notifications('', '$__range')} > 0",
     )
 
@@ -265,7 +265,7 @@ def failed_notifications() -> stat.Panel:
     # Alertmanager has a counter for every integration; only those in use show a zero.
     panel = _by_integration(
         "Failed notifications",
-        "How many attempts to notify failed in the time range? Alertmanager tries again.",
+        "How many attempts failed in the time range? Alertmanager retries.",
         f"""
           {_notifications("_failed", "$__range")}
         and
@@ -285,10 +285,10 @@ def flapping() -> table.Panel:
     """List the flapping components."""
     return tables.joined(
         "Flapping",
-        "Which components change their level so often that single changes are not told? The ratio "
-        "is Nagios' weighted share of changes over the last 21 states; changes count since the "
-        "exporter started.",
-        "Nothing flaps",
+        "Which components change their level so often that no alert fires for single changes? The "
+        "ratio is Nagios' weighted share of changes over the last 21 states; changes count since "
+        "the exporter started.",
+        "No component is flapping",
         {
             "A": f"max {_COMPONENT} (ros_diagnostics_component_flap_ratio{{{_FLEET}}}) > 0.1",
             "B": f"component:ros_diagnostics_flapping:start{{{_FLEET}}} * 1000",
@@ -328,8 +328,8 @@ SHARES = (
     ),
 )
 SUMS = (
-    "Available is OK and WARNING, out of the time that was judged: maintenance, pending and "
-    "undetermined are left out. The other columns sum to 100 %."
+    "Available is the share of OK and WARNING in the time without maintenance, pending and "
+    "undetermined. The other columns sum to 100 %."
 )
 
 
@@ -385,9 +385,9 @@ def availability_of_robots() -> table.Panel:
     """Show the shares of each robot, its faults and the longest of them."""
     return _availability(
         "Availability of the robots",
-        f"How reliable was each robot? {SUMS} Faults are confirmed CRITICAL ones and silences; the "
-        "longest is the longest time in CRITICAL or UNKNOWN, whichever, maintenance included. As a "
-        "file: menu of the panel, Inspect, Data, Download CSV.",
+        f"How reliable was each robot? {SUMS} Faults counts confirmed CRITICAL faults and times of "
+        "silence; longest is the longest time in CRITICAL or UNKNOWN, including maintenance. To "
+        "download: menu of the panel, Inspect, Data, Download CSV.",
         _BY_ROBOT,
         [
             FLEET,
@@ -420,7 +420,7 @@ def availability_of_fleets() -> table.Panel:
 
 
 def _availability(title: str, description: str, expr: str, columns: list[Column]) -> table.Panel:
-    empty = "Nothing is recorded for this range"
+    empty = "No data in this range"
     return tables.pivot(title, description, empty, expr, columns, label="part", sort="Available")
 
 
@@ -428,7 +428,7 @@ def availability_over_time() -> timeseries.Panel:
     """Show the shares of the chosen fleets over time."""
     panel = panels.graph(
         "Availability over time",
-        "When was the fleet available, and what was it otherwise?",
+        "When were the robots available, and in which state were they otherwise?",
         panels.over_time(
             f"""
               sum by (part) (fleet:ros_diagnostics_part_seconds:sum5m{{{_FLEET}}})

@@ -22,7 +22,7 @@ def build() -> builders.Dashboard:
     return new_dashboard(
         links.COMPONENT_UID,
         "Component across the fleet",
-        "Is it this robot, or all of them?",
+        "Is one robot faulty, or all of them?",
         [variables.fleet(), variables.robots(), variables.component(), variables.key()],
         [
             robots_by_state(),
@@ -40,7 +40,7 @@ def robots_by_state() -> stat.Panel:
     """Count the robots by the component's state."""
     return panels.count_by_state(
         "Robots by state of the component",
-        "On how many robots of the chosen fleets is this component well, on how many not?",
+        "On how many robots of the chosen fleets is this component in each state?",
         f'count_values("rank", {component_rank(_ALL)})',
     ).height(10)
 
@@ -51,7 +51,7 @@ def states() -> table.Panel:
     return (
         tables.joined(
             "State on each robot",
-            "On which robots is this component faulty, since when, and what does it say?",
+            "On which robots is this component faulty, since when, and what is its message?",
             "No robot has this component",
             {
                 "A": _RANK,
@@ -124,7 +124,7 @@ def values() -> timeseries.Panel:
     return (
         panels.graph(
             "$key on every robot",
-            "Which robot's value runs away from the others'? Dashed: the median of all robots.",
+            "Which robot's value differs from the others? Dashed: the median of all robots.",
             panels.over_time(_VALUE, "{{robot}} [{{unit}}]"),
             panels.over_time(_MEDIAN, "median", "B"),
         )
@@ -138,8 +138,8 @@ def distances() -> timeseries.Panel:
     return (
         panels.graph(
             "Distance from the median",
-            "Which robot is the odd one out? Beyond 3.5 (the dashed lines) it hardly belongs to "
-            "the others: the modified z-score of Iglewicz and Hoaglin.",
+            "Which robot is an outlier? The modified z-score of Iglewicz and Hoaglin: beyond 3.5 "
+            "(the dashed lines) a robot is an outlier.",
             panels.over_time(_SCORE, "{{robot}}"),
         )
         .thresholds(_outlier_colours())
@@ -149,11 +149,10 @@ def distances() -> timeseries.Panel:
 
 def outliers() -> table.Panel:
     """List the robots by the distance of their present value from the median."""
-    score = Column("C", "Oddness", width=120)
+    score = Column("C", "Score", width=120)
     panel = tables.joined(
-        "Odd ones",
-        "Which robots' values are now farthest from the median? Coloured beyond 3.5 standard "
-        "deviations.",
+        "Outliers",
+        "Which robots' values are now farthest from the median? Coloured beyond a score of 3.5.",
         "No robot has this key as a number",
         {"A": _VALUE, "B": _DISTANCE, "C": _SCORE},
         [
@@ -161,10 +160,10 @@ def outliers() -> table.Panel:
             tables.ROBOT,
             Column("A", "Value"),
             Column("unit", "Unit", width=80),
-            Column("B", "From the median"),
+            Column("B", "Distance"),
             score,
         ],
-        sort="Oddness",
+        sort="Score",
         by="fleet, robot",
     )
     background = common.TableColoredBackgroundCellOptions(

@@ -58,12 +58,12 @@ def build() -> builders.Dashboard:
 STATE_LABELS = {state.word: state.word.lower() for state in palette.STATES}
 STATE_LABELS["UNKNOWN"] = "unknown|unreachable"
 QUESTIONS = {
-    "CRITICAL": "How many robots have an error, or lack a component that they should have?",
-    "UNKNOWN": "How many robots are silent, so that nobody knows how they are?",
+    "CRITICAL": "How many robots have an error, or fewer components than expected?",
+    "UNKNOWN": "How many robots are silent, so that their state is not known?",
     "STALE": "How many robots have a component that stopped reporting?",
-    "WARNING": "How many robots work, but should be looked at?",
-    "OK": "How many robots are well?",
-    "PENDING": "How many robots are declared and were never heard?",
+    "WARNING": "How many robots work, but need attention?",
+    "OK": "How many robots are OK?",
+    "PENDING": "How many robots are declared in fleet.yml, but were never received?",
 }
 
 
@@ -194,11 +194,11 @@ def problems() -> table.Panel:
     """List what is wrong, worst first."""
     return tables.joined(
         "Problems",
-        "What is wrong now, where, since when, and what does the driver say? Worst first. A silent "
-        "robot is one row. Confirmed is what has lasted for the robot's confirm_after and is told; "
-        "the rest may yet pass. Acknowledged says who takes care of just this fault, and with "
-        "which words. Planned stands for maintenance from fleet.yml. Unhandled, at the top, leaves "
-        "out what is acknowledged or planned.",
+        "What is wrong now, where, since when, and what is the driver's message? Worst first. A "
+        "silent robot is one row. Confirmed problems have lasted for the robot's confirm_after, "
+        "and an alert fires. Acknowledged shows who takes care of this fault, and the comment. "
+        "Planned is maintenance from fleet.yml. Unhandled, at the top, leaves out what is "
+        "acknowledged or planned.",
         "No problems",
         {
             "A": _PROBLEMS,
@@ -230,8 +230,8 @@ def problems() -> table.Panel:
 def share_working() -> stat.Panel:
     """Show the share of robots that work."""
     return panels.number(
-        "Robots that work",
-        "Which share of the robots that were ever heard is OK or in WARNING?",
+        "Working robots",
+        "Which share of the robots, without PENDING ones, is OK or in WARNING?",
         f"""
           sum({_COUNT}{{{_MATCHERS}, state=~"ok|warning"}})
         /
@@ -245,7 +245,7 @@ def components_by_state() -> stat.Panel:
     """Count the components in each state."""
     return panels.count_by_state(
         "Components",
-        "How many components stand in each state? Of the chosen fleets, whatever site and group.",
+        "How many components are in each state? In the chosen fleets; site and group do not apply.",
         'count_values("rank", component:ros_diagnostics_state:rank{fleet=~"$fleet"})',
     ).height(8)
 
@@ -283,8 +283,8 @@ def states_of_robots() -> statetimeline.Panel:
     """
     panel = panels.timeline(
         "States of the robots",
-        "When was which robot in which state? The worst of each minute, half a minute late. Of "
-        "more than 50 robots, the 50 that are worst at the end of the range: filter to see others.",
+        "When was which robot in which state? The worst state of each minute, half a minute late. "
+        "At most 50 robots, the worst at the end of the range: filter to see others.",
         panels.over_time(expr, "{{robot}}"),
     )
     return panel.max_data_points(400).data_links([link])
@@ -307,8 +307,8 @@ def robots() -> table.Panel:
     """List all robots."""
     return tables.joined(
         "Robots",
-        "How is each robot, and when was it last heard?",
-        "No robot is left by the filters",
+        "What is the state of each robot, and how old is its last message?",
+        "No robot matches the filters",
         {
             "A": f"""
               ({_RANK} ${{state:raw}})
@@ -328,7 +328,7 @@ def robots() -> table.Panel:
             Column("robot_group", "Group"),
             Column("kind", "Kind"),
             Column("E", "Since", unit="dateTimeAsIsoNoDateIfToday", width=160),
-            Column("C", "Components in trouble", width=170),
+            Column("C", "Components not OK", width=170),
             Column("B", "Last message", unit="dtdurations", width=160),
             Column("D", "Maintenance", mappings=MAINTENANCE, width=120),
         ],

@@ -21,9 +21,9 @@ def pings() -> table.Panel:
     probed = 'job=~"ros-diagnostics-.*", fleet=~"$fleet"'
     return tables.joined(
         "Hosts",
-        "Which robots and uplinks answer a ping? Only where blackbox_exporter is scraped: a robot "
-        "that answers and is silent has lost its software, not its power.",
-        "Nothing is pinged: see the end of prometheus.yml",
+        "Which robots and uplinks answer a ping? Needs blackbox_exporter. If a silent robot "
+        "answers, its software has failed, not its power.",
+        "No host is pinged: see the end of prometheus.yml",
         {
             "A": f"max by ({by}) (probe_success{{{probed}}})",
             "B": f"max by ({by}) (probe_duration_seconds{{{probed}}})",
@@ -34,7 +34,7 @@ def pings() -> table.Panel:
             tables.ROBOT,
             Column("uplink", "Uplink"),
             Column("instance", "Address"),
-            Column("B", "Took", unit="s", width=100),
+            Column("B", "Duration", unit="s", width=100),
         ],
         descending=False,
         by=by,
@@ -99,9 +99,9 @@ def computers() -> table.Panel:
     """List the robots' computers."""
     return tables.joined(
         "Computers",
-        "How busy, full and hot are the robots' computers? Only where node_exporter runs on them. "
-        "Disk is the fullest file system, temperature the hottest sensor.",
-        "No computer is asked: see the end of prometheus.yml",
+        "How busy, full and hot are the robots' computers? Needs node_exporter on them. Disk is "
+        "the fullest file system, temperature the hottest sensor.",
+        "No computer is scraped: see the end of prometheus.yml",
         {
             "A": f"max {_BY} (up{{{_NODE}}})",
             "B": _cpu(),
@@ -120,7 +120,7 @@ def computers() -> table.Panel:
             Column("C", "Memory", unit="percentunit", width=90),
             Column("D", "Disk", unit="percentunit", width=90),
             Column("E", "Temperature", unit="celsius", width=120),
-            Column("F", "Runs for", unit="dtdurations", width=150),
+            Column("F", "Uptime", unit="dtdurations", width=150),
             Column("G", "Clock", mappings=palette.clock_mappings(), width=130),
         ],
         descending=False,
@@ -142,28 +142,30 @@ def _graph(
 
 def cpu() -> timeseries.Panel:
     """Show the CPU usage of the robots' computers."""
-    return _graph("CPU", "Whose computer is busy?", _cpu(), _cpu(" @ end()")).max(1)
+    return _graph("CPU", "Which computers are busy?", _cpu(), _cpu(" @ end()")).max(1)
 
 
 def memory() -> timeseries.Panel:
     """Show the memory usage of the robots' computers."""
-    return _graph("Memory", "Whose memory runs out?", _memory(), _memory(" @ end()")).max(1)
+    return _graph(
+        "Memory", "Which computers run out of memory?", _memory(), _memory(" @ end()")
+    ).max(1)
 
 
 def disk() -> timeseries.Panel:
     """Show the usage of the fullest file system."""
-    return _graph("Disk", "Whose disk fills up?", _disk(), _disk(" @ end()")).max(1)
+    return _graph("Disk", "Which disks fill up?", _disk(), _disk(" @ end()")).max(1)
 
 
 def temperature() -> timeseries.Panel:
     """Show the temperature of the hottest sensor."""
-    question = "Whose computer gets hot?"
+    question = "Which computers get hot?"
     return _graph("Temperature", question, _temperature(), _temperature(" @ end()"), "celsius")
 
 
 def network() -> timeseries.Panel:
     """Show the network traffic in both directions."""
-    question = "Who sends and receives how much?"
+    question = "How much do the computers send and receive?"
     return _graph("Network", question, _network(), _network(" @ end()"), "Bps")
 
 
@@ -177,8 +179,8 @@ def ping_time() -> timeseries.Panel:
       topk({LINES}, max {by} (probe_duration_seconds{{{probed}}} @ end()))
     """
     return panels.graph(
-        "Time of a ping",
-        f"Whose connection gets slow? {SHOWN}; a probe that fails takes its whole time.",
+        "Ping duration",
+        f"Which connections get slow? {SHOWN}; a failed probe lasts until its timeout.",
         panels.over_time(expr, "{{robot}}{{uplink}}"),
         unit="s",
     )

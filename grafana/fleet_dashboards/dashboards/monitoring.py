@@ -16,7 +16,7 @@ _SERVERS = 'job=~"prometheus|alertmanager"'
 
 FLEET = Column("fleet", "Fleet")
 UP = palette.up_mappings()
-WORKED = palette.worked_mappings()
+SUCCESS = palette.success_mappings()
 
 
 def build() -> builders.Dashboard:
@@ -24,7 +24,7 @@ def build() -> builders.Dashboard:
     return new_dashboard(
         links.MONITORING_UID,
         "Hosts and monitoring",
-        "Can what the other dashboards show be trusted?",
+        "Does the monitoring itself work?",
         [variables.fleet()],
         [
             hosts.pings(),
@@ -68,9 +68,9 @@ def targets() -> table.Panel:
     """List all that Prometheus scrapes."""
     by = "job, instance, fleet"
     return tables.joined(
-        "Scraped",
-        "Does everything answer that Prometheus scrapes, how fast, and with how much?",
-        "Nothing is scraped",
+        "Targets",
+        "Which targets are up, how long do scrapes take, and how many samples do they return?",
+        "No target",
         {
             "A": f"max by ({by}) (up)",
             "B": f"max by ({by}) (scrape_duration_seconds)",
@@ -81,7 +81,7 @@ def targets() -> table.Panel:
             Column("job", "Job"),
             Column("instance", "Instance"),
             FLEET,
-            Column("B", "Took", unit="s", width=100),
+            Column("B", "Duration", unit="s", width=100),
             Column("C", "Samples", width=100),
         ],
         descending=False,
@@ -111,9 +111,9 @@ def exporters() -> table.Panel:
     return (
         tables.joined(
             "Exporters",
-            "Which version serves each fleet, with how many robots, and did its config and its "
-            "state file work the last time? Acknowledgements: whether Alertmanager answers when "
-            "asked for them; empty where it is not asked.",
+            "Which version serves each fleet, with how many robots, and did the last reload of the "
+            "config and the last write of the state file succeed? Acknowledgements: whether "
+            "Alertmanager answers; empty without --alertmanager.url.",
             "No exporter is scraped",
             {
                 "A": f"ros_diagnostics_exporter_build_info{{{_FLEET}}}",
@@ -132,10 +132,10 @@ def exporters() -> table.Panel:
                 Column("ros_distro", "ROS", width=80),
                 Column("F", "Robots", width=80),
                 Column("G", "Domains", width=80),
-                Column("H", "Graph seen", unit="dtdurations", width=120),
-                Column("B", "Config", mappings=WORKED, width=90),
+                Column("H", "Discovery ran", unit="dtdurations", width=120),
+                Column("B", "Config", mappings=SUCCESS, width=90),
                 Column("C", "Config read", unit="dateTimeAsIso", width=170),
-                Column("D", "State file", mappings=WORKED, width=90),
+                Column("D", "State file", mappings=SUCCESS, width=90),
                 Column("E", "State written", unit="dateTimeAsIso", width=170),
                 Column("I", "Acknowledgements", mappings=UP, width=140),
             ],
@@ -175,7 +175,7 @@ def messages() -> timeseries.Panel:
     received = f"ros_diagnostics_robot_messages_total{{{_FLEET}}}"
     return panels.graph(
         "Messages",
-        "How many arrays does each fleet send in a second?",
+        "How many arrays are received per second from each fleet?",
         panels.over_time(_rate_by_fleet(received), "{{fleet}}"),
         unit="cps",
     )
@@ -194,7 +194,7 @@ def rejected_messages() -> timeseries.Panel:
     """
     return panels.graph(
         "Rejected messages",
-        "What is received and not taken in, and why?",
+        "What is rejected, and why?",
         panels.over_time(expr, "{{fleet}}: {{reason}}"),
         unit="cps",
     )
@@ -205,7 +205,7 @@ def exporter_scrape_time() -> timeseries.Panel:
     scrape = f"max by (fleet) (scrape_duration_seconds{{{_EXPORTER}}})"
     rendering = _of_exporter("max", "last_scrape_duration_seconds")
     return panels.graph(
-        "Time of a scrape",
+        "Scrape duration",
         "How long does a scrape of each exporter take, and how much of that is rendering?",
         panels.over_time(scrape, "{{fleet}}: scrape"),
         panels.over_time(rendering, "{{fleet}}: rendering", "B"),
@@ -221,9 +221,9 @@ def exporter_cpu() -> timeseries.Panel:
     return panels.graph(
         "CPU of the exporters",
         "What do the exporters spend their time on? 100 % is one core.",
-        panels.over_time(total, "{{fleet}}: all"),
+        panels.over_time(total, "{{fleet}}: total"),
         panels.over_time(decoding, "{{fleet}}: decoding", "B"),
-        panels.over_time(ingest, "{{fleet}}: taking in", "C"),
+        panels.over_time(ingest, "{{fleet}}: ingest", "C"),
         unit="percentunit",
     )
 
@@ -233,7 +233,7 @@ def exporter_memory() -> timeseries.Panel:
     memory = f"max by (fleet) (process_resident_memory_bytes{{{_EXPORTER}}})"
     return panels.graph(
         "Memory of the exporters",
-        "Does an exporter leak?",
+        "How much memory do the exporters use, and does it grow?",
         panels.over_time(memory, "{{fleet}}"),
         unit="bytes",
     )
@@ -243,17 +243,17 @@ def series() -> timeseries.Panel:
     """Show the number of series of each exporter, and its limit."""
     return panels.graph(
         "Series",
-        "How near is each exporter to its bound of series? Dashed: the bound.",
+        "How near is each exporter to its limit of series? Dashed: the limit.",
         panels.over_time(_of_exporter("sum", "series"), "{{fleet}}"),
-        panels.over_time(_of_exporter("max", "series_limit"), "bound of {{fleet}}", "B"),
-    ).override_by_regexp("/^bound of /", panels.dashed(palette.CRITICAL.colour))
+        panels.over_time(_of_exporter("max", "series_limit"), "limit of {{fleet}}", "B"),
+    ).override_by_regexp("/^limit of /", panels.dashed(palette.CRITICAL.colour))
 
 
 def series_by_family() -> bargauge.Panel:
     """Show the number of series of each metric family."""
     return panels.bars(
         "Series by family",
-        "Which metric family costs how many series?",
+        "How many series does each metric family have?",
         panels.at_end(
             f"max by (fleet, family) (ros_diagnostics_exporter_series{{{_FLEET}}})",
             "{{fleet}}: {{family}}",
@@ -268,7 +268,7 @@ def rule_failures() -> stat.Panel:
     """Count the failed and missed evaluations of rules."""
     return _should_be_zero(
         "Rule failures",
-        "Did a rule fail or come too late during the time range? Then states are missing.",
+        "How many rule evaluations failed or were missed in the time range?",
         """
           sum by (instance) (increase(prometheus_rule_evaluation_failures_total[$__range]))
         +
@@ -280,8 +280,8 @@ def rule_failures() -> stat.Panel:
 def alerts_lost() -> stat.Panel:
     """Count the alerts that did not reach an Alertmanager."""
     return _should_be_zero(
-        "Alerts lost",
-        "How many alerts did not reach an Alertmanager during the time range?",
+        "Alerts not sent",
+        "How many alerts did not reach an Alertmanager in the time range?",
         """
           sum by (instance) (increase(prometheus_notifications_errors_total[$__range]))
         +
@@ -302,7 +302,7 @@ def alertmanagers() -> stat.Panel:
     return (
         panels.number(
             "Alertmanagers",
-            "To how many Alertmanagers does Prometheus send?",
+            "To how many Alertmanagers does Prometheus send alerts?",
             "max by (instance) (prometheus_notifications_alertmanagers_discovered)",
         )
         .color_scheme(panels.by_thresholds())
@@ -314,7 +314,7 @@ def prometheus_series() -> stat.Panel:
     """Count the series in Prometheus' memory."""
     return panels.number(
         "Series in Prometheus",
-        "How many series does Prometheus hold?",
+        "How many series does Prometheus have in memory?",
         "max by (instance) (prometheus_tsdb_head_series)",
     )
 
@@ -323,7 +323,7 @@ def alertmanager_cluster() -> stat.Panel:
     """Count the Alertmanagers of the cluster."""
     return panels.number(
         "Alertmanager cluster",
-        "How many Alertmanagers see one another? One that runs alone has no cluster.",
+        "How many members does the Alertmanager cluster have? None if only one runs.",
         "max by (instance) (alertmanager_cluster_members)",
     )
 
@@ -332,13 +332,13 @@ def configuration() -> stat.Panel:
     """Show whether the servers' last reload succeeded."""
     return panels.word(
         "Configuration",
-        "Did the servers' last reload work?",
+        "Did the servers' last reload succeed?",
         """
           max by (job, instance) (prometheus_config_last_reload_successful)
         or
           max by (job, instance) (alertmanager_config_last_reload_successful)
         """,
-        WORKED,
+        SUCCESS,
     )
 
 
@@ -352,8 +352,8 @@ def rule_time() -> timeseries.Panel:
     )
     """
     return panels.graph(
-        "Time of the rules",
-        "How long does each group of rules take? It must stay below the evaluation interval.",
+        "Rule group duration",
+        "How long does each rule group take? It must stay below the evaluation interval.",
         panels.over_time(expr, "{{rule_group}}"),
         unit="s",
     )
@@ -364,7 +364,7 @@ def samples() -> timeseries.Panel:
     stored = "prometheus_tsdb_head_samples_appended_total[$__rate_interval]"
     return panels.graph(
         "Samples stored",
-        "How many samples does Prometheus store in a second?",
+        "How many samples does Prometheus store per second?",
         panels.over_time(f"sum by (instance) (rate({stored}))", "{{instance}}"),
         unit="cps",
     )
@@ -374,8 +374,8 @@ def alerts() -> timeseries.Panel:
     """Show the alerts in Alertmanager by state."""
     return panels.graph(
         "Alerts in Alertmanager",
-        "How many alerts are active, how many suppressed by a silence, an acknowledgement or a "
-        "worse alert?",
+        "How many alerts are active, and how many are suppressed by a silence, an acknowledgement "
+        "or a worse alert?",
         panels.over_time(
             "sum by (instance, state) (alertmanager_alerts)", "{{instance}}: {{state}}"
         ),
@@ -393,8 +393,8 @@ def notification_time() -> timeseries.Panel:
     ) > 0
     """
     return panels.graph(
-        "Time of a notification",
-        "How long does handing over a notification take (95 %)?",
+        "Notification latency",
+        "How long does sending a notification take (95th percentile)?",
         panels.over_time(expr, "{{integration}}"),
         unit="s",
     )
@@ -420,7 +420,7 @@ def server_memory() -> timeseries.Panel:
     expr = f"max by (job, instance) (process_resident_memory_bytes{{{_SERVERS}}})"
     return panels.graph(
         "Memory of the servers",
-        "How much memory do Prometheus and Alertmanager take?",
+        "How much memory do Prometheus and Alertmanager use?",
         panels.over_time(expr, "{{job}} {{instance}}"),
         unit="bytes",
     )

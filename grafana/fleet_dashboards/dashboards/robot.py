@@ -28,7 +28,7 @@ def build() -> builders.Dashboard:
     board = new_dashboard(
         links.ROBOT_UID,
         "Robot",
-        "What is wrong with this robot, and what was?",
+        "What is wrong with this robot, and what was wrong before?",
         [variables.fleet(), variables.robot(), variables.components(), variables.unit()],
         [
             state(),
@@ -79,7 +79,7 @@ def state_changes() -> Annotation:
 def firing_alerts() -> Annotation:
     """Mark the times at which an alert of the robot fired."""
     return Annotation(
-        "Alerts told",
+        "Firing alerts",
         f'ALERTS{{alertstate="firing", {_ROBOT}}}',
         palette.CRITICAL.colour,
         "{{alertname}}",
@@ -94,7 +94,7 @@ def state() -> stat.Panel:
     """Show the robot's state."""
     return panels.word(
         "State",
-        "How is the robot now? As bad as its worst component; UNKNOWN while it is silent.",
+        "What is the state of the robot? That of its worst component; UNKNOWN while it is silent.",
         f"robot:ros_diagnostics_state:rank{{{_ROBOT}}}",
         palette.state_mappings(),
     )
@@ -104,7 +104,7 @@ def silent_for() -> stat.Panel:
     """Show for how long the robot has been silent."""
     return panels.number(
         "Silent for",
-        "For how long has nothing been heard? Empty while messages arrive.",
+        "For how long has the robot been silent? Empty while messages are received.",
         f"""
         time() - (
           robot:ros_diagnostics_silent:start{{{_ROBOT}}}
@@ -120,8 +120,8 @@ def silent_reason() -> stat.Panel:
     """Show why the robot is silent."""
     return panels.name(
         "Why silent",
-        "Why is the robot not heard: was it never seen, is its publisher gone or mute? Empty while "
-        "messages arrive.",
+        "Why is the robot silent: was it never seen, is its publisher gone, or does the publisher "
+        "send nothing? Empty while messages are received.",
         f"max by (reason) (ros_diagnostics_robot_silent_reason{{{_ROBOT}}} == 1)",
         "reason",
     )
@@ -143,7 +143,7 @@ def message_age() -> stat.Panel:
     """Show the age of the last message."""
     return panels.number(
         "Last message",
-        "How old is the last message, and so everything that is shown here?",
+        "How old is the last message, and with it the data on this page?",
         _MESSAGE_AGE,
         "dtdurations",
     )
@@ -153,8 +153,8 @@ def clock_offset() -> stat.Panel:
     """Show how far the robot's clock is off."""
     return panels.number(
         "Clock offset",
-        "How far behind the server's clock is the robot's? The time that the message was under way "
-        "is part of it.",
+        "How far is the robot's clock behind the exporter's? This includes the latency of the "
+        "message.",
         _CLOCK_OFFSET,
         "s",
     )
@@ -164,7 +164,8 @@ def maintenance() -> stat.Panel:
     """Show whether the robot is in planned maintenance."""
     return panels.word(
         "Maintenance",
-        "Is this a downtime that fleet.yml plans? Nothing is told during it.",
+        "Is the robot in maintenance planned in fleet.yml? No notification of its faults is sent "
+        "meanwhile.",
         f"max by (fleet, robot) (ros_diagnostics_robot_maintenance{{{_ROBOT}}})",
         palette.yes("planned", palette.MAINTENANCE_COLOUR, otherwise="no"),
     )
@@ -183,7 +184,7 @@ def errors() -> table.Panel:
     """List the components with an error."""
     return _box(
         "Errors",
-        "Which components have an error, and what do they say?",
+        "Which components have an error, and what are their messages?",
         "No errors",
         f"{_RANK} == 3",
     )
@@ -193,7 +194,7 @@ def warnings() -> table.Panel:
     """List the components with a warning."""
     return _box(
         "Warnings",
-        "Which components warn, and what do they say?",
+        "Which components have a warning, and what are their messages?",
         "No warnings",
         f"{_RANK} == 1",
     )
@@ -203,8 +204,8 @@ def stale() -> table.Panel:
     """List the components that stopped reporting."""
     return _box(
         "Stale",
-        "Which components stopped reporting, alone or because their robot is silent?",
-        "All report",
+        "Which components stopped reporting, alone or because the robot is silent?",
+        "No stale components",
         f"""
           {_RANK} == 2
         or
@@ -255,9 +256,9 @@ def all_components() -> table.Panel:
     """List all components by group."""
     return tables.joined(
         "All components",
-        "How is each component, group by group? Before is what it was before it stopped reporting; "
-        "changes are those of the time range.",
-        "No component was heard yet",
+        "What is the state of each component, by group? Before is the state before it stopped "
+        "reporting; changes are those of the time range.",
+        "No component was received yet",
         {
             "A": _RANK,
             "B": f"max {_BY} ({_SINCE}) * 1000",
@@ -292,8 +293,8 @@ def checks() -> table.Panel:
     return (
         tables.joined(
             "Checks",
-            "How do the checks of fleet.yml stand, and do they find as many components as they "
-            "should?",
+            "What is the state of the checks of fleet.yml, and do they find as many components as "
+            "expected?",
             "No checks",
             {
                 "A": f"check:ros_diagnostics_state:rank{{{_ROBOT}}}",
@@ -319,8 +320,8 @@ def groups() -> table.Panel:
     return (
         tables.joined(
             "Groups as the robot's aggregator reports them",
-            "What does the robot's own aggregator make of it? Its roll-up differs between "
-            "versions, so nothing else here is computed from it.",
+            "Which state does the robot's own aggregator give each group? Its roll-up differs "
+            "between versions, so nothing else here is computed from it.",
             "Its messages are not aggregated",
             {"A": rank_of_level(level)},
             [tables.STATE, Column("group", "Group")],
@@ -349,7 +350,7 @@ def batteries() -> timeseries.Panel:
     """Show the charge of the batteries."""
     return _values(
         "Batteries",
-        "How full are the batteries? Dashed: the bounds of fleet.yml.",
+        "How full are the batteries? Dashed: the thresholds of fleet.yml.",
         _value(_CHARGE),
         _threshold(_CHARGE),
     ).min(0)
@@ -360,7 +361,7 @@ def temperatures() -> timeseries.Panel:
     degrees = 'unit=~"degC|degF|K"'
     return _values(
         "Temperatures",
-        "What becomes too hot? Dashed: the bounds of fleet.yml.",
+        "What becomes too hot? Dashed: the thresholds of fleet.yml.",
         _value(degrees),
         _threshold(degrees),
     )
@@ -371,7 +372,7 @@ def values_without_unit() -> timeseries.Panel:
     without = 'unit=""'
     return _values(
         "Values without a unit",
-        "What do the other numbers do, those that come without a unit?",
+        "How do the other numbers develop, those without a unit?",
         f"{_value(without)} unless {_value(_CHARGE)}",
         f"{_threshold(without)} unless {_threshold(_CHARGE)}",
     )
@@ -381,7 +382,7 @@ def values_by_unit() -> timeseries.Panel:
     """Show the other values: a panel for each unit."""
     panel = _values(
         "Values in $unit",
-        "What do the numbers in this unit do? One panel for each unit.",
+        "How do the numbers in this unit develop? One panel for each unit.",
         _value('unit="$unit"'),
         _threshold('unit="$unit"'),
     )
@@ -418,9 +419,9 @@ def message_age_over_time() -> timeseries.Panel:
         "Age of the last message",
         "Did the connection have gaps, and how long? Above the dashed line the robot is silent.",
         panels.over_time(_MESSAGE_AGE, "age"),
-        panels.over_time(limit, "silent from here", "B"),
+        panels.over_time(limit, "silent above", "B"),
         unit="s",
-    ).override_by_name("silent from here", panels.dashed(palette.UNKNOWN.colour))
+    ).override_by_name("silent above", panels.dashed(palette.UNKNOWN.colour))
 
 
 def clock_offset_over_time() -> timeseries.Panel:
@@ -438,7 +439,7 @@ def messages_received() -> timeseries.Panel:
     messages = f"ros_diagnostics_robot_messages_total{{{_ROBOT}}}[$__rate_interval]"
     return panels.graph(
         "Messages received",
-        "How many arrays arrive in a second?",
+        "How many arrays are received per second?",
         panels.over_time(f"sum by (fleet, robot) (rate({messages}))", "messages"),
         unit="cps",
     )
@@ -453,7 +454,7 @@ def data_received() -> timeseries.Panel:
     """
     return panels.graph(
         "Data received",
-        "How much of the network do this robot's diagnostics take?",
+        "How much network bandwidth do this robot's diagnostics use?",
         panels.over_time(expr, "bytes"),
         unit="Bps",
     )
@@ -463,8 +464,8 @@ def publishers() -> stat.Panel:
     """Count the publishers that DDS has matched."""
     return panels.number(
         "Publishers",
-        "How many publishers on this robot's topics does DDS see now? None and silent: the program "
-        "has ended or the network is cut. Some and silent: the program hangs.",
+        "How many publishers on this robot's topics does DDS see now? None: the program has "
+        "ended, or the network is down. Some, but the robot is silent: the program hangs.",
         f"max by (fleet, robot) (ros_diagnostics_robot_publishers{{{_ROBOT}}})",
     ).height(8)
 
@@ -475,7 +476,7 @@ def rejected() -> table.Panel:
     return (
         tables.joined(
             "Rejected",
-            "What of this robot's messages was not taken in during the time range, and why?",
+            "What of this robot's messages was rejected during the time range, and why?",
             "Nothing was rejected",
             {"A": f"sum by (reason) (increase({rejections})) > 0"},
             [Column("reason", "Reason"), Column("A", "Count")],
@@ -505,7 +506,7 @@ def inventory() -> table.Panel:
     return (
         tables.joined(
             "Inventory",
-            "Where does this robot live, and what does fleet.yml say of it?",
+            "What are the labels, the network and the profile of this robot?",
             "No such robot",
             {"A": f"ros_diagnostics_robot_info{{{_ROBOT}}}"},
             [Column(label, title) for label, title in titles.items()],

@@ -21,7 +21,7 @@ class _AnnotationQuery(dashboard.AnnotationQuery):
 
 
 class Annotation(builders.AnnotationQuery):
-    """Marks the times at which ``expr`` has a value; title and text are templates of labels."""
+    """Mark the times at which ``expr`` has a value; title and text are templates of labels."""
 
     def __init__(self, name: str, expr: str, colour: str, title: str, text: str) -> None:
         super().__init__()

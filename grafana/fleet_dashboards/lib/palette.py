@@ -125,14 +125,14 @@ def up_mappings() -> list[dashboard.ValueMapping]:
     return _words({"1": ("up", OK.colour), "0": ("down", CRITICAL.colour)})
 
 
-def worked_mappings() -> list[dashboard.ValueMapping]:
+def success_mappings() -> list[dashboard.ValueMapping]:
     """Show whether the last attempt succeeded."""
-    return _words({"1": ("worked", OK.colour), "0": ("failed", CRITICAL.colour)})
+    return _words({"1": ("succeeded", OK.colour), "0": ("failed", CRITICAL.colour)})
 
 
 def clock_mappings() -> list[dashboard.ValueMapping]:
     """Show whether a computer's clock is synchronized."""
-    return _words({"1": ("follows", OK.colour), "0": ("runs free", WARNING.colour)})
+    return _words({"1": ("synchronized", OK.colour), "0": ("free-running", WARNING.colour)})
 
 
 def severity_mappings() -> list[dashboard.ValueMapping]:
