@@ -1,1 +1,1 @@
-"""The Grafana dashboards as code: built here, committed as JSON, never edited by hand."""
+"""The Grafana dashboards as code; the JSON files are built from here and never edited by hand."""

@@ -11,15 +11,16 @@ from grafana_foundation_sdk.cog.encoder import JSONEncoder
 from grafana_foundation_sdk.models import dashboard
 
 from fleet_dashboards.dashboards import alerts, component, fleet, monitoring, robot
-from fleet_dashboards.lib import listing
 
 FOLDER = Path(__file__).resolve().parents[1] / "dashboards"
-BOARDS = (fleet.build, robot.build, component.build, alerts.build, monitoring.build)
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "dashboards.md"
+MARKER = "<!-- from here on written by ./run dashboards -->\n"
+BUILDERS = (fleet.build, robot.build, component.build, alerts.build, monitoring.build)
 
 
-def built() -> list[dashboard.Dashboard]:
-    """Every dashboard, its panels numbered from the top: links to one hold until that changes."""
-    boards = [build().build() for build in BOARDS]
+def build_all() -> list[dashboard.Dashboard]:
+    """Return all dashboards, with their panels numbered from the top."""
+    boards = [build().build() for build in BUILDERS]
     for board in boards:
         for number, panel in enumerate(board.panels or (), start=1):
             panel.id_val = number
@@ -27,7 +28,7 @@ def built() -> list[dashboard.Dashboard]:
 
 
 def as_json(boards: Iterable[dashboard.Dashboard]) -> dict[str, str]:
-    """The text of every file by its name, which is the dashboard's uid."""
+    """Return the text of each JSON file by its name, which is the dashboard's uid."""
     return {
         f"{board.uid}.json": json.dumps(
             board, cls=JSONEncoder, indent=2, sort_keys=True, ensure_ascii=False
@@ -37,10 +38,28 @@ def as_json(boards: Iterable[dashboard.Dashboard]) -> dict[str, str]:
     }
 
 
+def docs_page(boards: Iterable[dashboard.Dashboard]) -> str:
+    """Return docs/dashboards.md with the tables of panels below the marker replaced."""
+    by_hand, marker, _old = PAGE.read_text(encoding="utf-8").partition(MARKER)
+    if not marker:
+        raise ValueError(f"{PAGE}: no line {MARKER!r}; put it above the tables of panels")
+    return by_hand + marker + "".join(map(_panel_table, boards))
+
+
+def _panel_table(board: dashboard.Dashboard) -> str:
+    rows = [f"\n### {board.title}\n\n{board.description}\n\n| Panel | Answers |\n|---|---|\n"]
+    for panel in board.panels or ():
+        if isinstance(panel, dashboard.RowPanel):
+            continue
+        description = (panel.description or "").replace("|", r"\|")
+        rows.append(f"| {panel.title} | {description} |\n")
+    return "".join(rows)
+
+
 def main() -> None:
-    """Write every file, and remove what is no longer built."""
+    """Write all files, and remove those of dashboards that no longer exist."""
     argparse.ArgumentParser(prog="./run dashboards", description=__doc__).parse_args()
-    boards = built()
+    boards = build_all()
     FOLDER.mkdir(exist_ok=True)
     files = as_json(boards)
     for name, text in files.items():
@@ -48,8 +67,8 @@ def main() -> None:
     for path in FOLDER.glob("*.json"):
         if path.name not in files:
             path.unlink()
-    listing.PAGE.write_text(listing.page(boards), encoding="utf-8")
-    print(f"{len(files)} dashboards in {FOLDER}, listed in {listing.PAGE}")
+    PAGE.write_text(docs_page(boards), encoding="utf-8")
+    print(f"{len(files)} dashboards in {FOLDER}, listed in {PAGE}")
 
 
 if __name__ == "__main__":

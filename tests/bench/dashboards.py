@@ -23,7 +23,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.state.state import State, Topic
 from support import prometheus_site
-from support.committed_dashboards import Question, filled, questions
+from support.committed_dashboards import Query, filled, queries
 from support.served_fleet import ServedFleet, serving
 from testbed.polling import until
 
@@ -37,7 +37,7 @@ SITES = 10
 class Cost(NamedTuple):
     """Seconds that the rounds of one query took, and how much came back."""
 
-    question: Question
+    question: Query
     seconds: list[float]
     series: int
 
@@ -87,7 +87,7 @@ def big_fleet(robots: int) -> ServedFleet:
     return ServedFleet(Fleet("bench", tuple(declared)), speak)
 
 
-def measure(site: prometheus_site.Site, question: Question, hours: float, rounds: int) -> Cost:
+def measure(site: prometheus_site.Site, question: Query, hours: float, rounds: int) -> Cost:
     """Ask one query ``rounds`` times."""
     expr = filled(question.expr, {"__range": f"{hours:g}h"})
     seconds: list[float] = []
@@ -133,7 +133,7 @@ def dashboard(options: argparse.Namespace) -> None:
         until(lambda: site.query(told), "the faults are told", 180, every=1)
         series = site.query("prometheus_tsdb_head_series")[0]["value"][1]
         print(f"{options.robots} robots, {series} series, {options.hours:g} h")
-        asked = [each for each in questions() if each.board == options.dashboard]
+        asked = [each for each in queries() if each.board == options.dashboard]
         report([measure(site, each, options.hours, options.rounds) for each in asked], 1.0)
 
 
@@ -149,7 +149,7 @@ def availability(options: argparse.Namespace) -> None:
         )
         past.unlink()
         print(f"{options.robots} robots, {month.DAYS} days")
-        asked = [each for each in questions() if each.place.startswith("Availability ")]
+        asked = [each for each in queries() if each.place.startswith("Availability ")]
         report([measure(site, each, month.DAYS * 24, options.rounds) for each in asked], 10.0)
 
 

@@ -1,4 +1,4 @@
-"""The dashboards as they are committed, and what they ask Prometheus."""
+"""The committed dashboards and their queries."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ BOARDS: dict[str, dict[str, Any]] = {
 }
 
 
-class Question(NamedTuple):
-    """One expression, and where it stands: a panel, an annotation or a variable."""
+class Query(NamedTuple):
+    """One expression, and the panel, annotation or variable that it belongs to."""
 
     board: str
-    place: str
+    place: str  # title of the panel, name of the annotation, "$variable"
     ref: str
     expr: str
     instant: bool
-    points: int | None = None  # at most so many over the range; None: one a pixel
+    points: int | None = None  # at most, over the range; None: one per pixel
 
     def __str__(self) -> str:
         return f"{self.board} / {self.place} / {self.ref}"
 
 
 def panels(board: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """All panels, those inside of rows too; not the rows."""
+    """All panels, also those inside of rows, without the rows."""
     for panel in board["panels"]:
         if panel["type"] == "row":
             yield from panel["panels"]
@@ -39,12 +39,12 @@ def panels(board: dict[str, Any]) -> Iterator[dict[str, Any]]:
             yield panel
 
 
-def questions() -> Iterator[Question]:
+def queries() -> Iterator[Query]:
     """Every expression of every dashboard."""
     for uid, board in BOARDS.items():
         for panel in panels(board):
             for target in panel.get("targets", ()):
-                yield Question(
+                yield Query(
                     uid,
                     panel["title"],
                     target["refId"],
@@ -53,31 +53,31 @@ def questions() -> Iterator[Question]:
                     panel.get("maxDataPoints"),
                 )
         for annotation in board["annotations"].get("list", ()):
-            yield Question(uid, annotation["name"], "annotation", annotation["expr"], False)
+            yield Query(uid, annotation["name"], "annotation", annotation["expr"], False)
         for variable in board["templating"]["list"]:
             if variable["type"] == "query":
                 selector, label = label_values(variable["query"])
-                yield Question(
+                yield Query(
                     uid, f"${variable['name']}", label, f"group by ({label}) ({selector})", True
                 )
 
 
 def label_values(query: str) -> tuple[str, str]:
-    """Split what Grafana calls a label_values query into its selector and its label."""
+    """Return the selector and the label of Grafana's query ``label_values(...)``."""
     found = re.fullmatch(r"label_values\((.+), (\w+)\)", query)
-    assert found, f"a variable that is no label_values(): {query}"
+    assert found, f"not a label_values() query: {query}"
     return found[1], found[2]
 
 
-def filled(expr: str, chosen: dict[str, str] | None = None) -> str:
-    """The expression as Grafana sends it: variables filled in, all chosen unless ``chosen``."""
+def filled(expr: str, selected: dict[str, str] | None = None) -> str:
+    """The expression as Grafana sends it: with the variables' values, All unless ``selected``."""
     values = {
         "state:raw": ">= -1",
         "problems:raw": "== 0",
         "__range": "1h",
         "__rate_interval": "1m",
         "__interval": "15s",
-        **(chosen or {}),
+        **(selected or {}),
     }
     return re.sub(
         r"\$\{([\w:]+)\}|\$(?!\d)(\w+)", lambda found: values.get(found[1] or found[2], ".*"), expr

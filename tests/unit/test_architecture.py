@@ -48,7 +48,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     ),
     "testbed": (),
     "demo": (),
-    "fleet_dashboards": (("queries",), ("lib",), ("dashboards",), ("__main__",)),
+    "fleet_dashboards": (("lib",), ("dashboards",), ("__main__",)),
 }
 # Trees that import one another: the demo stands on the testbed. All others meet as users do.
 MAY_KNOW = {"demo": {"testbed"}}

@@ -1,1 +1,1 @@
-"""The dashboards, one module each."""
+"""The dashboards: one module each, with their panels and the PromQL of each panel."""

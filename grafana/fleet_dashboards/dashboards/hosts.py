@@ -1,71 +1,126 @@
-"""Host checks: who answers a ping, and how the robots' computers are.
+"""Panels of the monitoring dashboard about hosts: pings, and the robots' computers.
 
-Empty where the jobs of prometheus.yml for it are not in use.
+They are empty unless the jobs at the end of prometheus.yml for them are in use.
 """
 
 from __future__ import annotations
 
 from grafana_foundation_sdk.builders import table, timeseries
 
-from fleet_dashboards.lib import links, palette, panels, tables
+from fleet_dashboards.lib import palette, panels, tables
 from fleet_dashboards.lib.tables import Column
-from fleet_dashboards.queries import hosts as queries
-from fleet_dashboards.queries import monitoring
 
+LINES = 20  # of a graph
+SHOWN = f"The {LINES} highest at the end of the range"
 UP = palette.up_mappings()
-FLEET = Column("fleet", "Fleet", width=110)
-ROBOT = Column("robot", "Robot", link=links.TO_ROBOT)
-STEP = "15s"  # of the job: rates need two scrapes
-SHOWN = "The 20 highest at the end of the range"
 
 
-def hosts() -> table.Panel:
-    """Host checks, as Nagios' check_ping made them."""
-    return tables.listing(
+def pings() -> table.Panel:
+    """List the pinged robots and uplinks."""
+    by = "job, instance, fleet, robot, uplink"
+    probed = 'job=~"ros-diagnostics-.*", fleet=~"$fleet"'
+    return tables.joined(
         "Hosts",
-        "Which robots and uplinks answer a ping? Only where blackbox_exporter is scraped: a robot "
-        "that answers and is silent has lost its software, not its power.",
-        "Nothing is pinged: see the end of prometheus.yml",
-        {"A": monitoring.HOSTS, "B": monitoring.HOST_LATENCY},
-        [
-            Column("A", "State", mappings=UP, width=90),
-            FLEET,
-            ROBOT,
-            Column("uplink", "Uplink"),
-            Column("instance", "Address"),
-            Column("B", "Took", unit="s", width=100),
-        ],
-        descending=False,
-        by="job, instance, fleet, robot, uplink",
-    ).span(12)
-
-
-def computers() -> table.Panel:
-    """The robots' computers."""
-    return tables.listing(
-        "Computers",
-        "How busy, full and hot are the robots' computers? Only where node_exporter runs on them. "
-        "Disk is the fullest file system, temperature the hottest sensor.",
-        "No computer is asked: see the end of prometheus.yml",
+        "Which robots and uplinks answer a ping? Needs blackbox_exporter. If a silent robot "
+        "answers, its software has failed, not its power.",
+        "No host is pinged: see the end of prometheus.yml",
         {
-            "A": queries.ANSWERS,
-            "B": queries.BUSY,
-            "C": queries.MEMORY,
-            "D": queries.DISK,
-            "E": queries.TEMPERATURE,
-            "F": queries.RUNS_FOR,
-            "G": queries.CLOCK,
+            "A": f"max by ({by}) (probe_success{{{probed}}})",
+            "B": f"max by ({by}) (probe_duration_seconds{{{probed}}})",
         },
         [
             Column("A", "State", mappings=UP, width=90),
-            FLEET,
-            ROBOT,
+            tables.FLEET,
+            tables.ROBOT,
+            Column("uplink", "Uplink"),
+            Column("instance", "Address"),
+            Column("B", "Duration", unit="s", width=100),
+        ],
+        descending=False,
+        by=by,
+    ).span(12)
+
+
+# --- Computers: node_exporter on the robots. `at` is a modifier, such as "@ end()". ---
+
+_NODE = 'job="ros-diagnostics-node", fleet=~"$fleet"'
+_BY = "by (fleet, robot, instance)"
+
+
+def _cpu(at: str = "") -> str:
+    return f"""
+clamp_min(
+  1 - avg {_BY} (rate(node_cpu_seconds_total{{{_NODE}, mode="idle"}}[$__rate_interval]{at})),
+  0
+)
+"""
+
+
+def _memory(at: str = "") -> str:
+    return f"""
+1 - max {_BY} (
+    node_memory_MemAvailable_bytes{{{_NODE}}}{at}
+  /
+    node_memory_MemTotal_bytes{{{_NODE}}}{at}
+)
+"""
+
+
+def _disk(at: str = "") -> str:
+    no_disk = "tmpfs|ramfs|devtmpfs|squashfs|iso9660|overlay"  # or never fuller than it was made
+    of = f'{{{_NODE}, fstype!~"{no_disk}"}}{at}'
+    return f"""
+1 - min {_BY} (node_filesystem_avail_bytes{of} / (node_filesystem_size_bytes{of} > 0))
+"""
+
+
+def _temperature(at: str = "") -> str:
+    return f"""
+max {_BY} (
+    node_hwmon_temp_celsius{{{_NODE}}}{at}
+  or
+    node_thermal_zone_temp{{{_NODE}}}{at}
+)
+"""
+
+
+def _network(at: str = "") -> str:
+    of = f'{{{_NODE}, device!="lo"}}[$__rate_interval]{at}'
+    return f"""
+sum {_BY} (
+    rate(node_network_receive_bytes_total{of})
+  +
+    rate(node_network_transmit_bytes_total{of})
+)
+"""
+
+
+def computers() -> table.Panel:
+    """List the robots' computers."""
+    return tables.joined(
+        "Computers",
+        "How busy, full and hot are the robots' computers? Needs node_exporter on them. Disk is "
+        "the fullest file system, temperature the hottest sensor.",
+        "No computer is scraped: see the end of prometheus.yml",
+        {
+            "A": f"max {_BY} (up{{{_NODE}}})",
+            "B": _cpu(),
+            "C": _memory(),
+            "D": _disk(),
+            "E": _temperature(),
+            "F": f"time() - max {_BY} (node_boot_time_seconds{{{_NODE}}})",
+            "G": f"max {_BY} (node_timex_sync_status{{{_NODE}}})",
+        },
+        [
+            Column("A", "State", mappings=UP, width=90),
+            tables.FLEET,
+            tables.ROBOT,
             Column("instance", "Address"),
             Column("B", "CPU", unit="percentunit", width=90),
             Column("C", "Memory", unit="percentunit", width=90),
             Column("D", "Disk", unit="percentunit", width=90),
             Column("E", "Temperature", unit="celsius", width=120),
-            Column("F", "Runs for", unit="dtdurations", width=150),
+            Column("F", "Uptime", unit="dtdurations", width=150),
             Column("G", "Clock", mappings=palette.clock_mappings(), width=130),
         ],
         descending=False,
@@ -73,28 +128,59 @@ def computers() -> table.Panel:
     )
 
 
-def over_time() -> list[timeseries.Panel]:
-    """The past of the computers."""
-    return [
-        _graph("CPU", "Whose computer is busy?", queries.BUSY_OVER_TIME).max(1),
-        _graph("Memory", "Whose memory runs out?", queries.MEMORY_OVER_TIME).max(1),
-        _graph("Disk", "Whose disk fills up?", queries.DISK_OVER_TIME).max(1),
-        _graph("Temperature", "Whose computer gets hot?", queries.TEMPERATURE_OVER_TIME, "celsius"),
-        _graph("Network", "Who sends and receives how much?", queries.NETWORK_OVER_TIME, "Bps"),
-        ping_over_time(),
-    ]
+# --- Over time: the highest at the end of the range, so that the lines stay the same over all of it
 
 
-def _graph(title: str, question: str, expr: str, unit: str = "percentunit") -> timeseries.Panel:
-    query = panels.over_time(expr, "{{robot}} {{instance}}").interval(STEP)
+def _graph(
+    title: str, question: str, over_time: str, at_end: str, unit: str = "percentunit"
+) -> timeseries.Panel:
+    expr = f"{over_time}\nand on (fleet, robot, instance)\n  topk({LINES}, {at_end})"
+    # The scrape interval of the job is 15 s: rates need two scrapes.
+    query = panels.over_time(expr, "{{robot}} {{instance}}").interval("15s")
     return panels.graph(title, f"{question} {SHOWN}.", query, unit=unit).min(0)
 
 
-def ping_over_time() -> timeseries.Panel:
-    """How long a ping takes."""
+def cpu() -> timeseries.Panel:
+    """Show the CPU usage of the robots' computers."""
+    return _graph("CPU", "Which computers are busy?", _cpu(), _cpu(" @ end()")).max(1)
+
+
+def memory() -> timeseries.Panel:
+    """Show the memory usage of the robots' computers."""
+    return _graph(
+        "Memory", "Which computers run out of memory?", _memory(), _memory(" @ end()")
+    ).max(1)
+
+
+def disk() -> timeseries.Panel:
+    """Show the usage of the fullest file system."""
+    return _graph("Disk", "Which disks fill up?", _disk(), _disk(" @ end()")).max(1)
+
+
+def temperature() -> timeseries.Panel:
+    """Show the temperature of the hottest sensor."""
+    question = "Which computers get hot?"
+    return _graph("Temperature", question, _temperature(), _temperature(" @ end()"), "celsius")
+
+
+def network() -> timeseries.Panel:
+    """Show the network traffic in both directions."""
+    question = "How much do the computers send and receive?"
+    return _graph("Network", question, _network(), _network(" @ end()"), "Bps")
+
+
+def ping_time() -> timeseries.Panel:
+    """Show how long pings take."""
+    probed = 'job=~"ros-diagnostics-(ping|uplink)", fleet=~"$fleet"'
+    by = "by (fleet, robot, uplink)"
+    expr = f"""
+      max {by} (probe_duration_seconds{{{probed}}})
+    and on (fleet, robot, uplink)
+      topk({LINES}, max {by} (probe_duration_seconds{{{probed}}} @ end()))
+    """
     return panels.graph(
-        "Time of a ping",
-        f"Whose connection gets slow? {SHOWN}; a probe that fails takes its whole time.",
-        panels.over_time(queries.PING_OVER_TIME, "{{robot}}{{uplink}}"),
+        "Ping duration",
+        f"Which connections get slow? {SHOWN}; a failed probe lasts until its timeout.",
+        panels.over_time(expr, "{{robot}}{{uplink}}"),
         unit="s",
     )

@@ -1,100 +1,130 @@
-"""Hosts and the monitoring itself: whoever watches is watched here."""
+"""Hosts and the monitoring itself: scraped targets, exporters, Prometheus, Alertmanager."""
 
 from __future__ import annotations
 
-from grafana_foundation_sdk.builders import bargauge, table, timeseries
+from grafana_foundation_sdk.builders import bargauge, stat, table, timeseries
 from grafana_foundation_sdk.builders import dashboard as builders
 
-from fleet_dashboards.dashboards import hosts, servers
-from fleet_dashboards.lib import dashboard as frame
+from fleet_dashboards.dashboards import hosts
 from fleet_dashboards.lib import links, palette, panels, tables, variables
+from fleet_dashboards.lib.dashboard import new_dashboard
 from fleet_dashboards.lib.tables import Column
-from fleet_dashboards.queries import monitoring as queries
+
+_FLEET = 'fleet=~"$fleet"'
+_EXPORTER = f'job="ros-diagnostics", {_FLEET}'
+_SERVERS = 'job=~"prometheus|alertmanager"'
 
 FLEET = Column("fleet", "Fleet")
 UP = palette.up_mappings()
-WORKED = palette.worked_mappings()
+SUCCESS = palette.success_mappings()
 
 
 def build() -> builders.Dashboard:
-    """The dashboard of the monitoring."""
-    return frame.board(
+    """Return the dashboard of hosts and monitoring."""
+    return new_dashboard(
         links.MONITORING_UID,
         "Hosts and monitoring",
-        "Can what the other dashboards show be trusted?",
+        "Does the monitoring itself work?",
         [variables.fleet()],
         [
-            hosts.hosts(),
+            hosts.pings(),
             targets(),
             hosts.computers(),
             "Exporters",
             exporters(),
             domains_down(),
             messages(),
-            rejected(),
-            scrape_time(),
-            cpu(),
-            memory(),
+            rejected_messages(),
+            exporter_scrape_time(),
+            exporter_cpu(),
+            exporter_memory(),
             series(),
             series_by_family(),
             "Prometheus and Alertmanager",
-            servers.rule_failures(),
-            servers.not_notified(),
-            servers.alertmanagers(),
-            servers.prometheus_series(),
-            servers.cluster_members(),
-            servers.reloaded(),
-            servers.rule_time(),
-            servers.samples(),
-            servers.alerts_known(),
-            servers.latency(),
-            servers.server_cpu(),
-            servers.server_memory(),
+            rule_failures(),
+            alerts_lost(),
+            alertmanagers(),
+            prometheus_series(),
+            alertmanager_cluster(),
+            configuration(),
+            rule_time(),
+            samples(),
+            alerts(),
+            notification_time(),
+            server_cpu(),
+            server_memory(),
             "Computers over time",
-            *hosts.over_time(),
+            hosts.cpu(),
+            hosts.memory(),
+            hosts.disk(),
+            hosts.temperature(),
+            hosts.network(),
+            hosts.ping_time(),
         ],
     )
 
 
 def targets() -> table.Panel:
-    """All that Prometheus scrapes."""
-    return tables.listing(
-        "Scraped",
-        "Does everything answer that Prometheus scrapes, how fast, and with how much?",
-        "Nothing is scraped",
-        {"A": queries.UP, "B": queries.SCRAPE_DURATION, "C": queries.SCRAPE_SAMPLES},
+    """List all that Prometheus scrapes."""
+    by = "job, instance, fleet"
+    return tables.joined(
+        "Targets",
+        "Which targets are up, how long do scrapes take, and how many samples do they return?",
+        "No target",
+        {
+            "A": f"max by ({by}) (up)",
+            "B": f"max by ({by}) (scrape_duration_seconds)",
+            "C": f"max by ({by}) (scrape_samples_scraped)",
+        },
         [
             Column("A", "State", mappings=UP, width=90),
             Column("job", "Job"),
             Column("instance", "Instance"),
             FLEET,
-            Column("B", "Took", unit="s", width=100),
+            Column("B", "Duration", unit="s", width=100),
             Column("C", "Samples", width=100),
         ],
         descending=False,
-        by="job, instance, fleet",
+        by=by,
     ).span(12)
 
 
+# --- Exporters ---
+
+
+def _of_exporter(function: str, metric: str) -> str:
+    return f"{function} by (fleet) (ros_diagnostics_exporter_{metric}{{{_FLEET}}})"
+
+
+def _time_of_exporter(metric: str) -> str:
+    """Return the same for a time, which Grafana wants in milliseconds."""
+    return f"""
+max by (fleet) (
+  ros_diagnostics_exporter_{metric}{{{_FLEET}}}
+) * 1000
+"""
+
+
 def exporters() -> table.Panel:
-    """A row for each exporter."""
+    """List the exporters."""
+    discovery = "discovery_last_run_timestamp_seconds"
     return (
-        tables.listing(
+        tables.joined(
             "Exporters",
-            "Which version serves each fleet, with how many robots, and did its config and its "
-            "state file work the last time? Acknowledgements: whether Alertmanager answers when "
-            "asked for them; empty where it is not asked.",
+            "Which version serves each fleet, with how many robots, and did the last reload of the "
+            "config and the last write of the state file succeed? Acknowledgements: whether "
+            "Alertmanager answers; empty without --alertmanager.url.",
             "No exporter is scraped",
             {
-                "A": queries.BUILD,
-                "B": queries.CONFIG_OK,
-                "C": queries.CONFIG_TIME,
-                "D": queries.STORAGE_OK,
-                "E": queries.STORAGE_TIME,
-                "F": queries.ROBOTS,
-                "G": queries.DOMAINS,
-                "H": queries.DISCOVERY_AGE,
-                "I": queries.ALERTMANAGER_UP,
+                "A": f"ros_diagnostics_exporter_build_info{{{_FLEET}}}",
+                "B": _of_exporter("max", "config_last_reload_successful"),
+                "C": _time_of_exporter("config_last_reload_success_timestamp_seconds"),
+                "D": _of_exporter("max", "storage_last_write_successful"),
+                "E": _time_of_exporter("storage_last_write_success_timestamp_seconds"),
+                "F": _of_exporter("max", "robots"),
+                "G": f"count by (fleet) (ros_diagnostics_exporter_domain_up{{{_FLEET}}} == 1)",
+                "H": f"  time()\n-\n  {_of_exporter('min', discovery)}",
+                "I": _of_exporter("max", "alertmanager_up"),
             },
             [
                 FLEET,
@@ -102,10 +132,10 @@ def exporters() -> table.Panel:
                 Column("ros_distro", "ROS", width=80),
                 Column("F", "Robots", width=80),
                 Column("G", "Domains", width=80),
-                Column("H", "Graph seen", unit="dtdurations", width=120),
-                Column("B", "Config", mappings=WORKED, width=90),
+                Column("H", "Discovery ran", unit="dtdurations", width=120),
+                Column("B", "Config", mappings=SUCCESS, width=90),
                 Column("C", "Config read", unit="dateTimeAsIso", width=170),
-                Column("D", "State file", mappings=WORKED, width=90),
+                Column("D", "State file", mappings=SUCCESS, width=90),
                 Column("E", "State written", unit="dateTimeAsIso", width=170),
                 Column("I", "Acknowledgements", mappings=UP, width=140),
             ],
@@ -119,13 +149,14 @@ def exporters() -> table.Panel:
 
 
 def domains_down() -> table.Panel:
-    """DDS domains that could not be joined."""
+    """List the DDS domains that could not be joined."""
+    domains = f"ros_diagnostics_exporter_domain_up{{{_FLEET}}}"
     return (
-        tables.listing(
+        tables.joined(
             "DDS domains down",
             "Which DDS domains could not be joined?",
             "All domains are joined",
-            {"A": queries.DOMAINS_DOWN},
+            {"A": f"group by (fleet, domain_id) ({domains} == 0)"},
             [FLEET, Column("domain_id", "Domain")],
             sort="Domain",
             descending=False,
@@ -135,73 +166,261 @@ def domains_down() -> table.Panel:
     )
 
 
+def _rate_by_fleet(counter: str) -> str:
+    return f"sum by (fleet) (rate({counter}[$__rate_interval]))"
+
+
 def messages() -> timeseries.Panel:
-    """Load from the robots."""
+    """Show the rate of messages of each fleet."""
+    received = f"ros_diagnostics_robot_messages_total{{{_FLEET}}}"
     return panels.graph(
         "Messages",
-        "How many arrays does each fleet send in a second?",
-        panels.over_time(queries.MESSAGES, "{{fleet}}"),
+        "How many arrays are received per second from each fleet?",
+        panels.over_time(_rate_by_fleet(received), "{{fleet}}"),
         unit="cps",
     )
 
 
-def rejected() -> timeseries.Panel:
-    """What was not taken in."""
+def rejected_messages() -> timeseries.Panel:
+    """Show the rate of rejected messages by reason."""
+    expr = f"""
+      sum by (fleet, reason) (
+        rate(ros_diagnostics_robot_rejected_total{{{_FLEET}}}[$__rate_interval])
+      ) > 0
+    or
+      sum by (fleet, reason) (
+        rate(ros_diagnostics_exporter_rejected_total{{{_FLEET}}}[$__rate_interval])
+      ) > 0
+    """
     return panels.graph(
         "Rejected messages",
-        "What is received and not taken in, and why?",
-        panels.over_time(queries.REJECTED, "{{fleet}}: {{reason}}"),
+        "What is rejected, and why?",
+        panels.over_time(expr, "{{fleet}}: {{reason}}"),
         unit="cps",
     )
 
 
-def scrape_time() -> timeseries.Panel:
-    """Time of a scrape."""
+def exporter_scrape_time() -> timeseries.Panel:
+    """Show how long scrapes take."""
+    scrape = f"max by (fleet) (scrape_duration_seconds{{{_EXPORTER}}})"
+    rendering = _of_exporter("max", "last_scrape_duration_seconds")
     return panels.graph(
-        "Time of a scrape",
+        "Scrape duration",
         "How long does a scrape of each exporter take, and how much of that is rendering?",
-        panels.over_time(queries.EXPORTER_SCRAPE_TIME, "{{fleet}}: scrape"),
-        panels.over_time(queries.RENDER_TIME, "{{fleet}}: rendering", "B"),
+        panels.over_time(scrape, "{{fleet}}: scrape"),
+        panels.over_time(rendering, "{{fleet}}: rendering", "B"),
         unit="s",
     )
 
 
-def cpu() -> timeseries.Panel:
-    """CPU of the exporters."""
+def exporter_cpu() -> timeseries.Panel:
+    """Show the CPU time of the exporters, and what it goes to."""
+    total = _rate_by_fleet(f"process_cpu_seconds_total{{{_EXPORTER}}}")
+    decoding = _rate_by_fleet(f"ros_diagnostics_exporter_decode_seconds_total{{{_FLEET}}}")
+    ingest = _rate_by_fleet(f"ros_diagnostics_exporter_ingest_seconds_total{{{_FLEET}}}")
     return panels.graph(
         "CPU of the exporters",
         "What do the exporters spend their time on? 100 % is one core.",
-        panels.over_time(queries.CPU, "{{fleet}}: all"),
-        panels.over_time(queries.DECODE, "{{fleet}}: decoding", "B"),
-        panels.over_time(queries.INGEST, "{{fleet}}: taking in", "C"),
+        panels.over_time(total, "{{fleet}}: total"),
+        panels.over_time(decoding, "{{fleet}}: decoding", "B"),
+        panels.over_time(ingest, "{{fleet}}: ingest", "C"),
         unit="percentunit",
     )
 
 
-def memory() -> timeseries.Panel:
-    """Memory of the exporters."""
+def exporter_memory() -> timeseries.Panel:
+    """Show the memory of the exporters."""
+    memory = f"max by (fleet) (process_resident_memory_bytes{{{_EXPORTER}}})"
     return panels.graph(
         "Memory of the exporters",
-        "Does an exporter leak?",
-        panels.over_time(queries.MEMORY, "{{fleet}}"),
+        "How much memory do the exporters use, and does it grow?",
+        panels.over_time(memory, "{{fleet}}"),
         unit="bytes",
     )
 
 
 def series() -> timeseries.Panel:
-    """Series and their bound."""
+    """Show the number of series of each exporter, and its limit."""
     return panels.graph(
         "Series",
-        "How near is each exporter to its bound of series? Dashed: the bound.",
-        panels.over_time(queries.SERIES, "{{fleet}}"),
-        panels.over_time(queries.SERIES_LIMIT, "bound of {{fleet}}", "B"),
-    ).override_by_regexp("/^bound of /", panels.dashed(palette.CRITICAL.colour))
+        "How near is each exporter to its limit of series? Dashed: the limit.",
+        panels.over_time(_of_exporter("sum", "series"), "{{fleet}}"),
+        panels.over_time(_of_exporter("max", "series_limit"), "limit of {{fleet}}", "B"),
+    ).override_by_regexp("/^limit of /", panels.dashed(palette.CRITICAL.colour))
 
 
 def series_by_family() -> bargauge.Panel:
-    """Where the series come from."""
+    """Show the number of series of each metric family."""
     return panels.bars(
         "Series by family",
-        "Which metric family costs how many series?",
-        panels.at_end(queries.SERIES_BY_FAMILY, "{{fleet}}: {{family}}"),
+        "How many series does each metric family have?",
+        panels.at_end(
+            f"max by (fleet, family) (ros_diagnostics_exporter_series{{{_FLEET}}})",
+            "{{fleet}}: {{family}}",
+        ),
+    )
+
+
+# --- Prometheus and Alertmanager ---
+
+
+def rule_failures() -> stat.Panel:
+    """Count the failed and missed evaluations of rules."""
+    return _should_be_zero(
+        "Rule failures",
+        "How many rule evaluations failed or were missed in the time range?",
+        """
+          sum by (instance) (increase(prometheus_rule_evaluation_failures_total[$__range]))
+        +
+          sum by (instance) (increase(prometheus_rule_group_iterations_missed_total[$__range]))
+        """,
+    )
+
+
+def alerts_lost() -> stat.Panel:
+    """Count the alerts that did not reach an Alertmanager."""
+    return _should_be_zero(
+        "Alerts not sent",
+        "How many alerts did not reach an Alertmanager in the time range?",
+        """
+          sum by (instance) (increase(prometheus_notifications_errors_total[$__range]))
+        +
+          sum by (instance) (increase(prometheus_notifications_dropped_total[$__range]))
+        """,
+    )
+
+
+def _should_be_zero(title: str, description: str, expr: str) -> stat.Panel:
+    colours = panels.steps((None, palette.OK.colour), (0.5, palette.CRITICAL.colour))
+    panel = panels.number(title, description, expr).decimals(0)
+    return panel.color_scheme(panels.by_thresholds()).thresholds(colours)
+
+
+def alertmanagers() -> stat.Panel:
+    """Count the Alertmanagers that Prometheus sends alerts to."""
+    colours = panels.steps((None, palette.CRITICAL.colour), (1, palette.OK.colour))
+    return (
+        panels.number(
+            "Alertmanagers",
+            "To how many Alertmanagers does Prometheus send alerts?",
+            "max by (instance) (prometheus_notifications_alertmanagers_discovered)",
+        )
+        .color_scheme(panels.by_thresholds())
+        .thresholds(colours)
+    )
+
+
+def prometheus_series() -> stat.Panel:
+    """Count the series in Prometheus' memory."""
+    return panels.number(
+        "Series in Prometheus",
+        "How many series does Prometheus have in memory?",
+        "max by (instance) (prometheus_tsdb_head_series)",
+    )
+
+
+def alertmanager_cluster() -> stat.Panel:
+    """Count the Alertmanagers of the cluster."""
+    return panels.number(
+        "Alertmanager cluster",
+        "How many members does the Alertmanager cluster have? None if only one runs.",
+        "max by (instance) (alertmanager_cluster_members)",
+    )
+
+
+def configuration() -> stat.Panel:
+    """Show whether the servers' last reload succeeded."""
+    return panels.word(
+        "Configuration",
+        "Did the servers' last reload succeed?",
+        """
+          max by (job, instance) (prometheus_config_last_reload_successful)
+        or
+          max by (job, instance) (alertmanager_config_last_reload_successful)
+        """,
+        SUCCESS,
+    )
+
+
+def rule_time() -> timeseries.Panel:
+    """Show how long each rule group takes."""
+    expr = """
+    max by (rule_group) (
+      label_replace(
+        prometheus_rule_group_last_duration_seconds, "rule_group", "$1", "rule_group", ".*;(.*)"
+      )
+    )
+    """
+    return panels.graph(
+        "Rule group duration",
+        "How long does each rule group take? It must stay below the evaluation interval.",
+        panels.over_time(expr, "{{rule_group}}"),
+        unit="s",
+    )
+
+
+def samples() -> timeseries.Panel:
+    """Show the rate of samples that Prometheus stores."""
+    stored = "prometheus_tsdb_head_samples_appended_total[$__rate_interval]"
+    return panels.graph(
+        "Samples stored",
+        "How many samples does Prometheus store per second?",
+        panels.over_time(f"sum by (instance) (rate({stored}))", "{{instance}}"),
+        unit="cps",
+    )
+
+
+def alerts() -> timeseries.Panel:
+    """Show the alerts in Alertmanager by state."""
+    return panels.graph(
+        "Alerts in Alertmanager",
+        "How many alerts are active, and how many are suppressed by a silence, an acknowledgement "
+        "or a worse alert?",
+        panels.over_time(
+            "sum by (instance, state) (alertmanager_alerts)", "{{instance}}: {{state}}"
+        ),
+    )
+
+
+def notification_time() -> timeseries.Panel:
+    """Show how long sending a notification takes."""
+    expr = """
+    histogram_quantile(
+      0.95,
+      sum by (le, integration) (
+        rate(alertmanager_notification_latency_seconds_bucket[$__rate_interval])
+      )
+    ) > 0
+    """
+    return panels.graph(
+        "Notification latency",
+        "How long does sending a notification take (95th percentile)?",
+        panels.over_time(expr, "{{integration}}"),
+        unit="s",
+    )
+
+
+def server_cpu() -> timeseries.Panel:
+    """Show the CPU time of the servers."""
+    expr = f"""
+    sum by (job, instance) (
+      rate(process_cpu_seconds_total{{{_SERVERS}}}[$__rate_interval])
+    )
+    """
+    return panels.graph(
+        "CPU of the servers",
+        "How busy are Prometheus and Alertmanager? 100 % is one core.",
+        panels.over_time(expr, "{{job}} {{instance}}"),
+        unit="percentunit",
+    )
+
+
+def server_memory() -> timeseries.Panel:
+    """Show the memory of the servers."""
+    expr = f"max by (job, instance) (process_resident_memory_bytes{{{_SERVERS}}})"
+    return panels.graph(
+        "Memory of the servers",
+        "How much memory do Prometheus and Alertmanager use?",
+        panels.over_time(expr, "{{job}} {{instance}}"),
+        unit="bytes",
     )

@@ -1,1 +1,1 @@
-"""What the dashboards are made of: panels, tables, links, palette, variables."""
+"""What the dashboards share: panels, tables, variables, annotations, links, palette, PromQL."""

@@ -1,4 +1,4 @@
-"""What all dashboards have in common: time, refresh, links to one another, data source."""
+"""What all dashboards have in common: time range, refresh, links to one another, data source."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from grafana_foundation_sdk.models import dashboard
 
 from fleet_dashboards.lib import links, variables
 
-Content = builder.Builder[dashboard.Panel] | str  # a text begins a row of panels under it
+Content = builder.Builder[dashboard.Panel] | str  # a text starts a new row
 
 
-def board(
+def new_dashboard(
     uid: str,
     title: str,
     question: str,
     variables_shown: Sequence[builder.Builder[dashboard.VariableModel]],
     content: Sequence[Content],
 ) -> builders.Dashboard:
-    """A dashboard; ``question`` is what it answers as a whole."""
-    made = (
+    """Return a dashboard; ``question`` is its description."""
+    board = (
         builders.Dashboard(title)
         .uid(uid)
         .description(question)
@@ -35,10 +35,13 @@ def board(
         .with_variable(variables.datasource())
     )
     for variable in variables_shown:
-        made = made.with_variable(variable)
+        board = board.with_variable(variable)
     for each in content:
-        made = made.with_row(builders.Row(each)) if isinstance(each, str) else made.with_panel(each)
-    return made
+        if isinstance(each, str):
+            board = board.with_row(builders.Row(each))
+        else:
+            board = board.with_panel(each)
+    return board
 
 
 def _others() -> builders.DashboardLink:

@@ -1,4 +1,4 @@
-"""Where a click leads. Links carry what was clicked on, the data source and the time range."""
+"""Links between the dashboards; they keep the data source and the time range."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ TAG = "ros-diagnostics"
 
 _COMMON = "${datasource:queryparam}&${__url_time_range}"
 
-# From a table's row; the names are the columns' titles.
+# From a row of a table; __data.fields are the columns, by title.
 TO_ROBOT = (
     f"/d/{ROBOT_UID}?{_COMMON}&var-fleet=${{__data.fields.Fleet}}"
     "&var-robot=${__data.fields.Robot}"
@@ -20,7 +20,7 @@ TO_COMPONENT = (
     f"/d/{COMPONENT_UID}?{_COMMON}&var-fleet=${{__data.fields.Fleet}}"
     "&var-component=${__data.fields.Component}"
 )
-# From a robot's own dashboard.
+# From the dashboard of a robot.
 TO_COMPONENT_OF_FLEET = (
     f"/d/{COMPONENT_UID}?{_COMMON}&${{fleet:queryparam}}&var-component=${{__data.fields.Component}}"
 )
@@ -32,6 +32,6 @@ TO_ROBOT_OF_SERIES = (
 
 
 def to_fleet(state: str) -> str:
-    """The fleet dashboard, filtered by the variable ``state`` (as it stands in an address)."""
+    """Return the fleet dashboard filtered by ``state``, a URL-encoded value of the variable."""
     kept = "${fleet:queryparam}&${site:queryparam}&${robot_group:queryparam}"
     return f"/d/{FLEET_UID}?{_COMMON}&{kept}&var-state={state}"

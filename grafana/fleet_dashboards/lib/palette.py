@@ -1,7 +1,7 @@
-"""How things look: the states' words and colours, the units, what a number is shown as.
+"""The words and colours of states, Grafana's ids of units, and mappings of values to words.
 
-Knows no query and no panel. The colours are told apart by people with any of the three kinds of
-colour blindness (a test simulates them), and a word always stands beside the colour.
+People with any of the three kinds of colour blindness can distinguish the colours (a test simulates
+them), and a word is always shown with the colour.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ UNKNOWN = State(4, "UNKNOWN", "#1D3F8F")
 STATES = (PENDING, OK, WARNING, STALE, CRITICAL, UNKNOWN)  # in the order of their ranks
 WORST_FIRST = (CRITICAL, UNKNOWN, STALE, WARNING, OK, PENDING)
 
-# What else takes part of a robot's time in the availability report.
+# The other parts of the availability report.
 MAINTENANCE_COLOUR = "#8C6D46"
 UNREACHABLE_COLOUR = "#7FB2E5"
 UNDETERMINED_COLOUR = "#6E6E6E"
 NEUTRAL = "#5794F2"
 
-# The unit that a driver's value carries in its label -> Grafana's id for it.
+# The label "unit" of a value -> Grafana's id of the unit.
 UNITS = {
     "%": "percent",
     "degC": "celsius",
@@ -108,7 +108,7 @@ def state_mappings() -> list[dashboard.ValueMapping]:
 
 
 def yes(word: str, colour: str, *, otherwise: str = "") -> list[dashboard.ValueMapping]:
-    """Show 1 as ``word``, and what is absent or 0 as ``otherwise``."""
+    """Show 1 as ``word``, and 0 or nothing as ``otherwise``."""
     return [
         *_words({"1": (word, colour), "0": (otherwise, "transparent")}),
         dashboard.SpecialValueMap(
@@ -125,18 +125,18 @@ def up_mappings() -> list[dashboard.ValueMapping]:
     return _words({"1": ("up", OK.colour), "0": ("down", CRITICAL.colour)})
 
 
-def worked_mappings() -> list[dashboard.ValueMapping]:
+def success_mappings() -> list[dashboard.ValueMapping]:
     """Show whether the last attempt succeeded."""
-    return _words({"1": ("worked", OK.colour), "0": ("failed", CRITICAL.colour)})
+    return _words({"1": ("succeeded", OK.colour), "0": ("failed", CRITICAL.colour)})
 
 
 def clock_mappings() -> list[dashboard.ValueMapping]:
-    """Show whether a computer's clock follows a server."""
-    return _words({"1": ("follows", OK.colour), "0": ("runs free", WARNING.colour)})
+    """Show whether a computer's clock is synchronized."""
+    return _words({"1": ("synchronized", OK.colour), "0": ("free-running", WARNING.colour)})
 
 
 def severity_mappings() -> list[dashboard.ValueMapping]:
-    """Colour the words of an alert's severity."""
+    """Colour an alert's severity."""
     colours = {"critical": CRITICAL.colour, "warning": WARNING.colour, "info": NEUTRAL}
     return _words({word: (word, colour) for word, colour in colours.items()})
 

@@ -1,7 +1,7 @@
-"""The kinds of panels that the dashboards are made of, with one look each.
+"""Panels of each type, in the style that all dashboards share.
 
-A panel's description begins with the question that it answers, and ends in a question mark there:
-docs/dashboards.md is made from it. Only panel types that Grafana has had since 9.0 are used.
+A panel's description begins with the question that it answers; docs/dashboards.md lists them. Only
+panel types that Grafana has had since 9.0 are used.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from grafana_foundation_sdk.builders import (
     prometheus,
     stat,
     statetimeline,
-    text,
     timeseries,
 )
 from grafana_foundation_sdk.builders import common as common_builders
@@ -25,18 +24,18 @@ WIDTH = 24  # of Grafana's grid; on a phone every panel is as wide as the screen
 
 
 def over_time(expr: str, legend: str = "", ref: str = "A") -> prometheus.Dataquery:
-    """A query over the time range; ``legend`` is Grafana's template of labels."""
+    """Return a range query; ``legend`` is Grafana's template of labels."""
     query = prometheus.Dataquery().expr(tidy(expr)).range().ref_id(ref)
     return query.legend_format(legend or "__auto").datasource(DATASOURCE)
 
 
 def at_end(expr: str, legend: str = "", ref: str = "A") -> prometheus.Dataquery:
-    """A query at the end of the time range."""
+    """Return an instant query at the end of the time range."""
     return over_time(expr, legend, ref).instant()
 
 
 def tidy(expr: str) -> str:
-    """An expression as it stands in the JSON: no empty lines, no indentation common to all."""
+    """Remove empty lines and common indentation from an expression."""
     lines = [line.rstrip() for line in expr.splitlines() if line.strip()]
     margin = min(len(line) - len(line.lstrip()) for line in lines)
     return "\n".join(line[margin:] for line in lines)
@@ -46,7 +45,7 @@ def tidy(expr: str) -> str:
 
 
 def number(title: str, description: str, expr: str, unit: str = "short") -> stat.Panel:
-    """The present value, large."""
+    """Show the present value, large."""
     return (
         stat.Panel()
         .title(title)
@@ -68,15 +67,23 @@ def number(title: str, description: str, expr: str, unit: str = "short") -> stat
 def word(
     title: str, description: str, expr: str, mappings: list[dashboard.ValueMapping]
 ) -> stat.Panel:
-    """The present value as a word on its colour."""
+    """Show the present value as a word on its colour."""
     panel = number(title, description, expr).mappings(mappings)
     return panel.color_mode(common.BigValueColorMode.BACKGROUND).color_scheme(by_thresholds())
 
 
 def name(title: str, description: str, expr: str, label: str) -> stat.Panel:
-    """The value of a label, of all series that there are."""
+    """Show the value of a label of all series."""
     panel = number(title, description, expr).targets([at_end(expr, f"{{{{{label}}}}}")])
     return panel.text_mode(common.BigValueTextMode.NAME)
+
+
+def count_by_state(title: str, description: str, expr: str) -> stat.Panel:
+    """Show a count for each state, from ``count_values("rank", ...)``."""
+    panel = number(title, description, expr).targets([at_end(expr, "{{rank}}")])
+    for state in palette.STATES:
+        panel = panel.override_by_name(str(state.rank), series(state.word, state.colour))
+    return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(WIDTH // 3)
 
 
 # --- Lines and bars over time ---
@@ -85,7 +92,7 @@ def name(title: str, description: str, expr: str, label: str) -> stat.Panel:
 def graph(
     title: str, description: str, *queries: prometheus.Dataquery, unit: str = "short"
 ) -> timeseries.Panel:
-    """Lines over time."""
+    """Show lines over time."""
     return (
         timeseries.Panel()
         .title(title)
@@ -104,13 +111,13 @@ def graph(
 
 
 def stacked(panel: timeseries.Panel) -> timeseries.Panel:
-    """Turn lines into areas, one upon the other."""
+    """Stack the lines of a graph as areas."""
     stacking = common_builders.StackingConfig().mode(common.StackingMode.NORMAL)
     return panel.stacking(stacking).fill_opacity(70).line_width(0)
 
 
 def timeline(title: str, description: str, *queries: prometheus.Dataquery) -> statetimeline.Panel:
-    """A bar for each series, in the colours of the states over time."""
+    """Show a bar of states over time for each series."""
     return (
         statetimeline.Panel()
         .title(title)
@@ -132,7 +139,7 @@ def timeline(title: str, description: str, *queries: prometheus.Dataquery) -> st
 
 
 def legend() -> common_builders.VizLegendOptions:
-    """Below the graph, so that a phone's width is the graph's."""
+    """Return a legend below the graph, so that the graph has the whole width of a phone."""
     return (
         common_builders.VizLegendOptions()
         .display_mode(common.LegendDisplayMode.LIST)
@@ -143,7 +150,7 @@ def legend() -> common_builders.VizLegendOptions:
 
 
 def bars(title: str, description: str, *queries: prometheus.Dataquery) -> bargauge.Panel:
-    """A bar for each series, as long as its present value."""
+    """Show a bar for each series, as long as its present value."""
     return (
         bargauge.Panel()
         .title(title)
@@ -159,41 +166,36 @@ def bars(title: str, description: str, *queries: prometheus.Dataquery) -> bargau
     )
 
 
-# --- Words, colours ---
-
-
-def note(title: str, description: str, markdown: str) -> text.Panel:
-    """A text."""
-    return text.Panel().title(title).description(description).content(markdown).span(WIDTH)
+# --- Colours ---
 
 
 def fixed(colour: str) -> builders.FieldColor:
-    """One colour, whatever the value."""
+    """Return one colour for all values."""
     return builders.FieldColor().mode(dashboard.FieldColorModeId.FIXED).fixed_color(colour)
 
 
 def by_thresholds() -> builders.FieldColor:
-    """The colour of the value's mapping."""
+    """Return the colour of the threshold or mapping that a value matches."""
     return builders.FieldColor().mode(dashboard.FieldColorModeId.THRESHOLDS)
 
 
 def series(name: str, colour: str) -> list[dashboard.DynamicConfigValue]:
-    """Properties of an override: this name and colour for a series."""
+    """Return an override: the name and colour of a series."""
     return [
         dashboard.DynamicConfigValue("displayName", name),
         dashboard.DynamicConfigValue("color", {"mode": "fixed", "fixedColor": colour}),
     ]
 
 
-def steps(*bounds: tuple[float | None, str]) -> builders.ThresholdsConfig:
-    """Colours from a value on; the first has no value."""
-    thresholds = [dashboard.Threshold(value, colour) for value, colour in bounds]
+def steps(*starts: tuple[float | None, str]) -> builders.ThresholdsConfig:
+    """Return thresholds: colours from a value on; the first has no value."""
+    thresholds = [dashboard.Threshold(value, colour) for value, colour in starts]
     config = builders.ThresholdsConfig().mode(dashboard.ThresholdsMode.ABSOLUTE)
     return config.steps(thresholds)
 
 
 def dashed(colour: str) -> list[dashboard.DynamicConfigValue]:
-    """Properties of an override: a bound, not a measurement."""
+    """Return an override: a dashed line, for a limit."""
     return [
         dashboard.DynamicConfigValue("color", {"mode": "fixed", "fixedColor": colour}),
         dashboard.DynamicConfigValue("custom.lineStyle", {"fill": "dash", "dash": [10, 10]}),

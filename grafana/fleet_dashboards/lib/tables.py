@@ -1,6 +1,6 @@
-"""Tables: rows joined from several queries, columns with their own look.
+"""Tables: rows joined from several queries, columns with units, colours and links.
 
-The joining is Grafana's ("merge"): rows become one where the labels common to all are equal.
+Grafana joins the rows (transformation "merge"): those become one whose common labels are equal.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from grafana_foundation_sdk.builders import prometheus, table
 from grafana_foundation_sdk.models import common, dashboard
 from grafana_foundation_sdk.models.prometheus import PromQueryFormat
 
-from fleet_dashboards.lib import palette
+from fleet_dashboards.lib import links, palette
 from fleet_dashboards.lib.panels import WIDTH, at_end, by_thresholds, tidy
 from fleet_dashboards.lib.variables import DATASOURCE
 
@@ -25,19 +25,21 @@ class Column(NamedTuple):
     title: str
     unit: str = ""
     mappings: list[dashboard.ValueMapping] | None = None
-    link: str = ""  # to where a click on the cell leads
+    link: str = ""  # of the cells
     width: int = 0  # pixels; 0 = what is left
     hidden: bool = False  # there only for links of other columns
 
     def is_value(self) -> bool:
-        """Whether it shows a query's value, not a label."""
+        """Return whether it shows a query's value, not a label."""
         return len(self.field) == 1
 
 
 STATE = Column("A", "State", mappings=palette.state_mappings(), width=110)
+FLEET = Column("fleet", "Fleet", width=110)
+ROBOT = Column("robot", "Robot", link=links.TO_ROBOT)
 
 
-def listing(
+def joined(
     title: str,
     description: str,
     empty: str,
@@ -48,22 +50,22 @@ def listing(
     sort: str = "State",
     descending: bool = True,
 ) -> table.Panel:
-    """Rows joined from instant queries on the labels ``by``.
+    """Return a table of rows joined from instant queries on the labels ``by``.
 
-    The first query decides what is listed: the others are asked only about that. Grafana could not
-    drop what is too much, because where the first finds nothing there is no field to go by.
-    ``empty`` is what stands there then.
+    The first query decides which rows there are: the others are restricted to its rows in PromQL,
+    because Grafana cannot filter by a field that is missing when the first query finds nothing.
+    ``empty`` is shown then.
     """
     first = next(iter(queries.values()))
-    asked = {
+    restricted = {
         ref: expr if expr == first else f"(\n{tidy(expr)}\n)\nand on ({by})\n(\n{tidy(first)}\n)"
         for ref, expr in queries.items()
     }
     panel = _table(title, description, columns, empty)
     order = common_builders.TableSortByFieldState().display_name(sort).desc(descending)
     return (
-        panel.targets([_rows(expr, ref) for ref, expr in asked.items()])
-        .transformations(_joined(list(queries), columns))
+        panel.targets([_rows(expr, ref) for ref, expr in restricted.items()])
+        .transformations(_merged(list(queries), columns))
         .sort_by([order])
     )
 
@@ -78,7 +80,7 @@ def pivot(
     label: str,
     sort: str,
 ) -> table.Panel:
-    """Rows from one instant query whose ``label`` says to which column a value belongs."""
+    """Return a table from one instant query whose ``label`` is the column of a value."""
     order = common_builders.TableSortByFieldState().display_name(sort).desc(False)
     return (
         _table(title, description, columns, empty)
@@ -87,7 +89,7 @@ def pivot(
             [
                 _step("labelsToFields", mode="columns", valueLabel=label),
                 _step("merge"),
-                *_chosen({column.field: column.title for column in columns}),
+                *_selected({column.field: column.title for column in columns}),
             ]
         )
         .sort_by([order])
@@ -115,7 +117,7 @@ def _rows(expr: str, ref: str) -> prometheus.Dataquery:
     return at_end(expr, ref=ref).format(PromQueryFormat.TABLE)
 
 
-def _joined(
+def _merged(
     refs: Sequence[str], columns: Sequence[Column]
 ) -> list[dashboard.DataTransformerConfig]:
     titles: dict[str, str] = {}
@@ -125,12 +127,12 @@ def _joined(
         else:
             titles[column.field] = column.title
         if column.field == refs[0]:
-            titles["Value"] = column.title  # so called where only the first query has an answer
-    return [_step("merge"), *_chosen(titles)]
+            titles["Value"] = column.title  # its name if no other query returns rows
+    return [_step("merge"), *_selected(titles)]
 
 
-def _chosen(titles: dict[str, str]) -> list[dashboard.DataTransformerConfig]:
-    """Only these fields, in this order, under these titles."""
+def _selected(titles: dict[str, str]) -> list[dashboard.DataTransformerConfig]:
+    """Keep only these fields, in this order, with these titles."""
     order = {field: index for index, field in enumerate(titles)}
     return [
         _step("filterFieldsByName", include={"names": list(titles)}),
@@ -143,7 +145,7 @@ def _step(identity: str, **options: object) -> dashboard.DataTransformerConfig:
 
 
 def _look(column: Column) -> list[dashboard.DynamicConfigValue]:
-    look: dict[str, object] = {"noValue": ""}  # in a cell; the table's own is for no rows at all
+    look: dict[str, object] = {"noValue": ""}  # for a cell; the table's is for no rows
     if column.unit:
         look["unit"] = column.unit
     if column.width:

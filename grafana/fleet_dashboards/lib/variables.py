@@ -1,4 +1,4 @@
-"""The dashboards' variables. One name means the same everywhere, so that links can carry them."""
+"""The dashboards' variables. A name means the same on all dashboards, so links can pass them."""
 
 from __future__ import annotations
 
@@ -6,71 +6,79 @@ from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.models import dashboard
 
 from fleet_dashboards.lib import palette
-from fleet_dashboards.queries import variables as queries
 
 DATASOURCE = dashboard.DataSourceRef(type_val="prometheus", uid="${datasource}")
+_ROBOT = "robot:ros_diagnostics:info"
+_COMPONENT = "component:ros_diagnostics_state:rank"
+_VALUE = "ros_diagnostics_component_value"
 
 
 def datasource() -> builders.DatasourceVariable:
-    """Which Prometheus."""
+    """The Prometheus to query."""
     return builders.DatasourceVariable("datasource").label("Prometheus").type("prometheus")
 
 
 def fleet() -> builders.QueryVariable:
     """Fleets, all or some."""
-    return _several("fleet", "Fleet", queries.FLEETS)
+    return _several("fleet", "Fleet", f"label_values({_ROBOT}, fleet)")
 
 
 def site() -> builders.QueryVariable:
     """Sites, all or some; robots without the label belong to All."""
-    return _several("site", "Site", queries.SITES)
+    return _several("site", "Site", f'label_values({_ROBOT}{{fleet=~"$fleet"}}, site)')
 
 
 def robot_group() -> builders.QueryVariable:
     """Groups of robots, all or some."""
-    return _several("robot_group", "Group", queries.ROBOT_GROUPS)
+    return _several(
+        "robot_group", "Group", f'label_values({_ROBOT}{{fleet=~"$fleet"}}, robot_group)'
+    )
 
 
 def robot() -> builders.QueryVariable:
     """One robot."""
-    return _one("robot", "Robot", queries.ROBOTS)
+    return _one("robot", "Robot", f'label_values({_ROBOT}{{fleet=~"$fleet"}}, robot)')
 
 
 def robots() -> builders.QueryVariable:
     """Robots, all or some."""
-    return _several("robot", "Robot", queries.ROBOTS)
+    return _several("robot", "Robot", f'label_values({_ROBOT}{{fleet=~"$fleet"}}, robot)')
 
 
 def components() -> builders.QueryVariable:
     """Components of one robot, all or some."""
-    return _several("component", "Component", queries.COMPONENTS_OF_ROBOT)
+    query = f'label_values({_COMPONENT}{{fleet=~"$fleet", robot="$robot"}}, component)'
+    return _several("component", "Component", query)
 
 
 def component() -> builders.QueryVariable:
     """One component's name, of the whole fleet."""
-    return _one("component", "Component", queries.COMPONENTS_OF_FLEET)
+    query = f'label_values({_COMPONENT}{{fleet=~"$fleet"}}, component)'
+    return _one("component", "Component", query)
 
 
 def key() -> builders.QueryVariable:
     """One key of a component's key-values."""
-    return _one("key", "Key", queries.KEYS)
+    query = f'label_values({_VALUE}{{fleet=~"$fleet", component="$component"}}, key)'
+    return _one("key", "Key", query)
 
 
 def unit() -> builders.QueryVariable:
-    """Units that one robot's values have and no panel of their own: panels repeat over it."""
-    variable = _several("unit", "Unit", queries.UNITS).hide(dashboard.VariableHide.HIDE_VARIABLE)
-    return variable.regex(queries.UNITS_WITHOUT_PANEL)
+    """Units of one robot's values, except for temperatures; a panel is repeated for each."""
+    query = f'label_values({_VALUE}{{fleet=~"$fleet", robot="$robot"}}, unit)'
+    variable = _several("unit", "Unit", query).regex(r"/^(?!(?:degC|degF|K)$).+/")
+    return variable.hide(dashboard.VariableHide.HIDE_VARIABLE)
 
 
 def state() -> builders.CustomVariable:
-    """A state to look at. Its value is a comparison: a rank is a number, not a label."""
+    """A state to filter by. The value is a comparison, because a rank is no label."""
     choices = {"All": ">= -1", "Not OK": "!= 0"}
     choices |= {each.word: f"== {each.rank}" for each in palette.WORST_FIRST}
     return _choice("state", "State", choices)
 
 
 def problems() -> builders.CustomVariable:
-    """Whether to leave out what is being taken care of; the value is a comparison, as above."""
+    """Whether to leave out acknowledged and planned problems; the value is a comparison, too."""
     return _choice("problems", "Problems", {"All": "== 0", "Unhandled": "== 1"})
 
 
@@ -83,7 +91,7 @@ def _choice(name: str, label: str, choices: dict[str, str]) -> builders.CustomVa
 
 
 class _Several(builders.QueryVariable):
-    """All may be chosen, also what lacks the label: the SDK has no word for that value."""
+    """With an All that matches series without the label; the SDK's builder cannot set it."""
 
     def build(self) -> dashboard.VariableModel:
         model = super().build()

@@ -1,8 +1,8 @@
-"""Expected cells: what stands in cells/*.yml, and the comparison of an answer with it.
+"""Expected cells, read from cells/*.yml, and their comparison with a query's result.
 
-A cell is written as its labels and its value, `{robot=well} 0`. For a number there may stand
-`a|b` (one of them), `a..b` (between), `ago a..b` (a Unix time so many seconds ago), `ms ago a..b`
-(the same in milliseconds). A leading `?` says that the cell may be missing.
+A cell is written as its labels and its value, `{robot=well} 0`. The value may also be `a|b` (one of
+them), `a..b` (between), `ago a..b` (a Unix time so many seconds ago) or `ms ago a..b` (the same in
+milliseconds). A cell after `? ` may be missing.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ Labels = tuple[tuple[str, str], ...]
 
 
 class View(NamedTuple):
-    """A dashboard with variables chosen, at one end of its time range."""
+    """A dashboard with values of its variables, at the end of a time range."""
 
     board: str
     name: str
-    choose: dict[str, str]
-    at: str  # "now", or "past": the end of the past with known answers
-    cells: dict[str, dict[str, list[str]]]  # panel -> query -> cells
+    variables: dict[str, str]
+    at: str  # "now", or "recorded": the end of the recorded history
+    cells: dict[str, dict[str, list[str]]]  # panel -> refId -> cells
 
     def __str__(self) -> str:
         return f"{self.board}: {self.name}"
@@ -36,16 +36,16 @@ class View(NamedTuple):
 def views() -> list[View]:
     """All views of all dashboards."""
     return [
-        View(path.stem, each["view"], each["choose"], each["at"], each["cells"])
+        View(path.stem, each["view"], each["variables"], each["at"], each["cells"])
         for path in sorted(FOLDER.glob("*.yml"))
         for each in yaml.safe_load(path.read_text(encoding="utf-8"))
     ]
 
 
-def found_cells(answer: list[dict[str, Any]]) -> dict[Labels, float]:
-    """The cells of an instant query, or the last ones of a query over a range."""
+def found_cells(result: list[dict[str, Any]]) -> dict[Labels, float]:
+    """The cells of an instant query, or the last ones of a range query."""
     found: dict[Labels, float] = {}
-    for series in answer:
+    for series in result:
         labels = tuple(sorted((k, v) for k, v in series["metric"].items() if k not in NOT_COMPARED))
         value = series["value"] if "value" in series else series["values"][-1]
         assert labels not in found, f"two cells with the labels {labels}"
@@ -54,12 +54,12 @@ def found_cells(answer: list[dict[str, Any]]) -> dict[Labels, float]:
 
 
 def differences(expected: list[str], found: dict[Labels, float], now: float) -> list[str]:
-    """What is missing, unexpected or of another value; one line each."""
+    """One line for each cell that is missing, is unexpected or has another value."""
     wrong: list[str] = []
     remaining = dict(found)
     for cell in expected:
         parts = CELL.fullmatch(cell)
-        assert parts, f"no cell: {cell}"
+        assert parts, f"not a cell: {cell}"
         value = remaining.pop(_labels(parts["labels"]), None)
         if value is None:
             if not parts["optional"]:
@@ -74,13 +74,14 @@ def _labels(text: str) -> Labels:
     return tuple(sorted((name, value) for name, _equals, value in pairs))
 
 
-def _fits(wanted: str, value: float, now: float) -> bool:
+def _fits(expected_value: str, value: float, now: float) -> bool:
     for prefix, unit in (("ms ago ", 1000), ("ago ", 1)):
-        if wanted.startswith(prefix):
-            return _fits(wanted.removeprefix(prefix), now - value / unit, now)
-    if ".." in wanted:
-        low, _dots, high = wanted.partition("..")
+        if expected_value.startswith(prefix):
+            return _fits(expected_value.removeprefix(prefix), now - value / unit, now)
+    if ".." in expected_value:
+        low, _dots, high = expected_value.partition("..")
         return float(low) <= value <= float(high)
     return any(
-        math.isclose(value, float(each), rel_tol=1e-4, abs_tol=1e-9) for each in wanted.split("|")
+        math.isclose(value, float(each), rel_tol=1e-4, abs_tol=1e-9)
+        for each in expected_value.split("|")
     )

@@ -1,7 +1,6 @@
-"""A fleet that is in every state at once, and a second one that is well.
+"""A fleet with robots in every state, and a second fleet whose robot is OK.
 
-Each robot is named after what is the matter with it. What the dashboards must show of it stands in
-the files of cells/.
+Each robot is named after its state. The files in cells/ have what the dashboards must show.
 """
 
 from __future__ import annotations
@@ -54,9 +53,9 @@ fleet: annex
 robots:
   - {name: well, namespace: /well, labels: {site: north}}
 """
-NEVER_HEARD = "pending"
-FALL_SILENT = ("silent", "cut_off")
-TURNS_BEFORE = 3  # scrapes in which what falls silent or goes missing is still there
+NEVER_RECEIVED = "pending"
+BECOME_SILENT = ("silent", "cut_off")
+SCRAPES_BEFORE = 3  # with messages of robots that become silent, and components that become stale
 
 
 def _status(name: str, level: int = OK, message: str = "", *values: tuple[str, str]) -> Status:
@@ -78,10 +77,10 @@ def _motor(level: int = OK, message: str = "", degrees: int = 40) -> Status:
     return _status("Motor 1", level, message, ("Temperature", f"{degrees} degC"))
 
 
-def _statuses(robot: str, turn: int) -> tuple[Status, ...]:
-    """What a robot says at a scrape, the ``turn``-th since the start."""
+def _statuses(robot: str, number: int) -> tuple[Status, ...]:
+    """The statuses that a robot sends before a scrape, the ``number``-th since the start."""
     usual = {"Power": (_battery(),), "Motor": (_motor(),)}
-    said: dict[str, dict[str, tuple[Status, ...]]] = {
+    statuses: dict[str, dict[str, tuple[Status, ...]]] = {
         "warned": {"Power": (_battery(WARN, "Low charge", 20),), "Motor": (_motor(degrees=41),)},
         "broken": {
             "Power": (_battery(percent=78),),
@@ -89,19 +88,19 @@ def _statuses(robot: str, turn: int) -> tuple[Status, ...]:
             "Laser": (_status("Laser 1", WARN, "Dirty"),),
             "Odd": (Status(9, "Odd level", "there is no level 9", ""),),
         },
-        "stale": {**usual, "Camera": (_status("Cam 1"),) if turn < TURNS_BEFORE else ()},
+        "stale": {**usual, "Camera": (_status("Cam 1"),) if number < SCRAPES_BEFORE else ()},
         "maintained": {"Power": (_battery(),), "Motor": (_motor(ERROR, "No motor", 75),)},
         # Its battery keeps the robot itself in one state.
         "flapping": {
             "Power": (_battery(WARN, "Low charge", 25),),
             "Motor": (_motor(),),
-            "Sensor": (_status("Sensor 1", (OK, WARN)[turn % 2], "Loose"),),
+            "Sensor": (_status("Sensor 1", (OK, WARN)[number % 2], "Loose"),),
         },
         "fresh": {"Power": (_battery(),), "Motor": (_motor(ERROR, "Motor failure", 39),)},
         "short": {**usual, "Laser": (_status("Laser 1"),)},
-        "docked": {**usual, "Tool": (_status("Arm"),) if turn < TURNS_BEFORE else ()},
+        "docked": {**usual, "Tool": (_status("Arm"),) if number < SCRAPES_BEFORE else ()},
     }
-    return tree(**said.get(robot, usual))
+    return tree(**statuses.get(robot, usual))
 
 
 def every_state(folder: Path) -> ServedFleet:
@@ -110,28 +109,28 @@ def every_state(folder: Path) -> ServedFleet:
 
 
 def all_well(folder: Path) -> ServedFleet:
-    """The fleet "annex", whose only robot has a namesake in the hall."""
+    """The fleet "annex": its only robot has the name of one in the hall."""
     return _served(folder / "annex.yml", ANNEX)
 
 
 def _served(path: Path, text: str) -> ServedFleet:
     path.write_text(text)
-    turns = iter(range(1_000_000))
+    scrapes = iter(range(1_000_000))
 
-    def speak(state: State, now: Instant) -> None:
-        turn = next(turns)
+    def send(state: State, now: Instant) -> None:
+        number = next(scrapes)
         for robot in list(state.robots.values()):
             name = robot.settings.name
             topic = robot.settings.topic_agg or ""
-            if name == NEVER_HEARD:
+            if name == NEVER_RECEIVED:
                 continue
             state.graph(0, _endpoints(state), now)
-            if name not in FALL_SILENT or turn < TURNS_BEFORE:
+            if name not in BECOME_SILENT or number < SCRAPES_BEFORE:
                 stamp = now.wall - (7.0 if name == "warned" else 0.5)
-                state.receive(Topic(0, topic), Array(stamp, _statuses(name, turn), 900), now)
+                state.receive(Topic(0, topic), Array(stamp, _statuses(name, number), 900), now)
 
-    served = ServedFleet(load(path), speak)
-    speak(served.state, served.started)
+    served = ServedFleet(load(path), send)
+    send(served.state, served.started)
     return served
 
 
@@ -139,5 +138,5 @@ def _endpoints(state: State) -> dict[str, Endpoint]:
     return {
         robot.settings.topic_agg or "": Endpoint(1)
         for robot in state.robots.values()
-        if robot.settings.name not in {*FALL_SILENT, NEVER_HEARD}
+        if robot.settings.name not in {*BECOME_SILENT, NEVER_RECEIVED}
     }

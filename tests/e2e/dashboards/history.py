@@ -1,7 +1,7 @@
-"""What the rules recorded before the fixture starts, with known answers, as OpenMetrics text.
+"""A recorded history for reports about a time range, as OpenMetrics text.
 
-Four hours and a half that end half an hour before the start; the reports are asked at that moment.
-The recording itself is the business of the rules' own tests.
+The samples are those that the rules would have recorded in the hours before the test; they end half
+an hour before its start, when the reports are queried. The tests of the rules cover the recording.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 SLOT = 300  # seconds of one slot of availability
-SLOTS = 48  # four hours of them
-TAIL = 1800  # seconds between the end of the past and the start
+SLOTS = 48  # four hours
+GAP = 1800  # seconds between the end of the history and the start
 
-# Slots of five minutes that a robot spent in a part.
+# How many slots a robot spent in each part.
 PARTS = {
     "well": {"ok": 48},
     "broken": {"ok": 24, "warning": 12, "critical": 12},
@@ -25,9 +25,9 @@ Sample = tuple[str, str, float, float]  # name, labels, value, Unix time
 
 
 def write(path: Path, start: float) -> float:
-    """Write the past of a fixture that starts at ``start``; returns when the past ends."""
-    end = float(int(start) - TAIL)
-    # A series' samples together, in the order of their times.
+    """Write the history before the Unix time ``start``; return the Unix time of its end."""
+    end = float(int(start) - GAP)
+    # OpenMetrics wants the samples of a series together, in the order of their times.
     samples = sorted(
         [*_parts(end), *_faults(end), *_alerts(end)],
         key=lambda sample: (sample[0], sample[1], sample[3]),
@@ -45,7 +45,7 @@ def write(path: Path, start: float) -> float:
 
 
 def _parts(end: float) -> Iterator[Sample]:
-    """Each slot's sample is recorded at its end; the last one at ``end``."""
+    """A sample at the end of each slot; the last one at ``end``."""
     sums: dict[tuple[str, str, float], float] = {}
     for robot, parts in PARTS.items():
         slots = [part for part, count in parts.items() for _ in range(count)]
@@ -66,7 +66,7 @@ def _parts(end: float) -> Iterator[Sample]:
 
 
 def _faults(end: float) -> Iterator[Sample]:
-    """Two faults of broken, of 10 and of 20 minutes; one silence of silent, of 15."""
+    """Two faults of robot broken, of 10 and 20 minutes; robot silent is silent for 15 minutes."""
     motor = 'fleet="hall",robot="broken",group="/Motor",component="Motor 1",state="critical"'
     for begin, length in ((end - 7200, 600), (end - 3600, 1200)):
         for time in _every(15, begin, length):
@@ -86,7 +86,7 @@ def _down(robot: str, begin: float, length: float) -> Iterator[Sample]:
 
 
 def _alerts(end: float) -> Iterator[Sample]:
-    """What was told of the faults of broken."""
+    """The alerts of the faults of robot broken."""
     labels = (
         'alertname="RosDiagnosticsComponentCritical",severity="critical",'
         'fleet="hall",robot="broken",group="/Motor",component="Motor 1"'

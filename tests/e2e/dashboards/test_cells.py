@@ -1,4 +1,4 @@
-"""Each expression of each panel, mark and variable returns the cells that its panel claims."""
+"""Every expression of every panel, annotation and variable returns the expected cells."""
 
 from __future__ import annotations
 
@@ -7,35 +7,35 @@ import time
 import pytest
 
 from e2e.dashboards.cells import View, differences, found_cells, views
-from e2e.dashboards.watched_fleet import Watched
-from support.committed_dashboards import BOARDS, Question, filled, questions
+from e2e.dashboards.watched_fleet import WatchedFleet
+from support.committed_dashboards import BOARDS, Query, filled, queries
 
 pytestmark = pytest.mark.e2e
 
-QUESTIONS = {(each.board, each.place, each.ref): each for each in questions()}
+QUERIES = {(each.board, each.place, each.ref): each for each in queries()}
 VIEWS = views()
-RANGE = 10  # seconds over which a graph is asked; its last point is compared
-RANGE_OF_MARKS = 240  # all that happened since the start is marked
+RANGE = 10  # seconds of a range query; its last point is compared
+ANNOTATION_RANGE = 240  # long enough for all changes since the start
 
 
-def ask(watched: Watched, question: Question, view: View, now: float):
-    expr = filled(question.expr, view.choose)
-    if question.instant:
+def run_query(watched: WatchedFleet, query: Query, view: View, now: float):
+    expr = filled(query.expr, view.variables)
+    if query.instant:
         return watched.site.query(expr, now)
-    seconds = RANGE_OF_MARKS if question.ref == "annotation" else RANGE
+    seconds = ANNOTATION_RANGE if query.ref == "annotation" else RANGE
     return watched.site.query_range(expr, now - seconds, now, 1)
 
 
 @pytest.mark.parametrize("view", VIEWS, ids=str)
-def test_expressions_return_the_cells_that_their_panels_claim(view: View, watched: Watched):
-    now = watched.past_end if view.at == "past" else time.time()
+def test_expressions_return_the_expected_cells(view: View, watched: WatchedFleet):
+    now = watched.history_end if view.at == "recorded" else time.time()
     wrong = [
         f"{panel} / {ref}: {line}"
-        for panel, answers in view.cells.items()
-        for ref, expected in answers.items()
+        for panel, results in view.cells.items()
+        for ref, expected in results.items()
         for line in differences(
             expected,
-            found_cells(ask(watched, QUESTIONS[view.board, panel, ref], view, now)),
+            found_cells(run_query(watched, QUERIES[view.board, panel, ref], view, now)),
             now,
         )
     ]
@@ -43,24 +43,24 @@ def test_expressions_return_the_cells_that_their_panels_claim(view: View, watche
     assert not wrong, "\n".join(wrong)
 
 
-def test_every_expression_is_asked_and_finds_something_at_least_once():
+def test_every_expression_is_expected_to_return_cells_in_at_least_one_view():
     with_cells = {
         (view.board, panel, ref)
         for view in VIEWS
-        for panel, answers in view.cells.items()
-        for ref, expected in answers.items()
+        for panel, results in view.cells.items()
+        for ref, expected in results.items()
         if expected
     }
 
-    assert set(QUESTIONS) - with_cells == set()
+    assert set(QUERIES) - with_cells == set()
     assert {view.board for view in VIEWS} == set(BOARDS)
 
 
-def test_the_shares_of_availability_sum_to_one(watched: Watched):
+def test_shares_of_availability_sum_to_one(watched: WatchedFleet):
     for report, by in (("robots", "robot"), ("groups", "robot_group"), ("fleets", "fleet")):
-        question = QUESTIONS["ros-diagnostics-alerts", f"Availability of the {report}", "A"]
+        query = QUERIES["ros-diagnostics-alerts", f"Availability of the {report}", "A"]
         sums: dict[str, float] = {}
-        for cell in watched.site.query(filled(question.expr, {"__range": "5h"}), watched.past_end):
+        for cell in watched.site.query(filled(query.expr, {"__range": "5h"}), watched.history_end):
             if cell["metric"]["part"] not in {"available", "faults", "longest"}:
                 name = cell["metric"][by]
                 sums[name] = sums.get(name, 0.0) + float(cell["value"][1])
@@ -70,7 +70,7 @@ def test_the_shares_of_availability_sum_to_one(watched: Watched):
 
 
 @pytest.mark.parametrize(
-    ("wanted", "value", "fits"),
+    ("expected", "value", "matches"),
     [
         ("3", 3.0, True),
         ("3", 3.1, False),
@@ -83,10 +83,10 @@ def test_the_shares_of_availability_sum_to_one(watched: Watched):
         ("ms ago 5..15", 990_000.0, True),
     ],
 )
-def test_an_expected_value_fits_what_it_says(wanted: str, value: float, fits: bool):
+def test_notations_of_expected_values(expected: str, value: float, matches: bool):
     found = {(("robot", "a b, c"),): value}
 
-    assert (differences([f"{{robot=a b, c}} {wanted}"], found, now=1000.0) == []) is fits
+    assert (differences([f"{{robot=a b, c}} {expected}"], found, now=1000.0) == []) is matches
 
 
 def test_missing_and_unexpected_cells_are_differences():

@@ -1,4 +1,4 @@
-"""The fleet that is in every state at once, watched by a real Prometheus and Alertmanager."""
+"""The fleet of every_state.py with a real Prometheus and Alertmanager."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from e2e.dashboards import every_state
-from e2e.dashboards import history as past
+from e2e.dashboards import every_state, history
 from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.cli import ack
 from support import host_checks, prometheus_site
@@ -16,8 +15,8 @@ from support.served_fleet import ServedFleet, serving
 from testbed.polling import until
 from testbed.ports import free_port
 
-# What must have come about before anything is asked; each names a robot or more.
-COME_ABOUT = {
+# Conditions before the first query of a test: each expression must return something.
+READY = {
     "every state": "count(count by (state) (robot:ros_diagnostics_state:info)) == 7",
     "confirmed faults": (
         'count(component:ros_diagnostics_fault:confirmed{robot!="flapping"}) == 5'
@@ -28,7 +27,7 @@ COME_ABOUT = {
     "low values": (
         'count(ALERTS{alertname="RosDiagnosticsValueWarning", alertstate="firing"}) == 2'
     ),
-    "the thinned past": (
+    "states of each minute": (
         "count(robot:ros_diagnostics_state:max1m == robot:ros_diagnostics_state:rank) == 13"
     ),
     "planned maintenance": "robot:ros_diagnostics_maintenance:start",
@@ -44,54 +43,58 @@ COME_ABOUT = {
 }
 
 
-class Watched(NamedTuple):
-    """The servers, and when the past with known answers ends."""
+class WatchedFleet(NamedTuple):
+    """The servers, and the end of the recorded history as Unix time."""
 
     site: prometheus_site.Site
-    past_end: float
+    history_end: float
 
 
 @contextmanager
-def watching(folder: Path) -> Iterator[Watched]:
-    """All states are there, and told, when this yields."""
+def running(folder: Path) -> Iterator[WatchedFleet]:
+    """Yield when all robots are in their states and the alerts fire."""
     hall, annex = every_state.every_state(folder), every_state.all_well(folder)
     annex.domains[7] = False
-    past_end = past.write(folder / "past.txt", hall.started.wall)
-    with ExitStack() as open_:
+    history_end = history.write(folder / "history.txt", hall.started.wall)
+    with ExitStack() as stack:
         serve = {
-            "hall": open_.enter_context(serving(hall.scrape)),
-            "annex": open_.enter_context(serving(annex.scrape)),
+            "hall": stack.enter_context(serving(hall.scrape)),
+            "annex": stack.enter_context(serving(annex.scrape)),
         }
-        node, blackbox = open_.enter_context(host_checks.running(folder))
+        node, blackbox = stack.enter_context(host_checks.running(folder))
         probes = [
             _job("node", node, robot="well"),
             _probe("ping", serve["hall"], blackbox, robot="well"),
             _probe("uplink", f"127.0.0.1:{free_port()}", blackbox, uplink="ap_9"),
         ]
-        site = open_.enter_context(
+        site = stack.enter_context(
             prometheus_site.running(
                 folder,
                 serve,
                 {"restart_grace": 1},
                 probes=probes,
-                history=folder / "past.txt",
+                history=folder / "history.txt",
             )
         )
-        for what, expr in COME_ABOUT.items():
+        for what, expr in READY.items():
             until(lambda expr=expr: site.query(expr), what, 90, every=0.5)
         _acknowledge(site, hall)
-        yield Watched(site, past_end)
+        yield WatchedFleet(site, history_end)
 
 
 def _acknowledge(site: prometheus_site.Site, hall: ServedFleet) -> None:
-    """Somebody takes care of a fault and of a silent robot, and Prometheus knows."""
+    """Acknowledge a fault and a silent robot, and wait until Prometheus has both."""
     url = f"http://{site.alertmanager}"
     hall.alertmanager = Alertmanager([url])
-    for words in (
+    for arguments in (
         ("broken", "Motor 1", "--author", "ann", "--comment", "spare part ordered"),
         ("silent", "--author", "bob", "--comment", "carried to the workshop"),
     ):
-        until(lambda words=words: ack.main([*words, "--url", url]) == 0, f"{words[0]} is told", 30)
+        until(
+            lambda arguments=arguments: ack.main([*arguments, "--url", url]) == 0,
+            f"an alert of {arguments[0]}",
+            30,
+        )
     until(
         lambda: (
             site.query("component:ros_diagnostics_fault:acknowledged")
@@ -109,7 +112,7 @@ def _job(kind: str, address: str, **labels: str) -> dict[str, Any]:
 
 
 def _probe(kind: str, address: str, blackbox: str, **labels: str) -> dict[str, Any]:
-    """A port is asked instead of a ping: nobody needs a right for that."""
+    """Probe a TCP port instead of a ping, which would need a privilege."""
     return _job(kind, address, **labels) | {
         "metrics_path": "/probe",
         "params": {"module": ["tcp_connect"]},

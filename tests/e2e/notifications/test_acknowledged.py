@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ros_diagnostics_exporter.cli import ack
-from support.committed_dashboards import filled, questions
+from support.committed_dashboards import filled, queries
 from testbed.configuration import Clocks
 from testbed.mail import Inbox
 from testbed.polling import until
@@ -16,7 +16,7 @@ from testbed.stack import Plan, Stack, running
 
 PROBLEMS = {
     question.ref: filled(question.expr)
-    for question in questions()
+    for question in queries()
     if (question.board, question.place) == ("ros-diagnostics-fleet", "Problems")
 }
 MOTOR = {"fleet": "demo", "robot": "robot_1", "component": "Motor 1"}

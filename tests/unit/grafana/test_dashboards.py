@@ -1,4 +1,4 @@
-"""The committed dashboards: built from their source, whole, and readable by everybody."""
+"""The committed dashboards: what the source builds, valid, with links that work."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ ALL_PANELS = [
 
 
 def test_the_committed_json_is_what_the_source_builds():
-    """`./run dashboards` brings them together again."""
-    from fleet_dashboards.__main__ import as_json, built
+    """`./run dashboards` updates it."""
+    from fleet_dashboards.__main__ import as_json, build_all
 
     committed = {
         path.name: path.read_text(encoding="utf-8") for path in (GRAFANA / "dashboards").iterdir()
     }
 
-    assert committed == as_json(built())
+    assert committed == as_json(build_all())
 
 
 @pytest.mark.parametrize("uid", BOARDS)
-def test_the_sdk_model_reads_the_json_and_writes_the_same(uid: str):
-    """A key that Grafana's schema does not have would be lost on the way.
+def test_the_sdk_model_reads_the_json_and_writes_it_unchanged(uid: str):
+    """A key that is not in Grafana's schema would be missing.
 
-    Only the words of an annotation are no part of it: they belong to Prometheus' data source.
+    Except for the formats of annotations: they belong to Prometheus' data source.
     """
     from grafana_foundation_sdk.cog import plugins
     from grafana_foundation_sdk.cog.encoder import JSONEncoder
@@ -64,17 +64,17 @@ def test_the_file_is_named_by_the_uid_that_links_use():
 
 
 @pytest.mark.parametrize("panel", ALL_PANELS)
-def test_a_panel_says_which_question_it_answers_and_is_of_a_plain_type(panel):
-    question, mark, _rest = panel["description"].partition("?")
+def test_a_panel_has_a_plain_type_and_a_description_that_begins_with_a_question(panel):
+    question, question_mark, _rest = panel["description"].partition("?")
 
-    assert mark, "the description begins with a question"
+    assert question_mark, "the description begins with a question"
     assert question[0].isupper()
     assert ". " not in question, "the question comes first"
     assert panel["type"] in PLAIN
 
 
 @pytest.mark.parametrize("uid", BOARDS)
-def test_every_query_goes_to_the_chosen_data_source(uid: str):
+def test_every_query_uses_the_selected_data_source(uid: str):
     found = set(re.findall(r'"uid": "([^"]*)"', json.dumps(BOARDS[uid]["panels"])))
 
     assert found <= {"${datasource}"}
@@ -82,19 +82,19 @@ def test_every_query_goes_to_the_chosen_data_source(uid: str):
 
 
 @pytest.mark.parametrize("uid", BOARDS)
-def test_panels_lie_side_by_side_within_the_grid(uid: str):
+def test_panels_do_not_overlap_and_fit_the_grid(uid: str):
     taken: dict[tuple[int, int], str] = {}
     for panel in BOARDS[uid]["panels"]:
-        place = panel["gridPos"]
-        assert place["x"] + place["w"] <= 24, panel["title"]
-        for x in range(place["x"], place["x"] + place["w"]):
-            for y in range(place["y"], place["y"] + place["h"]):
+        position = panel["gridPos"]
+        assert position["x"] + position["w"] <= 24, panel["title"]
+        for x in range(position["x"], position["x"] + position["w"]):
+            for y in range(position["y"], position["y"] + position["h"]):
                 assert (x, y) not in taken, f"{panel['title']} covers {taken[(x, y)]}"
                 taken[(x, y)] = panel["title"]
 
 
 @pytest.mark.parametrize("uid", BOARDS)
-def test_panels_have_numbers_and_titles_of_their_own(uid: str):
+def test_ids_and_titles_of_panels_are_unique(uid: str):
     found = list(panels(BOARDS[uid]))
 
     assert len({panel["id"] for panel in found}) == len(found)
@@ -102,7 +102,7 @@ def test_panels_have_numbers_and_titles_of_their_own(uid: str):
 
 
 @pytest.mark.parametrize("uid", BOARDS)
-def test_links_lead_to_dashboards_and_variables_that_exist(uid: str):
+def test_links_use_dashboards_and_variables_that_exist(uid: str):
     text = json.dumps(BOARDS[uid])
     for target, query in re.findall(r'"/d/([\w-]+)\?([^"]*)"', text):
         assert target in BOARDS
@@ -114,7 +114,7 @@ def test_links_lead_to_dashboards_and_variables_that_exist(uid: str):
 
 
 @pytest.mark.parametrize("panel", ALL_PANELS)
-def test_links_of_a_table_name_columns_that_it_has(panel):
+def test_links_of_a_table_use_columns_that_it_has(panel):
     titles: set[str] = set()
     for step in panel.get("transformations", ()):
         titles |= set(step["options"].get("renameByName", {}).values())
@@ -125,23 +125,23 @@ def test_links_of_a_table_name_columns_that_it_has(panel):
 
 
 @pytest.mark.parametrize("panel", ALL_PANELS)
-def test_an_empty_table_says_what_that_means_and_an_empty_cell_nothing(panel):
+def test_an_empty_table_shows_a_text_and_an_empty_cell_nothing(panel):
     if panel["type"] != "table":
         return
     columns: set[str] = set()
     for step in panel["transformations"]:
         columns |= set(step["options"].get("renameByName", {}).values())
-    quiet = {
+    without_text = {
         override["matcher"]["options"]
         for override in panel["fieldConfig"]["overrides"]
         if {"id": "noValue", "value": ""} in override["properties"]
     }
 
     assert panel["fieldConfig"]["defaults"]["noValue"]
-    assert columns == quiet
+    assert columns == without_text
 
 
-def test_a_value_is_shown_in_the_unit_behind_its_name():
+def test_a_value_is_shown_in_the_unit_of_its_legend():
     from fleet_dashboards.lib import palette
 
     (graph,) = (p for p in panels(BOARDS["ros-diagnostics-robot"]) if p["title"] == "Temperatures")
@@ -160,8 +160,7 @@ def test_a_value_is_shown_in_the_unit_behind_its_name():
         assert found == [wanted]
 
 
-def test_every_unit_has_a_panel():
-    """Temperatures have theirs; for each other unit one is repeated."""
+def test_a_panel_is_repeated_for_each_unit_but_temperatures():
     (unit,) = (
         variable
         for variable in BOARDS["ros-diagnostics-robot"]["templating"]["list"]
@@ -174,7 +173,7 @@ def test_every_unit_has_a_panel():
     ]
 
 
-def test_dashboards_link_to_one_another_and_keep_variables_and_time():
+def test_links_between_dashboards_keep_variables_and_time_range():
     for board in BOARDS.values():
         (link,) = board["links"]
         assert link["includeVars"]

@@ -1,4 +1,4 @@
-"""docs/dashboards.md says what there is."""
+"""docs/dashboards.md lists the dashboards and panels that exist."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ PANELS = {(board["title"], panel["title"]) for board in BOARDS.values() for pane
 
 
 def test_the_page_lists_every_panel_with_its_question():
-    """`./run dashboards` writes it."""
+    """`./run dashboards` updates it."""
     pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python 3.11")
-    from fleet_dashboards.__main__ import built
-    from fleet_dashboards.lib import listing
+    from fleet_dashboards.__main__ import build_all, docs_page
 
-    assert listing.page(built()) == PAGE
+    assert docs_page(build_all()) == PAGE
 
 
-def test_pages_of_nagios_and_views_of_rqt_lead_to_panels_that_exist():
+def test_the_table_of_nagios_pages_and_rqt_views_names_panels_that_exist():
     rows = re.findall(r"^\| (?:Nagios|rqt_\w+): .+? \| (.+) \|$", PAGE, re.MULTILINE)
     titles = {board["title"] for board in BOARDS.values()}
     named = {
@@ -34,5 +33,5 @@ def test_pages_of_nagios_and_views_of_rqt_lead_to_panels_that_exist():
     assert named - PANELS == set()
 
 
-def test_the_page_opens_every_dashboard():
+def test_the_page_has_the_path_of_every_dashboard():
     assert set(re.findall(r"`/d/([\w-]+)`", PAGE)) == set(BOARDS)

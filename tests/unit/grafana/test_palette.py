@@ -1,4 +1,4 @@
-"""Whoever is colour-blind tells the states apart too."""
+"""Colour-blind people can distinguish the states; ranks and units match the exporter's."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python
 from fleet_dashboards.lib import palette
 from ros_diagnostics_exporter.ingest.units import _SPELLINGS
 
-# What remains of linear RGB: Machado, Oliveira, Fernandes 2009, severity 1.0.
-EYES = {
-    "full colour": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    "no red (protanopia)": (
+# Matrices for linear RGB: Machado, Oliveira, Fernandes 2009, severity 1.0.
+VISION = {
+    "normal": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "protanopia": (
         (0.152286, 1.052583, -0.204868),
         (0.114503, 0.786281, 0.099216),
         (-0.003882, -0.048116, 1.051998),
     ),
-    "no green (deuteranopia)": (
+    "deuteranopia": (
         (0.367322, 0.860646, -0.227968),
         (0.280085, 0.672501, 0.047413),
         (-0.011820, 0.042940, 0.968881),
     ),
-    "no blue (tritanopia)": (
+    "tritanopia": (
         (1.255528, -0.076749, -0.178779),
         (-0.078411, 0.930809, 0.147602),
         (0.004733, 0.691367, 0.303900),
     ),
 }
-APART = 20  # CIE 1976 difference; 2.3 is just noticeable side by side
+DISTINCT = 20  # CIE 1976 difference; 2.3 is just noticeable side by side
 
 
 def linear(colour: str) -> list[float]:
@@ -38,11 +38,11 @@ def linear(colour: str) -> list[float]:
     return [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in parts]
 
 
-def seen(colour: str, eye: str) -> tuple[float, float, float]:
-    """CIE L*a*b* (D65) of what the eye sees."""
+def lab(colour: str, vision: str) -> tuple[float, float, float]:
+    """CIE L*a*b* (D65) of a colour as people with that vision see it."""
     red, green, blue = (
         min(1.0, max(0.0, sum(a * b for a, b in zip(row, linear(colour), strict=True))))
-        for row in EYES[eye]
+        for row in VISION[vision]
     )
     x, y, z = (
         share ** (1 / 3) if share > 0.008856 else 7.787 * share + 16 / 116
@@ -55,25 +55,25 @@ def seen(colour: str, eye: str) -> tuple[float, float, float]:
     return 116 * y - 16, 500 * (x - y), 200 * (y - z)
 
 
-def difference(one: str, other: str, eye: str) -> float:
-    pairs = zip(seen(one, eye), seen(other, eye), strict=True)
+def difference(one: str, other: str, vision: str) -> float:
+    pairs = zip(lab(one, vision), lab(other, vision), strict=True)
     return sum((a - b) ** 2 for a, b in pairs) ** 0.5
 
 
-@pytest.mark.parametrize("eye", EYES)
-def test_any_two_states_differ_in_colour(eye: str):
+@pytest.mark.parametrize("vision", VISION)
+def test_any_two_states_differ_in_colour(vision: str):
     close = [
         (one.word, other.word)
         for one, other in itertools.combinations(palette.STATES, 2)
-        if difference(one.colour, other.colour, eye) < APART
+        if difference(one.colour, other.colour, vision) < DISTINCT
     ]
 
     assert close == []
 
 
-def test_the_simulation_confuses_red_and_green_as_people_do():
-    assert difference("#D65F5F", "#8A8A3A", "full colour") > 2 * difference(
-        "#D65F5F", "#8A8A3A", "no green (deuteranopia)"
+def test_red_and_green_are_similar_in_the_simulation_of_deuteranopia():
+    assert difference("#D65F5F", "#8A8A3A", "normal") > 2 * difference(
+        "#D65F5F", "#8A8A3A", "deuteranopia"
     )
 
 
@@ -81,5 +81,5 @@ def test_ranks_are_those_of_the_recorded_states():
     assert [state.rank for state in palette.STATES] == [-1, 0, 1, 2, 3, 4]
 
 
-def test_every_unit_shown_is_one_that_the_exporter_gives():
+def test_every_unit_of_the_palette_is_one_of_the_exporter():
     assert set(palette.UNITS) <= set(_SPELLINGS)

@@ -1,4 +1,4 @@
-"""A Grafana that is given these files shows everything without a click."""
+"""The provisioning files and grafana.ini fit the dashboards."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def settings() -> configparser.ConfigParser:
     return found
 
 
-def test_prometheus_is_the_data_source_that_dashboards_open_with():
+def test_prometheus_is_the_default_data_source_and_linked_to_alertmanager():
     sources = {source["type"]: source for source in provisioned("datasources")}
 
     assert sources["prometheus"]["isDefault"]
@@ -32,7 +32,7 @@ def test_prometheus_is_the_data_source_that_dashboards_open_with():
     assert linked == sources["alertmanager"]["uid"]
 
 
-def test_the_home_dashboard_is_the_fleet_where_the_provider_reads_it():
+def test_the_home_dashboard_is_one_that_the_provider_reads():
     (provider,) = provisioned("dashboards")
     home = PurePosixPath(settings()["dashboards"]["default_home_dashboard_path"])
 
@@ -40,7 +40,7 @@ def test_the_home_dashboard_is_the_fleet_where_the_provider_reads_it():
     assert home.stem in BOARDS
 
 
-def test_nobody_looks_without_a_password_unless_somebody_says_so():
+def test_anonymous_access_is_disabled_by_default():
     anonymous = settings()["auth.anonymous"]
 
     assert anonymous.getboolean("enabled") is False
