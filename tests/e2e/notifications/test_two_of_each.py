@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 import yaml
 
@@ -77,7 +78,7 @@ class Site:
                 and len(self._told_by(each)) == 2
                 for each in self.prometheuses
             )
-        except asking.Unanswered:
+        except httpx.HTTPError:
             return False
 
     def _told_by(self, address: str) -> list[Any]:
