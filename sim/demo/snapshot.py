@@ -9,8 +9,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import httpx
-
 from testbed import http
 from testbed.configuration import Addresses
 
@@ -66,7 +64,7 @@ def take_snapshot(addresses: Addresses) -> Snapshot:
     def get(name: str, address: str, path: str) -> Any:
         try:
             return http.get_json(address, path)
-        except httpx.HTTPError:
+        except http.Unanswered:
             unreachable.append(name)
             return None
 

@@ -1,7 +1,6 @@
 """The configuration of one run: the shipped folders copied, with this run's addresses written in.
 
-The same edits that a site makes. Rules, routes, templates and clocks stay as shipped; clocks.py
-shortens them for tests.
+The same edits that a site makes. Rules, routes, templates and clocks stay as shipped.
 """
 
 from __future__ import annotations

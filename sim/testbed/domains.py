@@ -7,7 +7,7 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from testbed.locks import acquire
+from testbed.locks import claim
 
 # Above 101 the UDP ports of a domain overlap with Linux' ephemeral ports (ROS 2 documentation,
 # "The ROS_DOMAIN_ID").
@@ -22,7 +22,7 @@ def lease() -> Iterator[int]:
         RuntimeError: All domains are taken.
     """
     for domain_id in _shuffled():
-        holder = acquire(f"ros-domain/{domain_id}")
+        holder = claim(f"ros-domain/{domain_id}")
         if holder is None:
             continue
         with holder:

@@ -11,7 +11,7 @@ import errno
 import socket
 
 
-def acquire(name: str) -> socket.socket | None:
+def claim(name: str) -> socket.socket | None:
     """Lock ``name`` until the returned socket is closed; None while it is locked."""
     holder = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:

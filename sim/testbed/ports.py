@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import socket
 
-from testbed.locks import acquire
+from testbed.locks import claim
 
 # Above Linux' ephemeral ports (to 60999), so that no outgoing connection takes one in the meantime.
 PORTS = range(61_000, 65_000)
@@ -18,7 +18,7 @@ def free_port() -> int:
         RuntimeError: All ports are taken.
     """
     for port in random.sample(PORTS, len(PORTS)):
-        holder = acquire(f"tcp-port/{port}")
+        holder = claim(f"tcp-port/{port}")
         if holder is None:
             continue
         if _is_free(port):

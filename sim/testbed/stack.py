@@ -11,8 +11,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import httpx
-
 from testbed import configuration, domains, grafana, http, programs, servers
 from testbed.mail import Inbox, MailServer
 from testbed.polling import until
@@ -172,7 +170,7 @@ def _not_ready(stack: Stack, robots: int) -> str:
             return f"{server.name} at http://{server.address}/-/ready"
     try:
         states = stack.query("robot:ros_diagnostics_state:rank")
-    except httpx.HTTPError as error:  # the server has ended since
+    except http.Unanswered as error:  # the server has ended since
         return str(error)
     healthy = sum(each.value == 0 for each in states)
     if healthy < robots:

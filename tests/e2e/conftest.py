@@ -1,4 +1,4 @@
-"""The whole stack for each end-to-end test: real DDS, exporter, servers and mail."""
+"""The whole road, running, for each end-to-end test: real DDS, exporter, servers and mail."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from support.sns import SENT
-from testbed import http
+from testbed import http as asking
 from testbed.mail import Inbox
 from testbed.polling import until
 from testbed.stack import Plan, Stack, running
@@ -50,7 +50,7 @@ def wait_for_scrapes(stack: Stack) -> Callable[[int], None]:
     """A function: waits until Prometheus has scraped the exporter successfully so many times more.
 
     Rules are evaluated as often, and Alertmanager looks at its groups as often (group_interval):
-    all mails about what was scraped before have been sent.
+    whatever mail had to come of what was scraped before, has come.
     """
 
     def wait(number: int) -> None:
@@ -66,10 +66,10 @@ def wait_for_scrapes(stack: Stack) -> Callable[[int], None]:
 
 @pytest.fixture
 def amazon(free_port: Callable[[], int], start_process: Callable[..., Any]) -> str:
-    """The address of a server with the API of Amazon SNS."""
+    """The address of a server that takes text messages as Amazon SNS does."""
     port = free_port()
     argv = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)]
     start_process("moto", argv)
     address = f"127.0.0.1:{port}"
-    until(lambda: http.answers(address, SENT), "moto's server answers", 60)
+    until(lambda: asking.answers(address, SENT), "moto's server answers", 60)
     return address

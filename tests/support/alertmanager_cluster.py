@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import httpx
-
 from testbed import http as asking
 
 PEER_TIMEOUT = 2  # seconds that the second waits for the first to have mailed
@@ -23,6 +21,6 @@ def sees_two(address: str) -> bool:
     """Whether it has found the other and settled."""
     try:
         cluster = asking.get_json(address, "/api/v2/status")["cluster"]
-    except httpx.HTTPError:
+    except asking.Unanswered:
         return False
     return cluster["status"] == "ready" and len(cluster["peers"]) == 2

@@ -32,7 +32,7 @@ def missing_program() -> str | None:
 def ping_trouble(blackbox: str) -> str:
     """What a blackbox exporter says of its own attempt to ping this machine; empty if it may."""
     path = "/probe?module=icmp&target=127.0.0.1&debug=true"
-    text = get(blackbox, path, seconds=30).text
+    text = get(blackbox, path, seconds=30).decode()
     if "\nprobe_success 1\n" in text:
         return ""
     return next(line for line in text.splitlines() if "Error listening to socket" in line)

@@ -7,7 +7,6 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-import httpx
 import yaml
 
 from testbed import http as asking
@@ -74,7 +73,7 @@ class Phone:
         while not self._stop.wait(0.5):
             try:
                 words = sent(self._amazon)
-            except httpx.HTTPError:  # busy; the next look finds what this one missed
+            except asking.Unanswered:  # busy; the next look finds what this one missed
                 continue
             now = time.time()
             self._texts += [Text(now, each) for each in words[len(self._texts) :]]

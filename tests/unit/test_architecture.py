@@ -48,7 +48,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("cli",),
     ),
     "testbed": (
-        ("clocks", "configuration", "http", "locks", "mail", "polling"),
+        ("configuration", "http", "locks", "mail", "polling"),
         ("domains", "grafana", "ports", "processes", "programs"),
         ("servers",),
         ("stack",),

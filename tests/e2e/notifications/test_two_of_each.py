@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 import yaml
 
@@ -78,7 +77,7 @@ class Site:
                 and len(self._told_by(each)) == 2
                 for each in self.prometheuses
             )
-        except httpx.HTTPError:
+        except asking.Unanswered:
             return False
 
     def _told_by(self, address: str) -> list[Any]:

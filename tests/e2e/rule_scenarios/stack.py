@@ -23,9 +23,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from e2e.rule_scenarios import clocks as scaled
 from e2e.rule_scenarios import fleets
 from support import host_checks, prometheus_site
-from testbed import clocks as scaled
 from testbed import domains, programs
 from testbed import http as asking
 from testbed.polling import until

@@ -17,7 +17,7 @@ def judge(*argv: object, given: bytes | None = None) -> None:
 def test_served_metrics_rules_and_configurations_pass(stack, tmp_path):
     stack.fault("robot_1", "Motor 1", "error", 'says "hot"\\n')  # what has to be escaped
 
-    metrics = asking.get(stack.addresses.exporter, "/metrics").content
+    metrics = asking.get(stack.addresses.exporter, "/metrics")
     judge("promtool", "check", "metrics", given=metrics)
     judge("promtool", "check", "rules", *(tmp_path / "prometheus" / "rules").glob("*.yml"))
     judge("promtool", "check", "config", tmp_path / "prometheus" / "prometheus.yml")

@@ -20,7 +20,7 @@ import pytest
 from e2e.rule_scenarios import verdict as judge
 from e2e.rule_scenarios.scenario import Story
 from e2e.rule_scenarios.table import STORIES
-from testbed.locks import acquire
+from testbed.locks import claim
 from testbed.polling import until
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
@@ -40,7 +40,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     path = folder / "stories.json"
 
     def done_or_mine() -> Any:
-        return path.exists() or acquire(f"stories{path}")
+        return path.exists() or claim(f"stories{path}")
 
     mine = until(done_or_mine, "the stories to be played", SECONDS, every=1)
     if mine is not True:

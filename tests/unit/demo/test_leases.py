@@ -26,10 +26,10 @@ def test_a_lease_ends_with_the_process_that_was_killed():
     argv = [sys.executable, "-c", HOLD_A_LEASE]
     with subprocess.Popen(argv, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
         taken = int(other.stdout.readline())
-        held = domains.acquire(f"ros-domain/{taken}")
+        held = domains.claim(f"ros-domain/{taken}")
         other.kill()
         other.wait()
-        freed = domains.acquire(f"ros-domain/{taken}")
+        freed = domains.claim(f"ros-domain/{taken}")
 
     assert held is None
     assert freed is not None

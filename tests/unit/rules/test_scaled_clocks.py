@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from e2e.rule_scenarios import clocks as scaled
 from e2e.rule_scenarios import fleets
 from support.shipped_rules import ROOT
-from testbed import clocks as scaled
 
 LONG = re.compile(r"\b\d+[mhd]\b")
 

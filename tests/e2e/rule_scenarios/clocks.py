@@ -1,7 +1,7 @@
-"""Shortens the clocks of a run's copy of the Prometheus configuration: the only place that does.
+"""The clocks of the rules, shortened in a run's own copy of them.
 
-Settings are set in rules/settings.yml. Ranges, `for` and `interval` cannot be settings: `scale`
-divides each of these durations by ten and changes nothing else in a rule.
+What can be set is set, in rules/settings.yml. The length of a range, `for` and `interval` cannot
+be metrics: there every duration is divided by ten, and nothing else of a rule is touched.
 """
 
 from __future__ import annotations
@@ -34,26 +34,11 @@ def scale(rules: Path, settings: Mapping[str, float]) -> None:
         settings: Names in settings.yml (`restart_grace`) -> value.
 
     Raises:
-        LookupError: The rules have no such setting or clock.
+        LookupError: The rules have no such setting or clock any more.
     """
     for name in SCALED:
         _edit(rules / name, lambda document, name=name: _scale_file(document, name))
-    set_settings(rules, settings)
-
-
-def set_settings(rules: Path, settings: Mapping[str, float]) -> None:
-    """Set values in settings.yml of this folder, such as {"restart_grace": 5}.
-
-    Raises:
-        LookupError: settings.yml has no such setting.
-    """
     _edit(rules / "settings.yml", lambda document: _set(document, dict(settings)))
-
-
-def set_interval(config: Path, interval: str) -> None:
-    """Set the scrape and evaluation interval in a prometheus.yml, such as "2s"."""
-    times = {"scrape_interval": interval, "evaluation_interval": interval}
-    _edit(config, lambda document: document["global"].update(times))
 
 
 def duration(text: str) -> str:
@@ -97,7 +82,7 @@ def _set(document: dict[str, Any], settings: dict[str, float]) -> None:
         if name in settings:
             rule["expr"] = f"vector({settings.pop(name)})"
     if settings:
-        raise LookupError(f"rules/settings.yml has no {', '.join(settings)} ")
+        raise LookupError(f"rules/settings.yml has no {', '.join(settings)} any more")
 
 
 def _edit(path: Path, change: Any) -> None:
