@@ -113,7 +113,7 @@ class GenericAnalyzer(GenericAnalyzerBase):
         )
 
     def report(self, now: float) -> list[Status]:
-        """The rows, with the prefixes taken off all their names."""
+        """The rows, with the prefixes removed from their names."""
         rows = super().report(now)
         for prefix in self.prefixes:
             rows = [row._replace(name=without_prefix(row.name, prefix)) for row in rows]
@@ -169,11 +169,11 @@ class OtherAnalyzer(GenericAnalyzerBase):
 def build_generic(
     kind: type[GenericAnalyzer], base: str, breadcrumb: str, parameters: Parameters, now: float
 ) -> GenericAnalyzer | None:
-    """A Generic or Discard analyzer from its parameters; None where the real one's init fails.
+    """A Generic or Discard analyzer from its parameters; None where upstream's init fails.
 
     ``base`` is the path above it. It fails without any rule to match; `expected` is none, and
     `name` is a parameter that the ROS 2 releases do not read. Raises AnalyzerConfigError where a
-    parameter has a type on which the real one aborts.
+    parameter has a type on which upstream aborts.
     """
     names = parameters.under(breadcrumb)
 
@@ -188,7 +188,7 @@ def build_generic(
         timeout=parameters.number(names["timeout"]) if "timeout" in names else 5.0,
         num_items=parameters.integer(names["num_items"]) if "num_items" in names else -1,
         discard_stale="discard_stale" in names and parameters.flag(names["discard_stale"]),
-        # Byte order of the keys decides in the real one too: the later ones replace the first.
+        # As upstream, in byte order of the keys: a later one replaces an earlier one.
         startswith=texts("startswith") or find_and_remove,
         contains=texts("contains"),
         regex=[_compiled(text, names["regex"], parameters) for text in texts("regex")],

@@ -84,7 +84,7 @@ class BagWriter:
         self._connections: dict[str, Any] = {}
 
     def write(self, message: Recorded) -> None:
-        """Add a message. Raises DocumentError where the file takes no more."""
+        """Add a message. Raises DocumentError where that fails."""
         with self._writing():
             if message.topic not in self._connections:
                 self._connections[message.topic] = self._writer.add_connection(

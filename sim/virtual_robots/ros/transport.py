@@ -95,7 +95,7 @@ class Transport:
         if (robot, Topic.RAW) in self._publishers:
             return
         node = self._node_of(robot)
-        # As the real ones: reliable, volatile, and the last message only.
+        # As upstream: reliable, volatile, and the last message only.
         qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
         for topic in self._topics:
             name = f"/{robot}/{topic.value}"

@@ -79,7 +79,7 @@ class Component:
             self.fault, self._drive_from = before.fault, before._drive_from
 
     def known_faults(self) -> tuple[str, ...]:
-        """The names that inject takes."""
+        """Return the names that `inject` accepts."""
         return (*LEVEL_NAMES, "silent", "flap", *self.model.faults)
 
     def advance(self, now: float, elapsed: float) -> None:

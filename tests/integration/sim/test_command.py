@@ -146,7 +146,7 @@ def test_a_robot_that_is_off_cannot_go_on_but_join(
         done = command("fault", "robot_1", order)
         assert (done.returncode, done.stderr) == (0, "")
     then = time.time()
-    listener.until(lambda: sent_since("robot_2", then) >= 3, "robot_2 goes on")
+    listener.until(lambda: sent_since("robot_2", then) >= 3, "robot_2 to continue")
     assert sent_since("robot_1", then) == 0
     assert command("fault", "robot_1", "join").returncode == 0
     listener.until(lambda: sent_since("robot_1", then) >= 3, "robot_1 again")

@@ -134,7 +134,7 @@ def test_a_recording_that_an_error_ends_keeps_what_it_had(  # noqa: PLR0917 - fi
     capsys: pytest.CaptureFixture[str],
     storage: str,
 ) -> None:
-    """The disk that is full is played; the robots and what is recorded are real."""
+    """The full disk is simulated; the robots and the recording are real."""
     virtual_robots("--robots", "1")
     written: list[bytes] = []
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}

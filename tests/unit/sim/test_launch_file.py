@@ -16,7 +16,7 @@ LAUNCH_FILE = Path(__file__).parents[3] / "sim" / "ros_launch" / "real_aggregato
 
 
 # The keywords that the launch file may use, as launch and launch_ros of Jazzy document them:
-# a stand-in that takes anything would pass a word that the real one refuses.
+# a fake that accepts any keyword would not find one that the real class rejects.
 KEYWORDS = {
     "LaunchDescription": set(),
     "LaunchConfiguration": {"default"},

@@ -79,7 +79,7 @@ def test_robots_that_all_stand_still_are_waited_for() -> None:
     played = threading.Thread(target=player.play, args=(stop,))
     played.start()
     until(lambda: fleet.next_at() == float("inf"), "the end of all that was due")
-    until(lambda: fleet.now > 2.0, "time that goes on")
+    until(lambda: fleet.now > 2.0, "the fleet's time to advance")
     stop.set()
     played.join(timeout=10)
     assert not played.is_alive()

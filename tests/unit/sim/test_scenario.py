@@ -13,8 +13,8 @@ from virtual_robots.simulation.fleet import Fleet
 from virtual_robots.simulation.outputs import Note, Output, Topic
 from virtual_robots.simulation.scenario import load_scenario, schedule_events
 
-STORY = """
-description: a minute in the life of a mixed fleet
+SCENARIO = """
+description: a minute of a mixed fleet
 seed: 3
 duration: 60
 robots:
@@ -45,7 +45,7 @@ def outputs_of(path: Path, seconds: float) -> list[Output]:
 @pytest.fixture
 def scenario_file(tmp_path: Path) -> Path:
     path = tmp_path / "scenario.yaml"
-    path.write_text(STORY)
+    path.write_text(SCENARIO)
     return path
 
 
