@@ -21,7 +21,7 @@ def lease() -> Iterator[int]:
     Raises:
         RuntimeError: All domains are taken.
     """
-    for domain_id in _shuffled():
+    for domain_id in _rotated():
         holder = claim(f"ros-domain/{domain_id}")
         if holder is None:
             continue
@@ -54,7 +54,7 @@ def environment(domain_id: int) -> dict[str, str]:
     }
 
 
-def _shuffled() -> list[int]:
+def _rotated() -> list[int]:
     """Return all domains, from a start that differs between processes."""
     first = os.getpid() % len(DOMAINS)
     return [*DOMAINS[first:], *DOMAINS[:first]]
