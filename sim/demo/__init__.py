@@ -1,4 +1,1 @@
-"""The whole road on one machine: virtual robots to email. What `./run demo` and the tests share.
-
-It starts the other programs and reads what they serve; it imports none of them.
-"""
+"""`./run demo`: a fault on virtual robots, from the ROS message to the email, on one machine."""

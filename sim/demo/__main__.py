@@ -1,7 +1,7 @@
 """The command `python -m demo` behind `./run demo`: options, signals, exit codes.
 
-Exit codes: 0 when exactly the expected emails arrived within --seconds, or when the reader ended
-the demo; 1 when something went wrong; 2 wrong usage; 130 interrupted before --seconds were over.
+Exit codes: 0 exactly the expected emails arrived within --seconds, or the user stopped a demo
+without --seconds; 1 an error; 2 wrong usage; 130 interrupted before --seconds were over.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from types import FrameType
 
 from rich.console import Console
 
-from demo.liveness import GoneForGoodError
-from demo.performance import Performance
+from demo.liveness import ProgramEndedError
+from demo.run import DemoRun
 from demo.screen import Screen
 from testbed import grafana
 from testbed.mail import Inbox
@@ -37,32 +37,35 @@ def main(argv: Sequence[str] | None = None) -> int:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup's is kept
             signal.signal(number, _interrupt)
     try:
-        wrong = _demo(seconds, options.scenario, console)
+        errors = _demo(seconds, options.scenario, console)
     except KeyboardInterrupt:
-        console.print("ended")
+        console.print("stopped")
         return 0 if seconds is None else 130
-    except (MissingProgram, GoneForGoodError, RuntimeError, LookupError, OSError) as error:
-        wrong = [str(error)]
-    for sentence in wrong:
-        print(f"demo: {sentence}", file=sys.stderr)
-    return 1 if wrong else 0
+    except (MissingProgram, ProgramEndedError, RuntimeError, LookupError, OSError) as error:
+        errors = [str(error)]
+    for line in errors:
+        print(f"demo: {line}", file=sys.stderr)
+    return 1 if errors else 0
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser("./run demo", description="The whole road on this machine.")
+    parser = argparse.ArgumentParser(
+        "./run demo",
+        description="Virtual robots, exporter,"
+        " Prometheus, Alertmanager and mail on this machine; a motor fails and is repaired.",
+    )
     parser.add_argument(
         "--seconds",
         type=_positive,
-        help="end by itself after so many seconds, counted from when all servers are ready;"
-        " exit 0 only if exactly the expected emails arrived (the story takes about 70)",
+        help="stop this many seconds after all servers are ready; exit 0 only if exactly the"
+        " expected emails arrived (about 70 seconds; default: run until Ctrl-C)",
     )
     parser.add_argument(
         "--scenario",
         type=_file,
         metavar="FILE",
-        help="play this scenario of virtual robots (docs/virtual-robots.md) instead of the story of"
-        " the motor; then no email is expected, and none is wrong. When its duration is over the"
-        " robots go on as it left them",
+        help="run this scenario of virtual robots (docs/virtual-robots.md) instead of the motor's"
+        " fault; emails are then not checked. The robots keep running after its duration",
     )
     return parser
 
@@ -82,14 +85,14 @@ def _positive(text: str) -> float:
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """End in order; a second signal must not disturb the first one's tidying up."""
+    """Stop in order; a second signal must not interrupt the cleanup."""
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 
 def _demo(seconds: float | None, scenario: Path | None, console: Console) -> list[str]:
-    """Start everything, play, end everything; return what went wrong."""
+    """Start everything, run the demo, stop everything; return the errors."""
     plan = Plan(scenario=scenario)
     robots = f"{plan.robots} virtual robots" if scenario is None else f"the robots of {scenario}"
     console.print(f"starting {robots}, the exporter, Prometheus and Alertmanager ...")
@@ -100,8 +103,8 @@ def _demo(seconds: float | None, scenario: Path | None, console: Console) -> lis
     ):
         for line in _addresses(stack):
             console.print(line, highlight=False, soft_wrap=True)
-        screen.open("Ctrl-C ends the demo")
-        return Performance(stack, screen, with_story=scenario is None).play(seconds)
+        screen.open("Ctrl-C stops the demo")
+        return DemoRun(stack, screen, inject=scenario is None).run(seconds)
 
 
 def _addresses(stack: Stack) -> list[str]:

@@ -1,54 +1,54 @@
-"""Whether all programs of the road live, and when to give up on one that does not."""
+"""Whether all programs run, and when to give up on one that does not."""
 
 from __future__ import annotations
 
 import signal
 from collections.abc import Iterator, Sequence
 
-from testbed.stack import Server
+from testbed.servers import Server
 
 
-class GoneForGoodError(Exception):
+class ProgramEndedError(Exception):
     """A program ended and nobody started it again in time."""
 
 
-class Watch:
-    """Looks after the programs; restarts none: the reader may want to see what comes of it."""
+class Liveness:
+    """Checks the programs; it restarts none, so that the reader sees what the others do."""
 
     def __init__(self, servers: Sequence[Server], patience: float) -> None:
-        """Give a program that has ended ``patience`` seconds to be started again by hand."""
+        """A program that has ended may be started again by hand within ``patience`` seconds."""
         self._servers = servers
         self._patience = patience
-        self._gone_since: dict[str, float] = {}
+        self._down_since: dict[str, float] = {}
 
     @property
-    def all_live(self) -> bool:
-        """Whether all lived at the last look."""
-        return not self._gone_since
+    def all_up(self) -> bool:
+        """Whether all were up at the last check."""
+        return not self._down_since
 
-    def look(self, now: float) -> Iterator[str]:
-        """Yield a sentence for each program that has ended or come back since the last look.
+    def check(self, now: float) -> Iterator[str]:
+        """Yield a line for each program that has ended or is back since the last check.
 
         Args:
             now: Monotonic seconds.
 
         Raises:
-            GoneForGoodError: One has been gone for longer than the patience.
+            ProgramEndedError: One has been down for longer than ``patience``.
         """
         for server in self._servers:
-            if server.lives():
-                if self._gone_since.pop(server.name, None) is not None:
+            if server.is_up():
+                if self._down_since.pop(server.name, None) is not None:
                     yield f"{server.name} is back"
                 continue
-            if server.name not in self._gone_since:
-                self._gone_since[server.name] = now
+            if server.name not in self._down_since:
+                self._down_since[server.name] = now
                 yield f"{_how(server)}; the demo gives up if it is not back in {self._patience:g} s"
-            if now - self._gone_since[server.name] >= self._patience:
-                raise GoneForGoodError(f"{_how(server)} and did not come back")
+            if now - self._down_since[server.name] >= self._patience:
+                raise ProgramEndedError(f"{_how(server)} and did not come back")
 
-    def still_gone(self) -> list[str]:
-        """Return a sentence for each program that does not live now."""
-        return [_how(server) for server in self._servers if not server.lives()]
+    def down(self) -> list[str]:
+        """Return a line for each program that is not up now."""
+        return [_how(server) for server in self._servers if not server.is_up()]
 
 
 def _how(server: Server) -> str:

@@ -1,7 +1,6 @@
 """The configuration of one run: the shipped folders copied, with this run's addresses written in.
 
-The same few edits that a person makes who sets up a site. Rules, routes, templates and clocks stay
-as they are shipped.
+The same edits that a site makes. Rules, routes, templates and clocks stay as shipped.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ def write(folder: Path, domain_id: int, addresses: Addresses, clocks: Clocks) ->
     """Write the configuration of one run to ``folder``.
 
     Raises:
-        LookupError: The shipped configuration is not what is edited here.
+        LookupError: The shipped configuration lacks what is edited here.
     """
     fleet = folder / "fleet.yml"
     fleet.write_text(_fleet(domain_id, clocks))
@@ -64,7 +63,7 @@ def write(folder: Path, domain_id: int, addresses: Addresses, clocks: Clocks) ->
 
 
 def _fleet(domain_id: int, clocks: Clocks) -> str:
-    """Return a fleet.yml that takes in every robot of one ROS domain by its topic."""
+    """Return a fleet.yml that discovers every robot of one ROS domain by its topic."""
     return f"""\
 fleet: {FLEET}
 profiles:
@@ -85,7 +84,7 @@ discovery:
     include: ["robot_*"]
     profile: thesis
     labels: {{site: hall}}
-  - topic: "/{{robot}}/diagnostics_agg"        # whoever else a scenario brings
+  - topic: "/{{robot}}/diagnostics_agg"        # other names in a scenario
     domain_ids: [{domain_id}]
     exclude: ["robot_*"]
     labels: {{site: hall}}
@@ -100,17 +99,17 @@ def _list_targets(folder: Path, addresses: Addresses) -> None:
     }
     for job, group in targets.items():
         path = folder / f"{job}.yml"
-        if not path.exists():  # else Prometheus would read another file than the one we write
-            raise LookupError(f"prometheus/targets/{path.name} is not shipped any more")
+        if not path.exists():  # else Prometheus would read another file
+            raise LookupError(f"prometheus/targets/{path.name} is no longer shipped")
         path.write_text(yaml.safe_dump([group]))
 
 
 def _set_links(settings: dict[str, Any], addresses: Addresses) -> None:
-    """Let the links in alerts lead to this run's servers; Prometheus itself serves the runbooks."""
+    """Set the links in alerts to this run's servers; Prometheus serves the runbooks."""
     rules = [rule for group in settings["groups"] for rule in group["rules"]]
     site = next((each for each in rules if each["record"] == "ros_diagnostics:site:info"), None)
     if site is None:
-        raise LookupError("rules/settings.yml has no ros_diagnostics:site:info any more")
+        raise LookupError("rules/settings.yml no longer has ros_diagnostics:site:info")
     site["labels"] = {
         "grafana_url": f"http://{addresses.grafana}",
         "runbooks_url": f"http://{addresses.prometheus}/user/alerts",

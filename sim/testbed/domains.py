@@ -1,4 +1,4 @@
-"""ROS domains for demo and tests: a run has one of its own and hears nobody else's robots."""
+"""ROS domains, leased to one run at a time: runs do not see one another's robots."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ DOMAINS = range(1, 102)
 
 @contextmanager
 def lease() -> Iterator[int]:
-    """Yield a ROS domain id that no other lease holds and that nobody on this machine uses.
+    """Yield a ROS domain id that no other lease holds and no participant on this machine uses.
 
     Raises:
         RuntimeError: All domains are taken.
     """
-    for domain_id in _starting_somewhere():
+    for domain_id in _rotated():
         holder = claim(f"ros-domain/{domain_id}")
         if holder is None:
             continue
@@ -33,12 +33,12 @@ def lease() -> Iterator[int]:
 
 
 def environment(domain_id: int) -> dict[str, str]:
-    """Return this process' environment for a program that talks ROS on this machine only.
+    """Return this process' environment for a program that uses ROS on this machine only.
 
-    UDP, because Fast DDS' shared memory outlives a killed process. What would lead the program to
-    another network (a discovery server, a profile of the user's) is left out.
+    UDP, because Fast DDS' shared memory outlives a killed process. Variables that lead to another
+    network (a discovery server, a user's profile) are removed.
     """
-    elsewhere = {
+    removed = {
         "CYCLONEDDS_URI",
         "FASTDDS_DEFAULT_PROFILES_FILE",
         "FASTRTPS_DEFAULT_PROFILES_FILE",
@@ -46,7 +46,7 @@ def environment(domain_id: int) -> dict[str, str]:
         "ROS_LOCALHOST_ONLY",  # where set, it overrules the discovery range
         "ROS_STATIC_PEERS",
     }
-    kept = {name: value for name, value in os.environ.items() if name not in elsewhere}
+    kept = {name: value for name, value in os.environ.items() if name not in removed}
     return kept | {
         "ROS_DOMAIN_ID": str(domain_id),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
@@ -54,14 +54,14 @@ def environment(domain_id: int) -> dict[str, str]:
     }
 
 
-def _starting_somewhere() -> list[int]:
-    """Every domain once, in an order that spreads processes that start together."""
+def _rotated() -> list[int]:
+    """Return all domains, from a start that differs between processes."""
     first = os.getpid() % len(DOMAINS)
     return [*DOMAINS[first:], *DOMAINS[:first]]
 
 
 def _in_use(domain_id: int) -> bool:
-    """Say whether a participant that took no lease is in the domain.
+    """Return whether a participant without a lease is in the domain.
 
     Each binds the domain's discovery port, 7400 + 250 x domain (RTPS 2.2, section 9.6.1.1), shared
     with others of its kind; a socket that does not share can only have it while none is there.

@@ -1,4 +1,4 @@
-"""Grafana with the shipped dashboards, where it is installed; the road works without it."""
+"""Grafana with the shipped dashboards, where it is installed."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ ABSENT = (
 
 
 def command() -> list[str] | None:
-    """Return how Grafana is started here; None where it is not installed."""
+    """Return Grafana's command line; None where it is not installed."""
     for name in BINARIES:
         if found := shutil.which(name):
             home = _home(Path(found))
-            # What a package puts into PATH is a script that insists on /etc/grafana/grafana.ini,
+            # A package's command is a script that reads /etc/grafana/grafana.ini,
             # which an ordinary user may not read.
             packaged = home / "bin" / name
             server = ["server"] if name == "grafana" else []
@@ -40,7 +40,7 @@ def _home(found: Path) -> Path:
 
 
 def write_provisioning(folder: Path, addresses: Addresses) -> None:
-    """Copy the shipped provisioning to ``folder``; it leads to this run's servers."""
+    """Copy the shipped provisioning to ``folder``; with this run's servers."""
     shutil.copytree(CHECKOUT / "grafana" / "provisioning", folder)
     sources = folder / "datasources" / "ros-diagnostics.yml"
     content = yaml.safe_load(sources.read_text())
@@ -56,7 +56,7 @@ def write_provisioning(folder: Path, addresses: Addresses) -> None:
 
 
 def environment(folder: Path, address: str) -> dict[str, str]:
-    """Return the environment of a Grafana that keeps to ``folder`` and asks for no password."""
+    """Return the environment of a Grafana with its data in ``folder`` and without login."""
     host, port = address.split(":")
     return {
         **os.environ,

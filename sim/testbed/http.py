@@ -1,45 +1,16 @@
-"""Ask a server on 127.0.0.1 over HTTP."""
+"""HTTP requests to servers on this machine, with httpx."""
 
 from __future__ import annotations
 
-import http.client
 import json
 from typing import Any, NamedTuple
-from urllib.parse import quote
 
+import httpx
 
-class Unanswered(Exception):  # noqa: N818 - says what happened, as TimeoutError does
-    """The server did not answer, or answered something else than 200."""
-
-
-def get(address: str, path: str, seconds: float = 5.0) -> bytes:
-    """Return what ``http://ADDRESS PATH`` answers.
-
-    Args:
-        address: HOST:PORT.
-        path: With its leading slash and query.
-        seconds: The deadline for connecting, and for each read.
-
-    Raises:
-        Unanswered: No connection, no answer in time, or a status other than 200.
-    """
-    connection = http.client.HTTPConnection(address, timeout=seconds)
-    try:
-        connection.request("GET", path)
-        response = connection.getresponse()
-        body = response.read()
-    except (OSError, http.client.HTTPException) as error:
-        raise Unanswered(f"http://{address}{path}: {error}") from error
-    finally:
-        connection.close()
-    if response.status != http.client.OK:
-        raise Unanswered(f"http://{address}{path}: {response.status} {body[:200]!r}")
-    return body
-
-
-def get_json(address: str, path: str) -> Any:
-    """Return the JSON that ``http://ADDRESS PATH`` answers; raises as `get` does."""
-    return json.loads(get(address, path))
+# No proxy of the environment, and a connection for each request: servers are restarted.
+_CLIENT = httpx.Client(trust_env=False, limits=httpx.Limits(max_keepalive_connections=0))
+# No connection, a timeout, or a status other than 2xx.
+Unanswered = httpx.HTTPError
 
 
 class Sample(NamedTuple):
@@ -49,18 +20,39 @@ class Sample(NamedTuple):
     value: float
 
 
-def query(address: str, promql: str) -> list[Sample]:
-    """Return the instant vector that Prometheus computes now.
+def get(address: str, path: str, seconds: float = 5.0) -> bytes:
+    """Return the body of ``GET http://ADDRESS PATH``.
+
+    Args:
+        address: HOST:PORT.
+        path: With its leading slash and query.
+        seconds: The timeout for connecting, and for each read.
 
     Raises:
-        Unanswered: As `get`; also for an expression that Prometheus refuses.
+        Unanswered: No connection, a timeout, or a status other than 2xx.
     """
-    answer = get_json(address, f"/api/v1/query?query={quote(promql)}")
-    return [Sample(each["metric"], float(each["value"][1])) for each in answer["data"]["result"]]
+    response = _CLIENT.get(f"http://{address}{path}", timeout=seconds)
+    return response.raise_for_status().content
+
+
+def get_json(address: str, path: str) -> Any:
+    """Return the parsed JSON of ``http://ADDRESS PATH``; raises as `get`."""
+    return json.loads(get(address, path))
+
+
+def query(address: str, promql: str) -> list[Sample]:
+    """Return the instant vector of an expression from Prometheus.
+
+    Raises:
+        Unanswered: As `get`; also for an invalid expression.
+    """
+    url = httpx.URL("/api/v1/query", params={"query": promql})
+    result = get_json(address, str(url))["data"]["result"]
+    return [Sample(each["metric"], float(each["value"][1])) for each in result]
 
 
 def answers(address: str, path: str) -> bool:
-    """Say whether ``http://ADDRESS PATH`` answers 200 at once."""
+    """Return whether ``http://ADDRESS PATH`` answers 2xx within two seconds."""
     try:
         get(address, path, seconds=2.0)
     except Unanswered:

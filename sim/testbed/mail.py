@@ -1,7 +1,4 @@
-"""A mail server on 127.0.0.1 that keeps what it is sent: where the demo's alerts arrive.
-
-It delivers nothing further and knows nothing of alerts.
-"""
+"""An SMTP server on 127.0.0.1 that stores what it receives and delivers nothing further."""
 
 from __future__ import annotations
 
@@ -17,14 +14,14 @@ from aiosmtpd.smtp import SMTP, Envelope, Session
 
 @dataclass(frozen=True)
 class Mail:
-    """One email as it arrived."""
+    """A received email."""
 
     received: float  # Unix time
     sender: str
     recipients: tuple[str, ...]
     subject: str
     text: str  # the plain text part, or the HTML source where there is none
-    thread: str  # the Message-ID that it answers, or its own: mails of one thread share it
+    thread: str  # the Message-ID that it answers, or its own
     html: str = ""  # the HTML part, where there is one
 
 
@@ -46,19 +43,19 @@ def _read(envelope: Envelope) -> Mail:
 
 
 class Inbox:
-    """The mails that arrived, oldest first; filled by the server's thread, read by any."""
+    """The received mails, oldest first; may be read from any thread."""
 
     def __init__(self) -> None:
         self._mails: list[Mail] = []
         self._lock = threading.Lock()
 
     def mails(self) -> list[Mail]:
-        """Return all mails that have arrived until now."""
+        """Return all mails received until now."""
         with self._lock:
             return list(self._mails)
 
     async def handle_DATA(self, _server: SMTP, _session: Session, envelope: Envelope) -> str:  # noqa: N802 - aiosmtpd calls it by this name
-        """Take in one mail (aiosmtpd's hook)."""
+        """Store a mail (aiosmtpd's hook)."""
         mail = _read(envelope)
         with self._lock:
             self._mails.append(mail)
@@ -74,7 +71,7 @@ class MailServer:
         self._controller: Controller | None = None
 
     def start(self) -> None:
-        """Listen; returns when it does.
+        """Start listening; returns when it does.
 
         Raises:
             OSError: The port is taken.
@@ -84,7 +81,7 @@ class MailServer:
         self._controller.start()
 
     def stop(self) -> None:
-        """Listen no more; one that was never started is no error."""
+        """Stop listening; no error if it was never started."""
         if self._controller:
             self._controller.stop(no_assert=True)
             self._controller = None

@@ -1,4 +1,4 @@
-"""Wait for a condition with a deadline: the one place of demo and tests that sleeps."""
+"""Wait for a condition with a deadline: the only place in testbed and tests that sleeps."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ def until(
     seconds: float = 30.0,
     every: float = 0.05,
 ) -> Value:
-    """Ask ``condition`` until its answer is true, and return that answer.
+    """Call ``condition`` until its result is true, and return the result.
 
     Args:
-        condition: Asked ``every`` so many seconds; at least once, and once more at the deadline.
-        what: What is waited for, for the error; called late where it tells of the last state.
+        condition: Called at least once, and once more at the deadline.
+        what: What is waited for, for the error; a function is called at the deadline.
         seconds: The deadline.
-        every: Seconds between two questions.
+        every: Seconds between two calls.
 
     Raises:
-        TimeoutError: The answer was still false after ``seconds``.
+        TimeoutError: The result was still false after ``seconds``.
     """
     deadline = time.monotonic() + seconds
     while True:
         late = time.monotonic() >= deadline
-        if answer := condition():
-            return answer
+        if result := condition():
+            return result
         if late:
-            said = what() if callable(what) else what
-            raise TimeoutError(f"after {seconds:g} s still waiting for {said}")
+            text = what() if callable(what) else what
+            raise TimeoutError(f"after {seconds:g} s still waiting for {text}")
         time.sleep(every)

@@ -12,7 +12,7 @@ PORTS = range(61_000, 65_000)
 
 
 def free_port() -> int:
-    """Return a port on which nobody listens, promised to nobody else while this process lives.
+    """Return a free port, reserved for this process until it ends.
 
     Raises:
         RuntimeError: All ports are taken.
@@ -21,14 +21,14 @@ def free_port() -> int:
         holder = claim(f"tcp-port/{port}")
         if holder is None:
             continue
-        if _nobody_listens(port):
-            holder.detach()  # stays open, and the port ours, until this process ends
+        if _is_free(port):
+            holder.detach()  # stays open, and the port reserved, until this process ends
             return port
         holder.close()
     raise RuntimeError(f"all TCP ports from {PORTS[0]} to {PORTS[-1]} are in use")
 
 
-def _nobody_listens(port: int) -> bool:
+def _is_free(port: int) -> bool:
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         try:
             probe.bind(("127.0.0.1", port))

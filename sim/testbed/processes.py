@@ -1,7 +1,4 @@
-"""One program as a child of this process: started, watched, ended with all that it started.
-
-It knows nothing of what the program does.
-"""
+"""A program as a child process that is stopped together with its own children."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ class Process:
     """A program that writes to ``log_path`` and never outlives this process.
 
     The kernel kills it when the thread that started it ends, even by SIGKILL: so start it from
-    the main thread. It has a session of its own: a Ctrl-C in the terminal reaches only us.
+    the main thread. It has its own session: Ctrl-C in the terminal does not reach it.
     """
 
     def __init__(
@@ -33,7 +30,7 @@ class Process:
         self._child: subprocess.Popen[bytes] | None = None
 
     def start(self) -> Process:
-        """Start the program; its output is added to what an earlier start wrote.
+        """Start the program; its output is appended to that of an earlier start.
 
         Raises:
             FileNotFoundError: There is no such program.
@@ -53,7 +50,7 @@ class Process:
         return self
 
     def stop(self, grace: float = 10.0) -> int | None:
-        """End it and its children: SIGTERM, after ``grace`` seconds SIGKILL; return its exit code.
+        """Stop it and its children: SIGTERM, after ``grace`` seconds SIGKILL; return its exit code.
 
         A program that was never started or has ended is no error.
         """
@@ -66,7 +63,7 @@ class Process:
         return self._child.returncode
 
     def kill(self) -> None:
-        """End it and its children at once, without a chance to tidy up."""
+        """Send SIGKILL to it and its children."""
         self.signal(signal.SIGKILL)
         if self._child is not None:
             self._child.wait()
@@ -105,7 +102,7 @@ class Process:
         """
 
         def found_or_ended() -> re.Match[str] | bool | None:
-            ended = not self.alive  # asked first: what it wrote last must be read
+            ended = not self.alive  # first, so that its last output is read
             return re.search(pattern, self.output()) or ended
 
         found = until(found_or_ended, lambda: f"{pattern!r} from {self.describe()}", seconds)
@@ -114,7 +111,7 @@ class Process:
         raise RuntimeError(f"{self.describe()}; it never wrote {pattern!r}")
 
     def describe(self, lines: int = 15) -> str:
-        """Say for an error message how it stands and what it wrote last."""
+        """Return its state and last output, for an error message."""
         code = self.exit_code
         state = f"{self.name} is running" if code is None else f"{self.name} ended with {code}"
         tail = "\n".join(self.output().splitlines()[-lines:])

@@ -1,14 +1,15 @@
-"""The command line of every program that a run starts, and where the program is found."""
+"""The command lines of the programs."""
 
 from __future__ import annotations
 
+import os
 import shutil
 import sysconfig
 from pathlib import Path
 
 from testbed.configuration import CHECKOUT
 
-WITHOUT_END = 1e9  # seconds; the demo ends the robots, sooner or later
+FOREVER = 1e9  # seconds: the robots run until they are stopped
 
 
 class MissingProgram(Exception):  # noqa: N818 - says what is wrong, as FileNotFoundError does
@@ -44,19 +45,19 @@ def virtual_robots(
 ) -> list[str]:
     """Return the command that publishes the diagnostics of ``robots`` robots, or of a scenario.
 
-    The robots of a scenario go on as it left them when its own duration is over.
+    A scenario's robots keep running after its duration.
     """
     fleet = ["--robots", str(robots), "--seed", str(seed)]
     if scenario is not None:
-        fleet = ["--scenario", str(scenario), "--duration", str(WITHOUT_END)]
+        fleet = ["--scenario", str(scenario), "--duration", str(FOREVER)]
     return [own("virtual-robots"), *fleet, "--domain-id", str(domain_id)]
 
 
 def fault(robot: str, component: str, level: str, message: str, domain_id: int) -> list[str]:
-    """Return the command that gives a virtual robot's component a level (`ok`: repairs it)."""
-    said = ["--message", message] if message else []
+    """Return the command that sets a component's level on a virtual robot (`ok`: no fault)."""
+    text = ["--message", message] if message else []
     where = ["--domain-id", str(domain_id)]
-    return [own("virtual-robots"), "fault", robot, component, level, *said, *where]
+    return [own("virtual-robots"), "fault", robot, component, level, *text, *where]
 
 
 def exporter(config: Path, address: str, storage: Path, alertmanager: str) -> list[str]:
@@ -71,9 +72,9 @@ def exporter(config: Path, address: str, storage: Path, alertmanager: str) -> li
 
 
 def prometheus(config: Path, address: str, storage: Path) -> list[str]:
-    """Return the command that scrapes, evaluates the rules and keeps the data in ``storage``."""
+    """Return the command of Prometheus, or of the program that $PROMETHEUS names."""
     return [
-        distributed("prometheus"),
+        os.environ.get("PROMETHEUS") or distributed("prometheus"),
         f"--config.file={config}",
         f"--storage.tsdb.path={storage}",
         f"--web.listen-address={address}",
@@ -84,7 +85,7 @@ def prometheus(config: Path, address: str, storage: Path) -> list[str]:
 
 
 def alertmanager(config: Path, address: str, storage: Path) -> list[str]:
-    """Return the command that groups the alerts and sends the mails; alone, not in a cluster."""
+    """Return the command of an Alertmanager that is in no cluster."""
     return [
         distributed("prometheus-alertmanager", "alertmanager"),
         f"--config.file={config}",

@@ -1,7 +1,6 @@
-"""All programs of the road on this machine: robots, exporter, Prometheus, Alertmanager, mail.
+"""All programs on this machine: virtual robots, exporter, Prometheus, Alertmanager, mail, Grafana.
 
-It starts them with the shipped configuration, says when all are ready and whether all live, and
-ends them. What happens to the robots meanwhile is the caller's business.
+Starts them with the shipped configuration, waits until all are ready, and stops them.
 """
 
 from __future__ import annotations
@@ -12,47 +11,24 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from testbed import configuration as site
-from testbed import domains, grafana, programs
-from testbed import http as asking
+from testbed import configuration, domains, grafana, http, programs, servers
 from testbed.mail import Inbox, MailServer
 from testbed.polling import until
 from testbed.ports import free_port
 from testbed.processes import Process
+from testbed.servers import Server
 
 START_SECONDS = 90.0  # until all is ready; on two busy cores it takes a third of that
 
 
 @dataclass(frozen=True)
-class Server:
-    """One program of the road and, where it serves HTTP, its address."""
-
-    process: Process
-    address: str = ""
-    health: str = "/-/healthy"  # the path that answers 200 while it lives
-
-    @property
-    def name(self) -> str:
-        """What people call it."""
-        return self.process.name
-
-    def lives(self) -> bool:
-        """Whether it runs: as our child, or started again by hand at the same address."""
-        return self.process.alive or (self.address != "" and self.answers(self.health))
-
-    def answers(self, path: str) -> bool:
-        """Whether it answers 200 there."""
-        return asking.answers(self.address, path)
-
-
-@dataclass(frozen=True)
 class Plan:
-    """What to start: so many robots, or those of a scenario, of which one must become OK."""
+    """What to start: a number of robots, or a scenario, of which one robot must become OK."""
 
     robots: int = 10
     seed: int = 1
     scenario: Path | None = None
-    clocks: site.Clocks = field(default_factory=site.Clocks)
+    clocks: configuration.Clocks = field(default_factory=configuration.Clocks)
 
 
 @dataclass(frozen=True)
@@ -61,7 +37,7 @@ class Stack:
 
     domain_id: int
     environment: dict[str, str]
-    addresses: site.Addresses
+    addresses: configuration.Addresses
     inbox: Inbox
     robots: Server
     exporter: Server
@@ -71,19 +47,19 @@ class Stack:
 
     @property
     def servers(self) -> tuple[Server, ...]:
-        """Every program that has to live for the road to work."""
+        """The programs that every run needs."""
         return (self.robots, self.exporter, self.prometheus, self.alertmanager)
 
     @property
     def programs(self) -> tuple[Server, ...]:
-        """Every program that was started; Grafana, which nothing waits for, included."""
+        """All programs that were started, including Grafana, which no run waits for."""
         return self.servers if self.grafana is None else (*self.servers, self.grafana)
 
     def fault(self, robot: str, component: str, level: str, message: str = "") -> None:
         """Give a robot's component a level (error, warn, stale; ok repairs it); done on return.
 
         Raises:
-            RuntimeError: The robots refuse it or do not answer; the text says why.
+            RuntimeError: The robots reject it or do not answer; the text says why.
         """
         argv = programs.fault(robot, component, level, message, self.domain_id)
         done = subprocess.run(
@@ -92,21 +68,21 @@ class Stack:
         if done.returncode != 0:
             raise RuntimeError(f"{component} of {robot} did not become {level}: {done.stderr}")
 
-    def query(self, promql: str) -> list[asking.Sample]:
+    def query(self, promql: str) -> list[http.Sample]:
         """Return the instant vector of ``promql`` from Prometheus."""
-        return asking.query(self.addresses.prometheus, promql)
+        return http.query(self.addresses.prometheus, promql)
 
 
 @contextmanager
 def running(folder: Path, plan: Plan, inbox: Inbox) -> Iterator[Stack]:
-    """Start everything in ``folder``; yield when all is ready; end everything.
+    """Start everything in ``folder``; yield when all is ready; stop everything.
 
-    Ready: every server answers, and Prometheus has judged every robot to be well.
+    Ready: every server answers, and Prometheus has every robot with the state OK.
 
     Raises:
         programs.MissingProgram: A program is not installed.
         RuntimeError: A program ended; the text has its last output.
-        LookupError: The shipped configuration is not what is edited here.
+        LookupError: The shipped configuration lacks what is edited here.
         OSError: The mail server's port is taken.
         TimeoutError: Not ready in time; the text says what is missing.
     """
@@ -126,8 +102,8 @@ def running(folder: Path, plan: Plan, inbox: Inbox) -> Iterator[Stack]:
 def _prepare(folder: Path, domain_id: int, plan: Plan, inbox: Inbox) -> Stack:
     """Write the configuration and find the programs; nothing is started yet."""
     environment = domains.environment(domain_id) | {"ROS_LOG_DIR": str(folder / "ros-log")}
-    addresses = site.Addresses(*(f"127.0.0.1:{free_port()}" for _ in range(5)))
-    configs = site.write(folder, domain_id, addresses, plan.clocks)
+    addresses = configuration.Addresses(*(f"127.0.0.1:{free_port()}" for _ in range(5)))
+    configs = configuration.write(folder, domain_id, addresses, plan.clocks)
 
     def server(name: str, argv: list[str], address: str = "") -> Server:
         log = folder / f"{name.replace(' ', '-')}.log"
@@ -149,21 +125,17 @@ def _prepare(folder: Path, domain_id: int, plan: Plan, inbox: Inbox) -> Stack:
             ),
             addresses.exporter,
         ),
-        server(
-            "Prometheus",
-            programs.prometheus(configs.prometheus, addresses.prometheus, folder / "tsdb"),
-            addresses.prometheus,
+        servers.prometheus(
+            folder, configs.prometheus, addresses.prometheus, environment=environment
         ),
-        server(
-            "Alertmanager",
-            programs.alertmanager(configs.alertmanager, addresses.alertmanager, folder / "nflog"),
-            addresses.alertmanager,
+        servers.alertmanager(
+            folder, configs.alertmanager, addresses.alertmanager, environment=environment
         ),
         _grafana(folder / "grafana", addresses),
     )
 
 
-def _grafana(folder: Path, addresses: site.Addresses) -> Server | None:
+def _grafana(folder: Path, addresses: configuration.Addresses) -> Server | None:
     argv = grafana.command()
     if argv is None:
         return None
@@ -192,15 +164,15 @@ def _raise_if_ended(stack: Stack) -> None:
 
 
 def _not_ready(stack: Stack, robots: int) -> str:
-    """Say what is not ready yet; empty when all is."""
+    """Return what is not ready yet; empty when all is."""
     for server in stack.servers:
         if server.address and not server.answers("/-/ready"):
             return f"{server.name} at http://{server.address}/-/ready"
     try:
         states = stack.query("robot:ros_diagnostics_state:rank")
-    except asking.Unanswered as error:  # the server has ended since it was asked
+    except http.Unanswered as error:  # the server has ended since
         return str(error)
-    well = [each for each in states if each.value == 0]
-    if len(well) < robots:
-        return f"{robots} robots that Prometheus calls OK; there are {len(well)}"
+    healthy = sum(each.value == 0 for each in states)
+    if healthy < robots:
+        return f"{robots} robots that are OK in Prometheus; {healthy} are"
     return ""

@@ -1,7 +1,6 @@
-"""The command `virtual-robots`: its flags, its errors, its exit codes.
+"""The command `virtual-robots`: options, errors, exit codes.
 
-0: done, or ended by SIGINT or SIGTERM. 1: something failed. 2: wrong usage, or a file that cannot
-be used.
+0: done, or ended by SIGINT or SIGTERM. 1: failed. 2: wrong usage, or an invalid file.
 """
 
 from __future__ import annotations
@@ -17,15 +16,15 @@ from pathlib import Path
 from virtual_robots.aggregator import VERSIONS, AnalyzerConfigError
 from virtual_robots.schema.documents import DocumentError
 from virtual_robots.simulation.kinds import known_kinds
-from virtual_robots.terminal import complain
+from virtual_robots.terminal import print_error
 
 COMMANDS = """commands:
-  virtual-robots [run] [options]   publish a fleet of virtual robots until interrupted
+  virtual-robots [run] [options]   publish the diagnostics of a fleet until interrupted
   virtual-robots fault ROBOT [COMPONENT] LEVEL
-                                   break or repair a component, or a robot, while they run
+                                   inject or clear a fault while the robots run
   virtual-robots replay FILE...    publish recorded diagnostics (rosbag2, JSON)
-  virtual-robots record OUTPUT     write the diagnostics of a domain into a bag (rosbag2)
-  virtual-robots COMMAND --help    what a command takes
+  virtual-robots record OUTPUT     record the diagnostics of a domain into a bag (rosbag2)
+  virtual-robots COMMAND --help    options of a command
 """
 NO_ROS = """virtual-robots: ROS 2 cannot be imported ({error}).
 Install it with this package: pip install 'ros-diagnostics-exporter[ros]'
@@ -46,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         missing = _missing(("rosbags",), NO_ROSBAGS)
     if missing:
         return _fail(missing, 1)
-    # Not before: without ROS, the sentences above shall come, and --help shall work.
+    # Imported here, so that without ROS the errors above appear and --help works.
     module = "recording_commands" if recordings else "commands"
     commands = importlib.import_module(f"virtual_robots.{module}")
     ros = importlib.import_module("virtual_robots.ros.contexts")
@@ -59,18 +58,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _missing(packages: Sequence[str], sentence: str) -> str:
-    """The sentence about the first package that cannot be imported; empty if all can."""
+def _missing(packages: Sequence[str], message: str) -> str:
+    """Return an error about the first package that cannot be imported; empty if all can."""
     try:
         for package in packages:
             importlib.import_module(package)
     except ImportError as error:
-        return sentence.format(error=error)
+        return message.format(error=error)
     return ""
 
 
 def _fail(text: str, code: int) -> int:
-    complain(text)
+    print_error(text)
     return code
 
 
@@ -86,8 +85,8 @@ def _run_parser() -> argparse.ArgumentParser:
         "--participants",
         choices=["fleet", "robot", "domain"],
         default="fleet",
-        help="DDS participants: one for all (default), one a robot, or one domain a robot,"
-        " counting up from --domain-id",
+        help="DDS participants: one for the fleet (default), one per robot, or one domain per"
+        " robot, numbered from --domain-id",
     )
     add_domain(parser)
     return parser
@@ -96,18 +95,20 @@ def _run_parser() -> argparse.ArgumentParser:
 def _fault_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "virtual-robots fault",
-        description="Break or repair a component of a running virtual robot, or let something"
-        " happen to the robot as a whole."
+        description="Inject or clear a fault of a running virtual robot, or trigger an event of the"
+        " whole robot."
         " The same as: ros2 param set /virtual_robots 'ROBOT.COMPONENT' 'LEVEL: MESSAGE'",
     )
     parser.add_argument("robot", help="such as robot_3")
-    parser.add_argument("component", nargs="?", help="such as 'Motor 2'; none: the whole robot")
+    parser.add_argument("component", nargs="?", help="such as 'Motor 2'; omitted: the whole robot")
     parser.add_argument(
         "level",
         help="ok, warn, error, stale, silent, flap, or a fault of the robot's kind;"
         " of a whole robot: hang, resume, crash, leave, join, 'clock_jump: 30', ...",
     )
-    parser.add_argument("--message", default="", help="the status message; default: the kind's")
+    parser.add_argument(
+        "--message", default="", help="the status message (default: the kind's own)"
+    )
     add_domain(parser)
     return parser
 
@@ -119,16 +120,16 @@ def _replay_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "files", nargs="+", type=Path, metavar="FILE", help="a bag's folder, .db3, .mcap or .json"
     )
-    parser.add_argument("--rate", type=_positive, default=1.0, help="times as fast (default 1)")
-    parser.add_argument("--loop", action="store_true", help="begin again at the end")
+    parser.add_argument("--rate", type=_positive, default=1.0, help="playback speed (default 1)")
+    parser.add_argument("--loop", action="store_true", help="repeat until interrupted")
     parser.add_argument(
-        "--namespace", type=_namespace, help="put before each topic, such as robot_1"
+        "--namespace", type=_namespace, help="prefix of each topic, such as robot_1"
     )
     parser.add_argument(
         "--wait",
         type=_positive,
         default=5.0,
-        help="at most so many seconds until each topic has a subscriber (default 5)",
+        help="seconds to wait for a subscriber of each topic (default 5)",
     )
     add_domain(parser)
     return parser
@@ -138,7 +139,7 @@ def _record_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "virtual-robots record", description="Write the diagnostics of a domain into a new bag."
     )
-    parser.add_argument("output", type=Path, help="the bag's folder; must not be there yet")
+    parser.add_argument("output", type=Path, help="the bag's folder; must not exist")
     parser.add_argument(
         "--storage", choices=["sqlite3", "mcap"], default="mcap", help="(default mcap)"
     )
@@ -147,7 +148,7 @@ def _record_parser() -> argparse.ArgumentParser:
         action="append",
         help="a pattern such as '/robot_1/*' (default: all; repeatable)",
     )
-    parser.add_argument("--duration", type=_positive, help="end after so many seconds")
+    parser.add_argument("--duration", type=_positive, help="seconds until it ends (default: never)")
     add_domain(parser)
     return parser
 
@@ -163,21 +164,21 @@ PARSERS: dict[str, Callable[[], argparse.ArgumentParser]] = {
 def add_fleet(parser: argparse.ArgumentParser) -> None:
     """The options that describe a fleet."""
     which = parser.add_mutually_exclusive_group()
-    which.add_argument("--robots", type=_count, default=10, help="how many (default 10)")
-    which.add_argument("--scenario", type=Path, help="a file that says which, and what happens")
+    which.add_argument("--robots", type=_count, default=10, help="number of robots (default 10)")
+    which.add_argument("--scenario", type=Path, help="a scenario file: robots and events")
     parser.add_argument(
         "--kind",
         help=f"{', '.join(known_kinds())}, or the path of a kind file (default thesis)",
     )
-    parser.add_argument("--settings", type=Path, help="a settings file of the thesis' robot")
-    parser.add_argument("--seed", type=int, help="decides all that is random (default 0)")
+    parser.add_argument("--settings", type=Path, help="a settings file of the thesis robot")
+    parser.add_argument("--seed", type=int, help="seed of all random numbers (default 0)")
     parser.add_argument(
         "--aggregator",
         choices=[*VERSIONS, "none"],
         default=VERSIONS[0],
-        help=f"which diagnostic_aggregator each robot runs (default {VERSIONS[0]})",
+        help=f"version of each robot's diagnostic_aggregator (default {VERSIONS[0]})",
     )
-    parser.add_argument("--duration", type=_positive, help="end after so many seconds")
+    parser.add_argument("--duration", type=_positive, help="seconds until it ends (default: never)")
 
 
 def add_domain(parser: argparse.ArgumentParser) -> None:
@@ -189,7 +190,7 @@ def add_domain(parser: argparse.ArgumentParser) -> None:
 
 def _count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} must be at least 1, and whole")
+        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of at least 1")
     return int(text)
 
 

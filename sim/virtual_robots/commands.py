@@ -1,6 +1,6 @@
-"""What `run` and `fault` do, wired together from the other files; options come from cli.py.
+"""The commands `run` and `fault`; options come from cli.py.
 
-Imports ROS; cli.py imports it only when a command that needs it is called.
+It imports ROS; cli.py imports it only when a command needs it.
 """
 
 from __future__ import annotations
@@ -15,65 +15,68 @@ from virtual_robots.ros.transport import Participants, Transport, too_many_for_l
 from virtual_robots.schema.documents import DocumentError
 from virtual_robots.simulation.fleet import Fleet
 from virtual_robots.simulation.kinds import kind_path
-from virtual_robots.simulation.members import Happening, Note, RobotSpec
+from virtual_robots.simulation.outputs import Note, Output
 from virtual_robots.simulation.player import Player
-from virtual_robots.simulation.scenario import load_scenario, plan
-from virtual_robots.terminal import complain, say, stop_on_signals
+from virtual_robots.simulation.robots import RobotSpec
+from virtual_robots.simulation.scenario import load_scenario, schedule_events
+from virtual_robots.terminal import print_error, print_line, stop_on_signals
 
 
 def run(options: argparse.Namespace) -> None:
-    """Publish a fleet until SIGINT or SIGTERM, or until its duration is over."""
+    """Publish a fleet until SIGINT or SIGTERM, or until its duration has passed."""
     fleet, duration = fleet_of(options)
     domain_id = chosen_domain_id(options.domain_id)
     stop = stop_on_signals()
     participants = Participants(options.participants)
     transport = Transport(
-        list(fleet.members), domain_id, participants, aggregated=options.aggregator != "none"
+        list(fleet.robots), domain_id, participants, aggregated=options.aggregator != "none"
     )
-    if sentence := too_many_for_localhost(len(fleet.members), participants, os.environ):
-        complain(sentence)
+    if sentence := too_many_for_localhost(len(fleet.robots), participants, os.environ):
+        print_error(sentence)
 
-    def take(happening: Happening, started: float) -> None:
-        if isinstance(happening, Note):
-            say(f"{happening.at:8.1f} s  {happening.text}")
+    def publish(output: Output, started: float) -> None:
+        if isinstance(output, Note):
+            print_line(f"{output.at:8.1f} s  {output.text}")
         else:
-            transport.take(happening, started)
+            transport.publish(output, started)
 
-    player = Player(fleet, take, complain)
-    for name, member in fleet.members.items():
-        if member.present:
-            transport.appear(name)
+    player = Player(fleet, publish, print_error)
+    for name, robot in fleet.robots.items():
+        if robot.present:
+            transport.add(name)
     with ros_context(domain_id) as context:
         control = Control(context, player.inject)
-        say(f"ready: {len(fleet.members)} virtual robots in {_domains(options, domain_id, fleet)}")
+        print_line(
+            f"ready: {len(fleet.robots)} virtual robots in {_domains(options, domain_id, fleet)}"
+        )
         player.play(stop, duration)
         control.close()
     transport.close()
 
 
 def fault(options: argparse.Namespace) -> None:
-    """Set the parameter that stands for a component, or for a whole robot."""
-    order = f"{options.level}: {options.message}" if options.message else options.level
+    """Set the parameter of a component or of a robot."""
+    value = f"{options.level}: {options.message}" if options.message else options.level
     target = f"{options.robot}.{options.component}" if options.component else options.robot
-    set_parameter(chosen_domain_id(options.domain_id), target, order)
+    set_parameter(chosen_domain_id(options.domain_id), target, value)
 
 
 def fleet_of(options: argparse.Namespace) -> tuple[Fleet, float]:
-    """The fleet that the options describe, and how long it shall play (seconds)."""
+    """Return the fleet that the options describe, and its duration in seconds."""
     version = None if options.aggregator == "none" else options.aggregator
     duration = options.duration or float("inf")
     if options.scenario is None:
         fleet = Fleet(_specs(options), options.seed or 0, version)
     elif options.kind or options.settings:
-        raise DocumentError("--kind and --settings go with --robots; a scenario says them itself")
+        raise DocumentError("--kind and --settings go with --robots; a scenario has its own")
     else:
         scenario = load_scenario(options.scenario)
         seed = scenario.model.seed if options.seed is None else options.seed
         fleet = Fleet(scenario.specs, seed, version)
-        plan(scenario, fleet)
+        schedule_events(scenario, fleet)
         duration = options.duration or scenario.model.duration or float("inf")
-    for text in fleet.complaints:
-        complain(text)
+    for text in fleet.warnings:
+        print_error(text)
     return fleet, duration
 
 
@@ -86,6 +89,6 @@ def _specs(options: argparse.Namespace) -> list[RobotSpec]:
 
 
 def _domains(options: argparse.Namespace, first: int, fleet: Fleet) -> str:
-    if options.participants == Participants.DOMAIN.value and len(fleet.members) > 1:
-        return f"domains {first} to {first + len(fleet.members) - 1}"
+    if options.participants == Participants.DOMAIN.value and len(fleet.robots) > 1:
+        return f"domains {first} to {first + len(fleet.robots) - 1}"
     return f"domain {first}"

@@ -1,7 +1,4 @@
-"""The nouns of diagnostic_msgs as this package uses them: levels, a status.
-
-Imports nothing of ours and nothing of ROS, so that everything but the transport runs without it.
-"""
+"""Levels and statuses of diagnostic_msgs, without ROS: only virtual_robots.ros needs it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `record` and `replay` do; options come from cli.py.
+"""The commands `record` and `replay`; options come from cli.py.
 
 Imports ROS and rosbags; cli.py imports it only when one of them is called.
 """
@@ -13,7 +13,7 @@ from collections.abc import Callable
 from virtual_robots.recording.bags import BagWriter, Recorded, read_recordings, recorded_topics
 from virtual_robots.ros.bags import Playback, Recorder
 from virtual_robots.ros.contexts import chosen_domain_id, ros_context
-from virtual_robots.terminal import complain, say, stop_on_signals
+from virtual_robots.terminal import print_error, print_line, stop_on_signals
 
 
 def replay(options: argparse.Namespace) -> None:
@@ -26,18 +26,20 @@ def replay(options: argparse.Namespace) -> None:
 
     with ros_context(chosen_domain_id(options.domain_id)) as context:
         playback = Playback(context, topics, renamed)
-        say(f"ready: replays {', '.join(renamed(topic) for topic in topics)}")
+        print_line(f"ready: replaying {', '.join(renamed(topic) for topic in topics)}")
         if not playback.wait_for_subscribers(options.wait, stop):
-            complain(f"not every topic has a subscriber after {options.wait:g} s; begins")
+            print_error(
+                f"not every topic has a subscriber after {options.wait:g} s; starting anyway"
+            )
         count = 0
         try:
             while not stop.is_set():
                 count += playback.play(read_recordings(options.files), options.rate, stop)
                 if not options.loop:
                     break
-        finally:  # what was published before a file proved damaged shall arrive
+        finally:  # messages published before a file proved damaged shall arrive
             playback.close()
-    say(f"{count} messages replayed")
+    print_line(f"{count} messages replayed")
 
 
 def record(options: argparse.Namespace) -> None:
@@ -46,28 +48,28 @@ def record(options: argparse.Namespace) -> None:
     writer = BagWriter(options.output, options.storage)
     counted: Counter[str] = Counter()
 
-    def take(message: Recorded) -> None:
+    def write(message: Recorded) -> None:
         writer.write(message)
         counted[message.topic] += 1
 
     try:
-        _listen(options, take, stop)
+        _record(options, write, stop)
     finally:  # whatever ends the recording, the messages before it stay readable
         writer.close()
-        say(f"{counted.total()} messages of {len(counted)} topics recorded")
+        print_line(f"{counted.total()} messages of {len(counted)} topics recorded")
 
 
-def _listen(
-    options: argparse.Namespace, take: Callable[[Recorded], None], stop: threading.Event
+def _record(
+    options: argparse.Namespace, write: Callable[[Recorded], None], stop: threading.Event
 ) -> None:
     with ros_context(chosen_domain_id(options.domain_id)) as context:
-        recorder = Recorder(context, options.topic or ["*"], take, _say_recorded)
-        say(f"ready: records into {options.output}")
+        recorder = Recorder(context, options.topic or ["*"], write, _print_topic)
+        print_line(f"ready: recording into {options.output}")
         try:
             recorder.record(stop, options.duration or float("inf"))
         finally:
             recorder.close()
 
 
-def _say_recorded(topic: str) -> None:
-    say(f"records {topic}")
+def _print_topic(topic: str) -> None:
+    print_line(f"recording {topic}")

@@ -1,4 +1,4 @@
-"""What every command does with a terminal: lines out, signals in."""
+"""Output lines and signals of every command."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import threading
 from types import FrameType
 
 
-def say(text: str) -> None:
-    """A line on stdout, at once: others wait for it."""
+def print_line(text: str) -> None:
+    """Print a line on stdout and flush: scripts wait for it."""
     print(text, flush=True)  # noqa: T201 - a command's answer
 
 
-def complain(text: str) -> None:
-    """A line on stderr, at once."""
+def print_error(text: str) -> None:
+    """Print a line on stderr and flush."""
     print(text, file=sys.stderr, flush=True)  # noqa: T201 - a command's answer
 
 
 def stop_on_signals() -> threading.Event:
-    """An event that SIGINT and SIGTERM set."""
+    """Return an event that SIGINT and SIGTERM set."""
     stop = threading.Event()
 
     def on_signal(_number: int, _frame: FrameType | None) -> None:

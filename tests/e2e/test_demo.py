@@ -50,26 +50,27 @@ def child(demo: Process, program: str) -> int:
     )
 
 
-def test_the_whole_story_is_told_and_the_demo_exits_0(start_demo, tmp_path):
+def test_problem_and_recovery_are_mailed_and_the_demo_exits_0(start_demo, tmp_path):
     demo = start_demo("--seconds", "90")
 
     until(lambda: not demo.alive, "the end of the demo", 150, every=0.5)
 
     assert demo.exit_code == 0, demo.output()
-    for sentence in (
-        "Motor 2 of robot_3 breaks",
+    for line in (
+        "virtual robots: robot_3 Motor 2 fails",
         "exporter: robot_3 Motor 2 is ERROR",
-        "Alertmanager: RosDiagnosticsComponentCritical robot_3 Motor 2 has arrived",
+        "Alertmanager: RosDiagnosticsComponentCritical robot_3 Motor 2 is active",
         "Subject: ** PROBLEM ** demo/robot_3 Motor 2 is CRITICAL",
-        "Motor 2 of robot_3 is repaired",
+        "virtual robots: robot_3 Motor 2 is repaired",
         "Subject: ** RECOVERY ** demo/robot_3 Motor 2 is no longer CRITICAL",
+        "demo finished: 1 problem, 1 recovery",
     ):
-        assert sentence in demo.output()
+        assert line in demo.output()
     assert not list((tmp_path / "scratch").iterdir())
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
-def test_a_program_killed_for_good_makes_it_exit_1_and_say_which(start_demo, program):
+def test_a_program_killed_for_good_makes_it_exit_1_and_name_it(start_demo, program):
     demo = start_demo("--seconds", "8")
 
     os.kill(child(demo, program), signal.SIGKILL)
@@ -95,8 +96,8 @@ def test_nothing_is_left_running_however_it_ends(start_demo, number):
     assert demo.exit_code == (-signal.SIGKILL if number == signal.SIGKILL else 0)
 
 
-def test_after_a_short_scenario_the_robots_go_on_until_the_seconds_are_over(start_demo, tmp_path):
-    scenario = tmp_path / "story.yaml"
+def test_after_a_short_scenario_the_robots_run_until_the_seconds_are_over(start_demo, tmp_path):
+    scenario = tmp_path / "scenario.yaml"
     scenario.write_text(SCENARIO)
     demo = start_demo("--scenario", str(scenario), "--seconds", "12")
 

@@ -1,4 +1,4 @@
-"""How tests tell a fleet's story and read it."""
+"""Simulated fleets for tests, and access to their outputs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from pathlib import Path
 
 from virtual_robots.simulation.fleet import Fleet
 from virtual_robots.simulation.kinds import kind_path
-from virtual_robots.simulation.members import Happening, Message, RobotSpec, Topic
+from virtual_robots.simulation.outputs import Message, Output, Topic
+from virtual_robots.simulation.robots import RobotSpec
 
 
 def fleet_of(kind: str = "thesis", robots: int = 1, seed: int = 0, **options: Path) -> Fleet:
@@ -15,8 +16,8 @@ def fleet_of(kind: str = "thesis", robots: int = 1, seed: int = 0, **options: Pa
     return Fleet([RobotSpec(f"robot_{n}", path, **options) for n in range(1, robots + 1)], seed)
 
 
-def of(story: Iterable[Happening], topic: Topic, robot: str = "robot_1") -> list[Message]:
-    messages = [m for m in story if isinstance(m, Message)]
+def of(outputs: Iterable[Output], topic: Topic, robot: str = "robot_1") -> list[Message]:
+    messages = [m for m in outputs if isinstance(m, Message)]
     return [m for m in messages if m.topic is topic and m.robot == robot]
 
 

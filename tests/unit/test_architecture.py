@@ -46,8 +46,13 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("commands", "recording_commands"),
         ("cli",),
     ),
-    "testbed": (),
-    "demo": (),
+    "testbed": (
+        ("configuration", "http", "locks", "mail", "polling"),
+        ("domains", "grafana", "ports", "processes", "programs"),
+        ("servers",),
+        ("stack",),
+    ),
+    "demo": (("liveness", "snapshot", "steps"), ("screen",), ("run",), ("__main__",)),
     "fleet_dashboards": (("lib",), ("dashboards",), ("__main__",)),
 }
 # Trees that import one another: the demo stands on the testbed. All others meet as users do.

@@ -1,8 +1,8 @@
-"""The diagnostic_aggregator of ROS 2, in Python, from the very diagnostics.yaml that it takes.
+"""The diagnostic_aggregator of ROS 2 in Python, configured by the same diagnostics.yaml.
 
-Free of ROS and of clocks: ``now`` (seconds, any origin) is an argument everywhere. What it does is
-what the C++ program does, release 4.2.7 or 4.2.6, its surprises included; the recordings in
-tests/data/golden hold it to that. Left out: parameters set at run time.
+No ROS and no clock: ``now`` (seconds, any origin) is an argument. Classes have upstream's names. It
+behaves as the C++ program, release 4.2.7 or 4.2.6, as recordings in tests/data/golden show, except
+that parameters cannot be set at run time.
 """
 
 from virtual_robots.aggregator.aggregator import VERSIONS, Aggregator, Report

@@ -1,4 +1,4 @@
-"""The aggregator itself: arrays in; the aggregated array and the top-level state out.
+"""The aggregator: receives arrays, publishes the aggregated array and the top-level state.
 
 Owns the root of the tree, `Other`, the period, `critical`, and the top-level state.
 """
@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from virtual_robots.aggregator.analyzer_group import build_group, rolled_up
 from virtual_robots.aggregator.analyzers import OtherAnalyzer
-from virtual_robots.aggregator.groups import build_group, rolled_up
-from virtual_robots.aggregator.items import received_item
 from virtual_robots.aggregator.parameters import AnalyzerConfigError, Parameters
+from virtual_robots.aggregator.status_item import received_item
 from virtual_robots.model import ERROR, OK, STALE, Status
 
 VERSIONS = ("4.2.7", "4.2.6")
@@ -25,10 +25,10 @@ class Report(NamedTuple):
 
 
 class Aggregator:
-    """A diagnostic_aggregator as it stands after reading its parameters at ``now``.
+    """A diagnostic_aggregator that read its parameters at ``now``.
 
     ``version`` is one of VERSIONS. Raises AnalyzerConfigError where the real program aborts.
-    ``complaints`` tells of the analyzers that it would refuse, going on without them.
+    ``warnings`` lists the analyzers that it rejects and runs without.
     """
 
     def __init__(self, parameters: Parameters, now: float, version: str = VERSIONS[0]) -> None:
@@ -41,7 +41,7 @@ class Aggregator:
         path = parameters.text("path") if "path" in parameters else ""
         base = f"/{path}" if path else ""
         self._group = build_group(base, "", parameters, now, stale_is_error=self._old)
-        self.complaints = tuple(dict.fromkeys(self._group.complaints))
+        self.warnings = tuple(dict.fromkeys(self._group.warnings))
         self._other = OtherAnalyzer(
             f"{base}/Other",
             "Other",
@@ -51,18 +51,18 @@ class Aggregator:
         self._last_toplevel = STALE
 
     def receive(self, statuses: Iterable[Status], now: float) -> Report | None:
-        """Take an array of /diagnostics; with `critical`, something worse is published at once."""
+        """Receive an array of /diagnostics; with `critical`, return a report if it is worse."""
         worse = False
         for status in statuses:
             item = received_item(status, now)
-            taken = self._group.match(status.name) and self._group.analyze(item)
-            if not taken:
+            analyzed = self._group.match(status.name) and self._group.analyze(item)
+            if not analyzed:
                 self._other.analyze(item)
             worse = worse or item.level > self._last_toplevel
         return self.publish(now) if self._critical and worse else None
 
     def publish(self, now: float) -> Report:
-        """The publication that is due every ``period`` seconds."""
+        """Return the report to publish every ``period`` seconds."""
         statuses = (*self._group.report(now), *self._other.report(now))
         toplevel = self._toplevel(statuses)
         self._last_toplevel = toplevel.level
@@ -78,7 +78,7 @@ class Aggregator:
         if self._old or level == OK:
             return Status(level, "toplevel_state")
         # The highest number counts here, STALE above ERROR, so this can be about another component
-        # than the one that gave the level. So it is in the real one.
+        # than the one that gave the level. Upstream does the same.
         highest = [status for status in statuses if status.level == max(levels)]
         shown = max(highest, key=lambda status: status.name.count("/"))
         message = f"{shown.name}: {shown.message}"

@@ -1,7 +1,7 @@
-"""The analyzers that hold components: GenericAnalyzer, Discard, Ignore, and Other.
+"""The analyzers of single components: Generic, Discard, Ignore, and Other.
 
 Each collects the statuses that it matches and reports its group: the parent first, then the
-children in byte order of their names. They do not know of each other.
+children in byte order of their names.
 """
 
 from __future__ import annotations
@@ -11,20 +11,19 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from virtual_robots.aggregator.items import (
+from virtual_robots.aggregator.parameters import AnalyzerConfigError, Parameters
+from virtual_robots.aggregator.status_item import (
     MESSAGE_OF_LEVEL,
-    Item,
-    listed,
+    StatusItem,
     missing_item,
     output_name,
     without_prefix,
 )
-from virtual_robots.aggregator.parameters import AnalyzerConfigError, Parameters
 from virtual_robots.model import ERROR, OK, STALE, Status
 
 
 class Analyzer(Protocol):
-    """What a group asks of each analyzer below it."""
+    """What a group needs of each analyzer below it."""
 
     @property
     def path(self) -> str:
@@ -32,39 +31,39 @@ class Analyzer(Protocol):
 
     @property
     def nice_name(self) -> str:
-        """What the parent row above calls it."""
+        """Its name in the parent row's values."""
 
     def match(self, name: str) -> bool:
         """Whether a component of this name belongs here."""
 
-    def analyze(self, item: Item) -> bool:
-        """Take a received item; False if nothing was done with it."""
+    def analyze(self, item: StatusItem) -> bool:
+        """Store a received item; False if it was ignored."""
 
     def report(self, now: float) -> list[Status]:
         """The rows of this group at ``now``."""
 
 
 @dataclass
-class Collector:
-    """The common part of Generic and Other: items by name, and their group's state."""
+class GenericAnalyzerBase:
+    """The common part of Generic and Other: items by name, and the state of the group."""
 
     path: str
     nice_name: str
     timeout: float = 5.0
     num_items: int = -1
     discard_stale: bool = False
-    items: dict[str, Item] = field(default_factory=dict)
+    items: dict[str, StatusItem] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         # Without a timeout nothing is ever stale, so nothing can be discarded either.
         self.discard_stale = self.discard_stale and self.timeout > 0
 
-    def analyze(self, item: Item) -> bool:
+    def analyze(self, item: StatusItem) -> bool:
         """Keep the item as the last of its name."""
         self.items[item.status.name] = item
         return True
 
-    def is_stale(self, item: Item, now: float) -> bool:
+    def is_stale(self, item: StatusItem, now: float) -> bool:
         """Whether nothing was received for longer than the timeout (0 or less: never)."""
         return self.timeout > 0 and now - item.received > self.timeout
 
@@ -73,19 +72,19 @@ class Collector:
         if self.discard_stale:
             self.items = {n: i for n, i in self.items.items() if not self.is_stale(i, now)}
         items = [self.items[name] for name in sorted(self.items)]
-        rows = [listed(i, self.path, stale=self.is_stale(i, now)) for i in items]
-        level, message = self._judge_number(self._roll_up(rows))
+        rows = [i.to_status(self.path, stale=self.is_stale(i, now)) for i in items]
+        level, message = self._check_num_items(self._roll_up(rows))
         values = tuple((i.status.name, i.status.message) for i in items)
         return [Status(level, self.path, message, "", values), *rows]
 
     def _roll_up(self, rows: Iterable[Status]) -> int:
         levels = {row.level for row in rows}
         if levels <= {STALE}:
-            # Who discards what is stale says that its absence is no fault.
+            # With discard_stale the absence of a component is no fault.
             return OK if self.discard_stale else STALE
         return ERROR if STALE in levels else max(levels)
 
-    def _judge_number(self, level: int) -> tuple[int, str]:
+    def _check_num_items(self, level: int) -> tuple[int, str]:
         found = len(self.items)
         if self.num_items == 0 and not found:
             return OK, MESSAGE_OF_LEVEL[OK]
@@ -97,8 +96,8 @@ class Collector:
 
 
 @dataclass
-class GenericAnalyzer(Collector):
-    """Takes components by their names."""
+class GenericAnalyzer(GenericAnalyzerBase):
+    """Matches components by their names."""
 
     startswith: list[str] = field(default_factory=list)
     contains: list[str] = field(default_factory=list)
@@ -114,7 +113,7 @@ class GenericAnalyzer(Collector):
         )
 
     def report(self, now: float) -> list[Status]:
-        """The rows, with the prefixes taken off all their names."""
+        """The rows, with the prefixes removed from their names."""
         rows = super().report(now)
         for prefix in self.prefixes:
             rows = [row._replace(name=without_prefix(row.name, prefix)) for row in rows]
@@ -122,7 +121,7 @@ class GenericAnalyzer(Collector):
 
 
 class DiscardAnalyzer(GenericAnalyzer):
-    """Takes components by their names and shows none of them."""
+    """Matches components by their names and reports none of them."""
 
     def report(self, now: float) -> list[Status]:
         """Nothing, ever."""
@@ -131,7 +130,7 @@ class DiscardAnalyzer(GenericAnalyzer):
 
 
 class IgnoreAnalyzer:
-    """Takes nothing and shows nothing; what it names goes to Other."""
+    """Matches nothing and reports nothing; its components go to Other."""
 
     path = nice_name = ""
 
@@ -140,8 +139,8 @@ class IgnoreAnalyzer:
         del name
         return False
 
-    def analyze(self, item: Item) -> bool:
-        """Never asked, because nothing matches."""
+    def analyze(self, item: StatusItem) -> bool:
+        """Never called, because nothing matches."""
         del item
         return False
 
@@ -152,8 +151,8 @@ class IgnoreAnalyzer:
 
 
 @dataclass
-class OtherAnalyzer(Collector):
-    """What no analyzer took; it vanishes after 5 s, and the group with its last item."""
+class OtherAnalyzer(GenericAnalyzerBase):
+    """Items that no analyzer matched; dropped after 5 s, and the group with its last item."""
 
     as_errors: bool = False
 
@@ -170,11 +169,11 @@ class OtherAnalyzer(Collector):
 def build_generic(
     kind: type[GenericAnalyzer], base: str, breadcrumb: str, parameters: Parameters, now: float
 ) -> GenericAnalyzer | None:
-    """A Generic or Discard analyzer from its parameters; None where the real one's init fails.
+    """A Generic or Discard analyzer from its parameters; None where upstream's init fails.
 
     ``base`` is the path above it. It fails without any rule to match; `expected` is none, and
     `name` is a parameter that the ROS 2 releases do not read. Raises AnalyzerConfigError where a
-    parameter has a type on which the real one aborts.
+    parameter has a type on which upstream aborts.
     """
     names = parameters.under(breadcrumb)
 
@@ -189,7 +188,7 @@ def build_generic(
         timeout=parameters.number(names["timeout"]) if "timeout" in names else 5.0,
         num_items=parameters.integer(names["num_items"]) if "num_items" in names else -1,
         discard_stale="discard_stale" in names and parameters.flag(names["discard_stale"]),
-        # Byte order of the keys decides in the real one too: the later ones replace the first.
+        # As upstream, in byte order of the keys: a later one replaces an earlier one.
         startswith=texts("startswith") or find_and_remove,
         contains=texts("contains"),
         regex=[_compiled(text, names["regex"], parameters) for text in texts("regex")],

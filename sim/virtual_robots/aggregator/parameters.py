@@ -1,8 +1,4 @@
-"""diagnostics.yaml -> the flat, typed parameters that a ROS node would have declared.
-
-Owns which section of the file counts and which values the real program refuses. It does not know
-what an analyzer is.
-"""
+"""diagnostics.yaml as the flat, typed parameters that a ROS node would have declared."""
 
 from __future__ import annotations
 
@@ -15,7 +11,7 @@ import yaml
 NODE = "analyzers"
 
 # Parameters that rclcpp declares on every node. They matter: the real program walks over all
-# parameters in byte order, and a type that it could not load spoils whatever comes next.
+# parameters in byte order, and a type that it could not load also applies to those that follow.
 OF_EVERY_NODE: Mapping[str, Any] = {
     "qos_overrides./parameter_events.publisher.depth": 1000,
     "qos_overrides./parameter_events.publisher.durability": "volatile",
@@ -27,7 +23,7 @@ OF_EVERY_NODE: Mapping[str, Any] = {
 
 
 class AnalyzerConfigError(ValueError):
-    """A diagnostics.yaml that the real diagnostic_aggregator refuses, aborts on or overlooks."""
+    """A diagnostics.yaml that the real diagnostic_aggregator rejects, aborts on or ignores."""
 
 
 class Parameters:
@@ -66,7 +62,7 @@ class Parameters:
         return list(value)
 
     def number(self, name: str) -> float:
-        """A parameter that must be a floating point number: ROS refuses an integer."""
+        """A parameter that must be a floating point number: ROS rejects an integer."""
         value = self._flat[name]
         if not isinstance(value, float):
             better = f"{value}.0" if type(value) is int else "5.0"

@@ -1,6 +1,6 @@
 """Recordings of diagnostics: rosbag2 (sqlite3, mcap) in and out, and a JSON form in.
 
-Knows files and serialized messages; it knows no ROS and no clock.
+It does not import ROS and reads no clock.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ STATUS = "diagnostic_msgs/msg/DiagnosticStatus"
 TYPES = (ARRAY, STATUS)
 STORAGES = {"sqlite3": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}
 TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
-SHOWN = 300  # characters of what a library says of a damaged file
+SHOWN = 300  # characters of a library's error about a damaged file
 
 
 class Recorded(NamedTuple):
@@ -61,7 +61,7 @@ def read_recordings(paths: Sequence[Path]) -> Iterator[Recorded]:
     """The diagnostics in all the files, in order of time; messages of other types are left out.
 
     A path is a bag's folder, a .db3 or .mcap file, or a .json file (see docs/virtual-robots.md).
-    Raises DocumentError for one that cannot be read, or where it is damaged no further.
+    Raises DocumentError for a file that cannot be read, or where a file is damaged.
     """
     streams = (_read_json(path) if path.suffix == ".json" else _read_bag(path) for path in paths)
     yield from heapq.merge(*streams, key=lambda message: message.at)
@@ -84,7 +84,7 @@ class BagWriter:
         self._connections: dict[str, Any] = {}
 
     def write(self, message: Recorded) -> None:
-        """Add a message. Raises DocumentError where the file takes no more."""
+        """Add a message. Raises DocumentError where that fails."""
         with self._writing():
             if message.topic not in self._connections:
                 self._connections[message.topic] = self._writer.add_connection(
@@ -102,7 +102,7 @@ class BagWriter:
         try:
             yield
         except (OSError, sqlite3.Error) as error:
-            raise DocumentError(f"{self._path}: cannot be written: {_said(error)}") from error
+            raise DocumentError(f"{self._path}: cannot be written: {_text(error)}") from error
 
 
 @contextmanager
@@ -111,14 +111,14 @@ def _opened(path: Path) -> Iterator[Reader]:
         reader = Reader(path)
         reader.open()
     except Exception as error:  # a damaged file makes the library raise anything
-        raise DocumentError(f"{path}: cannot be read as a bag: {_said(error)}") from error
+        raise DocumentError(f"{path}: cannot be read as a bag: {_text(error)}") from error
     try:
         yield reader
     finally:
         reader.close()
 
 
-def _said(error: Exception) -> str:
+def _text(error: Exception) -> str:
     return (str(error) or type(error).__name__)[:SHOWN]
 
 
@@ -135,12 +135,12 @@ def _read_bag(path: Path) -> Iterator[Recorded]:
                 count += 1
         except Exception as error:  # as above
             raise DocumentError(
-                f"{path}: is damaged; {count} messages could be read, then: {_said(error)}"
+                f"{path}: is damaged; {count} messages could be read, then: {_text(error)}"
             ) from error
 
 
 class _Part(BaseModel):
-    """A part of the JSON form; what else is in it is left alone."""
+    """An object of the JSON form; unknown keys are ignored."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -197,7 +197,7 @@ def _read_json(path: Path) -> Iterator[Recorded]:
     except OSError as error:
         raise DocumentError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, RecursionError) as error:
-        raise DocumentError(f"{path}: is not JSON: {_said(error)}") from error
+        raise DocumentError(f"{path}: is not JSON: {_text(error)}") from error
     if not isinstance(document, dict):
         raise DocumentError(f"{path}: is not a recording of diagnostics: must be an object")
     recording = _parsed(_Recording, document, str(path))

@@ -1,6 +1,6 @@
-"""Recordings on real topics: played to them, written from them.
+"""Recordings on ROS topics: playback and recording of serialized messages.
 
-Bytes pass through as they are. Which files there are is decided in bags.py.
+recording/bags.py reads and writes the files.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from virtual_robots.recording.bags import ARRAY, STATUS, Recorded
 from virtual_robots.ros.contexts import quiet_node
 
 MESSAGE_TYPES = {ARRAY: DiagnosticArray, STATUS: DiagnosticStatus}
-# Nothing that was recorded shall get lost here, so more is kept than a robot would.
-KEPT = 1000
-LOOK_FOR_TOPICS_EVERY = 0.5
-LOOK_FOR_SUBSCRIBERS_EVERY = 0.05
+# Queue depth: larger than a robot's, so that no recorded message is lost here.
+QUEUE_DEPTH = 1000
+FIND_TOPICS_EVERY = 0.5
+CHECK_SUBSCRIBERS_EVERY = 0.05
 
 
 class Playback:
-    """Topics that recorded messages are played to.
+    """Publishers for the topics of recorded messages.
 
     ``topics`` are recorded topic -> type; ``renamed`` gives the topic to publish a recorded one on.
     """
@@ -39,7 +39,7 @@ class Playback:
         self._node = quiet_node("virtual_robots_replay", context)
         self._publishers = {
             topic: self._node.create_publisher(
-                MESSAGE_TYPES[kind], renamed(topic), QoSProfile(depth=KEPT)
+                MESSAGE_TYPES[kind], renamed(topic), QoSProfile(depth=QUEUE_DEPTH)
             )
             for topic, kind in topics.items()
         }
@@ -48,12 +48,12 @@ class Playback:
         """Wait until each topic has one; False if that took longer or ``stop`` was set."""
         end = time.monotonic() + seconds
         while not all(p.get_subscription_count() for p in self._publishers.values()):
-            if time.monotonic() >= end or stop.wait(LOOK_FOR_SUBSCRIBERS_EVERY):
+            if time.monotonic() >= end or stop.wait(CHECK_SUBSCRIBERS_EVERY):
                 return False
         return True
 
     def play(self, messages: Iterable[Recorded], rate: float, stop: threading.Event) -> int:
-        """Publish the messages with their distances in time, ``rate`` times as fast.
+        """Publish the messages with their recorded intervals, ``rate`` times as fast.
 
         Returns how many were published before they ended or ``stop`` was set.
         """
@@ -75,31 +75,31 @@ class Playback:
 
 
 class Recorder:
-    """Hands every diagnostic message of a domain to ``take``, on topics that match ``patterns``.
+    """Calls ``write`` with each diagnostic message of a domain on topics that match ``patterns``.
 
-    Topics that appear later are found too; ``found`` is called with each. A topic's messages are
-    asked for reliably where all its publishers offer that, as ros2 bag does.
+    Topics that appear later are found too; ``found`` is called with each. A
+    subscription is reliable if all its publishers are, as in ros2 bag.
     """
 
     def __init__(
         self,
         context: Context,
         patterns: Iterable[str],
-        take: Callable[[Recorded], None],
+        write: Callable[[Recorded], None],
         found: Callable[[str], None],
     ) -> None:
         self._node = quiet_node("virtual_robots_record", context)
         self._patterns = list(patterns)
-        self._take = take
+        self._write = write
         self._found = found
         self._topics: dict[str, Any] = {}
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self._node)
-        self._node.create_timer(LOOK_FOR_TOPICS_EVERY, self._find_topics)
+        self._node.create_timer(FIND_TOPICS_EVERY, self._find_topics)
         self._find_topics()
 
     def record(self, stop: threading.Event, until: float = float("inf")) -> None:
-        """Listen until ``stop`` is set or ``until`` (s) is over."""
+        """Record until ``stop`` is set or ``until`` seconds have passed."""
         end = time.monotonic() + until
         while not stop.is_set() and time.monotonic() < end:
             self._executor.spin_once(timeout_sec=min(0.2, max(0.0, end - time.monotonic())))
@@ -119,10 +119,10 @@ class Recorder:
 
     def _subscribe(self, topic: str, kind: str) -> Any:
         def on_message(data: bytes) -> None:
-            self._take(Recorded(time.time_ns(), topic, kind, data))
+            self._write(Recorded(time.time_ns(), topic, kind, data))
 
         offered = self._node.get_publishers_info_by_topic(topic)
         reliable = all(p.qos_profile.reliability == ReliabilityPolicy.RELIABLE for p in offered)
         reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
-        qos = QoSProfile(depth=KEPT, reliability=reliability)
+        qos = QoSProfile(depth=QUEUE_DEPTH, reliability=reliability)
         return self._node.create_subscription(MESSAGE_TYPES[kind], topic, on_message, qos, raw=True)

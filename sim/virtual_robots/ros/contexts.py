@@ -1,7 +1,4 @@
-"""Contexts of rclpy: domains, participants, shutting down.
-
-With transport.py, control.py and bags_ros.py the only files that import it.
-"""
+"""Contexts of rclpy: domains, participants, shutdown."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ HIGHEST_DOMAIN_ID = 232
 
 
 class RosError(RuntimeError):
-    """ROS cannot be used as asked; the text says what to do."""
+    """A request that ROS cannot fulfil; the text says what to do."""
 
 
 class DomainError(ValueError):
@@ -25,16 +22,16 @@ class DomainError(ValueError):
 
 
 def check_domain_id(domain_id: int) -> int:
-    """The id itself if DDS has such a domain: rclpy would end the process otherwise."""
+    """Return the id if DDS has such a domain; rclpy would end the process otherwise."""
     if not 0 <= domain_id <= HIGHEST_DOMAIN_ID:
         raise DomainError(f"domain id {domain_id} must be between 0 and {HIGHEST_DOMAIN_ID}")
     return domain_id
 
 
-def chosen_domain_id(asked: int | None) -> int:
-    """The asked domain, else ROS_DOMAIN_ID's, else 0, as every ROS 2 program does."""
-    if asked is not None:
-        return check_domain_id(asked)
+def chosen_domain_id(option: int | None) -> int:
+    """Return the option's domain, else ROS_DOMAIN_ID's, else 0, as every ROS 2 program does."""
+    if option is not None:
+        return check_domain_id(option)
     text = os.environ.get("ROS_DOMAIN_ID", "") or "0"
     if not text.isdecimal():
         raise DomainError(f"ROS_DOMAIN_ID is {text!r}, must be a number")
@@ -42,7 +39,7 @@ def chosen_domain_id(asked: int | None) -> int:
 
 
 def open_context(domain_id: int) -> Context:
-    """A participant to be in a domain; signals stay with the caller."""
+    """Return a context (one DDS participant) in a domain; rclpy installs no signal handlers."""
     context = Context()
     rclpy.init(
         context=context,
@@ -63,7 +60,7 @@ def ros_context(domain_id: int) -> Iterator[Context]:
 
 
 def quiet_node(name: str, context: Context, namespace: str | None = None) -> Node:
-    """A node with no topics or services but those that it is given."""
+    """Return a node without rosout and parameter services."""
     return Node(
         name,
         context=context,

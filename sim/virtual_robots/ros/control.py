@@ -1,7 +1,4 @@
-"""Faults from outside while a fleet runs: parameters of a ROS node, and who sets them.
-
-Knows names and texts, and nothing of what they mean.
-"""
+"""Fault injection while a fleet runs: the parameters of a ROS node, and a client that sets them."""
 
 from __future__ import annotations
 
@@ -19,20 +16,20 @@ from rclpy.parameter import Parameter
 from virtual_robots.ros.contexts import RosError, quiet_node, ros_context
 
 CONTROL_NODE = "virtual_robots"
-OF_EVERY_NODE = {"use_sim_time", "start_type_description_service"}
+DECLARED_BY_RCLPY = {"use_sim_time", "start_type_description_service"}
 
 
 class Control:
     """The node `/virtual_robots`: its parameter `ROBOT.COMPONENT` is that component's fault.
 
-    Its parameter `ROBOT` is what happens to the robot as a whole.
+    Its parameter `ROBOT` is an event of the whole robot.
 
-    ``decide`` is called with name and value of each one that someone sets, in another thread; it
-    raises ValueError or KeyError with the reason to refuse it.
+    ``inject`` is called in another thread with name and value of each parameter that is set; it
+    raises ValueError or KeyError with the reason to reject the value.
     """
 
-    def __init__(self, context: Context, decide: Callable[[str, str], None]) -> None:
-        self._decide = decide
+    def __init__(self, context: Context, inject: Callable[[str, str], None]) -> None:
+        self._inject = inject
         self._node = Node(
             CONTROL_NODE, context=context, allow_undeclared_parameters=True, enable_rosout=False
         )
@@ -56,10 +53,10 @@ class Control:
 
     def _on_set(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
         for parameter in parameters:
-            if parameter.name in OF_EVERY_NODE:
+            if parameter.name in DECLARED_BY_RCLPY:
                 continue
             try:
-                self._decide(parameter.name, str(parameter.value))
+                self._inject(parameter.name, str(parameter.value))
             except (ValueError, KeyError) as error:
                 return SetParametersResult(successful=False, reason=str(error.args[0]))
         return SetParametersResult(successful=True)
@@ -68,7 +65,7 @@ class Control:
 def set_parameter(domain_id: int, name: str, value: str, timeout: float = 10.0) -> None:
     """Set a text parameter of the control node, as `ros2 param set` does.
 
-    Raises RosError where no fleet answers within ``timeout`` seconds or it refuses.
+    Raises RosError if no fleet answers within ``timeout`` seconds or the value is rejected.
     """
     with ros_context(domain_id) as context:
         node = quiet_node("virtual_robots_fault", context)

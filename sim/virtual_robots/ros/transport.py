@@ -1,7 +1,4 @@
-"""The robots' topics over DDS: which participant has them, and the bytes that go out.
-
-What a message means is decided elsewhere.
-"""
+"""The robots' publishers: nodes, DDS participants and domains, and the serialized messages."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from virtual_robots.recording.cdr import encode_array, encode_status
 from virtual_robots.ros.contexts import DomainError, check_domain_id, open_context, quiet_node
-from virtual_robots.simulation.members import Happening, Message, Presence, Topic
+from virtual_robots.simulation.outputs import Message, Output, Presence, Topic
 
 DRIVER_NODE = "virtual_robot_driver"
 TYPES = {
@@ -34,26 +31,26 @@ class Participants(Enum):
     DOMAIN = "domain"
 
 
-# With discovery on this machine only, Fast DDS asks the ports of so many participants (measured:
-# of 60 robots 32 are found).
+# With discovery on this machine only, Fast DDS tries the ports of this many participants
+# (measured: of 60 robots 32 are found).
 FOUND_ON_LOCALHOST = 32
 
 
 def too_many_for_localhost(
     robots: int, participants: Participants, environment: Mapping[str, str]
 ) -> str:
-    """A sentence if some of the robots will not be found; empty otherwise."""
+    """Return a warning if some of the robots will not be discovered; empty otherwise."""
     local = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST"
     if not local or participants is not Participants.ROBOT or robots < FOUND_ON_LOCALHOST:
         return ""
     return (
         f"with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST only {FOUND_ON_LOCALHOST} DDS participants"
-        f" find each other, so not all of {robots} robots will be heard; set it to SUBNET"
+        f" find each other, so not all of {robots} robots will be discovered; set it to SUBNET"
     )
 
 
 class Transport:
-    """Publishes what happens in a fleet.
+    """Publishes the outputs of a fleet.
 
     ``robots`` are all names that can appear; with DOMAIN the first has ``domain_id`` and each of
     the others the next one. Without ``aggregated`` they have their raw topic only: another program
@@ -85,27 +82,27 @@ class Transport:
         self._own: dict[str, tuple[Context, Node]] = {}
         self._publishers: dict[tuple[str, Topic], Any] = {}
 
-    def take(self, happening: Happening, started: float) -> None:
-        """Do what has happened; ``started`` is the fleet's start in seconds since the epoch."""
-        if isinstance(happening, Message):
-            self._publish(happening, started)
-        elif isinstance(happening, Presence):
-            change = self.appear if happening.present else self.vanish
-            change(happening.robot)
+    def publish(self, output: Output, started: float) -> None:
+        """Publish a message or change the graph; ``started``: Unix time of the fleet's start."""
+        if isinstance(output, Message):
+            self._publish(output, started)
+        elif isinstance(output, Presence):
+            change = self.add if output.present else self.remove
+            change(output.robot)
 
-    def appear(self, robot: str) -> None:
-        """Bring the robot into the graph, if it is not there."""
+    def add(self, robot: str) -> None:
+        """Add the robot to the graph, if it is not there."""
         if (robot, Topic.RAW) in self._publishers:
             return
         node = self._node_of(robot)
-        # As the real ones: reliable, volatile, and the last message only.
+        # As upstream: reliable, volatile, and the last message only.
         qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
         for topic in self._topics:
             name = f"/{robot}/{topic.value}"
             self._publishers[robot, topic] = node.create_publisher(TYPES[topic], name, qos)
 
-    def vanish(self, robot: str) -> None:
-        """Take the robot out of the graph, with goodbye."""
+    def remove(self, robot: str) -> None:
+        """Remove the robot from the graph at once, without waiting for its lease."""
         for topic in self._topics:
             publisher = self._publishers.pop((robot, topic))
             if self._shared is not None:
@@ -114,7 +111,7 @@ class Transport:
             _close(*self._own.pop(robot))
 
     def close(self) -> None:
-        """Take all out of the graph."""
+        """Remove all robots from the graph."""
         for context, node in self._own.values():
             _close(context, node)
         if self._shared is not None:

@@ -1,6 +1,6 @@
-"""What a kind of robot is: the nouns of a kind file, frozen.
+"""The schema of a kind file: components, their variables, rules and faults.
 
-Knows no time and no randomness; components.py brings a model to life.
+No time and no randomness: simulation/components.py runs these models.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ class Count(Document):
     start: float = 0
 
 
-def _sort_of_variable(raw: object) -> str | None:
-    """Its first key that only one sort has: so an error is about the sort that was meant."""
+def _variable_type(raw: object) -> str | None:
+    """Return the first key that only one type has, so that errors are about that type."""
     keys = raw if isinstance(raw, dict) else {}
     return next((key for key in ("walk", "battery", "follows", "count") if key in keys), None)
 
@@ -75,7 +75,7 @@ Variable = Annotated[
     | Annotated[Linear, Tag("follows")]
     | Annotated[Count, Tag("count")],
     Discriminator(
-        _sort_of_variable,
+        _variable_type,
         custom_error_type="variable",
         custom_error_message="needs 'walk', 'battery', 'follows' or 'count'",
     ),
@@ -83,14 +83,14 @@ Variable = Annotated[
 
 
 class Condition(Document):
-    """Whether a variable is above, or below, a bound."""
+    """Whether a variable is above, or below, a limit."""
 
     variable: Name = Field(alias="if")
     above: float | None = None
     below: float | None = None
 
     @model_validator(mode="after")
-    def _has_one_bound(self) -> Condition:
+    def _has_one_limit(self) -> Condition:
         if (self.above is None) == (self.below is None):
             raise ValueError("needs 'above' or 'below', and not both")
         return self
@@ -174,12 +174,12 @@ class ComponentModel(Document):
         return {*self.variables, *(f"{name}_charging" for name in batteries)}
 
     def _try_templates(self) -> None:
-        """Whether they can be filled in, said now and not at the first message."""
-        words: dict[str, float | str] = {**dict.fromkeys(self._numbers(), 1.0)}
-        words |= dict.fromkeys(self.texts, "")
+        """Fill the templates in once, so that an error shows now and not at the first message."""
+        values: dict[str, float | str] = {**dict.fromkeys(self._numbers(), 1.0)}
+        values |= dict.fromkeys(self.texts, "")
         try:
             for template in (self.message, *self.values.values()):
-                template.format_map(words)
+                template.format_map(values)
             for numbered in (self.name, self.hardware_id):
                 numbered.format(n=1)
         except (KeyError, IndexError, ValueError) as error:

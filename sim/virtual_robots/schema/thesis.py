@@ -1,7 +1,7 @@
-"""The settings file of the thesis' robot: its parameter names, and what they do to the kind.
+"""The settings file of the thesis robot: its parameters, and how they change the kind.
 
-The thesis drew levels again and again, up to 100,000 times, until the asked numbers came out; here
-they are drawn directly.
+The thesis drew levels again and again, up to 100,000 times, until the numbers matched; here they
+are drawn directly.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def load_settings(path: Path) -> ThesisSettings:
     return parse(ThesisSettings, read_mapping(path), str(path))
 
 
-def shaped(kind: KindModel, settings: ThesisSettings) -> KindModel:
+def with_settings(kind: KindModel, settings: ThesisSettings) -> KindModel:
     """The kind with the settings' numbers of components and battery levels.
 
     Raises DocumentError for a kind that is not the thesis'.
@@ -72,7 +72,7 @@ def shaped(kind: KindModel, settings: ThesisSettings) -> KindModel:
         raise DocumentError(
             f"settings are for the kind thesis; this one has no {', '.join(sorted(missing))}"
         )
-    components = tuple(_shaped(component, settings) for component in kind.components)
+    components = tuple(_component_with(component, settings) for component in kind.components)
     return kind.model_copy(update={"components": components})
 
 
@@ -85,7 +85,7 @@ def draw(settings: ThesisSettings, rng: Random, names: Sequence[str]) -> dict[st
     }
 
 
-def _shaped(component: ComponentModel, settings: ThesisSettings) -> ComponentModel:
+def _component_with(component: ComponentModel, settings: ThesisSettings) -> ComponentModel:
     if component.name in COUNTS:
         count = getattr(settings, COUNTS[component.name])
         return component.model_copy(update={"count": count})
@@ -103,13 +103,13 @@ def _shaped(component: ComponentModel, settings: ThesisSettings) -> ComponentMod
                 **component.variables,
                 BATTERY_LEVEL: battery.model_copy(update=changed),
             },
-            "rules": tuple(_shaped_rule(rule, settings) for rule in component.rules),
+            "rules": tuple(_rule_with(rule, settings) for rule in component.rules),
         }
     )
 
 
-def _shaped_rule(rule: Rule, settings: ThesisSettings) -> Rule:
-    bounds = {"error": settings.error_battery_level, "warn": settings.warn_battery_level}
-    if rule.variable != BATTERY_LEVEL or rule.level not in bounds:
+def _rule_with(rule: Rule, settings: ThesisSettings) -> Rule:
+    limits = {"error": settings.error_battery_level, "warn": settings.warn_battery_level}
+    if rule.variable != BATTERY_LEVEL or rule.level not in limits:
         return rule
-    return rule.model_copy(update={"below": bounds[rule.level]})
+    return rule.model_copy(update={"below": limits[rule.level]})

@@ -1,6 +1,6 @@
-"""One component of one robot, alive: its variables move, its faults take their course.
+"""The state of one component: its variables change with time, faults drive them or set a level.
 
-Knows its model and time; it does not know its robot, nor ROS.
+It does not know its robot, nor ROS.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Fault(NamedTuple):
 
 
 class UnknownFaultError(ValueError):
-    """A fault that the component does not know; the text lists those that it does."""
+    """A fault that the component does not have; the text lists those that it has."""
 
 
 @dataclass
@@ -57,7 +57,7 @@ class Component:
             if isinstance(model, Battery):
                 self.variables[f"{name}_charging"] = 0.0
         self._drive_from = 0.0
-        self._return_speed = 0.0  # of a walk that a fault drove out of its bounds, per second
+        self._return_speed = 0.0  # of a walk that a fault drove out of its range, per second
         self._formats = [(key, text, "{" in text) for key, text in self.model.values.items()]
 
     def inject(self, fault: Fault | None) -> None:
@@ -70,8 +70,8 @@ class Component:
         if (course := self._course()) and course.drive:
             self._drive_from = self.variables[course.drive]
 
-    def carry_on(self, before: Component) -> None:
-        """Go on from where another one stands, as far as both have the same variables."""
+    def copy_state(self, before: Component) -> None:
+        """Take over the variables and the fault of another component, as far as both have them."""
         for name in self.variables.keys() & before.variables.keys():
             self.variables[name] = before.variables[name]
         self._return_speed = before._return_speed
@@ -79,7 +79,7 @@ class Component:
             self.fault, self._drive_from = before.fault, before._drive_from
 
     def known_faults(self) -> tuple[str, ...]:
-        """The names that inject takes."""
+        """Return the names that `inject` accepts."""
         return (*LEVEL_NAMES, "silent", "flap", *self.model.faults)
 
     def advance(self, now: float, elapsed: float) -> None:
@@ -95,20 +95,20 @@ class Component:
         """What the component reports at ``now``; None while it is silent."""
         if self.fault and self.fault.what == "silent":
             return None
-        level, message = self._judge(now)
-        words = self._words()
+        level, message = self._level_and_message(now)
+        template_values = self._template_values()
         values = tuple(
-            (key, text.format_map(words) if is_format else text)
+            (key, text.format_map(template_values) if is_format else text)
             for key, text, is_format in self._formats
         )
         return Status(level, self.name, message, self.hardware_id, values)
 
     def starting_up(self) -> Status:
-        """What diagnostic_updater says of a task before its first run."""
+        """Return what diagnostic_updater sends for a task before its first run."""
         return Status(OK, self.name, STARTING_UP)
 
     def _end_course(self) -> None:
-        """Let a driven variable go: it comes back as fast as it went; a battery must be charged."""
+        """Release a driven variable: it returns as fast as it went; a battery must be charged."""
         course = self._course()
         if course is None or course.drive is None:
             return
@@ -120,16 +120,16 @@ class Component:
     def _course(self) -> FaultModel | None:
         return self.model.faults.get(self.fault.what) if self.fault else None
 
-    def _judge(self, now: float) -> tuple[int, str]:
-        if self.fault and (told := self._told(self.fault, now)):
-            return told
+    def _level_and_message(self, now: float) -> tuple[int, str]:
+        if self.fault and (fixed := self._fixed_by_fault(self.fault, now)):
+            return fixed
         for rule in self.model.rules:
             if rule.holds(self.variables[rule.variable]):
                 own = self.fault.message if self.fault and rule.level != "ok" else ""
                 return LEVEL_NAMES[rule.level], own or rule.message
         return OK, self._ok_message()
 
-    def _told(self, fault: Fault, now: float) -> tuple[int, str] | None:
+    def _fixed_by_fault(self, fault: Fault, now: float) -> tuple[int, str] | None:
         """Level and message of a fault that sets them itself; None of one that has a course."""
         course = self._course()
         if course and not course.level:
@@ -148,9 +148,9 @@ class Component:
         return {WARN: self.model.warn, ERROR: self.model.error, STALE: "Stale"}[level]
 
     def _ok_message(self) -> str:
-        return self.model.message.format_map(self._words())
+        return self.model.message.format_map(self._template_values())
 
-    def _words(self) -> Mapping[str, float | str]:
+    def _template_values(self) -> Mapping[str, float | str]:
         """What the templates may name."""
         if not self.model.texts:
             return self.variables

@@ -1,6 +1,6 @@
-"""The fleet in real time: advances its clock with the real one, and lets faults in between.
+"""The fleet in real time: advances its clock with the real one, and injects faults in between.
 
-The only file that reads a clock and sleeps. Knows no ROS: it is handed what takes the happenings.
+The only file that reads a clock and sleeps. It does not import ROS.
 """
 
 from __future__ import annotations
@@ -13,83 +13,82 @@ from pathlib import Path
 from virtual_robots.schema.documents import DocumentError
 from virtual_robots.simulation.components import Fault
 from virtual_robots.simulation.fleet import Fleet
-from virtual_robots.simulation.life import order, order_of
-from virtual_robots.simulation.members import Happening
+from virtual_robots.simulation.outputs import Output
+from virtual_robots.simulation.robot_events import parse_event, trigger
 
 # Waking up for every single one of a thousand robots would cost more than their messages.
 SHORTEST_SLEEP = 0.005
-LONGEST_SLEEP = 0.2  # an order from outside shall not wait for the next message of some robot
-LOOK_AT_FILES_EVERY = 1.0
+LONGEST_SLEEP = 0.2  # an injected fault shall not wait for the next message of some robot
+CHECK_FILES_EVERY = 1.0
 TOO_LATE = 1.0
-COMPLAIN_AGAIN_AFTER = 60.0
+WARN_AGAIN_AFTER = 60.0
 
-Take = Callable[[Happening, float], None]
+Publish = Callable[[Output, float], None]
 
 
 class Player:
     """Plays a fleet.
 
-    ``take`` is called with each happening and the fleet's start (seconds since the epoch);
-    ``complain`` with a text when a settings file that changed cannot be used, or when this machine
-    is too slow for the fleet.
+    ``publish`` is called with each output and the fleet's start (seconds since the epoch); ``warn``
+    with a text when a changed settings file is rejected, or when this machine is too slow.
     """
 
-    def __init__(self, fleet: Fleet, take: Take, complain: Callable[[str], None]) -> None:
+    def __init__(self, fleet: Fleet, publish: Publish, warn: Callable[[str], None]) -> None:
         self._fleet = fleet
-        self._take = take
-        self._complain = complain
+        self._publish = publish
+        self._warn = warn
         self._lock = threading.Lock()
         self._files = {
-            member.spec.settings: _changed_at(member.spec.settings)
-            for member in fleet.members.values()
-            if member.spec.settings is not None
+            robot.spec.settings: _changed_at(robot.spec.settings)
+            for robot in fleet.robots.values()
+            if robot.spec.settings is not None
         }
-        self._look_at = LOOK_AT_FILES_EVERY
-        self._may_complain_at = 0.0
+        self._next_check = CHECK_FILES_EVERY
+        self._next_warning = 0.0
 
     def play(self, stop: threading.Event, until: float = float("inf")) -> None:
-        """Let happen what is due when it is due, until ``stop`` is set or ``until`` (s) is over."""
+        """Run the fleet in real time until ``stop`` is set or ``until`` seconds have passed."""
         started, started_wall = time.monotonic(), time.time()
         while not stop.is_set():
             now = min(time.monotonic() - started, until)
-            self._judge_delay(now)
+            self._warn_if_late(now)
             with self._lock:
-                for happening in self._fleet.advance(now):
-                    self._take(happening, started_wall)
-                self._look_at_files(now)
+                for output in self._fleet.advance(now):
+                    self._publish(output, started_wall)
+                self._check_files(now)
             if now >= until:
                 return
             wait = min(self._fleet.next_at(), until) - (time.monotonic() - started)
             stop.wait(min(max(SHORTEST_SLEEP, wait), LONGEST_SLEEP))
 
-    def inject(self, target: str, wanted: str) -> None:
-        """Obey an order to a component or a robot, from any thread.
+    def inject(self, target: str, value: str) -> None:
+        """Inject a component's fault or a robot's event, from any thread.
 
-        They are `ROBOT.COMPONENT` and `LEVEL[: MESSAGE]`, or `ROBOT` and `WHAT[: NUMBER]`.
-        Raises ValueError or KeyError with the reason to refuse it.
+        ``target`` and ``value`` are `ROBOT.COMPONENT` and `LEVEL[: MESSAGE]`, or `ROBOT` and
+        `WHAT[: NUMBER]`. Raises ValueError or KeyError with the reason for a rejection.
         """
         robot, _, component = target.partition(".")
         with self._lock:
             if component:
-                what, _, message = (part.strip() for part in wanted.partition(":"))
+                what, _, message = (part.strip() for part in value.partition(":"))
                 fault = None if what == "ok" else Fault(what, self._fleet.now, message)
                 self._fleet.inject(robot, component, fault)
                 return
-            self._fleet.member(robot)
-            deed = order_of(wanted)
-            self._fleet.plan(self._fleet.now, lambda _: order(self._fleet, robot, deed))
+            self._fleet.robot(robot)
+            event = parse_event(value)
+            self._fleet.schedule(self._fleet.now, lambda _: trigger(self._fleet, robot, event))
 
-    def _judge_delay(self, now: float) -> None:
-        """A fleet that cannot keep up must not be taken for one that loses messages."""
+    def _warn_if_late(self, now: float) -> None:
+        """Warn, so that a slow machine is not mistaken for lost messages."""
         delay = now - self._fleet.next_at()
-        if delay > TOO_LATE and now >= self._may_complain_at:
-            self._may_complain_at = now + COMPLAIN_AGAIN_AFTER
-            self._complain(f"the robots are {delay:.1f} s late: too many for this machine now")
+        if delay > TOO_LATE and now >= self._next_warning:
+            self._next_warning = now + WARN_AGAIN_AFTER
+            self._warn(f"the robots are {delay:.1f} s late: too many for this machine now")
 
-    def _look_at_files(self, now: float) -> None:
-        if now < self._look_at or not self._files:
+    def _check_files(self, now: float) -> None:
+        if now < self._next_check or not self._files:
             return
-        self._look_at = now + LOOK_AT_FILES_EVERY
+        self._next_check = now + CHECK_FILES_EVERY
         for path, changed_at in self._files.items():
             latest = _changed_at(path)
             if latest not in {None, changed_at}:
@@ -97,7 +96,7 @@ class Player:
                 try:
                     self._fleet.reload(path)
                 except DocumentError as error:
-                    self._complain(f"{error}\n{path}: the settings from before stay in force")
+                    self._warn(f"{error}\n{path}: keeping the previous settings")
 
 
 def _changed_at(path: Path) -> int | None:

@@ -1,6 +1,6 @@
-"""A scenario file: which robots there are, and what happens to them when.
+"""A scenario file: its robots and its events.
 
-Owns the file's form and its errors; fleet.py and life.py do what it says.
+Owns the file's schema and errors; fleet.py and robot_events.py carry the events out.
 """
 
 from __future__ import annotations
@@ -19,14 +19,15 @@ from virtual_robots.simulation.components import FLAP_PERIOD as COMPONENT_FLAP_P
 from virtual_robots.simulation.components import Fault
 from virtual_robots.simulation.fleet import Fleet
 from virtual_robots.simulation.kinds import kind_path
-from virtual_robots.simulation.life import DEEDS, FLAP_PERIOD, Order, order
-from virtual_robots.simulation.members import Happening, Note, RobotSpec
+from virtual_robots.simulation.outputs import Note, Output
+from virtual_robots.simulation.robot_events import EVENTS, FLAP_PERIOD, RobotEvent, trigger
+from virtual_robots.simulation.robots import RobotSpec
 
 
 class RobotsModel(Document):
-    """Some robots of one kind; ``{n}`` in ``name`` is a number that goes on over all entries.
+    """Some robots of one kind; ``{n}`` in ``name`` is a number, counted over all entries.
 
-    ``settings`` is the settings file of a thesis' robot; ``absent`` ones wait for a `join`.
+    ``settings`` is the settings file of a thesis robot; ``absent`` robots start with `join`.
     """
 
     kind: Name = "thesis"
@@ -46,9 +47,9 @@ class RobotsModel(Document):
 
 
 class EventModel(Document):
-    """What happens ``at`` some second to all robots (and components) that match.
+    """An event at second ``at``, for all robots (and components) that match.
 
-    Without ``component`` it happens to the robot as a whole. ``for`` ends it after so many seconds.
+    Without ``component`` it is an event of the whole robot. ``for`` is its length in seconds.
     """
 
     at: float = Field(ge=0)
@@ -63,14 +64,14 @@ class EventModel(Document):
 
     @model_validator(mode="after")
     def _is_known(self) -> EventModel:
-        if self.component is None and self.what not in DEEDS:
-            known = ", ".join(DEEDS)
+        if self.component is None and self.what not in EVENTS:
+            known = ", ".join(EVENTS)
             raise ValueError(f"what: {self.what!r} cannot happen to a whole robot, only {known}")
         return self
 
 
 class ScenarioModel(Document):
-    """The file. ``duration`` in seconds: the command ends then (absent: it goes on)."""
+    """The file. ``duration`` in seconds: the command ends then (absent: it runs until stopped)."""
 
     description: str = ""
     seed: int = 0
@@ -80,7 +81,7 @@ class ScenarioModel(Document):
 
 
 class Scenario(NamedTuple):
-    """A scenario that was read: its file, and its robots one by one."""
+    """A parsed scenario: its file, and one RobotSpec for each robot."""
 
     path: Path
     model: ScenarioModel
@@ -97,18 +98,18 @@ def load_scenario(path: Path) -> Scenario:
     return Scenario(path, model, specs)
 
 
-def plan(scenario: Scenario, fleet: Fleet) -> None:
-    """Plan the scenario's events in its fleet. Raises DocumentError for one that cannot be."""
+def schedule_events(scenario: Scenario, fleet: Fleet) -> None:
+    """Schedule the scenario's events. Raises DocumentError for one that matches nothing."""
     for number, event in enumerate(scenario.model.events):
         where = f"{scenario.path}: events.{number}"
-        robots = [name for name in fleet.members if fnmatchcase(name, event.robot)]
+        robots = [name for name in fleet.robots if fnmatchcase(name, event.robot)]
         if not robots:
             raise DocumentError(f"{where}: robot: no robot is called {event.robot!r}")
         for robot in robots:
             if event.component is None:
-                _plan_order(fleet, robot, event)
+                _schedule_robot_event(fleet, robot, event)
             else:
-                _plan_fault(fleet, robot, event, where)
+                _schedule_faults(fleet, robot, event, where)
 
 
 def _specs(model: ScenarioModel, path: Path) -> Iterator[RobotSpec]:
@@ -124,34 +125,34 @@ def _specs(model: ScenarioModel, path: Path) -> Iterator[RobotSpec]:
             yield RobotSpec(robots.name.replace("{n}", str(number)), kind, settings, robots.absent)
 
 
-def _plan_order(fleet: Fleet, robot: str, event: EventModel) -> None:
+def _schedule_robot_event(fleet: Fleet, robot: str, event: EventModel) -> None:
     period = event.period or FLAP_PERIOD
-    wanted = Order(event.what, event.length, event.by, event.rate, period)
+    robot_event = RobotEvent(event.what, event.length, event.by, event.rate, period)
 
-    def happen(now: float) -> Iterator[Happening]:
+    def begin(now: float) -> Iterator[Output]:
         yield Note(now, f"{robot}: {event.what}")
-        yield from order(fleet, robot, wanted)
+        yield from trigger(fleet, robot, robot_event)
 
-    fleet.plan(event.at, happen)
+    fleet.schedule(event.at, begin)
 
 
-def _plan_fault(fleet: Fleet, robot: str, event: EventModel, where: str) -> None:
-    components = fleet.member(robot).robot.components
+def _schedule_faults(fleet: Fleet, robot: str, event: EventModel, where: str) -> None:
+    components = fleet.robot(robot).driver.components
     matching = [c for c in components if fnmatchcase(c.name, event.component or "")]
     if not matching:
-        known = ", ".join(fleet.member(robot).robot.component_names())
+        known = ", ".join(fleet.robot(robot).driver.component_names())
         raise DocumentError(f"{where}: component: {robot} has only {known}")
     for component in matching:
         if event.what not in component.known_faults():
             known = ", ".join(component.known_faults())
             raise DocumentError(f"{where}: what: {component.name} knows only {known}")
-        _plan_change(fleet, robot, component.name, event)
+        _schedule_fault(fleet, robot, component.name, event)
 
 
-def _plan_change(fleet: Fleet, robot: str, component: str, event: EventModel) -> None:
-    def begin(now: float) -> Iterator[Happening]:
-        if component not in fleet.member(robot).robot.component_names():
-            yield Note(now, f"{robot}, {component}: is there no more since its settings changed")
+def _schedule_fault(fleet: Fleet, robot: str, component: str, event: EventModel) -> None:
+    def begin(now: float) -> Iterator[Output]:
+        if component not in fleet.robot(robot).driver.component_names():
+            yield Note(now, f"{robot}, {component}: no longer exists since the settings changed")
             return
         if event.what == "ok":
             yield from change(now, None)
@@ -160,17 +161,17 @@ def _plan_change(fleet: Fleet, robot: str, component: str, event: EventModel) ->
         fault = Fault(event.what, now, event.message, period)
         yield from change(now, fault)
         if event.length:
-            fleet.plan(now + event.length, lambda then: end(then, fault))
+            fleet.schedule(now + event.length, lambda then: end(then, fault))
 
-    def change(now: float, fault: Fault | None) -> Iterator[Happening]:
-        told = f"{fault.what} {fault.message}".rstrip() if fault else "ok"
-        yield Note(now, f"{robot}, {component}: {told}")
+    def change(now: float, fault: Fault | None) -> Iterator[Output]:
+        text = f"{fault.what} {fault.message}".rstrip() if fault else "ok"
+        yield Note(now, f"{robot}, {component}: {text}")
         fleet.inject(robot, component, fault)
 
-    def end(now: float, fault: Fault) -> Iterator[Happening]:
-        """End the event's own fault: another may have begun since, or the component have gone."""
-        found = [c for c in fleet.member(robot).robot.components if c.name == component]
+    def end(now: float, fault: Fault) -> Iterator[Output]:
+        """End the event's own fault, unless another has begun or the component is gone."""
+        found = [c for c in fleet.robot(robot).driver.components if c.name == component]
         if found and found[0].fault is fault:
             yield from change(now, None)
 
-    fleet.plan(event.at, begin)
+    fleet.schedule(event.at, begin)

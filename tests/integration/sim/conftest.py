@@ -28,19 +28,19 @@ class Listener:
         self.node = rclpy.create_node("listener", context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
-        self.heard: list[tuple[str, Any]] = []
+        self.received: list[tuple[str, Any]] = []
 
     def listen(self, topic: str, message_type: str = "DiagnosticArray") -> None:
         import diagnostic_msgs.msg
 
         def on_message(message: Any) -> None:
-            self.heard.append((topic, message))
+            self.received.append((topic, message))
 
         kind = getattr(diagnostic_msgs.msg, message_type)
         self.node.create_subscription(kind, topic, on_message, 100)
 
     def of(self, topic: str) -> list[Any]:
-        return [message for heard, message in self.heard if heard == topic]
+        return [message for received, message in self.received if received == topic]
 
     def until(self, condition: Callable[[], Any], what: str, seconds: float = 20.0) -> Any:
         """Listen until the condition holds."""

@@ -22,7 +22,7 @@ def level(message: Any, name: str) -> int | None:
     return next((s.level[0] for s in message.status if s.name == name), None)
 
 
-def test_robots_are_heard_raw_and_aggregated(
+def test_robots_are_received_raw_and_aggregated(
     virtual_robots: Callable[..., Process], listener: Any
 ) -> None:
     for robot in ("robot_1", "robot_2"):
@@ -65,14 +65,14 @@ def test_a_fault_is_injected_and_repaired_by_command(
     name = "/Motor/Motor 2"
 
     def latest_is(expected: int) -> bool:
-        heard = listener.of("/robot_1/diagnostics_agg")
-        return bool(heard) and level(heard[-1], name) == expected
+        received = listener.of("/robot_1/diagnostics_agg")
+        return bool(received) and level(received[-1], name) == expected
 
     listener.until(lambda: latest_is(0), "an OK motor")
     done = command("fault", "robot_1", "Motor 2", "error", "--message", "Over temperature")
     assert (done.returncode, done.stderr) == (0, "")
     listener.until(lambda: latest_is(2), "a faulty motor")
-    status = next(s for s in listener.heard[-1][1].status if s.name == name)
+    status = next(s for s in listener.received[-1][1].status if s.name == name)
     assert status.message == "Over temperature"
     assert command("fault", "robot_1", "Motor 2", "ok").returncode == 0
     listener.until(lambda: latest_is(0), "a repaired motor")
@@ -85,19 +85,19 @@ def test_a_whole_robot_falls_silent_and_returns_by_command(
     listener.listen("/robot_2/diagnostics")
     virtual_robots("--robots", "2")
 
-    def heard(robot: str = "robot_1") -> int:
+    def received(robot: str = "robot_1") -> int:
         return len(listener.of(f"/{robot}/diagnostics"))
 
-    listener.until(heard, "robot_1")
+    listener.until(received, "robot_1")
     done = command("fault", "robot_1", "hang")
     assert (done.returncode, done.stderr) == (0, "")
-    listener.until(lambda: heard("robot_2") >= heard() + 4, "robot_2 alone")
-    silent = heard()
+    listener.until(lambda: received("robot_2") >= received() + 4, "robot_2 alone")
+    silent = received()
     assert command("fault", "robot_1", "resume").returncode == 0
-    listener.until(lambda: heard() > silent, "robot_1 again")
+    listener.until(lambda: received() > silent, "robot_1 again")
 
 
-def test_a_fault_for_nobody_is_refused_with_what_there_is(
+def test_a_fault_of_an_unknown_robot_is_rejected_with_the_known_ones(
     virtual_robots: Callable[..., Process], command: Command
 ) -> None:
     virtual_robots("--robots", "1")
@@ -117,7 +117,7 @@ def test_a_signal_ends_it_cleanly(
     assert "Traceback" not in process.output()
 
 
-def test_a_domain_that_dds_does_not_have_is_refused_at_once(command: Command) -> None:
+def test_a_domain_that_dds_does_not_have_is_rejected_at_once(command: Command) -> None:
     done = command("--domain-id", "233")
     assert done.returncode == 2
     assert done.stderr == "domain id 233 must be between 0 and 232\n"
@@ -138,15 +138,15 @@ def test_a_robot_that_is_off_cannot_go_on_but_join(
     process = virtual_robots("--robots", "2", "--participants", participants)
 
     def sent_since(robot: str, moment: float) -> int:
-        heard = listener.of(f"/{robot}/diagnostics")
-        return sum(m.header.stamp.sec + m.header.stamp.nanosec / 1e9 > moment for m in heard)
+        received = listener.of(f"/{robot}/diagnostics")
+        return sum(m.header.stamp.sec + m.header.stamp.nanosec / 1e9 > moment for m in received)
 
     listener.until(lambda: sent_since("robot_1", 0.0), "robot_1")
     for order in (before, "resume", "hang"):
         done = command("fault", "robot_1", order)
         assert (done.returncode, done.stderr) == (0, "")
     then = time.time()
-    listener.until(lambda: sent_since("robot_2", then) >= 3, "robot_2 goes on")
+    listener.until(lambda: sent_since("robot_2", then) >= 3, "robot_2 to continue")
     assert sent_since("robot_1", then) == 0
     assert command("fault", "robot_1", "join").returncode == 0
     listener.until(lambda: sent_since("robot_1", then) >= 3, "robot_1 again")

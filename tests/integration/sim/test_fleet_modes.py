@@ -52,7 +52,7 @@ def test_each_robot_can_have_a_domain_of_its_own(
             assert listening.of(other) == []
 
 
-def test_domains_that_do_not_suffice_are_refused(command: Callable[..., Any]) -> None:
+def test_too_few_domains_are_an_error(command: Callable[..., Any]) -> None:
     done = command("--robots", "5", "--participants", "domain", "--domain-id", "230")
     assert done.returncode == 2
     assert "5 robots in a domain each, from 230, need domain 234" in done.stderr
@@ -62,11 +62,11 @@ def test_domains_that_do_not_suffice_are_refused(command: Callable[..., Any]) ->
 def test_a_robot_that_leaves_is_gone_from_the_graph_and_comes_back(
     virtual_robots: Callable[..., Process], listener: Any, tmp_path: Path, participants: str
 ) -> None:
-    story = tmp_path / "story.yaml"
-    story.write_text(
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text(
         "robots: [{count: 2}]\nevents: [{at: 4, robot: robot_1, what: leave, for: 4}]\n"
     )
-    virtual_robots("--scenario", str(story), "--participants", participants)
+    virtual_robots("--scenario", str(scenario), "--participants", participants)
 
     def publishers(robot: str) -> int:
         return len(listener.node.get_publishers_info_by_topic(f"/{robot}/diagnostics"))
@@ -77,12 +77,12 @@ def test_a_robot_that_leaves_is_gone_from_the_graph_and_comes_back(
     listener.until(lambda: publishers("robot_1") == 1, "robot_1 in the graph again")
 
 
-def test_a_scenario_ends_after_its_duration_and_tells_what_happens(
+def test_a_scenario_ends_after_its_duration_and_notes_its_events(
     command: Callable[..., Any], tmp_path: Path
 ) -> None:
-    story = tmp_path / "story.yaml"
-    story.write_text("duration: 2\nevents: [{at: 1, robot: robot_2, what: crash}]\n")
-    done = command("--scenario", str(story))
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text("duration: 2\nevents: [{at: 1, robot: robot_2, what: crash}]\n")
+    done = command("--scenario", str(scenario))
     assert (done.returncode, done.stderr) == (0, "")
     assert "ready: 10 virtual robots in domain " in done.stdout
     assert "     1.0 s  robot_2: crash\n" in done.stdout
@@ -97,14 +97,14 @@ def test_settings_are_read_again_when_the_file_changes(
     process = virtual_robots("--robots", "1", "--settings", str(settings))
 
     def errors() -> int:
-        heard = listener.of("/robot_1/diagnostics")
-        return sum(s.level == b"\2" for s in heard[-1].status) if heard else -1
+        received = listener.of("/robot_1/diagnostics")
+        return sum(s.level == b"\2" for s in received[-1].status) if received else -1
 
     listener.until(lambda: errors() == 0, "no errors")
     settings.write_text("total_errors: 3\n")
     listener.until(lambda: errors() == 3, "three errors")
     settings.write_text("total_errors: 99\n")
-    process.wait_for_output("total_errors .* is 99.*\n.*the settings from before stay in force")
+    process.wait_for_output("total_errors .* is 99.*\n.*keeping the previous settings")
     settings.write_text("total_errors: 1\n")
     listener.until(lambda: errors() == 1, "one error")
 
@@ -124,7 +124,7 @@ def two_neighbouring_domains() -> Iterator[int]:
 
 
 @pytest.mark.slow
-def test_a_thousand_robots_of_one_process_are_heard_without_a_gap(
+def test_a_thousand_robots_of_one_process_are_received_without_a_gap(
     virtual_robots: Callable[..., Process], listener: Any
 ) -> None:
     """`./run bench sim` measures what they cost."""

@@ -41,7 +41,7 @@ def record(
     def begin(bag: Path, topics: set[str], *options: str) -> Callable[[], None]:
         recorder = virtual_robots("record", str(bag), *options)
         for topic in topics:
-            recorder.wait_for_output(rf"records {topic}\n")
+            recorder.wait_for_output(rf"recording {topic}\n")
 
         def end() -> None:
             recorder.signal(signal.SIGINT)
@@ -54,7 +54,7 @@ def record(
 
 
 def sent_from_now_on(listener: Any, topic: str, seconds: float) -> Callable[[], bool]:
-    """A condition: a message was heard that was sent so many seconds after now."""
+    """A condition: a message was received that was sent so many seconds after now."""
     later = time.time() + seconds
     return lambda: any(m.header.stamp.sec >= later for m in listener.of(topic))
 
@@ -72,11 +72,11 @@ def a_recording(
     tmp_path: Path,
 ) -> Path:
     """A bag of two robots that have gone again."""
-    bag, heard = tmp_path / "first", "/robot_1/diagnostics"
-    listener.listen(heard)
+    bag, received = tmp_path / "first", "/robot_1/diagnostics"
+    listener.listen(received)
     robots = virtual_robots("--robots", "2")
     end = record(bag, topics_of("robot_1", "robot_2"))
-    listener.until(sent_from_now_on(listener, heard, 2.0), "some messages")
+    listener.until(sent_from_now_on(listener, received, 2.0), "some messages")
     end()
     robots.stop()
     return bag
@@ -112,7 +112,7 @@ def test_only_the_asked_topics_are_recorded(
     assert set(contents(bag)) == {topic}
 
 
-def test_a_json_recording_is_heard_below_a_namespace(
+def test_a_json_recording_is_received_below_a_namespace(
     command: Callable[..., Any], listener: Any
 ) -> None:
     listener.listen("/robot_7/diagnostics")
@@ -121,8 +121,8 @@ def test_a_json_recording_is_heard_below_a_namespace(
     assert (done.returncode, done.stderr) == (0, "")
     raw = json.loads(path.read_text())["messages"]
     listener.until(lambda: len(listener.of("/robot_7/diagnostics")) == len(raw), "all of it")
-    heard = [[s.level[0] for s in m.status] for m in listener.of("/robot_7/diagnostics")]
-    assert heard == [[s["level"] for s in m["status"]] for m in raw]
+    received = [[s.level[0] for s in m.status] for m in listener.of("/robot_7/diagnostics")]
+    assert received == [[s["level"] for s in m["status"]] for m in raw]
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
@@ -134,7 +134,7 @@ def test_a_recording_that_an_error_ends_keeps_what_it_had(  # noqa: PLR0917 - fi
     capsys: pytest.CaptureFixture[str],
     storage: str,
 ) -> None:
-    """The disk that is full is played; the robots and what is recorded are real."""
+    """The full disk is simulated; the robots and the recording are real."""
     virtual_robots("--robots", "1")
     written: list[bytes] = []
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -153,9 +153,9 @@ def test_a_recording_that_an_error_ends_keeps_what_it_had(  # noqa: PLR0917 - fi
     assert cli.main(["record", str(bag), "--storage", storage, "--duration", "60"]) == 2
     for number, handler in handlers.items():
         signal.signal(number, handler)
-    told = capsys.readouterr()
-    assert told.err == f"{bag}: cannot be written: [Errno 28] No space left on device\n"
-    assert "5 messages of " in told.out
+    captured = capsys.readouterr()
+    assert captured.err == f"{bag}: cannot be written: [Errno 28] No space left on device\n"
+    assert "5 messages of " in captured.out
     assert [message.data for message in read_recordings([bag])] == written
 
 

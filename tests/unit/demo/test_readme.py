@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from demo import script as story
+from demo.steps import Fault, expected_subjects
 
 CHECKOUT = Path(__file__).parents[3]
 README = (CHECKOUT / "README.md").read_text()
@@ -29,7 +29,7 @@ def test_every_link_to_a_file_leads_somewhere(document):
     assert not [link for link in links if not (document.parent / link).exists()]
 
 
-def test_the_fleet_yml_is_understood(tmp_path):
+def test_the_fleet_yml_is_valid(tmp_path):
     (shown,) = blocks("yaml")
     (tmp_path / "fleet.yml").write_text(shown)
 
@@ -44,18 +44,18 @@ def test_the_fleet_yml_is_understood(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_every_verb_of_run_is_one():
+def test_every_command_of_run_exists():
     usage = subprocess.run(["./run", "help"], cwd=CHECKOUT, capture_output=True, check=True)
-    verbs = set(re.findall(r"^  (\w+)", usage.stdout.decode(), re.MULTILINE))
+    commands = set(re.findall(r"^  (\w+)", usage.stdout.decode(), re.MULTILINE))
 
     for document in DOCUMENTS:
-        assert set(re.findall(r"\./run (\w+)", document.read_text())) <= verbs
+        assert set(re.findall(r"\./run (\w+)", document.read_text())) <= commands
 
 
-def test_every_bench_is_one():
-    told = "".join(path.read_text() for path in [*DOCUMENTS, *(CHECKOUT / "docs").glob("*.md")])
+def test_every_bench_exists():
+    text = "".join(path.read_text() for path in [*DOCUMENTS, *(CHECKOUT / "docs").glob("*.md")])
     listed = subprocess.run(["./run", "bench"], cwd=CHECKOUT, capture_output=True, check=True)
-    named = set(re.findall(r"\./run bench (\w+)", told))
+    named = set(re.findall(r"\./run bench (\w+)", text))
 
     assert named
     assert named <= set(listed.stdout.decode().split())
@@ -71,7 +71,7 @@ def test_every_command_is_installed():
 
 
 def test_the_output_shown_is_that_of_the_demo():
-    problem, _ = story.expected(story.Fault())
+    problem, _ = expected_subjects(Fault())
 
     assert f"Subject: {problem}" in README
-    assert story.Fault().message in README
+    assert Fault().message in README

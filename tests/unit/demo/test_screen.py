@@ -1,4 +1,4 @@
-"""What the reader sees: who is in trouble, and each mail whole."""
+"""The demo's output: problems in the table, and whole mails."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import io
 import pytest
 from rich.console import Console
 
-from demo.observation import Alert, Robot, Sight, Trouble
 from demo.screen import Screen
+from demo.snapshot import Alert, Problem, RobotStatus, Snapshot
 from testbed.mail import Mail
 
 LINK = "http://127.0.0.1:61000/d/ros-diagnostics-component?" + "x" * 120
-TROUBLE = Trouble("Motor 2", "ERROR", "no [encoder] pulses")
-SIGHT = Sight(
+PROBLEM = Problem("Motor 2", "ERROR", "no [encoder] pulses")
+SNAPSHOT = Snapshot(
     (
-        Robot("robot_10", True, 0.4, 10, ()),
-        Robot("robot_3", True, 0.4, 10, (Trouble("Cam 1", "WARN", "dark"), TROUBLE)),
-        Robot("robot_4", False, None, 0, ()),
+        RobotStatus("robot_10", True, 0.4, 10, ()),
+        RobotStatus("robot_3", True, 0.4, 10, (Problem("Cam 1", "WARN", "dark"), PROBLEM)),
+        RobotStatus("robot_4", False, None, 0, ()),
     ),
     (Alert("RosDiagnosticsComponentCritical", "robot_3", "Motor 2", "active"),),
 )
@@ -33,8 +33,8 @@ def screen(paper):
     return Screen(Console(file=paper, width=110))
 
 
-def test_the_table_says_of_each_robot_the_worst_and_why(screen, paper):
-    screen.print_table(SIGHT)
+def test_the_table_has_each_robots_worst_level_and_its_problems(screen, paper):
+    screen.print_table(SNAPSHOT)
 
     rows = [line for line in paper.getvalue().splitlines() if "robot_" in line]
     assert [row.split()[1] for row in rows] == ["robot_3", "robot_4", "robot_10"]
@@ -49,17 +49,17 @@ def test_the_table_says_of_each_robot_the_worst_and_why(screen, paper):
 def test_a_mail_is_shown_with_its_links_unbroken(screen, paper):
     mail = Mail(0.0, "a@b", ("c@d", "e@f"), "** PROBLEM ** [x]", f"Dashboard: {LINK}\n", "")
 
-    screen.mail(12.3, mail)
+    screen.print_mail(12.3, mail)
 
     shown = paper.getvalue().splitlines()
-    assert "  12.3 s mail server: an email arrives" in shown
+    assert "  12.3 s mail server: received an email" in shown
     assert "To: c@d, e@f" in shown
     assert "Subject: ** PROBLEM ** [x]" in shown
     assert f"Dashboard: {LINK}" in shown
 
 
-def test_a_sentence_is_told_as_it_is(screen, paper):
-    screen.say(1.0, "exporter: robot_3 [red]Motor 2[/] is ERROR: " + "long " * 30)
+def test_an_event_is_printed_unchanged(screen, paper):
+    screen.print_event(1.0, "exporter: robot_3 [red]Motor 2[/] is ERROR: " + "long " * 30)
 
     assert "   1.0 s exporter: robot_3 [red]Motor 2[/] is ERROR: long long" in paper.getvalue()
     assert paper.getvalue().count("\n") == 1

@@ -1,4 +1,4 @@
-"""What the real aggregator refuses, aborts on or overlooks is said clearly here."""
+"""What the real aggregator rejects, aborts on or ignores is a clear error here."""
 
 from __future__ import annotations
 
@@ -55,9 +55,7 @@ def test_a_value_that_aborts_the_real_one_names_file_and_key(
         ("analyzers: [\n", "is not YAML"),
     ],
 )
-def test_a_file_that_the_real_one_overlooks_is_refused(
-    tmp_path: Path, text: str, what: str
-) -> None:
+def test_a_file_that_the_real_one_ignores_is_rejected(tmp_path: Path, text: str, what: str) -> None:
     with pytest.raises(AnalyzerConfigError, match=r"diagnostics\.yaml: ") as caught:
         aggregator(tmp_path, text)
     assert what in str(caught.value)
@@ -85,17 +83,17 @@ def test_a_node_below_a_namespace_is_read(tmp_path: Path) -> None:
                 f"g: {{type: diagnostic_aggregator/AnalyzerGroup, path: G, analyzers: "
                 f"{{m: {{{GENERIC}, path: M}}}}}}"
             ),
-            "g.analyzers.m: is refused by the real diagnostic_aggregator",
+            "g.analyzers.m: is rejected by the real diagnostic_aggregator",
         ),
     ],
 )
-def test_an_analyzer_that_the_real_one_goes_on_without_is_complained_of(
+def test_an_analyzer_that_the_real_one_runs_without_is_a_warning(
     tmp_path: Path, body: str, what: str
 ) -> None:
-    complaints = aggregator(tmp_path, parameters(body)).complaints
-    assert any(what in text for text in complaints), complaints
+    warnings = aggregator(tmp_path, parameters(body)).warnings
+    assert any(what in text for text in warnings), warnings
 
 
-def test_a_version_that_is_not_known_is_refused(tmp_path: Path) -> None:
+def test_a_version_that_is_not_known_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(AnalyzerConfigError, match=r"'4\.0\.0' is not one of 4\.2\.7, 4\.2\.6"):
         aggregator(tmp_path, parameters("path: R"), "4.0.0")

@@ -177,7 +177,9 @@ def test_a_damaged_bag_is_one_error_that_names_it_or_is_read(
         assert str(error).startswith(f"{damaged}: ")  # noqa: PT017 - or none is raised
 
 
-def test_of_a_recording_damaged_in_the_middle_is_said_how_far_it_was_read(tmp_path: Path) -> None:
+def test_the_error_about_a_damaged_recording_has_the_number_of_messages_read(
+    tmp_path: Path,
+) -> None:
     """Of mcap: sqlite3's whole file is looked at before its first message."""
     path = long_bag(tmp_path / "bag", "mcap")
     content = bytearray(path.read_bytes())

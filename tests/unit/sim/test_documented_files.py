@@ -8,12 +8,12 @@ from pathlib import Path
 from support.simulated_fleet import fleet_of, of
 from virtual_robots.schema.thesis import ThesisSettings, load_settings
 from virtual_robots.simulation.fleet import Fleet
-from virtual_robots.simulation.life import DEEDS
-from virtual_robots.simulation.members import Note, Topic
-from virtual_robots.simulation.scenario import load_scenario, plan
+from virtual_robots.simulation.outputs import Note, Topic
+from virtual_robots.simulation.robot_events import EVENTS
+from virtual_robots.simulation.scenario import load_scenario, schedule_events
 
 PAGE = (Path(__file__).parents[3] / "docs" / "virtual-robots.md").read_text()
-SETTINGS, KIND, STORY = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+SETTINGS, KIND, SCENARIO = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 ANALYZERS = """/**:
   ros__parameters:
     gripper: {type: diagnostic_aggregator/GenericAnalyzer, path: Gripper, contains: [Finger]}
@@ -38,15 +38,15 @@ def test_the_kind_runs(tmp_path: Path) -> None:
 
 
 def test_the_scenario_plays_all_its_events(tmp_path: Path) -> None:
-    path = tmp_path / "story.yaml"
-    path.write_text(STORY)
+    path = tmp_path / "scenario.yaml"
+    path.write_text(SCENARIO)
     scenario = load_scenario(path)
     fleet = Fleet(scenario.specs, scenario.model.seed)
-    plan(scenario, fleet)
+    schedule_events(scenario, fleet)
     notes = [h.text for h in fleet.advance(60.0) if isinstance(h, Note)]
     assert len(notes) >= len(scenario.model.events)
 
 
-def test_the_page_tells_of_everything_that_can_happen_to_a_robot() -> None:
-    for deed in DEEDS:
-        assert f"\n| `{deed}` |" in PAGE
+def test_the_page_lists_every_event_of_a_robot() -> None:
+    for event in EVENTS:
+        assert f"\n| `{event}` |" in PAGE

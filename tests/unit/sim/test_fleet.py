@@ -10,7 +10,7 @@ import pytest
 from support.simulated_fleet import fleet_of, level_of, number_of, of
 from virtual_robots.model import ERROR, OK, STALE
 from virtual_robots.simulation.components import Fault, UnknownFaultError
-from virtual_robots.simulation.members import Happening, Message, Topic
+from virtual_robots.simulation.outputs import Message, Output, Topic
 
 COMPONENTS = [
     "Motor 1", "Motor 2", "Motor 3", "Sensor 1", "Sensor 2",
@@ -90,15 +90,15 @@ def test_a_silent_component_becomes_stale_in_the_tree_after_the_timeout() -> Non
     assert levels[-1] == STALE
 
 
-def test_one_seed_gives_one_story_and_another_seed_another() -> None:
-    def story(seed: int) -> list[Happening]:
+def test_the_seed_determines_the_outputs() -> None:
+    def outputs(seed: int) -> list[Output]:
         return list(fleet_of(robots=3, seed=seed).advance(20.0))
 
-    assert story(1) == story(1)
-    assert story(1) != story(2)
+    assert outputs(1) == outputs(1)
+    assert outputs(1) != outputs(2)
 
 
-def test_an_unknown_robot_component_or_fault_is_refused_with_what_there_is() -> None:
+def test_an_unknown_robot_component_or_fault_is_rejected_with_the_known_ones() -> None:
     fleet = fleet_of()
     with pytest.raises(KeyError, match=r"no robot 'r9', only robot_1"):
         fleet.inject("r9", "Motor 1", None)

@@ -13,7 +13,7 @@ from virtual_robots.schema.documents import DocumentError
 from virtual_robots.schema.kinds import ComponentModel
 from virtual_robots.simulation.components import Component, Fault
 from virtual_robots.simulation.kinds import build_components, kind_path, known_kinds, load_kind
-from virtual_robots.simulation.members import Topic
+from virtual_robots.simulation.outputs import Topic
 
 KOBUKI = {
     "Battery": ("Voltage (V)", "Percent", "Charge (Ah)", "Capacity (Ah)", "Source",
@@ -140,7 +140,10 @@ def test_a_battery_drains_is_charged_and_drains_again() -> None:
 def test_the_batteries_of_a_fleet_do_not_start_alike() -> None:
     fleet = fleet_of(robots=20)
     list(fleet.advance(2.0))
-    levels = [m.robot.component("Robot Battery").variables["level"] for m in fleet.members.values()]
+    levels = [
+        robot.driver.component("Robot Battery").variables["level"]
+        for robot in fleet.robots.values()
+    ]
     assert all(69 < level < 98 for level in levels)
     assert len({round(level) for level in levels}) > 5
 
@@ -213,6 +216,6 @@ def test_a_wrong_kind_file_names_file_key_and_remedy(tmp_path: Path, text: str, 
     assert what in str(caught.value)
 
 
-def test_an_unknown_kind_is_refused_with_those_that_there_are() -> None:
+def test_an_unknown_kind_is_rejected_with_the_known_ones() -> None:
     with pytest.raises(DocumentError, match="'tank' is not known; it is one of kobuki, thesis"):
         kind_path("tank")

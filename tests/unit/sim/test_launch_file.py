@@ -16,7 +16,7 @@ LAUNCH_FILE = Path(__file__).parents[3] / "sim" / "ros_launch" / "real_aggregato
 
 
 # The keywords that the launch file may use, as launch and launch_ros of Jazzy document them:
-# a stand-in that takes anything would pass a word that the real one refuses.
+# a fake that accepts any keyword would not find one that the real class rejects.
 KEYWORDS = {
     "LaunchDescription": set(),
     "LaunchConfiguration": {"default"},
@@ -84,7 +84,7 @@ def test_the_aggregators_parameters_apply_in_a_namespace(launch_file: SimpleName
     _, aggregator, _ = launch_file.robots({"robots": "1", "kind": "thesis", "monitor": "robot_1"})
     path = Path(aggregator.options["parameters"][0])
     assert path.read_text().splitlines()[0] == "/**:"
-    assert Aggregator(load_parameters(path), 0.0).complaints == ()
+    assert Aggregator(load_parameters(path), 0.0).warnings == ()
 
 
 def test_the_launch_arguments_have_defaults(launch_file: SimpleNamespace) -> None:

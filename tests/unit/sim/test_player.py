@@ -12,13 +12,13 @@ from support.simulated_fleet import fleet_of, level_of, of
 from testbed.polling import until
 from virtual_robots.model import ERROR
 from virtual_robots.simulation.components import UnknownFaultError
-from virtual_robots.simulation.members import Happening, Topic
+from virtual_robots.simulation.outputs import Output, Topic
 from virtual_robots.simulation.player import Player
 
 
 def test_all_that_is_due_is_taken_and_the_end_is_kept() -> None:
-    taken: list[Happening] = []
-    player = Player(fleet_of(), lambda happening, _: taken.append(happening), pytest.fail)
+    taken: list[Output] = []
+    player = Player(fleet_of(), lambda output, _: taken.append(output), pytest.fail)
     player.play(threading.Event(), until=1.5)
     expected = list(fleet_of().advance(1.5))
     assert taken == expected
@@ -64,7 +64,7 @@ def test_an_order_for_a_whole_robot_happens_to_it() -> None:
         ("hang: nan", "hang: nan must be between"),
     ],
 )
-def test_an_order_that_cannot_be_is_refused_with_what_can(order: str, reason: str) -> None:
+def test_an_unknown_event_is_rejected_with_the_known_ones(order: str, reason: str) -> None:
     player = Player(fleet_of(), lambda *_: None, pytest.fail)
     with pytest.raises(ValueError, match=re.escape(reason)):
         player.inject("robot_1", order)
@@ -79,7 +79,7 @@ def test_robots_that_all_stand_still_are_waited_for() -> None:
     played = threading.Thread(target=player.play, args=(stop,))
     played.start()
     until(lambda: fleet.next_at() == float("inf"), "the end of all that was due")
-    until(lambda: fleet.now > 2.0, "time that goes on")
+    until(lambda: fleet.now > 2.0, "the fleet's time to advance")
     stop.set()
     played.join(timeout=10)
     assert not played.is_alive()
@@ -87,12 +87,12 @@ def test_robots_that_all_stand_still_are_waited_for() -> None:
 
 def test_a_fleet_that_cannot_keep_up_says_so_once() -> None:
     """Taking a message here is so slow that the next one is late."""
-    told: list[str] = []
+    warnings: list[str] = []
     busy = threading.Event()
-    player = Player(fleet_of(), lambda *_: busy.wait(0.6), told.append)
+    player = Player(fleet_of(), lambda *_: busy.wait(0.6), warnings.append)
     player.play(threading.Event(), until=4.0)
-    assert len(told) == 1
-    assert "s late: too many for this machine now" in told[0]
+    assert len(warnings) == 1
+    assert "s late: too many for this machine now" in warnings[0]
 
 
 def test_settings_that_an_editor_is_replacing_are_waited_for(tmp_path: Path) -> None:
@@ -102,5 +102,5 @@ def test_settings_that_an_editor_is_replacing_are_waited_for(tmp_path: Path) -> 
     player = Player(fleet, lambda *_: None, pytest.fail)
     settings.write_text("")
     player.play(threading.Event(), until=1.5)
-    names = fleet.member("robot_1").robot.component_names()
+    names = fleet.robot("robot_1").driver.component_names()
     assert sum(name.startswith("Motor") for name in names) == 5

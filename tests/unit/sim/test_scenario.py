@@ -1,4 +1,4 @@
-"""Scenario files: robots and events, the same story each time, errors with a way out."""
+"""Scenario files: robots and events, the same outputs each time, errors with a way out."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from support.simulated_fleet import level_of, of
 from virtual_robots.model import ERROR, OK, WARN
 from virtual_robots.schema.documents import DocumentError
 from virtual_robots.simulation.fleet import Fleet
-from virtual_robots.simulation.members import Happening, Note, Topic
-from virtual_robots.simulation.scenario import load_scenario, plan
+from virtual_robots.simulation.outputs import Note, Output, Topic
+from virtual_robots.simulation.scenario import load_scenario, schedule_events
 
-STORY = """
-description: a minute in the life of a mixed fleet
+SCENARIO = """
+description: a minute of a mixed fleet
 seed: 3
 duration: 60
 robots:
@@ -35,48 +35,48 @@ events:
 """
 
 
-def told(path: Path, seconds: float) -> list[Happening]:
+def outputs_of(path: Path, seconds: float) -> list[Output]:
     scenario = load_scenario(path)
     fleet = Fleet(scenario.specs, scenario.model.seed)
-    plan(scenario, fleet)
+    schedule_events(scenario, fleet)
     return list(fleet.advance(seconds))
 
 
 @pytest.fixture
-def story_file(tmp_path: Path) -> Path:
-    path = tmp_path / "story.yaml"
-    path.write_text(STORY)
+def scenario_file(tmp_path: Path) -> Path:
+    path = tmp_path / "scenario.yaml"
+    path.write_text(SCENARIO)
     return path
 
 
-def test_a_scenario_of_a_minute_played_twice_gives_the_same_messages(story_file: Path) -> None:
-    first, second = told(story_file, 60.0), told(story_file, 60.0)
+def test_a_scenario_of_a_minute_played_twice_gives_the_same_messages(scenario_file: Path) -> None:
+    first, second = outputs_of(scenario_file, 60.0), outputs_of(scenario_file, 60.0)
     assert len(first) > 800
     assert first == second
 
 
-def test_its_robots_are_those_of_the_file(story_file: Path) -> None:
-    specs = load_scenario(story_file).specs
+def test_its_robots_are_those_of_the_file(scenario_file: Path) -> None:
+    specs = load_scenario(scenario_file).specs
     names = [spec.name for spec in specs]
     assert names == ["robot_1", "robot_2", "robot_3", "kobuki_4", "kobuki_5", "late"]
     assert [spec.kind.stem for spec in specs] == ["thesis"] * 3 + ["kobuki"] * 2 + ["thesis"]
 
 
-def test_events_happen_when_and_to_whom_the_file_says(story_file: Path) -> None:
-    story = told(story_file, 60.0)
-    raw = of(story, Topic.RAW)
+def test_events_happen_when_and_to_whom_the_file_says(scenario_file: Path) -> None:
+    outputs = outputs_of(scenario_file, 60.0)
+    raw = of(outputs, Topic.RAW)
     assert {level_of(m, "Motor 2") for m in raw if 5 <= m.at < 15} == {ERROR}
     assert {level_of(m, "Motor 2") for m in raw if not 5 <= m.at < 15} == {OK}
-    assert min(m.at for m in of(story, Topic.RAW, "late")) == pytest.approx(12.35)
-    assert not [m for m in of(story, Topic.RAW, "robot_2") if 10 < m.at < 40]
+    assert min(m.at for m in of(outputs, Topic.RAW, "late")) == pytest.approx(12.35)
+    assert not [m for m in of(outputs, Topic.RAW, "robot_2") if 10 < m.at < 40]
     for robot in ("kobuki_4", "kobuki_5"):
         cliff = {level_of(m, "kobuki_ros_node: Cliff Sensor")
-                 for m in of(story, Topic.RAW, robot) if 10 < m.at < 13}  # fmt: skip
+                 for m in of(outputs, Topic.RAW, robot) if 10 < m.at < 13}  # fmt: skip
         assert cliff == {1}
 
 
-def test_what_happens_is_told_to_who_watches(story_file: Path) -> None:
-    notes = [n.text for n in told(story_file, 16.0) if isinstance(n, Note)]
+def test_events_are_noted(scenario_file: Path) -> None:
+    notes = [n.text for n in outputs_of(scenario_file, 16.0) if isinstance(n, Note)]
     assert notes[:2] == [
         "robot_1, Motor 2: error Over temperature",
         "kobuki_4, kobuki_ros_node: Cliff Sensor: cliff",
@@ -88,7 +88,7 @@ def test_settings_lie_beside_the_scenario(tmp_path: Path) -> None:
     (tmp_path / "robot.yaml").write_text("number_of_motors: 1\n")
     path = tmp_path / "s.yaml"
     path.write_text("robots: [{kind: thesis, settings: robot.yaml}]\n")
-    last = of(told(path, 3.0), Topic.RAW)[-1]
+    last = of(outputs_of(path, 3.0), Topic.RAW)[-1]
     assert sum("Motor" in s.name for s in last.statuses) == 1
 
 
@@ -124,7 +124,7 @@ def test_a_wrong_scenario_names_the_place_and_the_way_out(
     path = tmp_path / "wrong.yaml"
     path.write_text(text)
     with pytest.raises(DocumentError) as caught:
-        told(path, 1.0)
+        outputs_of(path, 1.0)
     assert what in str(caught.value)
 
 
@@ -133,8 +133,8 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
         load_scenario(tmp_path / "none.yaml")
 
 
-def test_an_event_for_a_component_that_new_settings_took_away_is_told(tmp_path: Path) -> None:
-    settings, path = tmp_path / "robot.yaml", tmp_path / "story.yaml"
+def test_an_event_for_a_component_that_new_settings_took_away_is_noted(tmp_path: Path) -> None:
+    settings, path = tmp_path / "robot.yaml", tmp_path / "scenario.yaml"
     settings.write_text("number_of_motors: 3\n")
     path.write_text(
         "robots: [{settings: robot.yaml}]\n"
@@ -142,17 +142,17 @@ def test_an_event_for_a_component_that_new_settings_took_away_is_told(tmp_path: 
     )
     scenario = load_scenario(path)
     fleet = Fleet(scenario.specs)
-    plan(scenario, fleet)
+    schedule_events(scenario, fleet)
     list(fleet.advance(3.0))
     settings.write_text("number_of_motors: 2\n")
     fleet.reload(settings)
     notes = [h.text for h in fleet.advance(6.0) if isinstance(h, Note)]
-    assert notes == ["robot_1, Motor 3: is there no more since its settings changed"]
+    assert notes == ["robot_1, Motor 3: no longer exists since the settings changed"]
 
 
-def levels_at(story: list[Happening], name: str, *seconds: int) -> list[int]:
+def levels_at(outputs: list[Output], name: str, *seconds: int) -> list[int]:
     """The component's level in robot_1's raw message of each of the seconds."""
-    raw = {int(m.at): level_of(m, name) for m in of(story, Topic.RAW)}
+    raw = {int(m.at): level_of(m, name) for m in of(outputs, Topic.RAW)}
     return [raw[second] for second in seconds]
 
 
@@ -172,24 +172,24 @@ def test_the_end_of_a_fault_does_not_end_a_later_one(
     path = tmp_path / "s.yaml"
     one = events.replace("{", "{robot: robot_1, component: Motor 2, ")
     path.write_text(f"robots: [{{count: 1}}]\nevents: [{one}]\n")
-    story = told(path, 20.0)
-    assert levels_at(story, "Motor 2", 3, 6, 12, 18) == levels
+    outputs = outputs_of(path, 20.0)
+    assert levels_at(outputs, "Motor 2", 3, 6, 12, 18) == levels
 
 
-def test_what_is_told_of_a_fault_s_end_is_true(tmp_path: Path) -> None:
+def test_the_end_of_a_fault_is_noted_only_if_it_ended(tmp_path: Path) -> None:
     path = tmp_path / "s.yaml"
     path.write_text(
         "robots: [{count: 1}]\nevents:\n"
         "  - {at: 5, robot: robot_1, component: Motor 2, what: warn, for: 10}\n"
         "  - {at: 8, robot: robot_1, component: Motor 2, what: error, for: 4}\n"
     )
-    notes = [n.text for n in told(path, 20.0) if isinstance(n, Note)]
+    notes = [n.text for n in outputs_of(path, 20.0) if isinstance(n, Note)]
     assert notes == [f"robot_1, Motor 2: {what}" for what in ("warn", "error", "ok")]
 
 
 @pytest.mark.parametrize("what", ["component: Motor 1, what: flap", "what: flap, for: 5"])
-def test_a_period_too_short_to_be_played_is_refused(tmp_path: Path, what: str) -> None:
+def test_a_period_that_is_too_short_is_rejected(tmp_path: Path, what: str) -> None:
     path = tmp_path / "s.yaml"
     path.write_text(f"events: [{{at: 1, robot: robot_1, {what}, period: 1.0e-308}}]\n")
     with pytest.raises(DocumentError, match=r"events\.0\.period: .* 0\.01"):
-        told(path, 5.0)
+        outputs_of(path, 5.0)

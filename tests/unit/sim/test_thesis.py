@@ -13,7 +13,7 @@ from virtual_robots.model import ERROR, OK, WARN
 from virtual_robots.schema.documents import DocumentError
 from virtual_robots.schema.thesis import load_settings
 from virtual_robots.simulation.components import Fault
-from virtual_robots.simulation.members import Message, Topic
+from virtual_robots.simulation.outputs import Message, Topic
 
 
 def settings(folder: Path, **values: float) -> Path:
@@ -46,9 +46,9 @@ def test_each_refresh_draws_anew_and_holds_in_between(tmp_path: Path) -> None:
 
 def test_the_draw_depends_on_the_seed_alone(tmp_path: Path) -> None:
     path = settings(tmp_path, total_errors=2, refresh_interval=10)
-    stories = [list(fleet_of(seed=s, settings=path).advance(60.0)) for s in (1, 1, 2)]
-    assert stories[0] == stories[1]
-    assert stories[0] != stories[2]
+    outputs = [list(fleet_of(seed=s, settings=path).advance(60.0)) for s in (1, 1, 2)]
+    assert outputs[0] == outputs[1]
+    assert outputs[0] != outputs[2]
 
 
 def test_the_numbers_of_components_are_the_settings(tmp_path: Path) -> None:
@@ -109,6 +109,6 @@ def test_wrong_settings_name_file_key_and_remedy(
     assert str(caught.value).startswith(f"{path}: {what}")
 
 
-def test_settings_for_another_kind_are_refused(tmp_path: Path) -> None:
+def test_settings_for_another_kind_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(DocumentError, match="settings are for the kind thesis"):
         fleet_of("kobuki", settings=settings(tmp_path))

@@ -45,10 +45,10 @@ def test_each_command_says_what_it_takes(command: str, capsys: pytest.CaptureFix
 @pytest.mark.parametrize(
     ("words", "what"),
     [
-        (["--robots", "0"], "must be at least 1"),
+        (["--robots", "0"], "must be a whole number of at least 1"),
         (["--robots", "2", "--scenario", "s.yaml"], "not allowed with"),
         (["--aggregator", "4.0.0"], "invalid choice: '4.0.0'"),
-        (["--robots", "ten"], "'ten' must be at least 1"),
+        (["--robots", "ten"], "'ten' must be a whole number of at least 1"),
         (["--duration", "-1"], "must be a number above 0"),
         (["--duration", "long"], "'long' must be a number above 0"),
         (["fault", "robot_1"], "the following arguments are required: level"),
@@ -56,7 +56,7 @@ def test_each_command_says_what_it_takes(command: str, capsys: pytest.CaptureFix
         (["replay"], "the following arguments are required: FILE"),
     ],
 )
-def test_wrong_usage_is_told(
+def test_wrong_usage_is_an_error(
     words: list[str], what: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
@@ -79,7 +79,7 @@ def test_wrong_usage_is_told(
         (["fault", "robot_1", "Motor 1", "ok", "--domain-id", "300"], "domain id 300 must be"),
     ],
 )
-def test_what_cannot_be_used_is_told(
+def test_what_cannot_be_used_is_an_error(
     words: list[str],
     what: str,
     capsys: pytest.CaptureFixture[str],
@@ -92,7 +92,7 @@ def test_what_cannot_be_used_is_told(
     assert what in capsys.readouterr().err
 
 
-def test_an_environment_with_a_domain_that_is_no_number_is_told(
+def test_an_environment_with_a_domain_that_is_no_number_is_an_error(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("rclpy", reason="needs ROS 2")
@@ -102,7 +102,7 @@ def test_an_environment_with_a_domain_that_is_no_number_is_told(
 
 
 @pytest.mark.parametrize(
-    ("robots", "participants", "discovery", "told"),
+    ("robots", "participants", "discovery", "warned"),
     [
         (60, "robot", "LOCALHOST", True),
         (60, "robot", "SUBNET", False),
@@ -110,12 +110,12 @@ def test_an_environment_with_a_domain_that_is_no_number_is_told(
         (20, "robot", "LOCALHOST", False),
     ],
 )
-def test_robots_that_nobody_will_find_are_told_of(
-    robots: int, participants: str, discovery: str, told: bool
+def test_robots_that_will_not_be_discovered_are_warned_of(
+    robots: int, participants: str, discovery: str, warned: bool
 ) -> None:
     transport = pytest.importorskip("virtual_robots.ros.transport", reason="needs ROS 2")
     environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": discovery}
     sentence = transport.too_many_for_localhost(
         robots, transport.Participants(participants), environment
     )
-    assert ("not all of 60 robots will be heard" in sentence) == told
+    assert ("not all of 60 robots will be discovered" in sentence) == warned

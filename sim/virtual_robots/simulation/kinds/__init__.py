@@ -1,6 +1,6 @@
 """The kinds of robots that come with the package, and how any kind file becomes components.
 
-A kind is a YAML file and its analyzers; models.py says what stands in it.
+A kind is a YAML file (schema/kinds.py) and a diagnostics.yaml of analyzers.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def known_kinds() -> tuple[str, ...]:
 
 
 def kind_path(kind: str, relative_to: Path = Path()) -> Path:
-    """The file of a kind: one of known_kinds(), or the path of a file of one's own.
+    """The file of a kind: one of known_kinds(), or the path of a user's own file.
 
     Raises DocumentError for anything else.
     """

@@ -1,4 +1,4 @@
-"""A program that we start ends when we say so, and never outlives us."""
+"""A program ends when it is stopped, and with the process that started it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def gone(pid: int) -> bool:
     return state == "Z"
 
 
-def test_stop_asks_first(start_process):
+def test_stop_sends_sigterm_first(start_process):
     process = start_process("polite", [sys.executable, "-c", POLITE])
     process.wait_for_output("ready")
 
@@ -48,7 +48,7 @@ def test_stop_asks_first(start_process):
     assert not process.alive
 
 
-def test_stop_kills_what_does_not_listen(start_process):
+def test_stop_kills_a_program_that_ignores_sigterm(start_process):
     process = start_process("stubborn", [sys.executable, "-c", STUBBORN])
     process.wait_for_output("ready")
 
@@ -81,7 +81,7 @@ def test_waiting_for_output_ends_with_the_program(start_process):
         process.wait_for_output("never")
 
 
-def test_waiting_for_output_says_what_came_instead(start_process):
+def test_the_timeout_of_waiting_for_output_has_the_output(start_process):
     process = start_process("slow", ["sh", "-c", "echo still loading; sleep 600"])
     process.wait_for_output("loading")
 

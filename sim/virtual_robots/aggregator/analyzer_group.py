@@ -1,7 +1,6 @@
-"""AnalyzerGroup: analyzers below a path, made by walking over a node's parameters.
+"""AnalyzerGroup: the analyzers below a path, created from a node's parameters.
 
-Owns the walk (and with it the real one's habit of letting a failed analyzer's type and path spill
-over to the next parameter), and the state of a group.
+As upstream, the type and path of a failed analyzer also apply to the parameters that follow.
 """
 
 from __future__ import annotations
@@ -15,16 +14,16 @@ from virtual_robots.aggregator.analyzers import (
     IgnoreAnalyzer,
     build_generic,
 )
-from virtual_robots.aggregator.items import MESSAGE_OF_LEVEL, Item, listed, missing_item
 from virtual_robots.aggregator.parameters import Parameters
+from virtual_robots.aggregator.status_item import MESSAGE_OF_LEVEL, StatusItem, missing_item
 from virtual_robots.model import ERROR, OK, STALE, Status
 
 LOAD_FAILED = "Pluginlib exception loading analyzer"
 INIT_FAILED = "Analyzer init failed"
 WHY_INIT_FAILS = (
-    "is refused by the real diagnostic_aggregator: an analyzer needs startswith, contains, regex or"
-    " find_and_remove_prefix ('name' and 'expected' alone match nothing), a group needs analyzers"
-    " of which none is refused"
+    "is rejected by the real diagnostic_aggregator: an analyzer needs startswith, contains, regex"
+    " or find_and_remove_prefix ('name' and 'expected' alone match nothing), a group needs"
+    " analyzers of which none is rejected"
 )
 
 
@@ -35,35 +34,35 @@ class AnalyzerGroup:
     path: str
     stale_is_error: bool = False
     analyzers: list[Analyzer] = field(default_factory=list)
-    failures: list[Item] = field(default_factory=list)
-    complaints: list[str] = field(default_factory=list)
+    failures: list[StatusItem] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
     _matched: dict[str, list[Analyzer]] = field(default_factory=dict)
 
     @property
     def complete(self) -> bool:
-        """Whether all below it was made; one that is not fails as a whole."""
+        """Whether all analyzers below it were created; otherwise the group fails as a whole."""
         return not self.failures and (bool(self.analyzers) or not self.path)
 
     @property
     def nice_name(self) -> str:
-        """A group calls itself by its full path, unlike an analyzer."""
+        """Its full path, unlike an analyzer's."""
         return self.path
 
     def match(self, name: str) -> bool:
-        """Whether any analyzer below takes the name; remembered, because it never changes."""
+        """Whether any analyzer below matches the name; cached, because it never changes."""
         if name not in self._matched:
             self._matched[name] = [a for a in self.analyzers if a.match(name)]
         return bool(self._matched[name])
 
-    def analyze(self, item: Item) -> bool:
-        """Hand the item to every analyzer that takes its name."""
-        taken = [analyzer.analyze(item) for analyzer in self._matched[item.status.name]]
-        return any(taken)
+    def analyze(self, item: StatusItem) -> bool:
+        """Let every analyzer that matches the name store the item."""
+        analyzed = [analyzer.analyze(item) for analyzer in self._matched[item.status.name]]
+        return any(analyzed)
 
     def report(self, now: float) -> list[Status]:
         """The rows of all below, then the group's own (none at an empty path), then failures."""
         if not self.analyzers:
-            # The failures are not told then: this is what the real one does.
+            # As upstream: the failures are not reported then.
             name = self.path if self.path not in {"", "/"} else "/AnalyzerGroup"
             return [Status(ERROR, name, "No analyzers")]
         output: list[Status] = []
@@ -74,7 +73,7 @@ class AnalyzerGroup:
             children += [(analyzer.nice_name, r) for r in rows if r.name == analyzer.path]
         if self.path not in {"", "/"}:
             output.append(self._parent(children))
-        return output + [listed(item, self.path, stale=True) for item in self.failures]
+        return output + [item.to_status(self.path, stale=True) for item in self.failures]
 
     def _parent(self, children: list[tuple[str, Status]]) -> Status:
         level = rolled_up([row.level for _, row in children], stale_is_error=self.stale_is_error)
@@ -103,7 +102,7 @@ def build_group(
 
     The real one keeps the type and the path that it saw last until an analyzer was made of them,
     so a type that cannot be loaded is tried, and fails, again at each parameter that follows.
-    What fails is also told in the group's ``complaints``.
+    Failures are also in the group's ``warnings``.
     """
     group = AnalyzerGroup(path, stale_is_error)
     kind = below = ""
@@ -118,20 +117,20 @@ def build_group(
         if kind not in KINDS:
             group.failures.append(missing_item(owner, now, LOAD_FAILED))
             if name == f"{owner}.type":
-                _complain(group, parameters, full_name, f"{kind!r} is none of {', '.join(KINDS)}")
+                _warn(group, parameters, full_name, f"{kind!r} is none of {', '.join(KINDS)}")
             continue
         below = f"{path}/{below}" if kind.endswith("Group") else path
         inner = f"{breadcrumb}.{owner}" if breadcrumb else owner
         analyzer = _build(kind, below, inner, parameters, now, stale_is_error=stale_is_error)
         if isinstance(analyzer, AnalyzerGroup):
-            group.complaints += analyzer.complaints
+            group.warnings += analyzer.warnings
         if analyzer is None or (isinstance(analyzer, AnalyzerGroup) and not analyzer.complete):
             group.failures.append(missing_item(owner, now, INIT_FAILED))
-            _complain(group, parameters, full_name, WHY_INIT_FAILS)
+            _warn(group, parameters, full_name, WHY_INIT_FAILS)
             continue
         group.analyzers.append(analyzer)
         kind = below = ""
-    _complain_of_missing_paths(group, parameters, breadcrumb)
+    _warn_of_missing_paths(group, parameters, breadcrumb)
     return group
 
 
@@ -142,18 +141,16 @@ def _owner(name: str) -> str:
     return name if end < 0 else name[:end]
 
 
-def _complain(group: AnalyzerGroup, parameters: Parameters, name: str, why: str) -> None:
-    group.complaints.append(f"{parameters.source}: {name.rpartition('.')[0]}: {why}")
+def _warn(group: AnalyzerGroup, parameters: Parameters, name: str, why: str) -> None:
+    group.warnings.append(f"{parameters.source}: {name.rpartition('.')[0]}: {why}")
 
 
-def _complain_of_missing_paths(
-    group: AnalyzerGroup, parameters: Parameters, breadcrumb: str
-) -> None:
+def _warn_of_missing_paths(group: AnalyzerGroup, parameters: Parameters, breadcrumb: str) -> None:
     names = parameters.under(breadcrumb)
     for name, full_name in names.items():
         owner = _owner(name)
         if owner and name == f"{owner}.type" and f"{owner}.path" not in names:
-            _complain(group, parameters, full_name, "has no path and so shows nothing")
+            _warn(group, parameters, full_name, "has no path and so shows nothing")
 
 
 KINDS: dict[str, type[GenericAnalyzer | IgnoreAnalyzer | AnalyzerGroup]] = {
@@ -173,9 +170,9 @@ def _build(
     *,
     stale_is_error: bool,
 ) -> Analyzer | None:
-    made = KINDS[kind]
-    if issubclass(made, AnalyzerGroup):
+    analyzer_type = KINDS[kind]
+    if issubclass(analyzer_type, AnalyzerGroup):
         return build_group(path, breadcrumb, parameters, now, stale_is_error=stale_is_error)
-    if issubclass(made, GenericAnalyzer):
-        return build_generic(made, path, breadcrumb, parameters, now)
-    return made()
+    if issubclass(analyzer_type, GenericAnalyzer):
+        return build_generic(analyzer_type, path, breadcrumb, parameters, now)
+    return analyzer_type()

@@ -36,7 +36,7 @@ def test_a_lease_ends_with_the_process_that_was_killed():
     freed.close()
 
 
-def test_a_domain_in_which_somebody_without_a_lease_talks_is_passed_over(monkeypatch):
+def test_a_domain_with_a_participant_without_a_lease_is_skipped(monkeypatch):
     with domains.lease() as domain_id:
         pass
     monkeypatch.setattr(domains, "DOMAINS", range(domain_id, domain_id + 1))
@@ -67,7 +67,7 @@ def test_ports_are_free_and_all_different():
             pass
 
 
-def test_a_port_on_which_somebody_listens_is_passed_over(monkeypatch):
+def test_a_port_that_is_in_use_is_skipped(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         monkeypatch.setattr(ports, "PORTS", range(port, port + 1))

@@ -1,4 +1,4 @@
-"""The mail server keeps each mail as it was sent."""
+"""The mail server stores each mail as it was sent."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def server(free_port):
     server.stop()
 
 
-def test_a_mail_is_kept_with_its_text_and_thread(server):
+def test_a_mail_is_stored_with_its_text_and_thread(server):
     server, inbox = server
     message = EmailMessage()
     message["Subject"] = "** PROBLEM ** Wärme"

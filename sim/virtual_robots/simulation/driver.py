@@ -1,6 +1,6 @@
-"""One robot: its components, its sequence number, whether it lives.
+"""A robot's driver node: its components, and the arrays that it publishes on its raw topic.
 
-Owns what the robot publishes on its raw topic; it does not know when, nor where to.
+It does not know when, nor where to.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ SEQUENCE = "Sequence"
 
 
 @dataclass
-class Robot:
-    """A robot as its driver node sees it; ``clock_offset`` is added to its header stamps."""
+class Driver:
+    """A driver node; ``clock_offset`` (seconds) is added to its header stamps."""
 
     name: str
     components: list[Component]
     sequence: int = 0
     clock_offset: float = 0.0
-    _ticked: float | None = field(default=None, repr=False)
+    _last_tick: float | None = field(default=None, repr=False)
 
     def component(self, name: str) -> Component:
-        """A component by its name. Raises KeyError with a text that lists them."""
+        """Return a component. Raises KeyError with a text that lists all names."""
         for component in self.components:
             if component.name == name:
                 return component
@@ -32,7 +32,7 @@ class Robot:
         raise KeyError(f"{self.name} has no component {name!r}, only {known}")
 
     def component_names(self) -> list[str]:
-        """The names of its components, in their order."""
+        """Return the names of its components, in their order."""
         return [component.name for component in self.components]
 
     def inject(self, component: str, fault: Fault | None) -> None:
@@ -40,31 +40,31 @@ class Robot:
         self.component(component).inject(fault)
 
     def replace_components(self, components: list[Component]) -> None:
-        """Take new components; of one that was there already, values and fault stay."""
+        """Replace the components; one with the name of an old one keeps its values and fault."""
         before = {component.name: component for component in self.components}
         for component in components:
             if component.name in before:
-                component.carry_on(before[component.name])
+                component.copy_state(before[component.name])
         self.components = components
 
     def boot(self) -> None:
-        """The driver's process starts anew: the sequence too, and nothing has run yet."""
+        """Start the process anew: the sequence begins at 1 and no component has run yet."""
         self.sequence = 0
-        self._ticked = None
+        self._last_tick = None
 
     def tick(self, now: float) -> tuple[Status, ...]:
-        """What the robot publishes at ``now``: one array of those components that report.
+        """Return the array to publish at ``now``: a status for each component that reports.
 
-        The array after a boot is what diagnostic_updater sends for each task at once. The first
-        status of an array carries the message's number as its last key-value, so a reader finds it
-        in every message, and no component is there only for its sake.
+        The first array after a boot is what diagnostic_updater sends for tasks that have not run.
+        The first status of each array has the message's number as its last key-value, so that a
+        reader can count lost messages.
         """
         self.sequence += 1
-        if self._ticked is None:
-            self._ticked = now
+        if self._last_tick is None:
+            self._last_tick = now
             statuses = [component.starting_up() for component in self.components]
         else:
-            elapsed, self._ticked = now - self._ticked, now
+            elapsed, self._last_tick = now - self._last_tick, now
             statuses = self._advanced(now, elapsed)
         if statuses:
             numbered = (*statuses[0].values, (SEQUENCE, str(self.sequence)))

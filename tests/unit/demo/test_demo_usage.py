@@ -1,4 +1,4 @@
-"""Wrong usage of `./run demo`: a sentence in the words of people, before anything is started."""
+"""Wrong usage of `./run demo`: an error before anything is started."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from demo.__main__ import main
 
 
 @pytest.mark.parametrize("seconds", ["-3", "0", "nan", "soon"])
-def test_a_time_that_is_none_is_refused(seconds, capsys):
+def test_an_invalid_time_is_rejected(seconds, capsys):
     with pytest.raises(SystemExit) as ended:
         main(["--seconds", seconds])
 

@@ -1,4 +1,4 @@
-"""Grafana is started with the shipped boards and this run's servers, where it is installed."""
+"""Grafana is started with the shipped dashboards and this run's servers."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from testbed import configuration as site
-from testbed import grafana
+from testbed import configuration, grafana
 
-ADDRESSES = site.Addresses(*(f"127.0.0.1:{port}" for port in range(1, 6)))
+ADDRESSES = configuration.Addresses(*(f"127.0.0.1:{port}" for port in range(1, 6)))
 
 
 @pytest.fixture
@@ -33,14 +32,14 @@ def test_without_a_binary_there_is_no_command(monkeypatch, tmp_path):
     assert grafana.command() is None
 
 
-def test_a_package_keeps_its_pages_elsewhere(install, monkeypatch, tmp_path):
+def test_a_packages_pages_are_in_usr_share(install, monkeypatch, tmp_path):
     binary = install("bin/grafana")
     monkeypatch.setattr(grafana, "PACKAGED_HOME", tmp_path / "share")
 
     assert grafana.command() == [str(binary), "server", f"--homepath={tmp_path / 'share'}"]
 
 
-def test_a_packages_script_is_passed_by(install, tmp_path, monkeypatch):
+def test_a_packages_script_is_skipped(install, tmp_path, monkeypatch):
     install("usr/sbin/grafana")
     monkeypatch.setattr(grafana, "PACKAGED_HOME", tmp_path / "share")
     binary = tmp_path / "share" / "bin" / "grafana"
@@ -50,7 +49,7 @@ def test_a_packages_script_is_passed_by(install, tmp_path, monkeypatch):
     assert grafana.command() == [str(binary), "server", f"--homepath={tmp_path / 'share'}"]
 
 
-def test_an_unpacked_archive_keeps_them_beside_the_binary(install, tmp_path):
+def test_an_unpacked_archive_has_its_pages_beside_the_binary(install, tmp_path):
     binary = install("grafana-9/bin/grafana-server")
     (tmp_path / "grafana-9" / "conf").mkdir()
     (tmp_path / "grafana-9" / "conf" / "defaults.ini").touch()
@@ -58,7 +57,7 @@ def test_an_unpacked_archive_keeps_them_beside_the_binary(install, tmp_path):
     assert grafana.command() == [str(binary), f"--homepath={tmp_path / 'grafana-9'}"]
 
 
-def test_the_provisioning_leads_to_this_runs_servers_and_the_shipped_boards(tmp_path):
+def test_the_provisioning_has_this_runs_servers_and_the_shipped_dashboards(tmp_path):
     grafana.write_provisioning(tmp_path / "provisioning", ADDRESSES)
 
     sources = yaml.safe_load(

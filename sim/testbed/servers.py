@@ -1,0 +1,96 @@
+"""Servers: a program, its HTTP address, and whether it is ready; Prometheus and Alertmanager."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from testbed import http, programs
+from testbed.polling import until
+from testbed.processes import Process
+
+
+@dataclass(frozen=True)
+class Server:
+    """A program and, where it serves HTTP, its address."""
+
+    process: Process
+    address: str = ""
+    health: str = "/-/healthy"  # the path that answers 200 while it is up
+
+    @property
+    def name(self) -> str:
+        """The name of its process, for messages."""
+        return self.process.name
+
+    def is_up(self) -> bool:
+        """Whether it runs: as our child, or started again by hand at the same address."""
+        return self.process.alive or (self.address != "" and self.answers(self.health))
+
+    def answers(self, path: str) -> bool:
+        """Whether it answers 2xx there."""
+        return http.answers(self.address, path)
+
+    def wait_until_ready(self, seconds: float = 60.0) -> None:
+        """Wait for its /-/ready.
+
+        Raises:
+            TimeoutError: Not ready in time; the text has its last output.
+        """
+        until(lambda: self.answers("/-/ready"), self.process.describe, seconds)
+
+
+def prometheus(
+    folder: Path,
+    config: Path,
+    address: str,
+    *options: str,
+    environment: Mapping[str, str] | None = None,
+) -> Server:
+    """Return a Prometheus, not yet started, with its data and log in ``folder``.
+
+    Args:
+        folder: For ``tsdb/`` and ``Prometheus.log``.
+        config: Its prometheus.yml.
+        address: HOST:PORT.
+        options: More command line options, such as "--storage.tsdb.retention.time=90d".
+        environment: Of the process; None: this process' own.
+
+    Raises:
+        programs.MissingProgram: It is not installed.
+    """
+    argv = [*programs.prometheus(config, address, folder / "tsdb"), *options]
+    return Server(Process("Prometheus", argv, environment, folder / "Prometheus.log"), address)
+
+
+def alertmanager(
+    folder: Path,
+    config: Path,
+    address: str,
+    *options: str,
+    environment: Mapping[str, str] | None = None,
+) -> Server:
+    """Return an Alertmanager, not yet started, with ``nflog/`` and its log in ``folder``.
+
+    Arguments and errors as `prometheus`; it is in no cluster.
+    """
+    argv = [*programs.alertmanager(config, address, folder / "nflog"), *options]
+    return Server(Process("Alertmanager", argv, environment, folder / "Alertmanager.log"), address)
+
+
+@contextmanager
+def running(*servers: Server, seconds: float = 60.0) -> Iterator[None]:
+    """Start servers, wait until all are ready, and stop them at the end.
+
+    Raises:
+        TimeoutError: One is not ready within ``seconds``.
+    """
+    with ExitStack() as stack:
+        for server in servers:
+            stack.callback(server.process.stop)
+            server.process.start()
+        for server in servers:
+            server.wait_until_ready(seconds)
+        yield

@@ -1,0 +1,47 @@
+"""What a simulated fleet produces: messages, changes of the ROS graph, notes for the terminal."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+from virtual_robots.model import Status
+
+
+class Topic(Enum):
+    """The topics of a robot, below its namespace."""
+
+    RAW = "diagnostics"
+    AGGREGATED = "diagnostics_agg"
+    TOPLEVEL = "diagnostics_toplevel_state"
+
+
+class Message(NamedTuple):
+    """A published message: ``at`` and ``stamp`` in seconds since the fleet's start.
+
+    ``statuses`` has exactly one element on TOPLEVEL.
+    """
+
+    at: float
+    robot: str
+    topic: Topic
+    statuses: tuple[Status, ...]
+    stamp: float
+
+
+class Presence(NamedTuple):
+    """A robot enters the ROS graph (``present``) or leaves it."""
+
+    at: float
+    robot: str
+    present: bool
+
+
+class Note(NamedTuple):
+    """A line for the person who watches: an event of the scenario has begun or ended."""
+
+    at: float
+    text: str
+
+
+Output = Message | Presence | Note

@@ -1,0 +1,65 @@
+"""The steps wait for their mails, and exactly these must arrive."""
+
+from __future__ import annotations
+
+import pytest
+
+from demo.steps import Fault, Pace, Step, expected_subjects, mail_errors, next_step, out_of_time
+from testbed.mail import Mail
+
+FAULT = Fault("robot_7", "Motor 1", "hot")
+PACE = Pace(healthy=10, notified=5)
+PROBLEM, RECOVERY = expected_subjects(FAULT)
+
+
+def mails(*subjects: str) -> list[Mail]:
+    return [Mail(0.0, "a@b", ("c@d",), subject, "text", "") for subject in subjects]
+
+
+def test_the_mails_name_robot_and_component():
+    assert PROBLEM == "** PROBLEM ** demo/robot_7 Motor 1 is CRITICAL"
+    assert RECOVERY == "** RECOVERY ** demo/robot_7 Motor 1 is no longer CRITICAL"
+
+
+@pytest.mark.parametrize(
+    ("at", "since", "arrived", "then"),
+    [
+        (Step.HEALTHY, 9.9, [], Step.HEALTHY),
+        (Step.HEALTHY, 10.0, [], Step.BROKEN),
+        (Step.BROKEN, 99.0, [], Step.BROKEN),
+        (Step.BROKEN, 0.0, [PROBLEM], Step.NOTIFIED),
+        (Step.NOTIFIED, 4.9, [PROBLEM], Step.NOTIFIED),
+        (Step.NOTIFIED, 5.0, [PROBLEM], Step.REPAIRED),
+        (Step.REPAIRED, 99.0, [PROBLEM], Step.REPAIRED),
+        (Step.REPAIRED, 0.0, [PROBLEM, RECOVERY], Step.FINISHED),
+        (Step.FINISHED, 99.0, [PROBLEM, RECOVERY], Step.FINISHED),
+    ],
+)
+def test_a_step_follows_when_its_time_or_its_mail_has_come(at, since, arrived, then):
+    assert next_step(at, since, mails(*arrived), FAULT, PACE) is then
+
+
+def test_exactly_the_expected_mails_are_right():
+    assert mail_errors(mails(PROBLEM, RECOVERY), FAULT) == []
+
+
+@pytest.mark.parametrize(
+    ("arrived", "wrong"),
+    [
+        ([], ["never arrived", "never arrived"]),
+        ([PROBLEM], [f"never arrived: {RECOVERY}"]),
+        ([PROBLEM, PROBLEM, RECOVERY], [f"not expected: {PROBLEM}"]),
+        ([PROBLEM, RECOVERY, "lunch"], ["not expected: lunch"]),
+    ],
+)
+def test_every_missing_or_unexpected_mail_is_an_error(arrived, wrong):
+    errors = mail_errors(mails(*arrived), FAULT)
+
+    assert len(errors) == len(wrong)
+    for error, part in zip(errors, wrong, strict=True):
+        assert part in error
+
+
+def test_running_out_of_time_names_the_step_and_the_option():
+    assert "while waiting for the recovery email" in out_of_time(Step.REPAIRED)
+    assert "--seconds 150" in out_of_time(Step.REPAIRED)
