@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """A webhook receiver that writes one log line for each alert, and does nothing else.
 
-The road to self-healing begins here and should end here until somebody has thought it through: a
-robot that is restarted, driven or switched by a monitoring alert can hurt people, and an alert is
-neither authenticated nor on time. Whatever is built on this should propose, and let a person act.
+Think twice before you extend it to self-healing: a robot that is restarted, driven or switched by a
+monitoring alert can hurt people, and an alert is neither authenticated nor on time. What is built on
+this should propose actions, and let a person act.
 
     python3 webhook_receiver.py 127.0.0.1:9099
 
@@ -43,23 +43,23 @@ def lines(message: dict[str, Any]) -> list[str]:
 
 
 class Receiver(BaseHTTPRequestHandler):
-    """Takes in POSTs; what is no message of Alertmanager's is refused with 400."""
+    """Receives POSTs; a body that is not a message of Alertmanager is rejected with 400."""
 
     def do_POST(self) -> None:
-        """Log the alerts. Alertmanager sends again what was not answered with 2xx."""
+        """Log the alerts. Alertmanager sends it again unless the answer is 2xx."""
         try:
             length = min(int(self.headers.get("Content-Length", 0)), LARGEST)
-            told = lines(json.loads(self.rfile.read(length)))
+            received = lines(json.loads(self.rfile.read(length)))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             self.send_error(400, explain=str(error))
             return
-        for line in told:
+        for line in received:
             LOG.info(line)
         self.send_response(204)
         self.end_headers()
 
     def log_message(self, *_arguments: Any) -> None:
-        """Requests themselves are not worth a line."""
+        """Log no line for the request itself."""
 
 
 def main() -> None:

@@ -13,7 +13,10 @@ from demo.steps import Fault, expected_subjects
 
 CHECKOUT = Path(__file__).parents[3]
 README = (CHECKOUT / "README.md").read_text()
-DOCUMENTS = [CHECKOUT / "README.md", CHECKOUT / "docs" / "architecture.md"]
+DOCUMENTS = [
+    CHECKOUT / name
+    for name in ("README.md", "CONTRIBUTING.md", "docs/architecture.md", "docs/CHANGELOG.md")
+]
 COMMANDS = Path(sysconfig.get_path("scripts"))
 
 
