@@ -57,7 +57,9 @@ class Exporter:
 
     def _load(self, name: str, domain_id: int, *arguments: str) -> Process:
         environment = domains.environment(domain_id) | {"PYTHONPATH": str(TESTS)}
-        return self._start(name, [sys.executable, TESTS / "support/dds_load.py", *arguments], environment)
+        return self._start(
+            name, [sys.executable, TESTS / "support/dds_load.py", *arguments], environment
+        )
 
     def attack(self, *arguments: str) -> Process:
         """The flood, as it is under way."""
