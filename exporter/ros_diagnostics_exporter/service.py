@@ -20,7 +20,7 @@ from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import EventLog, Wanted
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.self_metrics import Facts, SelfMetrics
+from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
 from ros_diagnostics_exporter.state import snapshot
 from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.state.storage import Storage
@@ -64,12 +64,18 @@ class Service:
         self._alertmanager = alertmanager
         self._asker = threading.Thread(target=self._ask, name="alertmanager", daemon=True)
         self._join_at = now.mono
-        self._distribution, self._rmw = ros.describe_ros()
         self._exposition = Exposition(self.state, self._acknowledged)
-        self._own = SelfMetrics(self._facts)
-        self._scrapes = 0
-        self._scrape_seconds = 0.0
         self._listener = ros.Listener(self.state, ros_arguments=ros_arguments)
+        self._exporter = Exporter(
+            self.state,
+            self._exposition,
+            self._listener,
+            self._reloader,
+            self.storage,
+            alertmanager,
+            ros.describe_ros(),
+        )
+        self._self_metrics = SelfMetrics(self._exporter)
         if self.storage is not None:
             self.storage.load(self.state, now)
 
@@ -169,9 +175,9 @@ class Service:
         """The whole exposition."""
         begin = time.perf_counter()
         text = self._exposition.render(openmetrics=openmetrics)
-        own = self._own.render(openmetrics=openmetrics)
-        self._scrapes += 1
-        self._scrape_seconds = time.perf_counter() - begin
+        own = self._self_metrics.render(openmetrics=openmetrics)
+        self._exporter.scrapes += 1
+        self._exporter.scrape_seconds = time.perf_counter() - begin
         return text + own
 
     # -- handed to the web -----------------------------------------------------------------------
@@ -193,30 +199,3 @@ class Service:
         if self._alertmanager is None:
             return []
         return self._alertmanager.known(ros.read_clocks().wall)
-
-    def _facts(self) -> Facts:
-        joined = self._listener.domain_ids
-        domains = {domain_id: domain_id in joined for domain_id in self.state.fleet.domain_ids}
-        storage, alertmanager = self.storage, self._alertmanager
-        return Facts(
-            fleet=self.state.fleet.name,
-            ros_distro=self._distribution,
-            rmw=self._rmw,
-            config_successful=self._reloader.successful,
-            config_time=self._reloader.time,
-            robots=len(self.state.robots),
-            series=dict(self._exposition.series),
-            series_limit=self.state.fleet.limits.series,
-            rejected=dict(self.state.rejected),
-            decode_seconds=self._listener.decode_seconds,
-            ingest_seconds=self._listener.ingest_seconds,
-            scrapes=self._scrapes,
-            scrape_seconds=self._scrape_seconds,
-            domains=domains,
-            discovery_times=self._listener.last_looks,
-            storage_successful=None if storage is None else storage.successful,
-            storage_time=0.0 if storage is None else storage.written_at,
-            alertmanager_up=None
-            if alertmanager is None
-            else alertmanager.answers(ros.read_clocks()),
-        )

@@ -8,7 +8,8 @@ from typing import get_args
 
 import pytest
 
-from ros_diagnostics_exporter.metrics.families import ALL_FAMILIES, ROBOT_SILENT_REASON
+from ros_diagnostics_exporter.metrics.families import ROBOT_SILENT_REASON
+from ros_diagnostics_exporter.metrics.self_metrics import ALL_FAMILIES
 from ros_diagnostics_exporter.metrics_reference import main, renewed
 from ros_diagnostics_exporter.state.rejections import (
     OVER_LIMIT,
