@@ -161,7 +161,8 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples]], ...] = (
         _family(
             "exporter_discovery_last_run_timestamp_seconds",
             "gauge",
-            "When the ROS graph of a joined DDS domain was last looked at (Unix time); 0 = not yet.",
+            "When the ROS graph of a joined DDS domain was last looked at (Unix time); "
+            "0 = not yet.",
             (*FLEET, "domain_id"),
         ),
         lambda exporter: _by_label(exporter.listener.last_looks),
@@ -170,8 +171,8 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples]], ...] = (
         _family(
             "exporter_storage_last_write_successful",
             "gauge",
-            "1 if the last attempt to write the state file succeeded and none that is unreadable is in "
-            "the way; only with --storage.path.",
+            "1 if the last attempt to write the state file succeeded and none that is unreadable "
+            "is in the way; only with --storage.path.",
             FLEET,
         ),
         lambda exporter: [] if exporter.storage is None else _one(exporter.storage.successful),
@@ -189,7 +190,8 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples]], ...] = (
         _family(
             "exporter_alertmanager_up",
             "gauge",
-            "1 while Alertmanager answers when asked for acknowledgements; only with --alertmanager.url.",
+            "1 while Alertmanager answers when asked for acknowledgements; "
+            "only with --alertmanager.url.",
             FLEET,
         ),
         lambda exporter: (
