@@ -13,11 +13,11 @@ from pathlib import Path
 
 from ros_diagnostics_exporter.metrics.families import (
     COMPONENT,
-    EXPORTER_FAMILIES,
     FLEET_FAMILIES,
     ROBOT,
     Family,
 )
+from ros_diagnostics_exporter.metrics.self_metrics import EXPORTER_FAMILIES
 
 _BLOCK = re.compile(r"(<!-- families of (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
