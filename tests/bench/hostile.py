@@ -36,8 +36,7 @@ from statistics import median
 
 from bench.scraper import TIMEOUT, Scrape, ScrapeError, Scraper
 from bench.sim import cpu_seconds
-from testbed import domains
-from testbed import http as asking
+from testbed import domains, http
 from testbed.polling import until
 from testbed.ports import free_port
 from testbed.processes import Process
@@ -136,7 +135,7 @@ class Site:
 
     def wait_until_calm(self) -> None:
         """Wait until each robot of the fleet is up."""
-        until(lambda: asking.answers(self.address, "/-/ready"), self.exporter.describe, SETTLE)
+        until(lambda: http.answers(self.address, "/-/ready"), self.exporter.describe, SETTLE)
         self.wait_for(lambda scrape: robots_up(scrape) == ROBOTS, "all robots are up")
 
     def wait_for(self, condition: Callable[[Scrape], bool], what: str) -> None:

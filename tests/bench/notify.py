@@ -26,7 +26,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
-from testbed import http as asking
+from testbed import http
 from testbed.mail import Inbox
 from testbed.polling import until
 from testbed.stack import Plan, Stack, running
@@ -109,7 +109,7 @@ def _spin(executor: SingleThreadedExecutor) -> None:
 
 def first_sample(stack: Stack, series: str, since: float, at_least: float = 0.0) -> float:
     """Return the time stamp of Prometheus' first sample of ``series`` since then."""
-    answer = asking.get_json(stack.addresses.prometheus, f"/api/v1/query?query={quote(series)}[2m]")
+    answer = http.get_json(stack.addresses.prometheus, f"/api/v1/query?query={quote(series)}[2m]")
     times = [
         at
         for each in answer["data"]["result"]
@@ -131,7 +131,7 @@ def fire(stack: Stack, robots: list[str]) -> dict[str, float]:
     arrived: dict[str, float] = {}
 
     def all_told() -> bool:
-        for each in asking.get_json(stack.addresses.alertmanager, "/api/v2/alerts"):
+        for each in http.get_json(stack.addresses.alertmanager, "/api/v2/alerts"):
             if each["labels"]["alertname"] == "RosDiagnosticsComponentCritical":
                 arrived.setdefault(each["labels"]["robot"], time.time())
         return len(mails(stack, "PROBLEM", began)) == len(robots)
@@ -192,7 +192,7 @@ def measure(stack: Stack, robots: list[str]) -> list[list[float]]:
 
 def where_it_stands(stack: Stack, robots: set[str]) -> str:
     """Say how far the end of a fault has come for each robot whose recovery is missing."""
-    told = asking.get_json(stack.addresses.alertmanager, "/api/v2/alerts")
+    told = http.get_json(stack.addresses.alertmanager, "/api/v2/alerts")
     states = {
         each["labels"]["robot"]: each["status"]["state"]
         for each in told

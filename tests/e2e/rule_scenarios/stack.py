@@ -25,8 +25,7 @@ from rclpy.parameter import Parameter
 
 from e2e.rule_scenarios import fleets
 from support import host_checks, prometheus_site, short_clocks
-from testbed import domains, programs
-from testbed import http as asking
+from testbed import domains, http, programs
 from testbed.polling import until
 from testbed.ports import free_port
 from testbed.processes import Process
@@ -221,7 +220,7 @@ def running(folder: Path) -> Iterator[tuple[ScenarioSite, prometheus_site.Site]]
             process.start()
         for address in (*site.addresses.values(), f"127.0.0.1:{site.blackbox_port}"):
             path = "/metrics" if address.endswith(str(site.blackbox_port)) else "/-/ready"
-            until(lambda at=address, p=path: asking.answers(at, p), f"{address}{path}", 90)
+            until(lambda at=address, p=path: http.answers(at, p), f"{address}{path}", 90)
         servers = ending.enter_context(
             prometheus_site.running(
                 folder,
