@@ -12,7 +12,8 @@ HEAD = f"""\
 What happens to six virtual robots and to the servers, and every mail and text message that follows.
 An end-to-end test wrote this page and checks that these messages are sent, and no others. Its
 durations are short (confirm_after {CONFIRM} s, escalation after {ESCALATE} s). In brackets: the
-earliest possible time. The test fails if a message arrives before that or more than {LATE:g} s after.
+earliest possible time. The test fails if a message arrives before that or more than {LATE:g} s
+after.
 
 | time | what happens | sent by | message |
 |---|---|---|---|
