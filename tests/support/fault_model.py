@@ -354,12 +354,12 @@ class Model:
             "many": set(self.robots),
         }[scope] | {name for kind, name in self.causes if kind == scope}
         for name in names:
-            members, fresh, whole = self._count(scope, name, now)
+            own, fresh, whole = self._count(scope, name, now)
             needed = self._needed(scope, whole)
             cause = self.causes.setdefault((scope, name), CauseModel())
             if cause.active is None and fresh >= needed:
                 cause.active = now
-            elif cause.active is not None and members < needed / 2:
+            elif cause.active is not None and own < needed / 2:
                 cause.active, cause.ended = None, now
                 robot = self.robots.get(name)
                 cause.wait = self.settings.confirm_after
@@ -372,7 +372,7 @@ class Model:
         return needed if settings.absolute is None else min(needed, settings.absolute)
 
     def _count(self, scope: str, name: str, now: int) -> tuple[int, int, int]:
-        """(members, those of them that are fresh, how many there could be)."""
+        """How many have the cause, how many of them are fresh, and how many there could be."""
         known = [
             robot
             for robot in self.robots.values()
@@ -393,7 +393,7 @@ class Model:
             ]
             whole = sum(each.settings.site == name for each in known)
             return sum(each.counted for each in here), len(silent_now), whole
-        members = fresh = 0
+        own = fresh = 0
         for robot in self.robots.values():
             parts = [part for (_, other), part in robot.components.items() if other == name]
             now_bad = []
@@ -402,9 +402,9 @@ class Model:
                 better = part.fresh and part.level in (OK, WARN)
                 part.counted = bad or (part.counted and not better)
                 now_bad.append(bad)
-            members += any(part.counted for part in parts)
+            own += any(part.counted for part in parts)
             fresh += any(now_bad)
-        return members, fresh, len(known)
+        return own, fresh, len(known)
 
     def _count_many(self, robot: RobotModel, now: int) -> tuple[int, int, int]:
         troubled = [key for key, part in robot.components.items() if part.clock is not None]
