@@ -1,9 +1,9 @@
 """What the queries of a dashboard cost: a real Prometheus with 1,000 robots and hours of history.
 
-The shipped configuration; one robot in twenty is faulty. The recorded states go back as every
-evaluation would have left it. Target: each query of the fleet dashboard within 1 s, over its own
-time range, asked as Grafana does for a screen of 1,920 pixels. With --month instead the reports of
-*Alerts and reports* about a month: no target but patience, for they are asked once a month.
+The shipped configuration; one robot in twenty is faulty, and the recorded states of the last hours
+are imported. Target: each query of the fleet dashboard within 1 s, over its own time range, as
+Grafana sends it for a screen of 1,920 pixels. With --month instead the reports of *Alerts and
+reports* about a month, which have no target.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from testbed.polling import until
 
 INTERVAL = 5  # seconds, of scrapes and evaluations, as shipped
 THINNED = 30  # seconds, of rules/timeline.yml
-PIXELS = 1800  # of a graph as wide as that screen: so many points it asks for
+PIXELS = 1800  # of a graph as wide as that screen: so many points it requests
 FAULTY = 20  # every so many robots one is
 SITES = 10
 
@@ -61,7 +61,7 @@ def history(robots: int, begin: float, end: float) -> Iterator[str]:
 
 
 def big_fleet(robots: int) -> ServedFleet:
-    """Robots that spoke once, well, and then once more; they are never silent."""
+    """Robots that publish twice, OK and then with the faults; they are never silent."""
     profile = Profile(stale_after=1e9, confirm_after=5.0)
     declared = [
         Robot(
@@ -75,7 +75,7 @@ def big_fleet(robots: int) -> ServedFleet:
     ]
     turns = iter(range(1_000_000))
 
-    def speak(state: State, now: Instant) -> None:
+    def publish(state: State, now: Instant) -> None:
         turn = next(turns)
         if turn > 1:
             return
@@ -84,11 +84,11 @@ def big_fleet(robots: int) -> ServedFleet:
             topic = Topic(0, f"/robot_{number}/diagnostics_agg")
             state.receive(topic, aggregated_array(turn, level=level), now)
 
-    return ServedFleet(Fleet("bench", tuple(declared)), speak)
+    return ServedFleet(Fleet("bench", tuple(declared)), publish)
 
 
 def measure(site: prometheus_site.Site, question: Query, hours: float, rounds: int) -> Cost:
-    """Ask one query ``rounds`` times."""
+    """Send one query ``rounds`` times."""
     expr = filled(question.expr, {"__range": f"{hours:g}h"})
     seconds: list[float] = []
     series = 0
@@ -118,39 +118,39 @@ def dashboard(options: argparse.Namespace) -> None:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="bench-dashboards-")))
         now = time.time()
-        past = folder / "past.txt"
-        with past.open("w") as file:
+        imported = folder / "history.txt"
+        with imported.open("w") as file:
             file.writelines(history(options.robots, now - options.hours * 3600, now))
         fleet = big_fleet(options.robots)
         address = stack.enter_context(serving(fleet.scrape))
         site = stack.enter_context(
             prometheus_site.running(
-                folder, {"bench": address}, {}, interval=f"{INTERVAL}s", history=past
+                folder, {"bench": address}, {}, interval=f"{INTERVAL}s", history=imported
             )
         )
         faulty = -(-options.robots // FAULTY)
-        told = f"count(robot:ros_diagnostics_fault:confirmed) == {faulty}"
-        until(lambda: site.query(told), "the faults are told", 180, every=1)
+        all_confirmed = f"count(robot:ros_diagnostics_fault:confirmed) == {faulty}"
+        until(lambda: site.query(all_confirmed), "the faults are confirmed", 180, every=1)
         series = site.query("prometheus_tsdb_head_series")[0]["value"][1]
         print(f"{options.robots} robots, {series} series, {options.hours:g} h")
-        asked = [each for each in queries() if each.board == options.dashboard]
-        report([measure(site, each, options.hours, options.rounds) for each in asked], 1.0)
+        chosen = [each for each in queries() if each.board == options.dashboard]
+        report([measure(site, each, options.hours, options.rounds) for each in chosen], 1.0)
 
 
 def availability(options: argparse.Namespace) -> None:
     """Print what the reports about a month cost."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="bench-month-")))
-        past = folder / "past.txt"
-        with past.open("w") as file:
+        imported = folder / "history.txt"
+        with imported.open("w") as file:
             file.writelines(month.text(options.robots, time.time()))
         site = stack.enter_context(
-            prometheus_site.running(folder, {}, {}, interval=f"{INTERVAL}s", history=past)
+            prometheus_site.running(folder, {}, {}, interval=f"{INTERVAL}s", history=imported)
         )
-        past.unlink()
+        imported.unlink()
         print(f"{options.robots} robots, {month.DAYS} days")
-        asked = [each for each in queries() if each.place.startswith("Availability ")]
-        report([measure(site, each, month.DAYS * 24, options.rounds) for each in asked], 10.0)
+        chosen = [each for each in queries() if each.place.startswith("Availability ")]
+        report([measure(site, each, month.DAYS * 24, options.rounds) for each in chosen], 10.0)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""What judging faults costs: 1,000 robots of 16 components, 5 % of them in trouble.
+"""What the fault engine costs: 1,000 robots of 16 components, 5 % of them in trouble.
 
 An array in which nothing changed does not come here at all. The yardstick of the same run is one
 array of 16 statuses deserialized by rclpy.

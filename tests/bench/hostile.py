@@ -1,4 +1,4 @@
-"""What robots that behave, and Prometheus, notice of a robot or a client that does not.
+"""How a hostile robot or client affects the other robots and the scrapes.
 
 Each attack meets a fresh exporter with 20 robots at 1 Hz, of 16 components each, over real DDS on
 this machine; the exporter is scraped each second. First comes a case without an attack: each
@@ -36,8 +36,7 @@ from statistics import median
 
 from bench.scraper import TIMEOUT, Scrape, ScrapeError, Scraper
 from bench.sim import cpu_seconds
-from testbed import domains
-from testbed import http as asking
+from testbed import domains, http
 from testbed.polling import until
 from testbed.ports import free_port
 from testbed.processes import Process
@@ -83,7 +82,7 @@ class Result:
     stop: float
     scrapes: int
     rejected: dict[str, int]
-    hostile_arrays: int  # that the exporter has taken
+    hostile_arrays: int  # that the exporter received
     attacker: str
     fleet: str
 
@@ -123,7 +122,7 @@ class Site:
         return self._start("exporter", [EXPORTER, *arguments])
 
     def start_actor(self, *arguments: str) -> Process:
-        """Start one of `bench.actors`, which learns where it is to act and for how long."""
+        """Start one of `bench.actors`; DOMAIN and PORT are replaced by this site's."""
         places = {"DOMAIN": str(self._domain_id), "PORT": str(self.port)}
         named = [places.get(argument, argument) for argument in arguments]
         argv = [sys.executable, "-m", "bench.actors", *named, str(self._seconds)]
@@ -134,9 +133,9 @@ class Site:
         self._started.append(process)
         return process.start()
 
-    def wait_until_calm(self) -> None:
+    def wait_until_ready(self) -> None:
         """Wait until each robot of the fleet is up."""
-        until(lambda: asking.answers(self.address, "/-/ready"), self.exporter.describe, SETTLE)
+        until(lambda: http.answers(self.address, "/-/ready"), self.exporter.describe, SETTLE)
         self.wait_for(lambda scrape: robots_up(scrape) == ROBOTS, "all robots are up")
 
     def wait_for(self, condition: Callable[[Scrape], bool], what: str) -> None:
@@ -197,7 +196,7 @@ def run_case(attack: Attack | None, seconds: float) -> Result:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         site = Site(domain_id, folder, seconds)
         stack.callback(site.close)
-        site.wait_until_calm()
+        site.wait_until_ready()
         attacker = None
         if attack is not None:
             if attack.prepare is not None:
@@ -215,7 +214,7 @@ def measure(site: Site, attacker: Process | None, seconds: float) -> Result:
     scrapes = scrape_each_second(site, begin + seconds)
     cpu = (cpu_seconds(pid) - cpu) / (time.monotonic() - begin)
     memory = peak_megabytes(pid)
-    done = "none" if attacker is None else last_line(attacker)  # before the exporter goes
+    done = "none" if attacker is None else last_line(attacker)  # before the exporter stops
     good = [scrape for scrape in scrapes if scrape is not None]
     times = [TIMEOUT if scrape is None else scrape.seconds for scrape in scrapes]
     ages = [age for each in good for robot, age in each.ages.items() if robot != HOSTILE]
@@ -280,21 +279,23 @@ def last_line(process: Process) -> str:
 
 def print_table(results: dict[str, Result]) -> None:
     """Print a line for each case, and below it what was rejected and what the attacker did."""
-    calm = next(iter(results.values()))
+    baseline = next(iter(results.values()))
     lines = [f"{'':<20}" + "".join(f"{title:>10}{'':7}" for title, _, _ in COLUMNS)]
     for name, result in results.items():
-        lines.append(f"{name:<20}" + "".join(_cell(result, calm, *rest) for _, *rest in COLUMNS))
+        lines.append(
+            f"{name:<20}" + "".join(_cell(result, baseline, *rest) for _, *rest in COLUMNS)
+        )
     print("\n".join(line.rstrip() for line in lines))
     print()
     for name, result in results.items():
         rejected = ", ".join(f"{reason} {count}" for reason, count in result.rejected.items())
         print(f"{name}: {result.scrapes} scrapes; rejected: {rejected or 'nothing'}")
         print(f"    fleet: {result.fleet}; attacker: {result.attacker}")
-        print(f"    arrays of the hostile robot that were taken: {result.hostile_arrays}")
+        print(f"    arrays of the hostile robot that were received: {result.hostile_arrays}")
 
 
-def _cell(result: Result, calm: Result, field: str, form: str) -> str:
-    value, reference = getattr(result, field), getattr(calm, field)
+def _cell(result: Result, baseline: Result, field: str, form: str) -> str:
+    value, reference = getattr(result, field), getattr(baseline, field)
     if math.isnan(value):
         return f"{'-':>10}{'':7}"
     ratio = value / reference if reference else math.nan
@@ -311,7 +312,7 @@ def print_header(seconds: float) -> None:
 
 
 def main() -> None:
-    """Measure the calm case and the attacks that are asked for, and print the table."""
+    """Measure without an attack and under the chosen ones, and print the table."""
     parser = argparse.ArgumentParser(
         "./run bench hostile",
         description=__doc__,
@@ -329,7 +330,7 @@ def main() -> None:
     if unknown := set(options.attacks) - set(ATTACKS):
         parser.error(f"no attack {min(unknown)}; there are {', '.join(ATTACKS)}")
     print_header(options.seconds)
-    results = {"calm": run_case(None, options.seconds)}
+    results = {"no attack": run_case(None, options.seconds)}
     for number in options.attacks:
         attack = ATTACKS[number]
         results[f"{number} {attack.what}"] = run_case(attack, options.seconds)

@@ -1,4 +1,4 @@
-"""What taking in one decoded array costs: 16 statuses with 64 values, decode excluded.
+"""What receiving one decoded array costs: 16 statuses with 64 values, decode excluded.
 
 The yardstick of the same run is the same array deserialized by rclpy.
 """
@@ -55,7 +55,7 @@ def main() -> None:
     levels = min(_ingest([aggregated_array(1, level=n) for n in (0, 1)]) for _ in range(3))
     print("one array of 16 components, 64 values, 4 groups   us CPU   of decoding")
     for what, cost in (
-        ("decoding (rclpy and our nouns), the yardstick", decoding),
+        ("decoding (rclpy and our types), the yardstick", decoding),
         ("state, nothing changed      (target 100 us)", same),
         ("state, every value changed  (target 250 us)", every),
         ("state, every level changed", levels),

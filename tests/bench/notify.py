@@ -1,8 +1,8 @@
-"""How long a fault takes to the operator's inbox, stage by stage, on the whole real road.
+"""How long a fault takes to reach the operator's inbox, step by step, through all real servers.
 
-Several robots break at moments that have nothing to do with anybody's clock; each stage is timed
-where it happens: on DDS, in the exporter's and Prometheus' own time stamps, at Alertmanager's API,
-in the mail server. The target: p95 at most 12 s plus confirm_after.
+Several robots break at random moments. Each step is timed where it happens: on DDS, by time stamps
+of the exporter and of Prometheus, at Alertmanager's API, in the mail server. Target: p95 at most
+12 s plus confirm_after.
 """
 
 from __future__ import annotations
@@ -26,49 +26,49 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
-from testbed import http as asking
+from testbed import http
 from testbed.mail import Inbox
 from testbed.polling import until
 from testbed.stack import Plan, Stack, running
 
 MOTOR = "Motor 2"
-ROBOTS = 40  # of which so few break at a time that no rule takes it for a common cause
+ROBOTS = 40  # so many that the broken ones have no common cause
 AT_A_TIME = 8
 TARGET = 12.0  # seconds beyond confirm_after
 SPREAD = 10.0  # seconds over which the faults of one round are spread: two rounds of every clock
 TOPICS = ("diagnostics", "diagnostics_agg")
-STAGES = (
-    "fault taken by the robot",
+STEPS = (
+    "robot has the fault",
     "driver's message on DDS",
     "aggregate on DDS",
-    "taken in by the exporter",
+    "received by the exporter",
     "scraped",
     "seen by the rules",
     "confirmed, alert fires",
-    "Alertmanager has it",
+    "received by Alertmanager",
     "email received",
 )
 
 
 @dataclass
-class Ears:
-    """When (Unix time) DDS first carried something of a robot's motor; and who was heard at all."""
+class Arrivals:
+    """When (Unix time) each robot's fault was first on DDS, and the topics received at all."""
 
-    taken: dict[str, float] = field(default_factory=dict)
+    accepted: dict[str, float] = field(default_factory=dict)
     raw: dict[str, float] = field(default_factory=dict)
     aggregated: dict[str, float] = field(default_factory=dict)
-    heard: set[str] = field(default_factory=set)  # topics
+    topics: set[str] = field(default_factory=set)
 
     def on_parameters(self, event: ParameterEvent) -> None:
-        """The robots' node tells of a fault that it has taken."""
+        """The robots' node has a fault as its parameter."""
         for parameter in [*event.new_parameters, *event.changed_parameters]:
             robot, _, component = parameter.name.partition(".")
             if component == MOTOR and parameter.value.string_value.startswith("error"):
-                self.taken.setdefault(robot, time.time())
+                self.accepted.setdefault(robot, time.time())
 
     def on_array(self, robot: str, topic: str, array: DiagnosticArray) -> None:
         """An array, raw or aggregated; only the motor's own row counts."""
-        self.heard.add(f"/{robot}/{topic}")
+        self.topics.add(f"/{robot}/{topic}")
         first = self.raw if topic == "diagnostics" else self.aggregated
         if robot not in first and any(
             each.level == b"\2" and each.name.endswith(MOTOR) for each in array.status
@@ -77,24 +77,24 @@ class Ears:
 
 
 @contextmanager
-def listening(domain_id: int, robots: list[str]) -> Iterator[Ears]:
-    """Listen to the robots in a thread; yields when each is heard."""
-    ears = Ears()
+def listening(domain_id: int, robots: list[str]) -> Iterator[Arrivals]:
+    """Subscribe to the robots in a thread; yields once each was received."""
+    arrivals = Arrivals()
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=domain_id)
     node = rclpy.create_node("notify_bench", context=context, start_parameter_services=False)
-    node.create_subscription(ParameterEvent, "/parameter_events", ears.on_parameters, 100)
+    node.create_subscription(ParameterEvent, "/parameter_events", arrivals.on_parameters, 100)
     for robot in robots:
         for topic in TOPICS:
-            on_array = partial(ears.on_array, robot, topic)
+            on_array = partial(arrivals.on_array, robot, topic)
             node.create_subscription(DiagnosticArray, f"/{robot}/{topic}", on_array, 10)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     thread = threading.Thread(target=_spin, args=(executor,))
     thread.start()
     try:
-        until(lambda: len(ears.heard) == len(robots) * len(TOPICS), "all robots on DDS")
-        yield ears
+        until(lambda: len(arrivals.topics) == len(robots) * len(TOPICS), "all robots on DDS")
+        yield arrivals
     finally:
         context.shutdown()
         thread.join()
@@ -109,7 +109,7 @@ def _spin(executor: SingleThreadedExecutor) -> None:
 
 def first_sample(stack: Stack, series: str, since: float, at_least: float = 0.0) -> float:
     """Return the time stamp of Prometheus' first sample of ``series`` since then."""
-    answer = asking.get_json(stack.addresses.prometheus, f"/api/v1/query?query={quote(series)}[2m]")
+    answer = http.get_json(stack.addresses.prometheus, f"/api/v1/query?query={quote(series)}[2m]")
     times = [
         at
         for each in answer["data"]["result"]
@@ -130,13 +130,13 @@ def fire(stack: Stack, robots: list[str]) -> dict[str, float]:
         each.start()
     arrived: dict[str, float] = {}
 
-    def all_told() -> bool:
-        for each in asking.get_json(stack.addresses.alertmanager, "/api/v2/alerts"):
+    def all_notified() -> bool:
+        for each in http.get_json(stack.addresses.alertmanager, "/api/v2/alerts"):
             if each["labels"]["alertname"] == "RosDiagnosticsComponentCritical":
                 arrived.setdefault(each["labels"]["robot"], time.time())
         return len(mails(stack, "PROBLEM", began)) == len(robots)
 
-    until(all_told, lambda: f"{len(robots)} mails: {mails(stack, 'PROBLEM', began)}", 90)
+    until(all_notified, lambda: f"{len(robots)} mails: {mails(stack, 'PROBLEM', began)}", 90)
     return arrived
 
 
@@ -149,17 +149,17 @@ def mails(stack: Stack, word: str, since: float) -> dict[str, float]:
     }
 
 
-def moments(stack: Stack, robot: str, ears: Ears, began: float) -> list[float]:
-    """Return when one robot's fault passed each stage between DDS and the alert."""
+def moments(stack: Stack, robot: str, arrivals: Arrivals, began: float) -> list[float]:
+    """Return when one robot's fault passed each step from DDS to the alert."""
     motor = f'robot="{robot}",component="{MOTOR}"'
     since = f"ros_diagnostics_component_since_timestamp_seconds{{{motor}}}"
     level = f"ros_diagnostics_component_level{{{motor}}}"
     problem = f"component:ros_diagnostics_problem:start{{{motor}}}"
     alert = f'ALERTS{{{motor},alertname="RosDiagnosticsComponentCritical",alertstate="firing"}}'
     return [
-        ears.taken[robot],
-        ears.raw[robot],
-        ears.aggregated[robot],
+        arrivals.accepted[robot],
+        arrivals.raw[robot],
+        arrivals.aggregated[robot],
         stack.query(since)[0].value,
         first_sample(stack, level, began, at_least=2),
         stack.query(problem)[0].value,
@@ -168,16 +168,18 @@ def moments(stack: Stack, robot: str, ears: Ears, began: float) -> list[float]:
 
 
 def measure(stack: Stack, robots: list[str]) -> list[list[float]]:
-    """Break and repair the robots once; return for each the moments of all stages.
+    """Break and repair the robots once; return for each the times of all steps.
 
     Raises:
-        TimeoutError: A mail is missing; the text says whose, and how far it has come.
+        TimeoutError: A mail is missing; the text says whose, and how far it got.
     """
     began = time.time()
-    with listening(stack.domain_id, robots) as ears:
+    with listening(stack.domain_id, robots) as arrivals:
         arrived = fire(stack, robots)
-    told = mails(stack, "PROBLEM", began)
-    rows = [[*moments(stack, robot, ears, began), arrived[robot], told[robot]] for robot in robots]
+    mailed = mails(stack, "PROBLEM", began)
+    rows = [
+        [*moments(stack, robot, arrivals, began), arrived[robot], mailed[robot]] for robot in robots
+    ]
     for robot in robots:
         stack.fault(robot, MOTOR, "ok")
 
@@ -191,11 +193,11 @@ def measure(stack: Stack, robots: list[str]) -> list[list[float]]:
 
 
 def where_it_stands(stack: Stack, robots: set[str]) -> str:
-    """Say how far the end of a fault has come for each robot whose recovery is missing."""
-    told = asking.get_json(stack.addresses.alertmanager, "/api/v2/alerts")
+    """Say how far each robot whose recovery is missing got."""
+    alerts = http.get_json(stack.addresses.alertmanager, "/api/v2/alerts")
     states = {
         each["labels"]["robot"]: each["status"]["state"]
-        for each in told
+        for each in alerts
         if each["labels"]["alertname"] == "RosDiagnosticsComponentCritical"
     }
     levels = {
@@ -209,13 +211,13 @@ def where_it_stands(stack: Stack, robots: set[str]) -> str:
 
 
 def report(rows: list[list[float]], confirm_after: float) -> str:
-    """Return a table: seconds from stage to stage, and from the fault on."""
-    lines = [f"{'stage':26} {'step median':>11} {'max':>6} {'since fault median':>19} {'max':>6}"]
-    for number, stage in enumerate(STAGES):
+    """Return a table: seconds from step to step, and since the fault."""
+    lines = [f"{'':26} {'step median':>11} {'max':>6} {'since fault median':>19} {'max':>6}"]
+    for number, name in enumerate(STEPS):
         steps = [row[number] - row[max(0, number - 1)] for row in rows]
         total = [row[number] - row[0] for row in rows]
         lines.append(
-            f"{stage:26} {median(steps):11.2f} {max(steps):6.2f}"
+            f"{name:26} {median(steps):11.2f} {max(steps):6.2f}"
             f" {median(total):19.2f} {max(total):6.2f}"
         )
     total = [row[-1] - row[0] for row in rows]

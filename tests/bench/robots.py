@@ -26,12 +26,12 @@ def aggregated_array(turn: int, *, level: int = 0, of: Collection[int] | None = 
         statuses.append(Status(max(levels), f"/Group {group}", "OK", "", rows))
         statuses.extend(
             Status(
-                said,
+                each,
                 f"/Group {group}/{name}",
                 "OK",
                 "hw-1",
                 tuple((f"Voltage {key} (V)", f"{turn % 97 + key / 8}") for key in range(VALUES)),
             )
-            for name, said in zip(names, levels, strict=True)
+            for name, each in zip(names, levels, strict=True)
         )
     return Array(1.7e9 + turn, tuple(statuses), 2400)

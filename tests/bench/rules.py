@@ -1,13 +1,12 @@
-"""What one evaluation of all rules costs: a real Prometheus, and 1,000 robots that a state invents.
+"""What one evaluation of all rules costs: a real Prometheus with 1,000 made-up robots.
 
-The shipped configuration as it is; only addresses are set. Each case is held for some evaluations:
-all well; 5 % of the robots CRITICAL, with all they have; 5 % of all components, here and there;
-everything; the most components that are told one by one (a common cause would tell more at once).
-Every robot has two values with thresholds.
+The shipped configuration, with other addresses. Each case lasts some evaluations: all OK; all
+components of 5 % of the robots CRITICAL; 5 % of all components; all; the most components that fire
+one by one (with more there is a common cause). Every robot has two values with thresholds.
 
 Printed are the seconds of all groups for one evaluation interval (a group with a longer interval
 counts by its share of it), and their ratio to one scrape of the same fleet by the same Prometheus,
-which tells a slow machine from slow rules; and the series that the rules add. The target: under 1 s
+which is independent of the machine's speed; and the series that the rules add. Target: under 1 s
 with at most 5 % faulty, under one interval (5 s) with all.
 """
 
@@ -49,8 +48,8 @@ INTERVAL = 5.0
 COMMON_CAUSE = 0.3  # of the fleet, as shipped in settings.yml
 ALL = range(GROUPS * COMPONENTS)
 RECORDED = 'count({__name__=~".+:ros_diagnostics.*|ALERTS.*"})'
-# Values that no turn of the bench takes across their thresholds.
-GUARDED = ValueRule(
+# Values that never cross their thresholds in this bench.
+MONITORED = ValueRule(
     component=re.compile(r"node_[01]: part 0"),
     key=re.compile(r"Voltage 0 \(V\)"),
     thresholds=(Threshold("low", "critical", -1.0), Threshold("high", "warning", 1000.0)),
@@ -60,7 +59,7 @@ GUARDED = ValueRule(
 class Case(NamedTuple):
     """Which components are CRITICAL."""
 
-    tells: str
+    title: str
     components: float = 0.0  # share of all, spread over all robots
     robots: float = 0.0  # share of the robots, in all that they have
 
@@ -92,7 +91,7 @@ class Target:
 
     def __init__(self, robots: int) -> None:
         self.topics = [Topic(0, f"/robot_{n}/diagnostics_agg") for n in range(robots)]
-        profile = Profile(values=(GUARDED,))
+        profile = Profile(values=(MONITORED,))
         declared = (
             Robot(
                 f"robot_{n}",
@@ -169,13 +168,13 @@ def sample(port: int, expression: str) -> float:
 
 
 def firing(port: int) -> int:
-    """How many faults of components are told."""
+    """How many alerts about components fire."""
     names = "RosDiagnostics(ComponentCritical|ManyComponents|CommonCause)"
     return int(sample(port, f'count(ALERTS{{alertname=~"{names}"}})'))
 
 
-def told(port: int, expected: int) -> bool:
-    """Whether just so many are told: those of the case before are over."""
+def fires(port: int, expected: int) -> bool:
+    """Whether exactly so many alerts fire: those of the case before are resolved."""
     return firing(port) == expected
 
 
@@ -236,24 +235,24 @@ def main() -> None:
         series = target.text.count(b"\n") - target.text.count(b"# ")
         print(f"Prometheus {version}, {options.robots} robots, {series} series")
         columns = "".join(f"{name:>9}" for name in ("median", "longest", "scrapes", "series"))
-        print(f"{'CRITICAL':<24}{'told':>6}{columns}   seconds by group")
+        print(f"{'CRITICAL':<24}{'alerts':>7}{columns}   seconds by group")
         for case in CASES:
-            until(partial(told, port, target.breaks(CASES[0])), "the case before is over", 240)
+            until(partial(fires, port, target.breaks(CASES[0])), "the case before is over", 240)
             expected = target.breaks(case)
-            until(partial(told, port, expected), f"{expected} alerts", 240)
+            until(partial(fires, port, expected), f"{expected} alerts", 240)
             costs = watch(port, options.rounds)
             report(case, (firing(port), int(sample(port, RECORDED))), costs, options.rules)
 
 
 def report(case: Case, counted: tuple[int, int], costs: Costs, rules: int) -> None:
-    """One line for a case with faults told and series recorded, one for each costly rule."""
-    told, recorded = counted
+    """One line for a case with its alerts and recorded series, one for each costly rule."""
+    alerts, recorded = counted
     totals = costs.totals()
     typical = {name: median(seconds) for name, seconds in costs.groups.items()}
     each = ", ".join(f"{name.split('.')[1]} {cost:.2f}" for name, cost in typical.items())
     ratio = median(totals) / median(costs.scrapes)
-    numbers = f"{told:>6}{median(totals):>9.2f}{max(totals):>9.2f}{ratio:>9.2f}"
-    print(f"{case.tells:<24}{numbers}{recorded:>9}   {each}")
+    numbers = f"{alerts:>7}{median(totals):>9.2f}{max(totals):>9.2f}{ratio:>9.2f}"
+    print(f"{case.title:<24}{numbers}{recorded:>9}   {each}")
     by_cost = sorted(costs.rules.items(), key=lambda item: median(item[1]), reverse=True)
     for name, seconds in by_cost[:rules]:
         print(f"    {median(seconds):.3f} {name}")

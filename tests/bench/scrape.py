@@ -24,7 +24,7 @@ from ros_diagnostics_exporter.state.state import State
 
 
 class Samples(Collector):
-    """The same samples as a custom collector would hand to prometheus_client."""
+    """The same samples from a custom collector for prometheus_client."""
 
     def __init__(self, text: str) -> None:
         self._families = [

@@ -1,4 +1,4 @@
-"""What a fleet of virtual robots costs: CPU and memory of its one process, and what gets lost.
+"""What a fleet of virtual robots costs: CPU and memory of its process, and lost messages.
 
 This process listens to the aggregated topic of every robot, as the exporter does, and counts the
 gaps in the messages' numbers. `./run bench sim --robots 1000 --seconds 30`.
@@ -71,7 +71,7 @@ def resident_megabytes(pid: int) -> float:
 
 
 def measure(options: argparse.Namespace, domain_id: int, folder: Path) -> None:
-    """Start the fleet, let it settle, measure for the asked time, print."""
+    """Start the fleet, let it settle, measure, print."""
     arguments = [BIN / "virtual-robots", "--robots", str(options.robots)]
     arguments += ["--participants", options.participants]
     robots = Process("robots", arguments, domains.environment(domain_id), folder / "robots.log")
@@ -83,15 +83,15 @@ def measure(options: argparse.Namespace, domain_id: int, folder: Path) -> None:
         thread = threading.Thread(target=listener.listen, args=(stop,))
         thread.start()
     stop.wait(options.settle)
-    before, heard = cpu_seconds(robots.pid), sum(listener.messages.values()) if listener else 0
+    before, received = cpu_seconds(robots.pid), sum(listener.messages.values()) if listener else 0
     stop.wait(options.seconds)
     spent = cpu_seconds(robots.pid) - before
     print(f"{options.robots} robots, {options.seconds:g} s, participants: {options.participants}")
     print(f"CPU of the fleet's process: {spent / options.seconds:.0%} of a core")
     print(f"memory: {resident_megabytes(robots.pid):.0f} MB")
     if listener is not None:
-        rate = (sum(listener.messages.values()) - heard) / options.seconds
-        print(f"heard: {rate:.0f} messages a second on {len(listener.messages)} topics")
+        rate = (sum(listener.messages.values()) - received) / options.seconds
+        print(f"received: {rate:.0f} messages a second on {len(listener.messages)} topics")
         print(f"lost, by their numbers: {listener.lost}")
         stop.set()
         thread.join()

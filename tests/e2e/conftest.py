@@ -1,4 +1,4 @@
-"""The whole road, running, for each end-to-end test: real DDS, exporter, servers and mail."""
+"""For each end-to-end test a running stack: virtual robots, exporter, servers and mail."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from support.sns import SENT
-from testbed import http as asking
+from testbed import http
 from testbed.mail import Inbox
 from testbed.polling import until
 from testbed.stack import Plan, Stack, running
@@ -49,8 +49,8 @@ def wait_for_mails(stack: Stack) -> Callable[[int], list[str]]:
 def wait_for_scrapes(stack: Stack) -> Callable[[int], None]:
     """A function: waits until Prometheus has scraped the exporter successfully so many times more.
 
-    Rules are evaluated as often, and Alertmanager looks at its groups as often (group_interval):
-    whatever mail had to come of what was scraped before, has come.
+    Rules are evaluated as often, and group_interval is as long: all mails about what was scraped
+    before have been sent.
     """
 
     def wait(number: int) -> None:
@@ -65,11 +65,11 @@ def wait_for_scrapes(stack: Stack) -> Callable[[int], None]:
 
 
 @pytest.fixture
-def amazon(free_port: Callable[[], int], start_process: Callable[..., Any]) -> str:
-    """The address of a server that takes text messages as Amazon SNS does."""
+def sns_server(free_port: Callable[[], int], start_process: Callable[..., Any]) -> str:
+    """The address of moto's server, which receives text messages as Amazon SNS does."""
     port = free_port()
     argv = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)]
     start_process("moto", argv)
     address = f"127.0.0.1:{port}"
-    until(lambda: asking.answers(address, SENT), "moto's server answers", 60)
+    until(lambda: http.answers(address, SENT), "moto's server answers", 60)
     return address

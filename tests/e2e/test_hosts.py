@@ -1,4 +1,4 @@
-"""The shipped jobs for host checks, their comment signs taken away, with real exporters."""
+"""The commented-out jobs for host checks in prometheus.yml, with real exporters."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ robots:
 
 
 def jobs(exporter: str, node: str, blackbox: str, module: str) -> list[dict]:
-    """What stands in comments at the end of prometheus.yml; only addresses are this machine's.
+    """The jobs in the comments at the end of prometheus.yml, with addresses of this machine.
 
-    With ``module`` tcp_connect a port is asked instead of pings, as the comment says.
+    With ``module`` tcp_connect a port is probed instead of pings, as the comment says.
     """
     text = (prometheus_site.ROOT / "prometheus" / "prometheus.yml").read_text()
     _rest, mark, end = text.partition("  # --- Hosts:")
@@ -57,10 +57,8 @@ def jobs(exporter: str, node: str, blackbox: str, module: str) -> list[dict]:
 
 
 @pytest.fixture(params=["icmp", "tcp_connect"])
-def asked(request, tmp_path: Path) -> Iterator[tuple[prometheus_site.Site, str]]:
-    """A site that asks its hosts by either module; why it cannot, empty where it can."""
-    if missing := host_checks.missing_program():
-        pytest.skip(f"{missing} is not installed")
+def probed(request, tmp_path: Path) -> Iterator[tuple[prometheus_site.Site, str]]:
+    """A site whose hosts are probed with either module, and blackbox_exporter's error, if any."""
     exporter = f"127.0.0.1:{free_port()}"
     with domains.lease() as domain, host_checks.running(tmp_path) as (node, blackbox):
         config = tmp_path / "fleet.yml"
@@ -86,21 +84,21 @@ def asked(request, tmp_path: Path) -> Iterator[tuple[prometheus_site.Site, str]]
                 pings = request.param == "icmp"
                 uplink = "127.0.0.1" if pings else node
                 uplinks.write_text(_uncommented(uplinks).replace("ap-1.lan", uplink))
-                yield running, host_checks.ping_trouble(blackbox) if pings else ""
+                yield running, host_checks.ping_error(blackbox) if pings else ""
         finally:
             process.stop()
 
 
 def _uncommented(path: Path) -> str:
-    """The example in the shipped file, as a site would use it."""
+    """The example in the shipped file, uncommented."""
     example = re.findall(r"^# ((?:- |  ).*)$", path.read_text(), re.MULTILINE)
     assert example
     return "\n".join(example).replace("ap-1}", "ap_1}").replace("warehouse", "hall")
 
 
-def test_robots_and_uplinks_are_asked_for_and_rules_know_the_answers(asked):
-    site, trouble = asked
-    success, answers = (0, "no") if trouble else (1, "yes")
+def test_robots_and_uplinks_are_probed_and_the_rules_use_the_result(probed):
+    site, error = probed
+    success, answers = (0, "no") if error else (1, "yes")
     robot = {"robot": "robot_1", "site": "north"}
     uplink = {"fleet": "hall", "uplink": "ap_1"}
     wanted = {
@@ -112,8 +110,8 @@ def test_robots_and_uplinks_are_asked_for_and_rules_know_the_answers(asked):
             "robot": "robot_1",
         },
     }
-    if trouble:  # an ordinary user: docs/alerts.md says what blackbox_exporter needs then
-        assert "not permitted" in trouble or "permission denied" in trouble
+    if error:  # an ordinary user: docs/alerts.md says what blackbox_exporter needs then
+        assert "not permitted" in error or "permission denied" in error
     else:
         wanted["uplink:ros_diagnostics_reachable:start"] = uplink
     for expr, labels in wanted.items():

@@ -1,4 +1,4 @@
-"""A real Prometheus against the real exporter behind TLS and basic auth, and its discovery."""
+"""A real Prometheus scrapes the real exporter over TLS with basic auth, and uses its discovery."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ scrape_configs:
 
 @pytest.fixture
 def secured(tmp_path: Path) -> Iterator[tuple[Callable[[str], Any], str]]:
-    """Asks Prometheus' API, and the exporter's address; robots, exporter and Prometheus run."""
+    """A function that queries Prometheus' API, and the address of the exporter."""
     exporter, prometheus = (f"127.0.0.1:{ports.free_port()}" for _ in range(2))
     write_secrets(tmp_path)
     (tmp_path / "prometheus.yml").write_text(PROMETHEUS.format(exporter=exporter))
@@ -90,14 +90,14 @@ def secured(tmp_path: Path) -> Iterator[tuple[Callable[[str], Any], str]]:
             for each in running:
                 each.start()
             running[2].wait_for_output("Server is ready to receive web requests")
-            yield lambda path: ask(prometheus, path), exporter
+            yield lambda path: get_json(prometheus, path), exporter
         finally:
             for each in reversed(running):
                 each.stop()
 
 
 def write_secrets(folder: Path) -> None:
-    """A web config with TLS and one user, and what Prometheus needs to get in."""
+    """A web config with TLS and one user, and the files that Prometheus needs."""
     ca = trustme.CA()
     issued = ca.issue_cert("127.0.0.1")
     ca.cert_pem.write_to_path(folder / "ca.crt")
@@ -111,7 +111,7 @@ def write_secrets(folder: Path) -> None:
     )
 
 
-def ask(server: str, path: str) -> Any:
+def get_json(server: str, path: str) -> Any:
     with urllib.request.urlopen(f"http://{server}{path}", timeout=20) as answer:
         return json.load(answer)["data"]
 

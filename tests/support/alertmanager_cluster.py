@@ -1,14 +1,14 @@
-"""Two Alertmanagers that know each other, as docs/notifications.md says to start them."""
+"""A cluster of two Alertmanagers, started as in docs/notifications.md."""
 
 from __future__ import annotations
 
-from testbed import http as asking
+from testbed import http
 
-PEER_TIMEOUT = 2  # seconds that the second waits for the first to have mailed
+PEER_TIMEOUT = 2  # seconds that the second waits for the first
 
 
 def clustered(argv: list[str], mine: str, other: str) -> list[str]:
-    """Return the command line of one that talks to the other at these addresses."""
+    """Return the command line of one half; ``mine`` and ``other`` are the cluster addresses."""
     return [
         *(part for part in argv if not part.startswith("--cluster.")),
         f"--cluster.listen-address={mine}",
@@ -18,9 +18,9 @@ def clustered(argv: list[str], mine: str, other: str) -> list[str]:
 
 
 def sees_two(address: str) -> bool:
-    """Whether it has found the other and settled."""
+    """Whether the Alertmanager is in a cluster of two and ready."""
     try:
-        cluster = asking.get_json(address, "/api/v2/status")["cluster"]
-    except asking.Unanswered:
+        cluster = http.get_json(address, "/api/v2/status")["cluster"]
+    except http.Unanswered:
         return False
     return cluster["status"] == "ready" and len(cluster["peers"]) == 2

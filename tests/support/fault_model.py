@@ -1,7 +1,7 @@
-"""The judgement of faults once more, by brute force: everything is worked out again at each second.
+"""A second, simple implementation of the fault rules: everything is computed anew at each second.
 
-Written from DESIGN's rules and not from the engine, for the tests that compare the two. It keeps
-what the world is like and which faults last, and knows nothing of timers, events or rows.
+Written from the rules and not from the engine, for tests that compare the two. It has no timers,
+events or rows.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ class Slots:
 
 
 @dataclass
-class Part:
-    """Anything with states that open and close: ``open`` (state -> since), ``now`` fresh or not."""
+class Monitored:
+    """A component, value or check; ``open`` has the states it is in, with the second since when."""
 
     clock: int | None = None  # in trouble since
     open: dict[str, int] = field(default_factory=dict)
@@ -90,15 +90,15 @@ class RobotModel:
     silent_since: int | None = None
     pending_since: int | None = None
     received: bool = False
-    returned_until: float = -(10**9)  # what rests on absence waits that long
+    returned_until: float = -(10**9)  # until then absence is no fault
     total: int = 0
     slots: Slots | None = None
     flapping: bool = False
     flapping_since: int = 0
     counted: bool = False
-    components: dict[tuple[str, str], Part] = field(default_factory=dict)
-    values: dict[tuple[str, ...], Part] = field(default_factory=dict)  # group, name, key, ...
-    checks: dict[str, Part] = field(default_factory=dict)
+    components: dict[tuple[str, str], Monitored] = field(default_factory=dict)
+    values: dict[tuple[str, ...], Monitored] = field(default_factory=dict)  # group, name, key, ...
+    checks: dict[str, Monitored] = field(default_factory=dict)
 
 
 @dataclass
@@ -112,7 +112,7 @@ class CauseModel:
 
 
 class Model:
-    """The fleet; `step` gives what began and ended by what was done since the last one."""
+    """The fleet; `step` appends the faults that began and ended to ``changes``."""
 
     def __init__(self, settings: FleetSettings) -> None:
         self.settings = settings
@@ -122,7 +122,7 @@ class Model:
         self.settled_at = -(10**9)
         self.changes: list[tuple[int, str, Key, int, tuple[tuple[str, str], ...]]] = []
 
-    # -- what happens ------------------------------------------------------------------------
+    # -- events ------------------------------------------------------------------------------
 
     def started(self, now: int) -> None:
         self.settled_at = now + int(self.settings.restart_grace)
@@ -214,7 +214,7 @@ class Model:
         robot = self.robots[name]
         if robot.presence != "up":
             return
-        part = robot.components.setdefault(where, Part())
+        part = robot.components.setdefault(where, Monitored())
         part.settings, part.level, part.fresh = how, to, True
         planned = to == STALE and how.planned_stale
         if not planned:
@@ -234,20 +234,20 @@ class Model:
         if not planned:
             self._open(part, to, now)
 
-    def _keep_open(self, part: Part, name: str, where: tuple[str, str]) -> None:
-        """What lasts goes on under something worse, under STALE and in silence."""
+    def _keep_open(self, part: Monitored, name: str, where: tuple[str, str]) -> None:
+        """A fault continues under a worse level, under STALE and in silence."""
         for state in ("warning", "stale", "critical"):
             key = key_of("component", state, robot=name, group=where[0], component=where[1])
             if key in self.faults:
                 part.open.setdefault(state, self.faults[key]["since"])
 
-    def _open(self, part: Part, to: Level, now: int) -> None:
+    def _open(self, part: Monitored, to: Level, now: int) -> None:
         assert part.clock is not None
         part.open.setdefault(STATE_OF[to], now if to == ERROR else part.clock)
         if to == STALE and part.settings.stale_is_critical:
             part.open.setdefault("critical", now)
 
-    def _note_level(self, robot: RobotModel, part: Part, to: Level, now: int) -> None:
+    def _note_level(self, robot: RobotModel, part: Monitored, to: Level, now: int) -> None:
         last = OK if part.slots is None else part.slots.states[-1]
         returned = to == STALE and now < robot.returned_until
         if to == last or returned or robot.maintenance:
@@ -274,7 +274,7 @@ class Model:
             del robot.values[known]
         for each in thresholds:
             known = ("", component, "charge", each.bound, each.severity)
-            part = robot.values.setdefault(known, Part())
+            part = robot.values.setdefault(known, Monitored())
             lasts = self.faults.get(self._value_key(name, known))
             if not part.fresh and lasts is not None:  # not known: not well either
                 part.open.setdefault("", lasts["since"])
@@ -306,26 +306,26 @@ class Model:
             self._end(key_of("check", "critical", robot=name, check=check), "removed", now)
             robot.checks.pop(check, None)
         elif robot.presence == "up":
-            part = robot.checks.setdefault(check, Part())
+            part = robot.checks.setdefault(check, Monitored())
             part.fresh = True
             if found < expected:
                 part.open.setdefault("", now)
             else:
                 part.open = {}
 
-    # -- working it out ----------------------------------------------------------------------
+    # -- computation -------------------------------------------------------------------------
 
     def step(self, now: int) -> None:
-        """Work everything out as it is now."""
+        """Compute all causes and faults at this second."""
         for robot in self.robots.values():
             self._flap(robot, now)
         for scope in ("site", "common", "many"):
             self._find_causes(scope, now)
         for name, robot in self.robots.items():
-            self._judge_robot(name, robot, now)
+            self._update_robot(name, robot, now)
         for (scope, name), cause in self.causes.items():
             if scope != "many":
-                self._judge_cause(scope, name, cause, now)
+                self._update_cause(scope, name, cause, now)
 
     def _flap(self, robot: RobotModel, now: int) -> None:
         if robot.slots is not None:
@@ -336,7 +336,7 @@ class Model:
                 part.slots.tick(now, robot.settings.flap_interval)
                 self._weigh(part, now)
 
-    def _weigh(self, thing: Part | RobotModel, now: int) -> None:
+    def _weigh(self, thing: Monitored | RobotModel, now: int) -> None:
         was, settings = thing.flapping, self.settings
         assert thing.slots is not None
         limit = settings.flapping_stop if was else settings.flapping_start
@@ -354,12 +354,12 @@ class Model:
             "many": set(self.robots),
         }[scope] | {name for kind, name in self.causes if kind == scope}
         for name in names:
-            members, fresh, whole = self._count(scope, name, now)
+            own, fresh, whole = self._count(scope, name, now)
             needed = self._needed(scope, whole)
             cause = self.causes.setdefault((scope, name), CauseModel())
             if cause.active is None and fresh >= needed:
                 cause.active = now
-            elif cause.active is not None and members < needed / 2:
+            elif cause.active is not None and own < needed / 2:
                 cause.active, cause.ended = None, now
                 robot = self.robots.get(name)
                 cause.wait = self.settings.confirm_after
@@ -372,7 +372,7 @@ class Model:
         return needed if settings.absolute is None else min(needed, settings.absolute)
 
     def _count(self, scope: str, name: str, now: int) -> tuple[int, int, int]:
-        """(members, those of them that are fresh, how many there could be)."""
+        """How many have the cause, how many of them are fresh, and how many there could be."""
         known = [
             robot
             for robot in self.robots.values()
@@ -393,7 +393,7 @@ class Model:
             ]
             whole = sum(each.settings.site == name for each in known)
             return sum(each.counted for each in here), len(silent_now), whole
-        members = fresh = 0
+        own = fresh = 0
         for robot in self.robots.values():
             parts = [part for (_, other), part in robot.components.items() if other == name]
             now_bad = []
@@ -402,9 +402,9 @@ class Model:
                 better = part.fresh and part.level in (OK, WARN)
                 part.counted = bad or (part.counted and not better)
                 now_bad.append(bad)
-            members += any(part.counted for part in parts)
+            own += any(part.counted for part in parts)
             fresh += any(now_bad)
-        return members, fresh, len(known)
+        return own, fresh, len(known)
 
     def _count_many(self, robot: RobotModel, now: int) -> tuple[int, int, int]:
         troubled = [key for key, part in robot.components.items() if part.clock is not None]
@@ -417,7 +417,7 @@ class Model:
         cause = self.causes.get((scope, name))
         return cause is not None and cause.covers(now)
 
-    def _judge_cause(self, scope: str, name: str, cause: CauseModel, now: int) -> None:
+    def _update_cause(self, scope: str, name: str, cause: CauseModel, now: int) -> None:
         key = key_of("site", "silent", site=name)
         if scope == "common":
             key = key_of("common", "critical", component=name)
@@ -428,24 +428,24 @@ class Model:
             and 2 * fresh >= self._needed(scope, whole)
             and (scope == "common" or now >= self.settled_at)
         )
-        self._judge(key, cause.active, begins, well=cause.active is None, labels={}, now=now)
+        self._update(key, cause.active, begins, well=cause.active is None, labels={}, now=now)
 
     # -- robots and their parts --------------------------------------------------------------
 
-    def _judge_robot(self, name: str, robot: RobotModel, now: int) -> None:
+    def _update_robot(self, name: str, robot: RobotModel, now: int) -> None:
         labels = robot.settings.labels
         confirm = robot.settings.confirm_after
         site = self._covered("site", robot.settings.site, now)
         work = robot.maintenance
         settled = now >= self.settled_at
 
-        def judge(key: Key, since: int | None, begins: bool, *, well: bool) -> None:
-            self._judge(
+        def update(key: Key, since: int | None, begins: bool, *, well: bool) -> None:
+            self._update(
                 key, since, begins and not work, well=well and not work, labels=labels, now=now
             )
 
         silent = robot.presence == "silent" and settled and not site and not robot.flapping
-        judge(
+        update(
             key_of("robot", "silent", robot=name),
             robot.silent_since,
             silent and now >= robot.silent_at + confirm,
@@ -455,13 +455,13 @@ class Model:
             robot.silent_since = None
         pending = robot.pending_since
         due = pending is not None and now >= pending + self.settings.pending_after
-        judge(
+        update(
             key_of("robot", "pending", robot=name),
             pending,
             due and robot.presence == "never" and settled and not robot.flapping,
             well=robot.presence == "up",
         )
-        judge(
+        update(
             key_of("robot", "flapping", robot=name),
             robot.flapping_since,
             robot.flapping and not site,
@@ -472,43 +472,43 @@ class Model:
             since = part.open.get("")
             begins = since is not None and part.fresh and returned and now >= since + confirm
             key = key_of("check", "critical", robot=name, check=check)
-            judge(key, since, begins, well=part.fresh and since is None)
+            update(key, since, begins, well=part.fresh and since is None)
         for known, part in robot.values.items():
             since = part.open.get("")
             wait = part.settings.confirm_after
             begins = since is not None and part.fresh and now >= since + wait
-            judge(self._value_key(name, known), since, begins, well=part.fresh and since is None)
-        self._judge_many(name, robot, judge, now)
+            update(self._value_key(name, known), since, begins, well=part.fresh and since is None)
+        self._update_many(name, robot, update, now)
         for (group, component), part in robot.components.items():
             where = {"robot": name, "group": group, "component": component}
-            self._judge_component(robot, part, where, judge, returned=returned, now=now)
+            self._update_component(robot, part, where, update, returned=returned, now=now)
 
-    def _judge_many(self, name: str, robot: RobotModel, judge: Any, now: int) -> None:
+    def _update_many(self, name: str, robot: RobotModel, update: Any, now: int) -> None:
         cause = self.causes["many", name]
         worst = any("critical" in part.open for part in robot.components.values())
         _, own, _ = self._count_many(robot, now)
         due = cause.active is not None and now >= cause.active + robot.settings.confirm_after
         due = due and 2 * own >= self._needed("many", robot.total)
         off = cause.active is None
-        judge(
+        update(
             key_of("robot", "many", robot=name, severity="critical"),
             cause.active,
             due and worst,
             well=off or not worst,
         )
-        judge(
+        update(
             key_of("robot", "many", robot=name, severity="warning"),
             cause.active,
             due and not worst,
             well=off,
         )
 
-    def _judge_component(
+    def _update_component(
         self,
         robot: RobotModel,
-        part: Part,
+        part: Monitored,
         where: dict[str, str],
-        judge: Any,
+        update: Any,
         *,
         returned: bool,
         now: int,
@@ -517,7 +517,7 @@ class Model:
         covered = covered or self._covered("many", where["robot"], now)
         quiet = covered or not part.fresh
         up = robot.presence == "up"
-        judge(
+        update(
             key_of("flapping", "flapping", **where),
             part.flapping_since,
             part.flapping and up and not covered,
@@ -533,9 +533,9 @@ class Model:
             elif state != STATE_OF.get(part.level):
                 begins = False
             well = part.fresh and state not in part.open and not part.flapping
-            judge(key_of("component", state, **where), since, begins, well=well)
+            update(key_of("component", state, **where), since, begins, well=well)
 
-    def _judge(
+    def _update(
         self, key: Key, since: int | None, begins: bool, *, well: bool, labels: Any, now: int
     ) -> None:
         if key in self.faults:

@@ -1,4 +1,4 @@
-"""Text messages by Alertmanager's own sns_configs; Amazon's part is played by moto's server."""
+"""Text messages sent by Alertmanager's sns_configs to moto's server instead of Amazon SNS."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 
 import yaml
 
-from testbed import http as asking
+from testbed import http
 from testbed.configuration import CHECKOUT
 
 SENT = "/moto-api/data.json"
-# The route as it is shipped, switched off; people take its comment signs away.
+# The shipped route, commented out.
 COMMENTED = """\
     # - matchers: [severity = critical]
     #   receiver: sms
@@ -21,59 +21,59 @@ COMMENTED = """\
 """
 
 
-def with_text_messages(amazon: str) -> dict[str, Any]:
-    """Return the shipped configuration with its route for text messages switched on."""
+def with_text_messages(sns_server: str) -> dict[str, Any]:
+    """Return the shipped configuration with its route for text messages enabled."""
     text = (CHECKOUT / "alertmanager" / "alertmanager.yml").read_text()
     assert COMMENTED in text
     config = yaml.safe_load(text.replace(COMMENTED, COMMENTED.replace("# ", "")))
     [receiver] = [each for each in config["receivers"] if each["name"] == "sms"]
     [sns] = receiver["sns_configs"]
-    sns["api_url"] = f"http://{amazon}"
+    sns["api_url"] = f"http://{sns_server}"
     sns["sigv4"] = {"region": "eu-central-1", "access_key": "any", "secret_key": "any"}
     return config  # type: ignore[no-any-return]
 
 
-def sent(amazon: str) -> list[str]:
-    """Return the text messages that Amazon's stand-in has taken, oldest first."""
-    services = asking.get_json(amazon, SENT)  # a service is there from its first use on
+def sent(sns_server: str) -> list[str]:
+    """Return the text messages that the server received, oldest first."""
+    services = http.get_json(sns_server, SENT)  # without "sns" before the first message
     return [each["message"] for each in services.get("sns", {}).get("SMS", [])]
 
 
 @dataclass(frozen=True)
-class Text:
-    """A text message, and when (Unix time) it was first seen: no earlier than it was sent."""
+class TextMessage:
+    """A text message, and when (Unix time) it was first seen, which is not before it was sent."""
 
     received: float
-    words: str
+    text: str
 
 
 class Phone:
-    """Looks for new text messages in a thread, because the server keeps no time of them."""
+    """Polls for text messages in a thread, because the server has no time of arrival."""
 
-    def __init__(self, amazon: str) -> None:
-        self._amazon = amazon
-        self._texts: list[Text] = []
+    def __init__(self, sns_server: str) -> None:
+        self._sns_server = sns_server
+        self._texts: list[TextMessage] = []
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._look)
+        self._thread = threading.Thread(target=self._poll)
 
     def start(self) -> None:
-        """Begin to look."""
+        """Start polling."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Look no more."""
+        """Stop polling."""
         self._stop.set()
         self._thread.join()
 
-    def texts(self) -> list[Text]:
-        """Return all text messages that have arrived until now."""
+    def texts(self) -> list[TextMessage]:
+        """Return all text messages received until now."""
         return list(self._texts)
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         while not self._stop.wait(0.5):
             try:
-                words = sent(self._amazon)
-            except asking.Unanswered:  # busy; the next look finds what this one missed
+                texts = sent(self._sns_server)
+            except http.Unanswered:  # busy: the next poll has them too
                 continue
             now = time.time()
-            self._texts += [Text(now, each) for each in words[len(self._texts) :]]
+            self._texts += [TextMessage(now, each) for each in texts[len(self._texts) :]]

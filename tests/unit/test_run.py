@@ -1,6 +1,6 @@
-"""`./run` as a person starts it, on a machine of which only the programs that it calls are feigned.
+"""`./run` on a fake machine: the programs that it calls are fakes that note their calls.
 
-The shell text is the shipped one, but for /usr/sbin, in whose place stands a folder of the test's.
+The scripts are the shipped ones, with a temporary folder in place of /usr/sbin.
 """
 
 from __future__ import annotations
@@ -22,16 +22,17 @@ BASICS = (
     *("bash", "basename", "cat", "cksum", "dirname", "flock", "grep", "head", "mkdir", "sed", "sh"),
     *("sort", "touch", "uname", "wc"),
 )
-CHANGING = ("chmod", "cp", "mv", "rm")  # killed there, the installer leaves something half done
-# What a feigned program does: it notes its call, and at its turn ends whoever runs the installer.
-FEIGNED = r"""#!/bin/sh
+CHANGING = ("chmod", "cp", "mv", "rm")  # where a killed installer leaves something unfinished
+# A fake program notes its call.
+FAKE = r"""#!/bin/sh
 name=${0##*/}
 echo "$name $*" >>FOLDER/calls
 """
-KILLING = r"""
+# Kills the installer at the call whose number is in KILL_AT.
+KILL = r"""
 if [ "$(wc -l <FOLDER/calls)" = "${KILL_AT:-}" ]; then kill -KILL "$(cat FOLDER/pid)"; exit 1; fi
 """
-# `python3 -m venv` makes an environment whose Python notes its calls; the rest is the real one's.
+# `python3 -m venv` makes an environment of fakes; any other call goes to the real Python.
 PYTHON = r"""#!/bin/sh
 if [ "$1 $2" != "-m venv" ]; then exec REAL "$@"; fi
 for folder; do :; done
@@ -44,7 +45,10 @@ case "$*" in
 *) echo "python $*" >>FOLDER/calls ;;
 esac
 END
-chmod +x "$folder/bin/python"
+for name in ruff mypy; do
+    printf '#!/bin/sh\necho "%s $*" >>FOLDER/calls\n' "$name" >"$folder/bin/$name"
+done
+chmod +x "$folder/bin/python" "$folder/bin/ruff" "$folder/bin/mypy"
 """
 
 
@@ -66,10 +70,10 @@ class Machine:
         for name in BASICS:
             self.program(name, f'#!/bin/sh\nexec {shutil.which(name)} "$@"\n')
         for name in CHANGING:
-            self.program(name, FEIGNED + KILLING + f'exec {shutil.which(name)} "$@"\n')
+            self.program(name, FAKE + KILL + f'exec {shutil.which(name)} "$@"\n')
         for name in ("apt-get", "dpkg", "update-rc.d", "systemctl"):
-            self.program(name, FEIGNED + KILLING + f"cat {self.policy} >>FOLDER/policies\n")
-        self.program("dpkg", FEIGNED + KILLING + 'case $1 in -L) echo "/etc/init.d/$2" ;; esac\n')
+            self.program(name, FAKE + KILL + f"cat {self.policy} >>FOLDER/policies\n")
+        self.program("dpkg", FAKE + KILL + 'case $1 in -L) echo "/etc/init.d/$2" ;; esac\n')
         self.program("sudo", '#!/bin/sh\nif [ "$1" = --non-interactive ]; then shift; fi\n"$@"\n')
         self.program("python3", PYTHON.replace("REAL", sys.executable))
 
@@ -140,7 +144,7 @@ def test_no_service_starts_now_or_at_the_next_boot(machine, original):
     )
 
 
-def test_killed_at_any_moment_it_neither_loses_the_policy_nor_leaves_its_own(machine, original):
+def test_killed_at_any_moment_the_next_run_restores_the_policy(machine, original):
     moments = 0
     while machine.install("one", kill_at=moments + 1) == -signal.SIGKILL:
         moments += 1
@@ -158,16 +162,14 @@ def test_killed_at_any_moment_it_neither_loses_the_policy_nor_leaves_its_own(mac
     assert now(machine) == original
 
 
-def test_it_can_be_killed_again_and_again(machine, original):
+def test_installing_after_several_kills_restores_the_policy(machine, original):
     for moment in (6, 4, 7, 5, 6):
         assert machine.install("one", kill_at=moment) == -signal.SIGKILL
     assert machine.install("one") == 0
     assert now(machine) == original
 
 
-def test_an_interrupted_installation_is_finished_though_nothing_is_missing_any_more(
-    machine, original
-):
+def test_an_interrupted_installation_is_finished_even_if_nothing_is_missing_now(machine, original):
     while MARK not in (now(machine) or ""):
         assert machine.install("prometheus", kill_at=len(machine.calls()) + 1)
     for name in ("prometheus", "promtool", "prometheus-alertmanager", "amtool"):
@@ -181,7 +183,7 @@ def test_an_interrupted_installation_is_finished_though_nothing_is_missing_any_m
     assert now(machine) == original
 
 
-def test_a_bench_has_the_servers_installed_and_then_runs(machine):
+def test_bench_installs_the_servers_and_runs(machine):
     done = machine.run("bench", "rules")
 
     assert done.returncode == 0, done.stderr
@@ -189,7 +191,28 @@ def test_a_bench_has_the_servers_installed_and_then_runs(machine):
     assert machine.calls()[-1] == "python -m bench.rules"
 
 
-def test_without_the_dashboards_sdk_one_sentence_says_what_is_wanted(machine):
+def test_lint_installs_shellcheck_where_it_is_missing(machine):
+    machine.run("lint")
+
+    assert machine.installed() == ["shellcheck"]
+
+
+def test_lint_checks_python_with_the_generators_in_tools_and_the_shell_scripts(machine):
+    machine.program("shellcheck", FAKE)
+    (machine.checkout / "tools").mkdir()
+
+    done = machine.run("lint")
+
+    assert done.returncode == 0, done.stderr
+    assert machine.calls()[-4:] == [
+        "ruff check exporter sim grafana tests tools",
+        "ruff format --check exporter sim grafana tests tools",
+        "mypy ",
+        "shellcheck run .ci/run packaging/install-packages",
+    ]
+
+
+def test_dashboards_without_the_sdk_fail_with_one_sentence(machine):
     done = machine.run("dashboards")
 
     assert done.returncode == 1

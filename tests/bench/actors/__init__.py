@@ -1,4 +1,4 @@
-"""Those around the exporter in `bench.hostile`: a fleet that behaves, and attackers.
+"""The processes around the exporter in `bench.hostile`: a normal fleet, and attackers.
 
 Each is a process of its own (`python -m bench.actors fleet|arrays|readers`), which ends after a
 given time and writes once a second to standard output what it has done so far.

@@ -9,13 +9,13 @@ from bench.actors.reading import hold_unread
 
 
 def main() -> None:
-    """Be one of them until its time is over."""
+    """Run one of them."""
     parser = argparse.ArgumentParser("python -m bench.actors", description=__doc__)
     kinds = parser.add_subparsers(dest="kind", required=True)
-    fleet = kinds.add_parser("fleet", help="robots that behave")
+    fleet = kinds.add_parser("fleet", help="normal robots")
     fleet.add_argument("domain_id", type=int)
     fleet.add_argument("robots", type=int)
-    arrays = kinds.add_parser("arrays", help="a robot that does not")
+    arrays = kinds.add_parser("arrays", help="a hostile robot")
     arrays.add_argument("domain_id", type=int)
     arrays.add_argument("flood", choices=FLOODS)
     readers = kinds.add_parser("readers", help="clients that do not read their answers")

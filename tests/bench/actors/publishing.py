@@ -1,4 +1,4 @@
-"""Publishes arrays on one machine's DDS: a fleet that behaves, and robots that do not.
+"""Publishes arrays over DDS on this machine: a normal fleet, and hostile robots.
 
 Arrays are serialized before they are published, so that an attack costs the attacker little: the
 cores belong to the exporter.

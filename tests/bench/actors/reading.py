@@ -1,4 +1,4 @@
-"""Clients that ask and do not read the answer, on one thread."""
+"""Clients that send requests and do not read the answers, in one thread."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bench.actors.pace import ticks
 
 TURNS = 20  # a second
 PACE = 10  # connections opened in one turn, at most
-BUFFER = 4096  # bytes of an answer that the client's kernel takes: the least it allows
+BUFFER = 4096  # bytes of the receive buffer, the smallest there is
 # As on Ethernet. With the loopback interface's 64 kB the server's kernel takes megabytes of an
 # answer, and to the server it looks read.
 SEGMENT = 1460
@@ -52,7 +52,7 @@ class _Held:
         self._poll = select.poll()
 
     def open(self, count: int) -> None:
-        """Open so many and ask on each; a server that takes none costs one attempt."""
+        """Open so many, with a request on each; after a failed one the rest is not tried."""
         for _ in range(count):
             each = socket.socket()
             each.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
@@ -73,10 +73,10 @@ class _Held:
         """Send the begin of a next request on each.
 
         A server that has closed the connection answers that with a reset. Its end of the stream
-        alone never arrives: it stands behind the answer that is not read.
+        alone never arrives: it is behind the unread answer.
         """
         for each in self.sockets.values():
-            with suppress(OSError):  # closed, which poll tells, or full
+            with suppress(OSError):  # closed (poll reports it) or full
                 each.send(b"G")
 
     def drop_closed(self) -> None:

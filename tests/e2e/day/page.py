@@ -1,4 +1,4 @@
-"""docs/a-day.md: what happened when, and which mail and text message came when."""
+"""Writes docs/a-day.md: the events of the day, and when each mail and text message arrived."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from e2e.day.plan import CONFIRM, DAY, ESCALATE, EXPECTED, LATE
 HEAD = f"""\
 # A day of six robots
 
-What happens to six virtual robots and to the servers that watch them, and every mail and text
-message that comes of it: written by the end-to-end test that asserts this list, complete, with no
-extra, and each within its time. Its clocks are short (confirm_after {CONFIRM} s, escalation after
-{ESCALATE} s). In brackets: the earliest that the clocks allow. The test fails if a message comes
-before that, or more than {LATE:g} s after (a busy machine is late).
+What happens to six virtual robots and to the servers, and every mail and text message that follows.
+An end-to-end test wrote this page and checks that these messages are sent, and no others. Its
+durations are short (confirm_after {CONFIRM} s, escalation after {ESCALATE} s). In brackets: the
+earliest possible time. The test fails if a message arrives before that or more than {LATE:g} s
+after.
 
-| time | what happens | told by | message |
+| time | what happens | sent by | message |
 |---|---|---|---|
 """
 
 
-def page(told: list[tuple[float, str, str]]) -> str:
-    """Return the page of a day; ``told`` is the second of the day, mail or SMS, and the words."""
-    earliest = {(each.by, each.words): each.earliest for each in EXPECTED}
-    rows = [(event.at, _happening(event.robot, event.component, event.tells)) for event in DAY]
+def page(messages: list[tuple[float, str, str]]) -> str:
+    """Return the page of a day; each message is second of the day, mail or SMS, and text."""
+    earliest = {(each.by, each.text): each.earliest for each in EXPECTED}
+    rows = [(event.at, _event(event.robot, event.component, event.description)) for event in DAY]
     rows += [
-        (at, f"| | {by} | `{words}` [{_clock(earliest[by, words])}] |") for at, by, words in told
+        (at, f"| | {by} | `{text}` [{_clock(earliest[by, text])}] |") for at, by, text in messages
     ]
     ordered = sorted(rows, key=lambda row: row[0])
     return HEAD + "".join(f"| {_clock(at)} {row}\n" for at, row in ordered)
 
 
-def _happening(robot: str, component: str, tells: str) -> str:
+def _event(robot: str, component: str, description: str) -> str:
     where = f"{robot} {component}".strip()
-    return f"| {where}: {tells} | | |" if where else f"| {tells} | | |"
+    return f"| {where}: {description} | | |" if where else f"| {description} | | |"
 
 
 def _clock(seconds: float) -> str:

@@ -1,8 +1,8 @@
-"""The day of six robots: what happens to them, and every mail and text message it has to bring.
+"""The day of six robots: its events, and every mail and text message that they cause.
 
-One list tells the story; the scenario for the virtual robots, what the test does to the servers,
-what is expected and docs/a-day.md are made from it. A day has some minutes: its clocks are
-shortened in the one file of settings and in fleet.yml.
+From this one list come the scenario of the virtual robots, what the test does to the servers, the
+expected messages and docs/a-day.md. The day lasts some minutes: settings.yml and fleet.yml have
+short durations.
 """
 
 from __future__ import annotations
@@ -13,74 +13,75 @@ from typing import Any
 
 import yaml
 
-START = 15.0  # seconds from the robots' start to the first event: all are well by then
-# The day's clocks, in seconds; written to fleet.yml and to the settings of the rules.
+START = 15.0  # seconds from the robots' start to the first event; all are OK by then
+# The day's durations in seconds, for fleet.yml and settings.yml.
 CONFIRM = 5
 STALE = 4
 ESCALATE = 90
-# The robot's 21 states that flap detection looks at: longer apart than two changes (2 s), so that
-# every change counts in full and no change can be late by so much that a rest is counted before it.
+# Flap detection looks at 21 states, one per interval: longer than the time between two changes, so
+# that every change counts even if it is late.
 FLAP_INTERVAL = 3
-FLAP_PERIOD = 2  # of a virtual robot's component
+FLAP_PERIOD = 2  # seconds between two changes of a flapping component
 SETTINGS = {"exporter_down_after": 30, "restart_grace": 8, "escalate_first": ESCALATE}
-# A message may come so much later than the day's clocks make it: machines are busy at times. It may
-# never come earlier.
+# A message may be so much later than the durations allow on a busy machine, and never earlier.
 LATE = 60.0
 
 
 @dataclass(frozen=True)
-class Telling:
-    """A mail or text message that has to come, not before ``earliest`` (second of the day).
+class Expected:
+    """A mail or text message that must be sent, not before ``earliest`` (second of the day).
 
-    ``words`` are the mail's subject, or how the text message begins.
+    ``text`` is the mail's subject, or the beginning of the text message.
     """
 
-    words: str
+    text: str
     earliest: float
     by: str = "mail"
 
     @property
     def latest(self) -> float:
-        """The last second at which it may come."""
+        """The last second at which it may arrive."""
         return self.earliest + LATE
 
 
-Tellings = tuple[Telling, ...]
+Messages = tuple[Expected, ...]
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happens ``at`` so many seconds of the day, for ``lasts`` seconds.
+    """Something that happens at a second of the day, for ``lasts`` seconds.
 
-    ``act`` is what the test does, and not before somebody got the message ``when``; without it the
-    robots do ``what`` by themselves.
+    ``act`` is what the test does, after the message ``after`` has arrived; without it the virtual
+    robots do ``what``.
     """
 
     at: float
-    tells: str
+    description: str
     robot: str = ""
     component: str = ""
     what: str = ""
     lasts: float | None = None
     act: str = ""
-    when: str = ""
-    told: Tellings = ()
+    after: str = ""
+    messages: Messages = ()
 
 
-def _problem(what: str, state: str, mail: float, sms: float | None = None) -> Tellings:
-    """The mail, and the text message where it is one that wakes people."""
-    told = Telling(f"** PROBLEM ** {what} is {state}", mail)
-    return (told,) if sms is None else (told, Telling(f"PROBLEM {_said(what, state)}", sms, "SMS"))
+def _problem(what: str, state: str, mail: float, sms: float | None = None) -> Messages:
+    """The mail, and the text message if the alert sends one."""
+    mail_ = Expected(f"** PROBLEM ** {what} is {state}", mail)
+    if sms is None:
+        return (mail_,)
+    return (mail_, Expected(f"PROBLEM {_in_words(what, state)}", sms, "SMS"))
 
 
-def _recovery(what: str, state: str, mail: float, *, sms: bool = True) -> Tellings:
-    told = Telling(f"** RECOVERY ** {what} is no longer {state}", mail)
-    words = _said(what, state).replace(": ", ": no longer: ")
-    return (told, Telling(f"RECOVERY {words}", mail, "SMS")) if sms else (told,)
+def _recovery(what: str, state: str, mail: float, *, sms: bool = True) -> Messages:
+    mail_ = Expected(f"** RECOVERY ** {what} is no longer {state}", mail)
+    words = _in_words(what, state).replace(": ", ": no longer: ")
+    return (mail_, Expected(f"RECOVERY {words}", mail, "SMS")) if sms else (mail_,)
 
 
-def _said(what: str, state: str) -> str:
-    """How a text message names it: by the alert's summary."""
+def _in_words(what: str, state: str) -> str:
+    """How a text message names it: with the alert's summary."""
     if "site" in what:
         return "demo: Many robots of fleet demo, site hall, are silent."
     robot, _, component = what.removeprefix("demo/").partition(" ")
@@ -89,65 +90,69 @@ def _said(what: str, state: str) -> str:
     return f"demo: {robot} is {state.lower()}."
 
 
-def _fault(at: float, where: tuple[int, int], lasts: float, tells: str, **when: float) -> Event:
-    """An ERROR of a robot's motor, told at once and by mail, and over as soon as it may be.
+def _fault(
+    at: float, where: tuple[int, int], lasts: float, description: str, **later: float
+) -> Event:
+    """An ERROR of a robot's motor: text message, mail and recovery as soon as possible.
 
-    ``when`` names later seconds for them: ``told``, ``mailed``, ``over``.
+    ``later`` has later seconds for them: ``fires``, ``mailed``, ``resolved``.
     """
     robot, motor = (f"robot_{where[0]}", f"Motor {where[1]}")
-    told = when.get("told", at + CONFIRM)
-    tellings = (
-        *_problem(f"demo/{robot} {motor}", "CRITICAL", when.get("mailed", told), told),
-        *_recovery(f"demo/{robot} {motor}", "CRITICAL", when.get("over", at + lasts)),
+    fires = later.get("fires", at + CONFIRM)
+    messages = (
+        *_problem(f"demo/{robot} {motor}", "CRITICAL", later.get("mailed", fires), fires),
+        *_recovery(f"demo/{robot} {motor}", "CRITICAL", later.get("resolved", at + lasts)),
     )
-    return Event(at, tells, robot, motor, "error", lasts, told=tellings)
+    return Event(at, description, robot, motor, "error", lasts, messages=messages)
 
 
-def _silence(at: float, robot: int, lasts: float, tells: str) -> Event:
-    # Robots publish once a second: the last message may have come a second before.
-    told = at - 1 + STALE + CONFIRM
+def _silence(at: float, robot: int, lasts: float, description: str) -> Event:
+    # Robots publish once a second: the last message may be a second older.
+    fires = at - 1 + STALE + CONFIRM
     what = f"demo/robot_{robot}"
-    tellings = (*_problem(what, "SILENT", told, told), *_recovery(what, "SILENT", at + lasts))
-    return Event(at, tells, f"robot_{robot}", what="hang", lasts=lasts, told=tellings)
+    messages = (*_problem(what, "SILENT", fires, fires), *_recovery(what, "SILENT", at + lasts))
+    return Event(at, description, f"robot_{robot}", what="hang", lasts=lasts, messages=messages)
 
 
-def _turn(at: float, what: str, tells: str, told: Tellings) -> Event:
-    return Event(at, tells, "robot_1", "Motor 1", what, told=told)
+def _change(at: float, level: str, description: str, messages: Messages) -> Event:
+    return Event(at, description, "robot_1", "Motor 1", level, messages=messages)
 
 
 WORSE = "demo/robot_1 Motor 1"
 DAY = (
-    _turn(0, "warn", "A motor warns.", _problem(WORSE, "WARNING", CONFIRM)),
-    _turn(25, "error", "It gets worse: told at once.", _problem(WORSE, "CRITICAL", 25, 25)),
-    _turn(55, "warn", "It gets better, and still warns.", _recovery(WORSE, "CRITICAL", 55)),
-    _turn(85, "ok", "It is well.", _recovery(WORSE, "WARNING", 85, sms=False)),
+    _change(0, "warn", "A motor warns.", _problem(WORSE, "WARNING", CONFIRM)),
+    _change(
+        25, "error", "It turns CRITICAL, which fires at once.", _problem(WORSE, "CRITICAL", 25, 25)
+    ),
+    _change(55, "warn", "It is only a WARNING again.", _recovery(WORSE, "CRITICAL", 55)),
+    _change(85, "ok", "It is OK.", _recovery(WORSE, "WARNING", 85, sms=False)),
     Event(
         0,
-        "A motor flaps for 40 s, then rests.",
+        "A motor flaps for 40 s, then is OK.",
         "robot_2",
         "Motor 2",
         "flap",
         40,
-        told=(
-            # Seven of the 20 changes weigh 0.4, which is where flapping begins. Sixteen steady
-            # states after the last change, which came at most a period before the end, it is calm.
-            Telling("** FLAPPING ** demo/robot_2 Motor 2 started flapping", 6 * FLAP_PERIOD),
-            Telling(
+        messages=(
+            # Seven of the 20 changes weigh 0.4, where flapping begins. It ends 16 steady states
+            # after the last change, which is at most a period before the end.
+            Expected("** FLAPPING ** demo/robot_2 Motor 2 started flapping", 6 * FLAP_PERIOD),
+            Expected(
                 "** FLAPPING ** demo/robot_2 Motor 2 stopped flapping",
                 40 - FLAP_PERIOD + 15 * FLAP_INTERVAL,
             ),
         ),
     ),
     _silence(0, 3, 40, "A robot falls silent and returns."),
-    _fault(0, (4, 1), 55, "A motor fails; it is repaired while its robot is silent.", over=75),
+    _fault(0, (4, 1), 55, "A motor fails; it is repaired while its robot is silent.", resolved=75),
     _silence(40, 4, 35, "The robot with the failed motor falls silent."),
-    _fault(0, (5, 1), 145, "A motor fails and is acknowledged: nobody else is told."),
+    _fault(0, (5, 1), 145, "A motor fails and is acknowledged: no escalation."),
     Event(
         15,
         "The acknowledgement.",
         "robot_5",
         act="acknowledge",
-        when="PROBLEM demo: Motor 1 of robot_5 is CRITICAL.",
+        after="PROBLEM demo: Motor 1 of robot_5 is CRITICAL.",
     ),
     _fault(0, (6, 1), 145, "A motor fails and nobody acknowledges it."),
     Event(
@@ -155,8 +160,8 @@ DAY = (
         "Nobody has acknowledged it.",
         "robot_6",
         act="wait",
-        told=(
-            Telling(
+        messages=(
+            Expected(
                 "** ESCALATION 1 ** demo/robot_6 Motor 1 is CRITICAL and not acknowledged",
                 CONFIRM + ESCALATE,
             ),
@@ -168,48 +173,48 @@ DAY = (
         "robot_1",
         act="maintain",
         lasts=40,
-        told=(
-            Telling("** MAINTENANCE ** demo/robot_1 began", 105),
-            Telling("** MAINTENANCE ** demo/robot_1 ended", 144),  # fleet.yml has whole seconds
+        messages=(
+            Expected("** MAINTENANCE ** demo/robot_1 began", 105),
+            Expected("** MAINTENANCE ** demo/robot_1 ended", 144),  # fleet.yml has whole seconds
         ),
     ),
     Event(
         117, "A motor fails within the downtime, repaired.", "robot_1", "Motor 2", "error", lasts=10
     ),
-    _fault(119, (1, 3), 60, "A motor fails within the downtime and outlives it.", told=144),
+    _fault(119, (1, 3), 60, "A motor fails within the downtime and outlives it.", fires=144),
     _fault(160, (2, 1), 45, "A motor fails."),
     Event(
         175,
-        "The exporter is killed, and back after some scrapes.",
+        "The exporter is killed, and restarted after 8 s.",
         act="kill exporter",
-        when="PROBLEM demo: Motor 1 of robot_2 is CRITICAL.",
+        after="PROBLEM demo: Motor 1 of robot_2 is CRITICAL.",
     ),
     _fault(215, (3, 1), 60, "A motor fails."),
     Event(
         230,
         "Prometheus is restarted.",
         act="restart prometheus",
-        when="PROBLEM demo: Motor 1 of robot_3 is CRITICAL.",
+        after="PROBLEM demo: Motor 1 of robot_3 is CRITICAL.",
     ),
     Event(250, "Alertmanager is restarted.", act="restart alertmanager"),
-    Event(290, "The mail server refuses mails for 25 s.", act="refuse mails", lasts=25),
+    Event(290, "The mail server rejects mails for 25 s.", act="reject mails", lasts=25),
     _fault(292, (4, 2), 45, "A motor fails meanwhile.", mailed=315),
     Event(
         355,
         "The site is cut off for 25 s.",
         act="cut off",
         lasts=25,
-        told=(
+        messages=(
             *_problem("demo site hall", "SILENT", *[355 - 1 + STALE + CONFIRM] * 2),
             *_recovery("demo site hall", "SILENT", 380),
         ),
     ),
 )
-EXPECTED = tuple(telling for event in DAY for telling in event.told)
+EXPECTED = tuple(message for event in DAY for message in event.messages)
 
 
 def scenario() -> str:
-    """What the virtual robots play."""
+    """The scenario of the virtual robots."""
     events = [
         {
             "at": START + event.at,
@@ -228,7 +233,7 @@ def scenario() -> str:
 
 
 def fleet_config(domain_id: int, maintenance: tuple[float, float] | None = None) -> str:
-    """A fleet.yml with short clocks; ``maintenance`` from and until (Unix time) for robot_1."""
+    """A fleet.yml with short durations; ``maintenance`` from and until (Unix time) for robot_1."""
     clocks = {"stale_after": STALE, "confirm_after": CONFIRM, "flap_interval": FLAP_INTERVAL}
     robots = {"topic": "/{robot}/diagnostics_agg", "domain_ids": [domain_id]}
     config: dict[str, Any] = {

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from ros_diagnostics_exporter.cli.ack import main
-from support.alerts import hand
+from support.alerts import post_alerts
 from testbed.configuration import CHECKOUT
 from testbed.http import answers
 from testbed.polling import until
@@ -42,23 +42,22 @@ def escalation(since: str = SINCE, of: str = "component", **labels: str) -> dict
 
 
 class Alertmanager:
-    """One that runs with the shipped configuration."""
+    """A running Alertmanager with the shipped configuration."""
 
     def __init__(self, address: str) -> None:
         self.url = f"http://{address}"
 
-    def tell(self, *alerts: dict[str, Any]) -> None:
-        """Hand alerts over as Prometheus does."""
-        hand(self.url.removeprefix("http://"), *alerts)
+    def post(self, *alerts: dict[str, Any]) -> None:
+        post_alerts(self.url.removeprefix("http://"), *alerts)
 
     def states(self) -> dict[str, str]:
-        """What Alertmanager makes of each alert, by its name: unprocessed, active, suppressed."""
+        """The state of each alert by its name: unprocessed, active, suppressed."""
         with urllib.request.urlopen(f"{self.url}/api/v2/alerts", timeout=10) as answer:
             alerts = json.load(answer)
         return {alert["labels"]["alertname"]: alert["status"]["state"] for alert in alerts}
 
     def suppressed(self) -> set[tuple[str, str]]:
-        """Name and since of all alerts that a silence holds."""
+        """Name and since of all alerts that are silenced."""
         with urllib.request.urlopen(f"{self.url}/api/v2/alerts", timeout=10) as answer:
             alerts = json.load(answer)
         return {
@@ -86,14 +85,14 @@ def ack(running: Alertmanager, capsys: pytest.CaptureFixture[str]) -> Callable[.
 
     def run(*arguments: str, code: int = 0) -> str:
         assert main([*arguments, "--url", running.url, "--author", "ann"]) == code
-        said = capsys.readouterr()
-        return said.out + said.err
+        printed = capsys.readouterr()
+        return printed.out + printed.err
 
     return run
 
 
-def test_it_holds_this_faults_escalation_and_nothing_else(running, ack):
-    running.tell(
+def test_ack_silences_the_escalation_of_this_fault_only(running, ack):
+    running.post(
         fault("ComponentCritical", state="critical", **MOTOR),
         escalation(state="critical", **MOTOR),
         escalation("2026-01-02 10:00:00 +0000 UTC", state="critical", **MOTOR),
@@ -101,13 +100,17 @@ def test_it_holds_this_faults_escalation_and_nothing_else(running, ack):
 
     assert "acknowledged: f/r1 Motor 1 CRITICAL" in ack("r1", "Motor 1", "--comment", "on it")
 
-    held = {("RosDiagnosticsUnacknowledged", SINCE)}
-    until(lambda: running.suppressed() == held, "only the escalation of this fault is held", 10)
+    silenced = {("RosDiagnosticsUnacknowledged", SINCE)}
+    until(
+        lambda: running.suppressed() == silenced,
+        "only the escalation of this fault is silenced",
+        10,
+    )
 
 
-def test_it_holds_reminders_of_a_warning_too(running, ack):
+def test_ack_silences_reminders_of_a_warning(running, ack):
     warning = {"state": "warning", **MOTOR}
-    running.tell(fault("ComponentWarning", **warning), escalation(step="0", **warning))
+    running.post(fault("ComponentWarning", **warning), escalation(step="0", **warning))
     ack("r1", "Motor 1", "--comment", "will look tomorrow")
 
     expected = {
@@ -118,32 +121,32 @@ def test_it_holds_reminders_of_a_warning_too(running, ack):
 
 
 def test_an_acknowledged_warning_that_turns_critical_escalates(running, ack):
-    running.tell(fault("ComponentWarning", state="warning", **MOTOR))
+    running.post(fault("ComponentWarning", state="warning", **MOTOR))
     ack("r1", "--comment", "will look tomorrow")
-    running.tell(
+    running.post(
         fault("ComponentCritical", state="critical", **MOTOR),
         escalation(state="critical", **MOTOR),
     )
 
     name = "RosDiagnosticsUnacknowledged"
-    until(lambda: running.states().get(name) == "active", "the escalation is told", 10)
+    until(lambda: running.states().get(name) == "active", "the escalation is active", 10)
 
 
-def test_a_silent_robots_acknowledgement_leaves_its_components_alone(running, ack):
-    running.tell(
+def test_acknowledging_a_silent_robot_does_not_acknowledge_its_components(running, ack):
+    running.post(
         fault("RobotSilent", fleet="f", robot="r1"),
         escalation(of="robot", fleet="f", robot="r1"),
         escalation(state="critical", **MOTOR),
     )
     ack("r1", "--comment", "carried to the workshop")
 
-    held = {("RosDiagnosticsUnacknowledged", SINCE)}
-    until(lambda: running.suppressed() == held, "the robot's escalation is held", 10)
+    silenced = {("RosDiagnosticsUnacknowledged", SINCE)}
+    until(lambda: running.suppressed() == silenced, "the robot's escalation is silenced", 10)
     assert "workshop" in ack("--list")
 
 
-def test_the_list_says_who_takes_care(running, ack):
-    running.tell(
+def test_the_list_names_author_and_comment(running, ack):
+    running.post(
         fault("ComponentCritical", state="critical", **MOTOR),
         fault("RobotSilent", fleet="f", robot="r2"),
     )
@@ -160,7 +163,7 @@ def test_the_list_says_who_takes_care(running, ack):
 
 
 def test_what_is_not_faulty_cannot_be_acknowledged(running, ack):
-    running.tell(fault("RobotSilent", fleet="f", robot="r2"))
+    running.post(fault("RobotSilent", fleet="f", robot="r2"))
 
     assert "no fault of 'r1' is being told; there are faults of f/r2" in ack(
         "r1", "--comment", "x", code=1

@@ -1,4 +1,4 @@
-"""An acknowledgement on its whole way: command, Alertmanager, exporter, Prometheus, dashboard."""
+"""An acknowledgement from the command through Alertmanager and exporter to the dashboard."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ def stack(tmp_path: Path) -> Iterator[Stack]:
 
 
 def cells(stack: Stack, ref: str) -> list[dict[str, str]]:
-    """The labels of a column of the problems table, without the group, which the kind decides."""
+    """The labels of a column of the problems table, without the group."""
     return [
         {name: value for name, value in sample.labels.items() if name not in {"group", "__name__"}}
         for sample in stack.query(PROBLEMS[ref])
     ]
 
 
-def test_the_table_of_problems_says_who_takes_care_of_this_fault_and_of_no_later_one(stack: Stack):
+def test_the_table_of_problems_names_the_acknowledgement_of_this_fault_only(stack: Stack):
     url = f"http://{stack.addresses.alertmanager}"
-    words = ["robot_1", "--author", "ann", "--comment", "spare part ordered", "--url", url]
-    asked = stack.query("ros_diagnostics_exporter_alertmanager_up")
-    assert [sample.value for sample in asked] == [1]
+    arguments = ["robot_1", "--author", "ann", "--comment", "spare part ordered", "--url", url]
+    up = stack.query("ros_diagnostics_exporter_alertmanager_up")
+    assert [sample.value for sample in up] == [1]
 
     stack.fault("robot_1", "Motor 1", "error")
-    until(lambda: ack.main(words) == 0, "the fault is told and acknowledged", 60, every=0.5)
-    marked = [MOTOR | {"acknowledged": "ann: spare part ordered"}]
-    until(lambda: cells(stack, "G") == marked, lambda: f"the cell: {cells(stack, 'G')}", 30)
+    until(lambda: ack.main(arguments) == 0, "the fault is acknowledged", 60, every=0.5)
+    acknowledged = [MOTOR | {"acknowledged": "ann: spare part ordered"}]
+    until(lambda: cells(stack, "G") == acknowledged, lambda: f"the cell: {cells(stack, 'G')}", 30)
     assert cells(stack, "A") == [MOTOR]
 
     stack.fault("robot_1", "Motor 1", "ok")

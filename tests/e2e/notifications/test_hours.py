@@ -1,4 +1,4 @@
-"""A team that is told in certain hours only: the shipped route, switched on, on a real server."""
+"""A team with notifications in working hours only: the shipped route, enabled, on a real server."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import yaml
 
-from support.alerts import hand, reload
+from support.alerts import post_alerts, reload
 from testbed.configuration import CHECKOUT
 from testbed.http import answers
 from testbed.mail import Inbox, MailServer
@@ -41,8 +41,8 @@ EVERYBODY = "robots@localhost"
 TEAM = "team@localhost"
 
 
-class Site:
-    """An Alertmanager whose working hours are set by the test."""
+class WorkingHours:
+    """The configuration of an Alertmanager whose working hours the test sets."""
 
     def __init__(self, folder: Path, free_port: Callable[[], int]) -> None:
         shutil.copytree(CHECKOUT / "alertmanager", folder / "alertmanager")
@@ -52,38 +52,40 @@ class Site:
         self.inbox = Inbox()
 
     def set_hours(self, *, now: bool) -> None:
-        """Write working hours that hold today, or on other days only."""
+        """Write working hours that include now, or other days only."""
         text = self.config.read_text()
         content = yaml.safe_load(text.replace(COMMENTED, COMMENTED.replace("# ", "")))
         content["global"]["smtp_smarthost"] = self.smtp
         content["route"]["group_interval"] = "1s"
         around = [datetime.now(timezone.utc) + timedelta(days=days) for days in (-1, 0, 1)]
-        days = {f"{day:%A}".lower() for day in around}  # midnight may come within the test
+        days = {f"{day:%A}".lower() for day in around}  # midnight may be within the test
         others = {"monday", "tuesday", "wednesday", "thursday", "friday"} - days
         content["time_intervals"][0]["time_intervals"] = [
             {"weekdays": sorted(days if now else others)}
         ]
         self.config.write_text(yaml.safe_dump(content))
 
-    def told(self, address: str) -> list[str]:
+    def subjects(self, address: str) -> list[str]:
         """The subjects of all mails to the address."""
         return [each.subject for each in self.inbox.mails() if address in each.recipients]
 
     def wait_for(self, address: str, *subjects: str) -> None:
-        until(lambda: self.told(address) == [*subjects], lambda: f"{self.told(address)}", 30)
+        until(
+            lambda: self.subjects(address) == [*subjects], lambda: f"{self.subjects(address)}", 30
+        )
 
     def settle(self) -> None:
-        """Wait until a mail that is not held would have come."""
+        """Wait until a mail that is not held back would have arrived."""
         then = time.monotonic() + 4
-        until(lambda: time.monotonic() >= then, "some turns of the groups")
+        until(lambda: time.monotonic() >= then, "a few times group_interval")
 
 
 @pytest.fixture
 def site(
     tmp_path: Path, free_port: Callable[[], int], start_process: Callable[..., Any]
-) -> Iterator[Site]:
+) -> Iterator[WorkingHours]:
     assert COMMENTED in (CHECKOUT / "alertmanager" / "alertmanager.yml").read_text()
-    site = Site(tmp_path, free_port)
+    site = WorkingHours(tmp_path, free_port)
     site.set_hours(now=False)
     server = MailServer(site.smtp, site.inbox)
     server.start()
@@ -93,12 +95,12 @@ def site(
     server.stop()
 
 
-def test_a_team_is_told_in_its_hours_what_began_before_and_everybody_at_once(site: Site):
-    """Outside of its hours it gets no recovery either: what must not be missed goes to all."""
-    hand(site.address, FAULT)
+def test_a_fault_before_working_hours_is_sent_to_the_team_when_they_begin(site: WorkingHours):
+    """Everybody else is notified at once. The team gets no recovery outside its hours."""
+    post_alerts(site.address, FAULT)
     site.wait_for(EVERYBODY, PROBLEM)
     site.settle()
-    assert site.told(TEAM) == []
+    assert site.subjects(TEAM) == []
 
     site.set_hours(now=True)
     reload(site.address)
@@ -106,17 +108,17 @@ def test_a_team_is_told_in_its_hours_what_began_before_and_everybody_at_once(sit
 
     site.set_hours(now=False)
     reload(site.address)
-    hand(site.address, FAULT, over=True)
+    post_alerts(site.address, FAULT, resolved=True)
     site.wait_for(EVERYBODY, PROBLEM, RECOVERY)
     site.settle()
-    assert site.told(TEAM) == [PROBLEM]
+    assert site.subjects(TEAM) == [PROBLEM]
 
 
-def test_within_its_hours_a_team_is_told_the_recovery_too(site: Site):
+def test_within_working_hours_the_team_gets_problem_and_recovery(site: WorkingHours):
     site.set_hours(now=True)
     reload(site.address)
-    hand(site.address, FAULT)
+    post_alerts(site.address, FAULT)
     site.wait_for(TEAM, PROBLEM)
-    hand(site.address, FAULT, over=True)
+    post_alerts(site.address, FAULT, resolved=True)
     site.wait_for(TEAM, PROBLEM, RECOVERY)
     site.wait_for(EVERYBODY, PROBLEM, RECOVERY)

@@ -1,7 +1,4 @@
-"""From a fault in a robot to the operator's inbox, over the whole road.
-
-The tests break robots and kill programs; they post no alert and send no mail themselves.
-"""
+"""From a fault in a virtual robot to the operator's inbox, through all real servers."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ PROBLEM = "** PROBLEM ** demo/robot_2 Motor 2 is CRITICAL"
 RECOVERY = "** RECOVERY ** demo/robot_2 Motor 2 is no longer CRITICAL"
 
 
-def test_a_motor_broken_twice_is_told_twice_and_each_recovery_too(
+def test_each_fault_and_each_recovery_of_a_motor_is_one_mail(
     stack, wait_for_mails, wait_for_scrapes
 ):
     for cycle in (0, 2):
@@ -19,7 +16,7 @@ def test_a_motor_broken_twice_is_told_twice_and_each_recovery_too(
         wait_for_mails(cycle + 1)
         stack.fault("robot_2", "Motor 2", "ok")
         wait_for_mails(cycle + 2)
-    wait_for_scrapes(3)  # a mail too many would come within these
+    wait_for_scrapes(3)  # one mail too many would arrive within these
 
     mails = stack.inbox.mails()
     assert [mail.subject for mail in mails] == [PROBLEM, RECOVERY, PROBLEM, RECOVERY]

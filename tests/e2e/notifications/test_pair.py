@@ -1,4 +1,4 @@
-"""A pair of Alertmanagers of which one is killed: no mail is lost, none comes twice."""
+"""A pair of Alertmanagers of which one is killed: no mail is lost, none is sent twice."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from support.alertmanager_cluster import PEER_TIMEOUT, clustered, sees_two
-from support.alerts import hand
+from support.alerts import post_alerts
 from testbed.configuration import CHECKOUT
 from testbed.mail import Inbox, MailServer
 from testbed.polling import until
@@ -23,26 +23,28 @@ RECOVERY = "** RECOVERY ** f/r1 Motor 1 is no longer CRITICAL"
 
 
 class Pair:
-    """Two Alertmanagers that know each other, and alerts handed to both as Prometheus does."""
+    """Two Alertmanagers in a cluster; alerts are sent to both, as Prometheus does."""
 
     def __init__(self, inbox: Inbox) -> None:
         self.inbox = inbox
         self.halves: list[tuple[str, Process]] = []
 
-    def tell(self, *, over: bool = False) -> None:
+    def post(self, *, resolved: bool = False) -> None:
         labels = {"alertname": "RosDiagnosticsComponentCritical", "fleet": "f", "robot": "r1"}
         for address, process in self.halves:
             if process.alive:
-                hand(address, {"labels": {**labels, "component": "Motor 1"}}, over=over)
+                post_alerts(
+                    address, {"labels": {**labels, "component": "Motor 1"}}, resolved=resolved
+                )
 
     def subjects(self) -> list[str]:
         return [mail.subject for mail in self.inbox.mails()]
 
     def settled(self, number: int) -> list[str]:
-        """All subjects, when so many mails have come and each half had time for one too many."""
+        """All subjects, once so many mails have arrived and each half had time for one too many."""
         until(lambda: len(self.subjects()) >= number, lambda: f"mails: {self.subjects()}", 60)
         then = time.monotonic() + 2 * PEER_TIMEOUT + 2
-        until(lambda: time.monotonic() >= then, "each half had its turn")
+        until(lambda: time.monotonic() >= then, "each half had its time")
         return self.subjects()
 
 
@@ -72,13 +74,13 @@ def pair(
 
 
 @pytest.mark.parametrize("killed", [0, 1])
-def test_a_killed_half_loses_and_doubles_no_mail(pair: Pair, killed: int):
-    pair.tell()
+def test_with_one_half_killed_every_mail_is_sent_once(pair: Pair, killed: int):
+    pair.post()
     assert pair.settled(1) == [PROBLEM]
 
     pair.halves[killed][1].kill()
-    pair.tell(over=True)
+    pair.post(resolved=True)
     assert pair.settled(2) == [PROBLEM, RECOVERY]
 
-    pair.tell()
+    pair.post()
     assert pair.settled(3) == [PROBLEM, RECOVERY, PROBLEM]

@@ -1,4 +1,4 @@
-"""Text messages by Alertmanager's own sns_configs; Amazon's part is played by moto's server."""
+"""Text messages sent by Alertmanager's sns_configs to moto's server instead of Amazon SNS."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from typing import Any
 import pytest
 import yaml
 
-from support.alerts import hand
+from support.alerts import post_alerts
 from support.sns import sent, with_text_messages
-from testbed import http as asking
+from testbed import http
 from testbed.configuration import CHECKOUT
 from testbed.polling import until
 from testbed.programs import alertmanager
 
 
 @pytest.fixture
-def tell(
-    tmp_path: Path, amazon: str, free_port: Callable[[], int], start_process: Callable[..., Any]
+def post(
+    tmp_path: Path, sns_server: str, free_port: Callable[[], int], start_process: Callable[..., Any]
 ) -> Callable[..., None]:
-    """Hands an alert to an Alertmanager with the shipped route for text messages switched on."""
+    """Sends an alert to an Alertmanager with the shipped route for text messages enabled."""
     shutil.copytree(CHECKOUT / "alertmanager", tmp_path / "alertmanager")
     path = tmp_path / "alertmanager" / "alertmanager.yml"
-    path.write_text(yaml.safe_dump(with_text_messages(amazon)))
+    path.write_text(yaml.safe_dump(with_text_messages(sns_server)))
     address = f"127.0.0.1:{free_port()}"
     start_process("alertmanager", alertmanager(path, address, tmp_path / "data"))
-    until(lambda: asking.answers(address, "/-/ready"), "Alertmanager is ready", 30)
+    until(lambda: http.answers(address, "/-/ready"), "Alertmanager is ready", 30)
 
-    return partial(hand, address)
+    return partial(post_alerts, address)
 
 
-def test_a_critical_is_told_by_text_message_and_so_is_its_recovery(tell, amazon):
+def test_a_critical_and_its_recovery_are_sent_as_text_messages(post, sns_server):
     alert = {
         "labels": {
             "alertname": "RosDiagnosticsComponentCritical",
@@ -49,11 +49,11 @@ def test_a_critical_is_told_by_text_message_and_so_is_its_recovery(tell, amazon)
         },
     }
 
-    tell(alert)
-    until(lambda: len(sent(amazon)) == 1, lambda: f"one text message: {sent(amazon)}", 60)
-    tell(alert, over=True)
-    until(lambda: len(sent(amazon)) == 2, lambda: f"two text messages: {sent(amazon)}", 60)
+    post(alert)
+    until(lambda: len(sent(sns_server)) == 1, lambda: f"one text message: {sent(sns_server)}", 60)
+    post(alert, resolved=True)
+    until(lambda: len(sent(sns_server)) == 2, lambda: f"two text messages: {sent(sns_server)}", 60)
 
-    problem, recovery = sent(amazon)
+    problem, recovery = sent(sns_server)
     assert problem.startswith("PROBLEM demo: Motor 1 of robot_1 is CRITICAL. winding at 131 C")
     assert recovery.startswith("RECOVERY demo: no longer: Motor 1 of robot_1 is CRITICAL.")

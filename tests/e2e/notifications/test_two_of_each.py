@@ -1,7 +1,7 @@
-"""A pair of Prometheus and a pair of Alertmanagers on one real fleet, of which halves are killed.
+"""Two Prometheus and two Alertmanagers on one fleet, of which one each is killed.
 
-Robots break, the exporter is scraped twice, both Prometheus tell both Alertmanagers: no mail is
-lost and none comes twice.
+Both Prometheus scrape the exporter and send alerts to both Alertmanagers: no mail is lost and none
+is sent twice.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from support.alertmanager_cluster import PEER_TIMEOUT, clustered, sees_two
-from testbed import http as asking
+from testbed import http
 from testbed.mail import Inbox
 from testbed.polling import until
 from testbed.processes import Process
@@ -27,8 +27,8 @@ PROBLEM = "** PROBLEM ** demo/robot_{} Motor 2 is CRITICAL"
 RECOVERY = "** RECOVERY ** demo/robot_{} Motor 2 is no longer CRITICAL"
 
 
-class Site:
-    """The road with two of each server; by name and number."""
+class Pairs:
+    """The stack with two of each server, by name and number."""
 
     def __init__(self, stack: Stack, folder: Path, free_port: Callable[[], int]) -> None:
         self.stack = stack
@@ -42,7 +42,7 @@ class Site:
         }
 
     def pair_alertmanagers(self, start: Callable[..., Process]) -> None:
-        """Start the second, and the first anew so that it knows the second."""
+        """Start the second, and restart the first with the second as its peer."""
         config = self.folder / "alertmanager" / "alertmanager.yml"
         first = self.stack.alertmanager.process
         first.stop()
@@ -54,7 +54,7 @@ class Site:
         until(lambda: all(map(sees_two, self.alertmanagers)), "the pair of Alertmanagers", 60)
 
     def pair_prometheuses(self, start: Callable[..., Process]) -> None:
-        """Start the second; tell both of both Alertmanagers, and each who it is."""
+        """Start the second; give both all Alertmanagers, and each its replica label."""
         targets = self.folder / "prometheus" / "targets" / "alertmanager.yml"
         targets.write_text(yaml.safe_dump([{"targets": self.alertmanagers}]))
         shutil.copytree(self.folder / "prometheus", self.folder / "prometheus-1")
@@ -68,66 +68,68 @@ class Site:
         config = self.folder / "prometheus-1" / "prometheus.yml"
         argv = prometheus(config, self.prometheuses[1], self.folder / "tsdb-1")
         self.processes["prometheus", 1] = start("prometheus-1", argv)
-        until(self._all_tell_all, "both Prometheus, with the states of all robots", 90)
+        until(self._all_send_to_all, "both Prometheus, with the states of all robots", 90)
 
-    def _all_tell_all(self) -> bool:
+    def _all_send_to_all(self) -> bool:
         try:
             return all(
-                len(asking.query(each, "robot:ros_diagnostics_state:rank == 0")) == 3
-                and len(self._told_by(each)) == 2
+                len(http.query(each, "robot:ros_diagnostics_state:rank == 0")) == 3
+                and len(self._alertmanagers_of(each)) == 2
                 for each in self.prometheuses
             )
-        except asking.Unanswered:
+        except http.Unanswered:
             return False
 
-    def _told_by(self, address: str) -> list[Any]:
-        found = asking.get_json(address, "/api/v1/alertmanagers")
+    def _alertmanagers_of(self, address: str) -> list[Any]:
+        found = http.get_json(address, "/api/v1/alertmanagers")
         return list(found["data"]["activeAlertmanagers"])
 
-    def told(self) -> list[str]:
-        """What was told of robots; that an Alertmanager is down is told too, after a minute."""
+    def subjects(self) -> list[str]:
+        """The mails about robots; after a minute there is one about the killed Alertmanager too."""
         mails = self.stack.inbox.mails()
         return [mail.subject for mail in mails if " demo/robot_" in mail.subject]
 
     def settled(self, number: int) -> list[str]:
-        """All subjects, when so many mails came and every server had its turn for one too many."""
-        until(lambda: len(self.told()) >= number, lambda: f"{number} mails: {self.told()}", 90)
-        # An evaluation of the other Prometheus, a turn of the group, and the other's waiting.
+        """All subjects, once so many mails arrived and each server had time for one too many."""
+        until(
+            lambda: len(self.subjects()) >= number, lambda: f"{number} mails: {self.subjects()}", 90
+        )
+        # An evaluation of the other Prometheus, group_interval, and the other's peer timeout.
         then = time.monotonic() + 5 + 5 + 2 * PEER_TIMEOUT + 1
-        until(lambda: time.monotonic() >= then, "each server had its turn")
-        return self.told()
+        until(lambda: time.monotonic() >= then, "each server had its time")
+        return self.subjects()
 
 
 @pytest.fixture
-def site(
+def pairs(
     tmp_path: Path, free_port: Callable[[], int], start_process: Callable[..., Process]
-) -> Iterator[Site]:
+) -> Iterator[Pairs]:
     with running(tmp_path, Plan(robots=3), Inbox()) as stack:
-        site = Site(stack, tmp_path, free_port)
-        site.pair_alertmanagers(start_process)
-        site.pair_prometheuses(start_process)
-        yield site
+        pairs = Pairs(stack, tmp_path, free_port)
+        pairs.pair_alertmanagers(start_process)
+        pairs.pair_prometheuses(start_process)
+        yield pairs
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "killed", [("prometheus 0", "alertmanager 0"), ("prometheus 1", "alertmanager 0")]
 )
-def test_with_a_half_of_each_killed_no_mail_is_lost_and_none_doubled(
-    site: Site, killed: tuple[str, str]
+def test_with_one_half_of_each_killed_every_mail_is_sent_once(
+    pairs: Pairs, killed: tuple[str, str]
 ):
-    site.stack.fault("robot_2", "Motor 2", "error", "winding at 131 C")
-    told = [PROBLEM.format(2)]
-    assert site.settled(1) == told
+    pairs.stack.fault("robot_2", "Motor 2", "error", "winding at 131 C")
+    expected = [PROBLEM.format(2)]
+    assert pairs.settled(1) == expected
 
     for name, _, number in (each.partition(" ") for each in killed):
-        site.processes[name, int(number)].kill()
-    site.stack.fault("robot_2", "Motor 2", "ok")
-    told += [RECOVERY.format(2)]
-    assert site.settled(2) == told
+        pairs.processes[name, int(number)].kill()
+    pairs.stack.fault("robot_2", "Motor 2", "ok")
+    expected += [RECOVERY.format(2)]
+    assert pairs.settled(2) == expected
 
-    site.stack.fault("robot_3", "Motor 2", "error")
-    told += [PROBLEM.format(3)]
-    assert site.settled(3) == told
-    site.stack.fault("robot_3", "Motor 2", "ok")
-    assert site.settled(4) == [*told, RECOVERY.format(3)]
+    pairs.stack.fault("robot_3", "Motor 2", "error")
+    expected += [PROBLEM.format(3)]
+    assert pairs.settled(3) == expected
+    pairs.stack.fault("robot_3", "Motor 2", "ok")
+    assert pairs.settled(4) == [*expected, RECOVERY.format(3)]

@@ -1,4 +1,4 @@
-"""What is installed from: the wheel, the systemd unit, the Containerfile, compose.yaml."""
+"""Packaging: the wheel, the systemd unit, the Containerfile, compose.yaml."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def run(*command: str | Path, **options: Any) -> str:
 
 @pytest.mark.slow
 def test_the_wheel_in_an_empty_environment_serves_a_fleet(tmp_path):
-    """Everything that is needed at run time is in the wheel or named as its dependency."""
+    """Everything needed at run time is in the wheel or one of its dependencies."""
     run(sys.executable, "-m", "pip", "wheel", "--no-deps", "--wheel-dir", tmp_path, ROOT)
     (wheel,) = tmp_path.glob("*.whl")
     venv.create(tmp_path / "empty", with_pip=True)
@@ -85,12 +85,12 @@ def served(address: str) -> set[str]:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
-def test_systemd_understands_the_unit_and_finds_it_confined(tmp_path):
+def test_systemd_accepts_the_unit_and_rates_it_secure(tmp_path):
     unit = tmp_path / UNIT.name
     unit.write_text(UNIT.read_text().replace("/opt/ros-diagnostics-exporter/bin/", "/bin/true "))
     assert run("systemd-analyze", "verify", unit) == ""
-    said = run("systemd-analyze", "security", "--offline=yes", UNIT)
-    found = re.search(r"Overall exposure level for \S+: ([\d.]+)", said)
+    report = run("systemd-analyze", "security", "--offline=yes", UNIT)
+    found = re.search(r"Overall exposure level for \S+: ([\d.]+)", report)
     assert found is not None
     assert float(found[1]) < 2.0
 
@@ -107,7 +107,7 @@ def test_the_unit_and_the_containerfile_start_what_the_wheel_installs():
         assert all((ROOT / name).exists() for name in copied.split())
 
 
-def test_compose_mounts_what_there_is_and_pins_every_image():
+def test_compose_mounts_existing_files_and_pins_every_image():
     services = yaml.safe_load((ROOT / "compose.yaml").read_text())["services"]
     assert len(services) == 7
     for service in services.values():
@@ -119,13 +119,13 @@ def test_compose_mounts_what_there_is_and_pins_every_image():
         assert service["cap_drop"] == ["ALL"]
 
 
-def test_prometheus_takes_the_settings_that_compose_mounts(tmp_path):
+def test_promtool_accepts_the_configuration_that_compose_mounts(tmp_path):
     shutil.copytree(ROOT / "prometheus", tmp_path, dirs_exist_ok=True)
     shutil.copy(ROOT / "packaging" / "compose" / "prometheus.yml", tmp_path / "prometheus.yml")
     run("promtool", "check", "config", tmp_path / "prometheus.yml")
 
 
-def test_the_exporter_takes_the_fleet_that_compose_mounts():
+def test_the_exporter_accepts_the_fleet_that_compose_mounts():
     command = Path(sys.executable).parent / "ros-diagnostics-exporter"
     path = ROOT / "packaging" / "compose" / "fleet.yml"
     assert "42" in run(command, "--config.check", "--config.file", path)

@@ -1,11 +1,11 @@
-"""Stories of one robot's components and their values.
+"""Scenarios of one robot's components and values.
 
-They break different components, or they would have a common cause.
+They break different components, so that no common cause fires.
 """
 
 from __future__ import annotations
 
-from e2e.rule_scenarios.scenario import BEGIN, Story, critical, lasts, rank, step, warning
+from e2e.rule_scenarios.scenario import BEGIN, Scenario, critical, in_trouble, rank, step, warning
 
 WORSENS = (warning("worsens", "Motor 1"), critical("worsens", "Motor 1"))
 FLAPS = "ComponentFlapping flaps {}".format
@@ -17,7 +17,7 @@ HOT = TENDER("Warning", "Motor", "Temperature (°C)")
 BURNING = TENDER("Critical", "Motor", "Temperature (°C)")
 
 COMPONENTS = (
-    Story(
+    Scenario(
         "0-1-2-1-0: CRITICAL at once after a confirmed WARNING, which goes on under it",
         ("worsens",),
         (
@@ -28,9 +28,9 @@ COMPONENTS = (
             step("worsens/Motor 1: ok", until=rank("worsens", 0)),
         ),
         ranks={"worsens": (0, 1, 3, 1, 0)},
-        spends={"warning": ((1, 2), (3, 4)), "critical": ((2, 3),)},
+        availability={"warning": ((1, 2), (3, 4)), "critical": ((2, 3),)},
     ),
-    Story(
+    Scenario(
         "a component that no longer reports is STALE until it does",
         ("dozes",),
         (
@@ -40,21 +40,21 @@ COMPONENTS = (
         ),
         ranks={"dozes": (0, 2, 0)},
     ),
-    Story(
-        "a fault that ends before its component's own confirm_after is not told",
+    Scenario(
+        "a fault that ends before its component's own confirm_after fires no alert",
         ("patient",),
         (
             step(BEGIN, until=rank("patient", 0)),
             step(
                 ("patient/Sensor 1: error", "patient/Sensor 2: error"),
                 critical("patient", "Sensor 1"),
-                until=lasts("patient", 2),
+                until=in_trouble("patient", 2),
             ),
             step(("patient/Sensor 1: ok", "patient/Sensor 2: ok"), until=rank("patient", 0)),
         ),
         ranks={"patient": (0, 3, 0)},
     ),
-    Story(
+    Scenario(
         "STALE is CRITICAL where fleet.yml says so, and nothing where it is planned",
         ("strict",),
         (
@@ -63,14 +63,14 @@ COMPONENTS = (
                 ("strict/Laser 1: silent", "strict/Cam 1: silent"),
                 critical("strict", "Laser 1"),
                 "ComponentStale strict Laser 1",
-                until=lasts("strict", 2),
+                until=in_trouble("strict", 2),
             ),
             step("strict/Laser 1: ok", until=rank("strict", 0)),
         ),
         ranks={"strict": (0, 3, 0)},
     ),
-    Story(
-        "flapping is told at its start and its end, nothing between, and the end state",
+    Scenario(
+        "flapping fires one alert; a fault that is left when it ends fires then",
         ("flaps",),
         (
             step(BEGIN, until=rank("flaps", 0)),
@@ -83,7 +83,7 @@ COMPONENTS = (
             step("flaps/Sensor 2: ok", until=rank("flaps", 0)),
         ),
     ),
-    Story(
+    Scenario(
         "a fault that comes and goes between scrapes, again and again, is intermittent",
         ("loose",),
         (
@@ -92,18 +92,18 @@ COMPONENTS = (
             step(BEGIN, until=rank("loose", 0)),
         ),
     ),
-    Story(
-        "a check that finds too few components, or none, is told until they are there",
+    Scenario(
+        "a check that finds too few components, or none, fires until they are there",
         ("short",),
         (
             step(BEGIN, "CheckShort short lasers", "CheckShort short cameras"),
-            step("stage: complete short", until=rank("short", 0)),
+            step("site: complete short", until=rank("short", 0)),
         ),
     ),
 )
 VALUES = (
-    Story(
-        "values beyond the thresholds of fleet.yml are told, and end with the hysteresis",
+    Scenario(
+        "values beyond the thresholds of fleet.yml fire, and resolve with the hysteresis",
         ("tender",),
         (
             step(BEGIN, until=rank("tender", 0)),
@@ -120,8 +120,8 @@ VALUES = (
             step("tender/Main Battery: full"),
         ),
     ),
-    Story(
-        "a battery that falls is told before it is low; one that falls slowly is not",
+    Scenario(
+        "a battery that falls fast fires before it is low; one that falls slowly does not",
         ("drains",),
         (
             step(

@@ -1,7 +1,7 @@
-"""The fleets of the stories: which robots there are, their fleet.yml, and the clocks.
+"""The fleets of the scenarios: their robots, their fleet.yml and the durations.
 
-All robots are of one process in one ROS domain; each fleet has an exporter of its own, so that what
-happens to one exporter, or to half of a fleet, happens to no other story.
+All robots are in one process and one ROS domain. Each fleet has its own exporter, so that the
+scenarios in which an exporter or half of a fleet stops do not disturb the others.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ SETTINGS = {
     "pending_after": 40,
     "falling_horizon": 600,
 }
-CLOCKS = {"stale_after": "5s", "confirm_after": "6s", "flap_interval": "1s"}
+DURATIONS = {"stale_after": "5s", "confirm_after": "6s", "flap_interval": "1s"}
 
-# Addresses that answer, and do not, at the port that stands for a ping: all of 127.0.0.0/8 is this
-# machine, and this machine always answers pings.
+# Addresses with an open and with a closed port, in place of pings: this machine answers pings to
+# all of 127.0.0.0/8.
 ON, OFF, UPLINK = "127.0.0.2", "127.0.0.3", "127.0.0.4"
 
 HALL = {
@@ -39,7 +39,7 @@ HALL = {
     "short": {"profile": "equipped"},
     "crowded": {},
     "ahead": {},
-    "tender": {"profile": "judged"},
+    "tender": {"profile": "thresholds"},
     "drains": {"profile": "watched"},
     "collapses": {},
     "wedged": {"address": ON},
@@ -49,7 +49,7 @@ HALL = {
 }
 SOLD = {"name": "sold", "namespace": "/sold"}
 PROFILES: dict[str, Any] = {
-    "default": CLOCKS,
+    "default": DURATIONS,
     "patient": {"components": [{"match": "Sensor 2", "confirm_after": "5m"}]},
     "strict": {
         "stale_is_critical": True,
@@ -63,7 +63,7 @@ PROFILES: dict[str, Any] = {
             "cameras": {"match": ["Cam"], "expect": 1},
         }
     },
-    "judged": {
+    "thresholds": {
         "values": [
             {"key": "Charge", "thresholds": {"low": {"warning": 30, "critical": 15}}},
             {"key": "Temperature*", "thresholds": {"high": {"warning": 70, "critical": 90}}},
@@ -76,14 +76,14 @@ WEST = tuple(f"west_{n}" for n in range(26, 51))
 SHAFT = ("gap", "lost")
 FLEETS = ("hall", "shaft", "yard")
 
-# Settings of a thesis' robot: too few parts, all of them, too many.
+# Settings of a thesis robot: too few components, enough, too many.
 SHORT = {"number_of_lasers": 1, "number_of_cameras": 0}
 COMPLETE = {"number_of_lasers": 2, "number_of_cameras": 1}
 CROWDED = {"number_of_motors": 30}
 
 
 def write_hall(folder: Path, domain_id: int, components: int = 25) -> Path:
-    """Write the fleet of the small stories; ``components`` is how many a robot may have."""
+    """Write the fleet of most scenarios; ``components`` is how many a robot may have."""
     robots = [
         {"name": name, "namespace": f"/{name}", "domain_id": domain_id, **more}
         for name, more in HALL.items()
@@ -104,7 +104,7 @@ def write_shaft(folder: Path, domain_id: int) -> Path:
     """Write the fleet whose exporter stalls and is killed."""
     discovery = [_found(domain_id, *SHAFT)]
     return _write(
-        folder, {"fleet": "shaft", "profiles": {"default": CLOCKS}, "discovery": discovery}
+        folder, {"fleet": "shaft", "profiles": {"default": DURATIONS}, "discovery": discovery}
     )
 
 
@@ -115,12 +115,12 @@ def write_yard(folder: Path, domain_id: int) -> Path:
         for site in ("east", "west")
     ]
     return _write(
-        folder, {"fleet": "yard", "profiles": {"default": CLOCKS}, "discovery": discovery}
+        folder, {"fleet": "yard", "profiles": {"default": DURATIONS}, "discovery": discovery}
     )
 
 
 def declare(folder: Path, domain_id: int) -> Path:
-    """Declare the robot that will be taken out, in a file of its own."""
+    """Declare the robot that will be removed, in its own file."""
     path = folder / "robots.d" / "sold.yml"
     path.parent.mkdir(exist_ok=True)
     path.write_text(yaml.safe_dump({**SOLD, "domain_id": domain_id}))
@@ -133,7 +133,7 @@ def plan_maintenance(folder: Path, robot: str) -> Path:
     path.parent.mkdir(exist_ok=True)
     downtime = {
         "name": "new motor",
-        "comment": "the story of planned maintenance",
+        "comment": "planned maintenance",
         "selector": {"robot": robot},
         "weekly": ["daily 00:00-24:00"],
     }
@@ -142,12 +142,12 @@ def plan_maintenance(folder: Path, robot: str) -> Path:
 
 
 def equip(folder: Path, robot: str, settings: dict[str, int]) -> None:
-    """Give a robot that has a settings file these numbers of parts; it reads them at once."""
+    """Give a robot with a settings file these numbers of components; it reads them at once."""
     (folder / f"{robot}.yaml").write_text(yaml.safe_dump(settings))
 
 
 def write_scenario(folder: Path) -> Path:
-    """Write the robots; the only thing they do by themselves is one's loose contact."""
+    """Write the scenario of the virtual robots; its only events are those of a loose contact."""
     equip(folder, "short", SHORT)
     equip(folder, "crowded", CROWDED)
     here = Path(__file__).parent
@@ -160,7 +160,7 @@ def write_scenario(folder: Path) -> Path:
     robots.append({"name": "late", "absent": True})
     robots += [{"name": name, "settings": f"{name}.yaml"} for name in ("short", "crowded")]
     light = str(here / "light.yaml")
-    # The number in a name goes on over all entries.
+    # {n} counts over all entries.
     robots = [
         {"name": "east_{n}", "kind": light, "count": 25},
         {"name": "west_{n}", "kind": light, "count": 25},
@@ -168,7 +168,7 @@ def write_scenario(folder: Path) -> Path:
     ]
     contact = {"robot": "loose", "component": "Laser 1", "what": "error", "for": 1.0}
     events = [{"at": 5 + 7 * n, **contact} for n in range(11)]
-    path = folder / "stories.yaml"
+    path = folder / "robots.yaml"
     path.write_text(yaml.safe_dump({"seed": 1, "robots": robots, "events": events}))
     return path
 

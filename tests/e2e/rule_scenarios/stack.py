@@ -1,8 +1,8 @@
-"""The stage of the stories: robots, exporters, probes and servers, and what can be done to them.
+"""The site of the rule scenarios: robots, exporters and servers, and actions on them.
 
 Everything is real and runs on this machine: virtual robots in a ROS domain, an exporter for each
-fleet, blackbox_exporter, Prometheus and Alertmanager. A TCP port of an address stands for a ping:
-this machine answers pings to all its addresses, and a port can be closed.
+fleet, blackbox_exporter, Prometheus and Alertmanager. Hosts are probed at a TCP port instead of by
+ping, because a port can be closed.
 """
 
 from __future__ import annotations
@@ -23,34 +23,32 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from e2e.rule_scenarios import clocks as scaled
 from e2e.rule_scenarios import fleets
-from support import host_checks, prometheus_site
-from testbed import domains, programs
-from testbed import http as asking
+from support import host_checks, prometheus_site, short_clocks
+from testbed import domains, http, programs
 from testbed.polling import until
 from testbed.ports import free_port
 from testbed.processes import Process
 
-STAGE = "stage"
+SITE = "site"
 
 
 class Orders:
-    """Sets the parameters of the virtual robots' node: one request for many orders."""
+    """Sets parameters of the virtual robots' node, many orders with one request."""
 
     def __init__(self, domain_id: int) -> None:
         self._context = Context()
         self._context.init(domain_id=domain_id)
-        self._node = Node("stories", context=self._context, enable_rosout=False)
+        self._node = Node("rule_scenarios", context=self._context, enable_rosout=False)
         self._client = self._node.create_client(SetParameters, "/virtual_robots/set_parameters")
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
 
     def give(self, orders: Sequence[tuple[str, str]]) -> None:
-        """Set each (target, order); all are obeyed on return.
+        """Set each (target, order); all are carried out on return.
 
         Raises:
-            AssertionError: One is refused; the text says why.
+            AssertionError: One is rejected; the text says why.
         """
         assert self._client.wait_for_service(timeout_sec=30), "no virtual robots answer"
         parameters = [
@@ -60,8 +58,8 @@ class Orders:
         future = self._client.call_async(SetParameters.Request(parameters=parameters))
         self._executor.spin_until_future_complete(future, timeout_sec=60)
         assert future.done(), f"the virtual robots did not answer to {orders}"
-        refused = [each.reason for each in future.result().results if not each.successful]
-        assert not refused, refused
+        rejected = [each.reason for each in future.result().results if not each.successful]
+        assert not rejected, rejected
 
     def close(self) -> None:
         self._executor.shutdown()
@@ -70,26 +68,26 @@ class Orders:
 
 
 class Host:
-    """An address of this machine that answers at a port, or does not."""
+    """An address of this machine whose port is open or closed."""
 
     def __init__(self, address: str, port: int) -> None:
         self._where = (address, port)
         self._server: socketserver.TCPServer | None = None
 
-    def answer(self) -> None:
+    def open(self) -> None:
         socketserver.TCPServer.allow_reuse_address = True
         self._server = socketserver.TCPServer(self._where, socketserver.BaseRequestHandler)
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
-    def fall_silent(self) -> None:
+    def close(self) -> None:
         if self._server is not None:
             self._server.shutdown()
             self._server.server_close()
             self._server = None
 
 
-class Stage:
-    """What runs, and the deeds that a story may ask for."""
+class ScenarioSite:
+    """The robots and exporters, and the actions that a scenario may name."""
 
     def __init__(self, folder: Path, domain_id: int) -> None:
         self.folder = folder
@@ -133,21 +131,21 @@ class Stage:
         """What has to be started before Prometheus."""
         return (self.blackbox, *self.exporters.values())
 
-    def perform(self, deeds: Sequence[str]) -> None:
-        """Let the orders to robots happen, and the stage's own, in their order."""
+    def do(self, actions: Sequence[str]) -> None:
+        """Carry out orders to robots and actions on the site, in order."""
         batch: list[tuple[str, str]] = []
-        for deed in deeds:
-            target, _, order = deed.partition(": ")
-            if target != STAGE:
+        for action in actions:
+            target, _, order = action.partition(": ")
+            if target != SITE:
                 batch.append((target, order))
                 continue
             self._order(batch)
             batch = []
-            self._deeds()[order]()
+            self._actions()[order]()
         self._order(batch)
 
     def probes(self) -> list[dict[str, Any]]:
-        """The scrape configurations of docs/alerts.md, with a port in place of ICMP."""
+        """The scrape configurations of docs/alerts.md, with a TCP port instead of ICMP."""
         relabel = [
             {
                 "source_labels": ["__address__"],
@@ -169,7 +167,7 @@ class Stage:
             {"job_name": "ros-diagnostics-uplink", "static_configs": [uplink], **common},
         ]
 
-    def _deeds(self) -> dict[str, Callable[[], object]]:
+    def _actions(self) -> dict[str, Callable[[], object]]:
         hall, shaft = self.folder / "hall", self.exporters["shaft"]
         return {
             "complete short": lambda: fleets.equip(self.folder, "short", fleets.COMPLETE),
@@ -178,10 +176,10 @@ class Stage:
             "sell": (hall / "robots.d" / "sold.yml").unlink,
             "forget scrapped": lambda: self._post("hall", "/-/forget?robot=scrapped"),
             "raise limit": lambda: fleets.write_hall(hall, self.domain_id, components=60),
-            "cut uplink": self.uplink.fall_silent,
-            "mend uplink": self.uplink.answer,
+            "cut uplink": self.uplink.close,
+            "mend uplink": self.uplink.open,
             "stall exporter": lambda: shaft.signal(signal.SIGSTOP),
-            "let exporter go on": lambda: shaft.signal(signal.SIGCONT),
+            "continue exporter": lambda: shaft.signal(signal.SIGCONT),
             "kill exporter": shaft.kill,
             "start exporter": shaft.start,
         }
@@ -204,37 +202,39 @@ class Stage:
 
 
 @contextmanager
-def running(folder: Path) -> Iterator[tuple[Stage, prometheus_site.Site]]:
-    """Start everything: the robots last, so that nothing of theirs is missed.
+def running(folder: Path) -> Iterator[tuple[ScenarioSite, prometheus_site.Site]]:
+    """Start everything; the robots last, so that all their states are recorded.
 
     Raises:
         programs.MissingProgram: A server is not installed.
         TimeoutError: One is not ready in time.
     """
     with ExitStack() as ending:
-        stage = Stage(folder, ending.enter_context(domains.lease()))
-        for host in (stage.uplink, stage.wedged):
-            host.answer()
-            ending.callback(host.fall_silent)
-        for process in (*stage.processes, stage.robots):
+        site = ScenarioSite(folder, ending.enter_context(domains.lease()))
+        for host in (site.uplink, site.wedged):
+            host.open()
+            ending.callback(host.close)
+        for process in (*site.processes, site.robots):
             ending.callback(process.stop)
-        for process in stage.processes:
+        for process in site.processes:
             process.start()
-        for address in (*stage.addresses.values(), f"127.0.0.1:{stage.blackbox_port}"):
-            path = "/metrics" if address.endswith(str(stage.blackbox_port)) else "/-/ready"
-            until(lambda at=address, p=path: asking.answers(at, p), f"{address}{path}", 90)
-        site = ending.enter_context(
+        for address in (*site.addresses.values(), f"127.0.0.1:{site.blackbox_port}"):
+            path = "/metrics" if address.endswith(str(site.blackbox_port)) else "/-/ready"
+            until(lambda at=address, p=path: http.answers(at, p), f"{address}{path}", 90)
+        servers = ending.enter_context(
             prometheus_site.running(
                 folder,
-                stage.addresses,
+                site.addresses,
                 {},
-                probes=stage.probes(),
+                probes=site.probes(),
                 interval=fleets.INTERVAL,
-                prepare=lambda prometheus: scaled.scale(prometheus / "rules", fleets.SETTINGS),
+                prepare=lambda prometheus: short_clocks.scale(
+                    prometheus / "rules", fleets.SETTINGS
+                ),
             )
         )
-        stage.robots.start()
-        stage.robots.wait_for_output("ready: ", 60)
-        stage.orders = Orders(stage.domain_id)
-        ending.callback(stage.orders.close)
-        yield stage, site
+        site.robots.start()
+        site.robots.wait_for_output("ready: ", 60)
+        site.orders = Orders(site.domain_id)
+        ending.callback(site.orders.close)
+        yield site, servers

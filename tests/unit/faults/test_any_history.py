@@ -15,8 +15,7 @@ from ros_diagnostics_exporter.faults.settings import (
     FleetSettings,
     RobotSettings,
 )
-from support.fault_model import Model
-from support.fault_stories import (
+from support.fault_histories import (
     BATTERY,
     ERROR,
     OK,
@@ -33,6 +32,7 @@ from support.fault_stories import (
     restart,
     silent,
 )
+from support.fault_model import Model
 
 ROBOTS = ("r1", "r2", "r3", "r4")
 COMPONENTS = ("a", "b", "planned", "strict")

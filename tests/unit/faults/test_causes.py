@@ -1,7 +1,7 @@
 """Many problems that are one: of a robot, of a component on many robots, of a site."""
 
 from ros_diagnostics_exporter.faults.settings import CauseSettings, FleetSettings
-from support.fault_stories import (
+from support.fault_histories import (
     ERROR,
     OK,
     STALE,

@@ -1,6 +1,6 @@
 """Faults of components: confirmation, nesting, what ends them and what does not."""
 
-from support.fault_stories import (
+from support.fault_histories import (
     ERROR,
     OK,
     STALE,

@@ -3,7 +3,7 @@
 import pytest
 
 from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory, flap_ratio
-from support.fault_stories import (
+from support.fault_histories import (
     ERROR,
     OK,
     STALE,

@@ -1,7 +1,7 @@
 """Faults of robots: silent, pending, coming and going; and restarts of the exporter."""
 
 from ros_diagnostics_exporter.faults.settings import FleetSettings
-from support.fault_stories import (
+from support.fault_histories import (
     ERROR,
     OK,
     STALE,

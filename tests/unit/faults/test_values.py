@@ -5,7 +5,7 @@ import math
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from support.fault_stories import ERROR, STALE, back, level, maintenance, play, silent, value
+from support.fault_histories import ERROR, STALE, back, level, maintenance, play, silent, value
 
 HOT = (Threshold("high", "warning", 80.0),)
 LOW = "value/warning r1 battery charge low"

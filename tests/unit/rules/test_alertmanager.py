@@ -1,4 +1,4 @@
-"""The shipped Alertmanager configuration: judged by amtool, routed, and rendered as read."""
+"""The shipped Alertmanager configuration and its templates, rendered by amtool."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MOTOR = {"fleet": "f", "robot": "r1", "group": "/Motor", "component": "Motor 1"}
 
 
 def data(status: str, labels: dict[str, str], **annotations: str) -> dict[str, Any]:
-    """What Alertmanager hands to a template for a group of one alert."""
+    """The data that Alertmanager passes to a template for a group of one alert."""
     alert = {
         "status": status,
         "labels": labels,
@@ -50,10 +50,10 @@ def render(template: str, content: dict[str, Any], folder: Path) -> str:
     ).strip()
 
 
-def test_configuration_and_templates_pass_amtool():
-    said = run_tool("amtool", "check-config", ALERTMANAGER / "alertmanager.yml")
+def test_amtool_accepts_configuration_and_templates():
+    output = run_tool("amtool", "check-config", ALERTMANAGER / "alertmanager.yml")
 
-    assert "SUCCESS" in said
+    assert "SUCCESS" in output
 
 
 @pytest.mark.parametrize(
@@ -162,13 +162,13 @@ def test_configuration_and_templates_pass_amtool():
 def test_subject(status: str, labels: dict[str, str], subject: str, tmp_path: Path):
     labels = {**labels, "alertname": "RosDiagnostics" + labels["alertname"]}
 
-    said = render("ros_diagnostics.email.subject", data(status, labels), tmp_path)
+    output = render("ros_diagnostics.email.subject", data(status, labels), tmp_path)
 
-    assert said == f"** {subject}"
+    assert output == f"** {subject}"
 
 
 @pytest.mark.parametrize("part", ["text", "html"])
-def test_mail_tells_what_happened_and_what_to_do(part: str, tmp_path: Path):
+def test_mail_has_fault_evidence_links_and_commands(part: str, tmp_path: Path):
     labels = {"alertname": "RosDiagnosticsComponentCritical", "severity": "critical", **MOTOR}
     problem = data(
         "firing",
@@ -182,7 +182,7 @@ def test_mail_tells_what_happened_and_what_to_do(part: str, tmp_path: Path):
         dashboard_url="http://dashboard",
     )
 
-    said = render(f"ros_diagnostics.email.{part}", problem, tmp_path)
+    output = render(f"ros_diagnostics.email.{part}", problem, tmp_path)
 
     for expected in (
         "** PROBLEM ** f/r1 Motor 1 is CRITICAL",
@@ -197,9 +197,9 @@ def test_mail_tells_what_happened_and_what_to_do(part: str, tmp_path: Path):
         "http://alertmanager:9093/#/silences/new?filter=%7Balertname%3D%22RosDiagnosticsComponent",
         "component%3D%22Motor%201%22",
     ):
-        assert expected in said
+        assert expected in output
     acknowledge = "ros-diagnostics-ack --comment '...' --url http://alertmanager:9093"
-    assert f"{acknowledge} -- 'r1' 'Motor 1'" in html.unescape(said)
+    assert f"{acknowledge} -- 'r1' 'Motor 1'" in html.unescape(output)
 
 
 @pytest.mark.parametrize("part", ["text", "html"])
@@ -225,24 +225,22 @@ def test_the_command_in_a_mail_is_no_other_command_for_a_shell(
 
 
 @pytest.mark.parametrize("part", ["text", "html"])
-def test_mail_about_a_recovery_says_since_when_it_is_over_and_asks_for_nothing(
-    part: str, tmp_path: Path
-):
+def test_mail_about_a_recovery_has_its_end_and_no_commands(part: str, tmp_path: Path):
     labels = {"alertname": "RosDiagnosticsComponentCritical", "severity": "critical", **MOTOR}
 
-    said = render(f"ros_diagnostics.email.{part}", data("resolved", labels), tmp_path)
+    output = render(f"ros_diagnostics.email.{part}", data("resolved", labels), tmp_path)
 
-    assert "Over since 2026-01-01 11:00:00 UTC." in said
-    assert "silences/new" not in said
-    assert "ros-diagnostics-ack" not in said
+    assert "Over since 2026-01-01 11:00:00 UTC." in output
+    assert "silences/new" not in output
+    assert "ros-diagnostics-ack" not in output
 
 
-def test_what_cannot_be_acknowledged_does_not_ask_for_it(tmp_path: Path):
+def test_mail_about_flapping_has_no_command_to_acknowledge(tmp_path: Path):
     labels = {"alertname": "RosDiagnosticsComponentFlapping", "severity": "warning", **MOTOR}
 
-    said = render("ros_diagnostics.email.text", data("firing", labels), tmp_path)
+    output = render("ros_diagnostics.email.text", data("firing", labels), tmp_path)
 
-    assert "ros-diagnostics-ack" not in said
+    assert "ros-diagnostics-ack" not in output
 
 
 def test_all_mails_about_one_component_are_one_thread(tmp_path: Path):
@@ -255,20 +253,20 @@ def test_all_mails_about_one_component_are_one_thread(tmp_path: Path):
     assert threads == {"<f.r1.Motor-1@ros-diagnostics>"}
 
 
-def test_a_text_message_about_a_recovery_says_that_it_is_over(tmp_path: Path):
+def test_text_message_about_a_recovery(tmp_path: Path):
     labels = {"alertname": "RosDiagnosticsUplinkDown", "fleet": "f", "uplink": "ap-1"}
     over = data("resolved", labels, summary="Uplink ap-1 of fleet f does not answer.")
 
-    said = render("ros_diagnostics.sms", over, tmp_path)
+    output = render("ros_diagnostics.sms", over, tmp_path)
 
-    assert said == "RECOVERY f: no longer: Uplink ap-1 of fleet f does not answer."
+    assert output == "RECOVERY f: no longer: Uplink ap-1 of fleet f does not answer."
 
 
 def test_text_message_has_at_most_160_characters(tmp_path: Path):
     labels = {"alertname": "RosDiagnosticsComponentCritical", **MOTOR}
     long = data("firing", labels, summary="Motor 1 of r1 is CRITICAL.", driver_message="ä" * 300)
 
-    said = render("ros_diagnostics.sms", long, tmp_path)
+    output = render("ros_diagnostics.sms", long, tmp_path)
 
-    assert said.startswith("PROBLEM f: Motor 1 of r1 is CRITICAL. ääää")
-    assert len(said) == 160
+    assert output.startswith("PROBLEM f: Motor 1 of r1 is CRITICAL. ääää")
+    assert len(output) == 160

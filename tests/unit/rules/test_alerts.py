@@ -1,4 +1,4 @@
-"""Alerts, their pages and stories, settings and metrics: compared both ways."""
+"""Every alert has a runbook and a promtool test; settings, records and metrics are all used."""
 
 from __future__ import annotations
 
@@ -11,12 +11,20 @@ import yaml
 
 from ros_diagnostics_exporter.cli import ack
 from ros_diagnostics_exporter.metrics.self_metrics import ALL_FAMILIES
-from support.shipped_rules import PROMETHEUS, ROOT, RULE_FILES, STORY_FILES, alerts, rules, run_tool
+from support.shipped_rules import (
+    PROMETHEUS,
+    PROMTOOL_TESTS,
+    ROOT,
+    RULE_FILES,
+    alerts,
+    rules,
+    run_tool,
+)
 
 PAGES = {page.stem: page for page in (ROOT / "docs" / "alerts").glob("*.md")}
 HEADINGS = ["Meaning", "Impact", "Diagnosis", "Mitigation", "Tuning"]
 DASHBOARDS = {"fleet", "robot", "component", "alerts", "monitoring"}
-# Always fires, so it neither begins nor ends.
+# Always fires.
 ALWAYS = {"RosDiagnosticsWatchdog"}
 RECORD = re.compile(r"\b\w+:ros_diagnostics\w*:\w+|\bros_diagnostics:\w+:\w+")
 SETTING = re.compile(r"ros_diagnostics:\w+:(?:seconds|ratio|count)")
@@ -26,20 +34,19 @@ def every_alert() -> list[Any]:
     return [pytest.param(name, rule, id=name) for name, found in alerts().items() for rule in found]
 
 
-def test_every_alert_has_its_page_and_every_page_its_alert():
+def test_every_alert_has_a_runbook_and_every_runbook_an_alert():
     assert set(PAGES) == set(alerts())
 
 
 @pytest.mark.parametrize("name", sorted(PAGES))
-def test_page_says_what_to_know_and_do(name: str):
+def test_runbook_has_all_headings(name: str):
     text = PAGES[name].read_text()
 
     assert text.startswith(f"# {name}\n")
     assert re.findall(r"^## (.*)$", text, re.MULTILINE) == HEADINGS
 
 
-def test_queries_of_the_pages_can_be_typed(tmp_path: Path):
-    """Each line of a page's promql block is a query that Prometheus understands."""
+def test_promtool_accepts_the_queries_of_the_runbooks(tmp_path: Path):
     lines = [
         line
         for page in PAGES.values()
@@ -54,36 +61,36 @@ def test_queries_of_the_pages_can_be_typed(tmp_path: Path):
 
 
 @pytest.mark.parametrize(("name", "rule"), every_alert())
-def test_alert_speaks_to_people_and_links_to_its_page(name: str, rule: dict[str, Any]):
-    said = rule["annotations"]
+def test_alert_has_summary_runbook_and_dashboard(name: str, rule: dict[str, Any]):
+    annotations = rule["annotations"]
 
     assert name.startswith("RosDiagnostics")
     assert rule["labels"]["severity"] in {"critical", "warning", "info"}
-    assert said["summary"].endswith(".")
-    assert "\n" not in said["summary"]
-    assert said["runbook_url"].endswith(f"/{name}.md")
-    [uid] = re.findall(r"/d/ros-diagnostics-(\w+)", said["dashboard_url"])
+    assert annotations["summary"].endswith(".")
+    assert "\n" not in annotations["summary"]
+    assert annotations["runbook_url"].endswith(f"/{name}.md")
+    [uid] = re.findall(r"/d/ros-diagnostics-(\w+)", annotations["dashboard_url"])
     assert uid in DASHBOARDS
 
 
 @pytest.mark.parametrize("name", sorted(set(alerts()) - ALWAYS))
-def test_a_story_tells_that_the_alert_waits_fires_and_ends(name: str):
-    told = [
-        [bool(c["exp_alerts"]) for c in story.get("alert_rule_test", ()) if c["alertname"] == name]
-        for file in STORY_FILES
-        for story in yaml.safe_load(file.read_text())["tests"]
+def test_a_promtool_test_shows_the_alert_inactive_firing_and_resolved(name: str):
+    firing = [
+        [bool(c["exp_alerts"]) for c in test.get("alert_rule_test", ()) if c["alertname"] == name]
+        for file in PROMTOOL_TESTS
+        for test in yaml.safe_load(file.read_text())["tests"]
     ]
 
-    assert any(when[:1] == [False] and when[-1:] == [False] and any(when) for when in told)
+    assert any(when[:1] == [False] and when[-1:] == [False] and any(when) for when in firing)
 
 
-def test_what_can_be_acknowledged_are_alerts_that_say_since_when():
+def test_alerts_that_can_be_acknowledged_have_since():
     for name in ack.STATES:
         for rule in alerts()[name]:
             assert "since" in rule["annotations"]
 
 
-def test_settings_are_all_used_and_all_there():
+def test_settings_are_all_used_and_defined():
     settings = yaml.safe_load((PROMETHEUS / "rules" / "settings.yml").read_text())
     recorded = {rule["record"] for group in settings["groups"] for rule in group["rules"]}
     used = {
@@ -99,7 +106,7 @@ def test_settings_are_all_used_and_all_there():
 
 
 @pytest.mark.parametrize(
-    ("moment", "told"),
+    ("moment", "working"),
     [  # 1970 began with a Thursday
         ("6h59m", False),
         ("7h", True),
@@ -111,18 +118,18 @@ def test_settings_are_all_used_and_all_there():
         ("103h", True),
     ],
 )
-def test_the_working_hours_in_the_comment_of_the_settings(moment: str, told: bool, tmp_path: Path):
+def test_the_example_of_working_hours_in_settings(moment: str, working: bool, tmp_path: Path):
     text = (PROMETHEUS / "rules" / "settings.yml").read_text()
     [hours] = re.findall(r"^      #   (vector\(1\) and .*)$", text, re.MULTILINE)
-    samples = [{"labels": "{}", "value": 1}] if told else []
-    question = {"expr": hours, "eval_time": moment, "exp_samples": samples}
-    story = tmp_path / "hours.yml"
-    story.write_text(yaml.safe_dump({"tests": [{"promql_expr_test": [question]}]}))
+    samples = [{"labels": "{}", "value": 1}] if working else []
+    test = {"expr": hours, "eval_time": moment, "exp_samples": samples}
+    file = tmp_path / "hours.yml"
+    file.write_text(yaml.safe_dump({"tests": [{"promql_expr_test": [test]}]}))
 
-    run_tool("promtool", "test", "rules", story)
+    run_tool("promtool", "test", "rules", file)
 
 
-def test_rules_read_only_families_that_the_exporter_serves():
+def test_rules_use_only_metrics_of_the_exporter():
     families = {family.name for family in ALL_FAMILIES}
     read = {
         name
@@ -134,7 +141,7 @@ def test_rules_read_only_families_that_the_exporter_serves():
     assert read
 
 
-def test_rules_read_only_records_that_are_recorded():
+def test_rules_use_only_series_that_are_recorded():
     recorded = {rule["record"] for rule in rules() if "record" in rule}
     read = {name for rule in rules() for name in RECORD.findall(rule["expr"])}
 

@@ -1,4 +1,4 @@
-"""Who is told what: the shipped routes, and with all switched on that is shipped commented."""
+"""Which receivers get which alert, as shipped and with all commented-out routes enabled."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import yaml
 from ros_diagnostics_exporter.cli import ack
 from support.shipped_rules import ALERTMANAGER, alerts, run_tool
 
-# What begins like a route or goes on with one, behind a comment sign.
-SWITCHED_OFF = re.compile(r"^    # (?=- matchers|  )", re.MULTILINE)
+# A line of a commented-out route.
+COMMENTED_OUT = re.compile(r"^    # (?=- matchers|  )", re.MULTILINE)
 CRITICAL = "alertname=RosDiagnosticsComponentCritical severity=critical fleet=f robot=r1"
 WARNING = "alertname=RosDiagnosticsComponentWarning severity=warning fleet=f robot=r1"
 UNACKNOWLEDGED = "alertname=RosDiagnosticsUnacknowledged fleet=f robot=r1"
 TABLE = {
-    # labels: receivers as shipped, receivers with all routes switched on
+    # labels: receivers as shipped, receivers with all routes enabled
     CRITICAL: ("email", "sms,email"),
     f"{CRITICAL} team=arms": ("email", "sms,team,email"),
     f"{CRITICAL} team=carts site=berlin": ("email", "sms,email"),
@@ -42,11 +42,11 @@ TABLE = {
 
 
 @pytest.fixture
-def switched_on(tmp_path: Path) -> Path:
-    """The shipped configuration with the comment signs taken away from its routes."""
+def enabled(tmp_path: Path) -> Path:
+    """The shipped configuration with all routes uncommented."""
     shutil.copytree(ALERTMANAGER, tmp_path / "alertmanager")
     path = tmp_path / "alertmanager" / "alertmanager.yml"
-    text, number = SWITCHED_OFF.subn("    ", path.read_text())
+    text, number = COMMENTED_OUT.subn("    ", path.read_text())
     assert number
     path.write_text(text)
     return path
@@ -63,17 +63,17 @@ def test_route(labels: str):
 
 
 @pytest.mark.parametrize("labels", TABLE)
-def test_route_with_all_that_can_be_switched_on(labels: str, switched_on: Path):
-    """What goes to a further receiver goes to the one for all as well."""
-    assert receivers(switched_on, labels) == TABLE[labels][1]
+def test_route_with_all_routes_enabled(labels: str, enabled: Path):
+    """An alert for another receiver is also sent to the default receiver."""
+    assert receivers(enabled, labels) == TABLE[labels][1]
 
 
-def test_configuration_with_all_that_can_be_switched_on_passes_amtool(switched_on: Path):
-    assert "SUCCESS" in run_tool("amtool", "check-config", switched_on)
+def test_amtool_accepts_the_configuration_with_all_routes_enabled(enabled: Path):
+    assert "SUCCESS" in run_tool("amtool", "check-config", enabled)
 
 
-def test_what_can_be_acknowledged_is_reminded_of_by_an_alert_that_it_holds():
-    """Its own route repeats it seldom, and its mail says how to acknowledge it; no other alert."""
+def test_alerts_that_can_be_acknowledged_have_their_own_route_and_mail():
+    """Their route repeats seldom, and their mail has the command; those of no other alert do."""
     config = yaml.safe_load((ALERTMANAGER / "alertmanager.yml").read_text())
     [others] = [each for each in config["route"]["routes"] if "!~" in each.get("matchers", [""])[0]]
     [seldom] = re.findall(r'!~ "(.*)"', others["matchers"][0])
@@ -95,10 +95,10 @@ def test_what_can_be_acknowledged_is_reminded_of_by_an_alert_that_it_holds():
         ({}, "robots@example.org"),
     ],
 )
-def test_the_example_in_the_sites_file_routes_by_label(
+def test_the_example_in_site_tmpl_routes_by_label(
     labels: dict[str, str], address: str, tmp_path: Path
 ):
-    """The lines stand in a comment; a person takes them for what follows `site.email.to`."""
+    """The example is in a comment, to be copied into `site.email.to`."""
     text = (ALERTMANAGER / "templates" / "site.tmpl").read_text()
     [example] = re.findall(r"^( {7}\{\{ if eq .*?\{\{ end \}\})$", text, re.MULTILINE | re.DOTALL)
     site = tmp_path / "site.tmpl"
@@ -106,7 +106,7 @@ def test_the_example_in_the_sites_file_routes_by_label(
     data = tmp_path / "data.json"
     data.write_text(json.dumps({"commonLabels": labels}))
 
-    said = run_tool(
+    output = run_tool(
         "amtool",
         "template",
         "render",
@@ -115,4 +115,4 @@ def test_the_example_in_the_sites_file_routes_by_label(
         '--template.text={{ template "site.email.to" . }}',
     )
 
-    assert said.strip() == address
+    assert output.strip() == address

@@ -1,4 +1,4 @@
-"""The example of a webhook receiver, asked as Alertmanager asks it."""
+"""The example of a webhook receiver gets the requests of Alertmanager."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MESSAGE = {
 
 @pytest.fixture
 def receiver(free_port: Callable[[], int], start_process: Callable[..., Any]) -> Any:
-    """The program, started; its address in `.address`."""
+    """The running program, with its address in `.address`."""
     address = f"127.0.0.1:{free_port()}"
     script = ALERTMANAGER / "examples" / "webhook_receiver.py"
     process = start_process("webhook", [sys.executable, script, address])
@@ -61,5 +61,5 @@ def test_each_alert_is_one_line(receiver):
     until(lambda: line in receiver.output(), "the line in the log", 10)
 
 
-def test_what_is_no_message_is_refused(receiver):
+def test_an_invalid_message_is_rejected(receiver):
     assert _post(receiver.address, b'{"alerts": [{}]}') == 400

@@ -1,13 +1,13 @@
-"""The clocks of the rules, shortened in a run's own copy of them.
+"""Shortens the durations of the rules, in a test's own copy of them.
 
-What can be set is set, in rules/settings.yml. The length of a range, `for` and `interval` cannot
-be metrics: there every duration is divided by ten, and nothing else of a rule is touched.
+`set_durations` changes those in rules/settings.yml. `scale` also divides the length of ranges,
+`for` and `interval` by ten.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,9 @@ import yaml
 
 FASTER = 10
 MILLISECONDS = {"ms": 1, "s": 1000, "m": 60_000, "h": 3_600_000}
-# A range's length, or an offset; not a word or a number that only looks like a duration.
+# The length of a range or an offset; not a name or a number that only looks like a duration.
 DURATION = re.compile(r"(?:(?<=\[)|(?<=\d[smh]:)|(?<=offset ))(\d+)(ms|s|m|h)\b")
-# Seconds that stand in an expression as a number, because a duration cannot: file -> the rule's
-# record, the text, and how often it is there.
+# Durations that are numbers in an expression: file, the rule's record, seconds.
 SECONDS = (
     ("values.yml", "component:ros_diagnostics_unseen:count", "600"),
     ("availability.yml", "robot:ros_diagnostics_part_seconds:sum5m", "300"),
@@ -27,18 +26,44 @@ SCALED = ("states.yml", "alerts.yml", "values.yml", "availability.yml")
 
 
 def scale(rules: Path, settings: Mapping[str, float]) -> None:
-    """Shorten the clocks of the rules in this folder.
+    """Divide the durations of the rules by ten, and set those of settings.yml.
+
+    Args:
+        rules: A copy of prometheus/rules.
+        settings: As for `set_durations`.
+
+    Raises:
+        LookupError: The rules have no such setting or duration any more.
+    """
+    for name in SCALED:
+        edit(rules / name, lambda document, name=name: _scale_file(document, name))
+    set_durations(rules, settings)
+
+
+def set_durations(rules: Path, settings: Mapping[str, float]) -> None:
+    """Change settings.yml.
 
     Args:
         rules: A copy of prometheus/rules.
         settings: Names in settings.yml (`restart_grace`) -> value.
 
     Raises:
-        LookupError: The rules have no such setting or clock any more.
+        LookupError: The rules have no such setting any more.
     """
-    for name in SCALED:
-        _edit(rules / name, lambda document, name=name: _scale_file(document, name))
-    _edit(rules / "settings.yml", lambda document: _set(document, dict(settings)))
+    edit(rules / "settings.yml", lambda document: _set(document, dict(settings)))
+
+
+def set_scrape_interval(prometheus: Path, seconds: int) -> None:
+    """Let a copy of the folder prometheus scrape and evaluate every so many seconds."""
+    intervals = {"scrape_interval": f"{seconds}s", "evaluation_interval": f"{seconds}s"}
+    edit(prometheus / "prometheus.yml", lambda config: config["global"].update(intervals))
+
+
+def edit(path: Path, change: Callable[[Any], object]) -> None:
+    """Change the content of a YAML file."""
+    content = yaml.safe_load(path.read_text())
+    change(content)
+    path.write_text(yaml.safe_dump(content, sort_keys=False))
 
 
 def duration(text: str) -> str:
@@ -83,9 +108,3 @@ def _set(document: dict[str, Any], settings: dict[str, float]) -> None:
             rule["expr"] = f"vector({settings.pop(name)})"
     if settings:
         raise LookupError(f"rules/settings.yml has no {', '.join(settings)} any more")
-
-
-def _edit(path: Path, change: Any) -> None:
-    document = yaml.safe_load(path.read_text())
-    change(document)
-    path.write_text(yaml.safe_dump(document, sort_keys=False))

@@ -1,7 +1,6 @@
-"""What was told, read from what Prometheus recorded of a run, and what had to be.
+"""What Prometheus recorded of a run, compared with what a scenario expects; plain data, no server.
 
-Works on plain data; knows no server. The series were asked for every second, and rules are
-evaluated less often: nothing that was told for an evaluation is missed.
+The series have a sample each second, and rules are evaluated less often: no alert is missed.
 """
 
 from __future__ import annotations
@@ -11,64 +10,64 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import Any
 
-from e2e.rule_scenarios.scenario import Story
+from e2e.rule_scenarios.scenario import Scenario
 
 Change = tuple[float, str]  # Unix time, `+NAME` or `-NAME`
-GAP = 1.5  # seconds between two samples of a series that goes on, asked for every second
+GAP = 1.5  # seconds; a longer gap between samples ends an alert
 PREFIX = "RosDiagnostics"
 
 
 def name_of(labels: dict[str, str]) -> str:
-    """What the table calls an alert: its name, the robot (uplink, site, fleet), and of what."""
+    """What a scenario calls an alert: its name, the robot (uplink, site, fleet), and of what."""
     if "robot" in labels:
         words = ["robot", "component", "check", "reason", "key"]
     elif {"component", "uplink", "site"} & labels.keys():
         words = ["uplink", "site", "component"]
     else:
         words = ["fleet", "reason"]
-    said = [labels[word] for word in words if labels.get(word)]
-    return " ".join([labels["alertname"].removeprefix(PREFIX), *said])
+    values = [labels[word] for word in words if labels.get(word)]
+    return " ".join([labels["alertname"].removeprefix(PREFIX), *values])
 
 
-def owns(story: Story, labels: dict[str, str]) -> bool:
-    """Whether an alert is one of the story's: by its robot, else by its uplink or fleet."""
+def owns(scenario: Scenario, labels: dict[str, str]) -> bool:
+    """Whether an alert belongs to the scenario: by its robot, else by its uplink or fleet."""
     if "robot" in labels:
-        return labels["robot"] in story.robots
-    return labels.get("uplink") in story.robots or labels.get("fleet") in story.robots
+        return labels["robot"] in scenario.robots
+    return labels.get("uplink") in scenario.robots or labels.get("fleet") in scenario.robots
 
 
-def changes(result: dict[str, Any], story: Story) -> list[Change]:
-    """Each beginning and end of the story's alerts, in their order."""
-    mine = [each for each in result["alerts"] if owns(story, each["metric"])]
+def changes(result: dict[str, Any], scenario: Scenario) -> list[Change]:
+    """When the scenario's alerts fired and resolved, in order."""
+    mine = [each for each in result["alerts"] if owns(scenario, each["metric"])]
     return sorted(change for each in mine for change in _changes(each, result["until"]))
 
 
-def strangers(result: dict[str, Any], stories: Sequence[Story]) -> set[str]:
-    """Alerts of the fleets that belong to no story."""
+def unexpected(result: dict[str, Any], scenarios: Sequence[Scenario]) -> set[str]:
+    """Alerts that belong to no scenario."""
     return {
         name_of(each["metric"])
         for each in result["alerts"]
-        if not any(owns(story, each["metric"]) for story in stories)
+        if not any(owns(scenario, each["metric"]) for scenario in scenarios)
     }
 
 
-def expected(story: Story) -> list[Counter[str]]:
-    """What begins and ends at each step; within a step the order is free."""
+def expected(scenario: Scenario) -> list[Counter[str]]:
+    """What fires and resolves at each step, in any order within the step."""
     before: frozenset[str] = frozenset()
     steps = []
-    for step in story.steps:
-        begun = [f"+{name}" for name in step.alerts - before]
-        ended = [f"-{name}" for name in before - step.alerts]
-        steps.append(Counter([*begun, *ended]))
+    for step in scenario.steps:
+        fired = [f"+{name}" for name in step.alerts - before]
+        resolved = [f"-{name}" for name in before - step.alerts]
+        steps.append(Counter([*fired, *resolved]))
         before = step.alerts
     return steps
 
 
-def by_step(told: list[Change], story: Story) -> list[Counter[str]]:
-    """What was told, in portions as large as those of `expected`, and the rest as the last one."""
-    words = [word for _, word in told]
+def by_step(found: list[Change], scenario: Scenario) -> list[Counter[str]]:
+    """The changes, in portions as large as those of `expected`; the rest is the last portion."""
+    words = [word for _, word in found]
     portions = []
-    for step in expected(story):
+    for step in expected(scenario):
         portions.append(Counter(words[: step.total()]))
         words = words[step.total() :]
     return [*portions, Counter(words)] if words else portions
@@ -83,7 +82,7 @@ def ranks(result: dict[str, Any], robot: str, began: float) -> tuple[int, ...]:
 
 
 def spent(result: dict[str, Any], robot: str) -> dict[str, float]:
-    """The seconds of the whole run that a robot was in each part of availability."""
+    """Seconds of the whole run that a robot was in each part of availability."""
     return {
         each["metric"]["part"]: float(each["value"][1])
         for each in result["parts"]

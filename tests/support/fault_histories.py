@@ -1,7 +1,7 @@
-"""Stories for the judgement of faults: who does what at which second, and what changes by it.
+"""Fault histories: events at given seconds, and the changes of faults that each causes.
 
-Each story is played three times: as written, with time passing second by second, and with a new
-engine from the written rows before each event. All three have to give the same.
+Each history runs three times: as written, with time advanced second by second, and with a new
+engine restored from the written rows before each event. All three must give the same changes.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from ros_diagnostics_exporter.faults.settings import (
 from ros_diagnostics_exporter.model import Instant, Level
 
 OK, WARN, ERROR, STALE = Level
-WALL = 1_000_000.0  # Unix time when the story's clock stands at 0
-READY = -100.0  # when the robots of a story are first received; it starts a while before
+WALL = 1_000_000.0  # Unix time at second 0
+READY = -100.0  # second at which the robots are first received; the engine starts before
 Event = Callable[[Faults, Instant], "list[Change]"]
 
 
@@ -49,7 +49,7 @@ def level(
     confirm_after: float = 10.0,
     **settings: bool,
 ) -> Event:
-    """One component is received with this level, or is found STALE."""
+    """One component is received with this level, or turns STALE."""
     return levels(
         [component], to, robot, group=group, total=total, confirm_after=confirm_after, **settings
     )
@@ -65,9 +65,9 @@ def levels(
     confirm_after: float = 10.0,
     **settings: bool,
 ) -> Event:
-    """One array brings several components with this level."""
-    judged = ComponentSettings(confirm_after, **settings)
-    reports = [ComponentReport(ComponentName(group, each), to, judged) for each in components]
+    """One array has several components with this level."""
+    used = ComponentSettings(confirm_after, **settings)
+    reports = [ComponentReport(ComponentName(group, each), to, used) for each in components]
     return lambda faults, now: faults.components_changed(robot, reports, total, now)
 
 
@@ -82,14 +82,14 @@ def together(*events: Event) -> Event:
 
 
 def silent(robot: str = "r1", last: float | None = None) -> Event:
-    """Nothing was received of the robot for its stale_after."""
+    """Nothing was received from the robot for its stale_after."""
     return lambda faults, now: faults.robot_silent(
         robot, now if last is None else instant(last), now
     )
 
 
 def back(robot: str = "r1", *reports: Event) -> Event:
-    """The robot is received, with what its first array brings."""
+    """The robot is received again, with the reports of its first array."""
     return together(lambda faults, now: faults.robot_back(robot, now), *reports)
 
 
@@ -145,7 +145,7 @@ def value(
     return lambda faults, now: faults.values_changed(robot, name, settings, [report], now)
 
 
-# -- playing -----------------------------------------------------------------------------------
+# -- running -----------------------------------------------------------------------------------
 
 
 def words(identity: Identity) -> str:
@@ -158,7 +158,7 @@ def texts(changes: Iterable[Change]) -> list[str]:
 
 
 class Player:
-    """An engine, the rows it has written, and ways to go on with it."""
+    """An engine and the rows that it has written."""
 
     def __init__(self, settings: FleetSettings, *, each_second: bool = False) -> None:
         self.settings = settings
@@ -170,7 +170,7 @@ class Player:
         self.second = READY - 100
 
     def write(self, second: float) -> None:
-        """Write what changed, as a database would: by row, as JSON."""
+        """Write the changed rows, as JSON, as the database does."""
         for row in self.faults.take_rows(instant(second)):
             if row.fields is None:
                 self.rows.pop((row.kind, row.key), None)
@@ -179,13 +179,13 @@ class Player:
                 self.rows[row.kind, row.key] = row._replace(fields=fields)
 
     def reborn(self, second: float) -> None:
-        """Go on with a new engine that knows what was written."""
+        """Continue with a new engine, restored from the written rows."""
         self.write(second)
         self.faults = Faults(self.settings)
         self.faults.restore(list(self.rows.values()), instant(second))
 
     def go(self, second: float, *events: Event) -> list[Change]:
-        """Let time pass, then do this; all that changed since."""
+        """Advance the time, apply the events; return all changes."""
         changes: list[Change] = []
         while self._each_second and self.second + 1 < second:
             self.second += 1
@@ -205,7 +205,7 @@ class Player:
 
 
 class FleetChange:
-    """Other settings of the fleet, which a new engine is made with as well."""
+    """Changes the settings of the fleet, also for new engines."""
 
     def __init__(self, settings: FleetSettings) -> None:
         self.settings = settings
@@ -221,7 +221,7 @@ def player(
     reborn: bool = False,
     each_second: bool = False,
 ) -> Player:
-    """A fleet whose robots are received and well, and whose start is long over."""
+    """A fleet whose robots are up and OK, long after the start."""
     found = Player(settings, each_second=each_second)
     found.go(READY - 100, restart(), *(robot_settings(robot) for robot in robots))
     assert found.go(READY, *(back(robot) for robot in robots)) == []
@@ -230,19 +230,19 @@ def player(
 
 
 def play(
-    *scenes: tuple[object, ...],
+    *steps: tuple[object, ...],
     robots: Iterable[str] = ("r1",),
     settings: FleetSettings | None = None,
 ) -> Player:
-    """Play (second, event or None, change, change, ...) and compare; the player as it ends."""
+    """Run steps (second, event or None, expected change, ...); return the player at the end."""
     settings, robots = settings or FleetSettings(), list(robots)
     for how in ({"reborn": True}, {"each_second": True}, {}):
         last = player(robots, settings, **how)
-        for second, event, *expected in scenes:
+        for second, event, *expected in steps:
             changes = last.go(second, *([] if event is None else [event]))
             found = texts(changes)
             assert found == expected, f"at {second} s, {how}: {found}, expected {expected}"
         assert len(list(last.faults.faults())) == sum(
-            1 if "began" in text else -1 for _, _, *expected in scenes for text in expected
+            1 if "began" in text else -1 for _, _, *expected in steps for text in expected
         )
     return last
