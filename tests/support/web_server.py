@@ -34,7 +34,7 @@ def component(name: str, level: str, **changed: Any) -> dict[str, Any]:
         "level_before_stale": "OK" if level == "STALE" else None,
         "state": OF_LEVEL[level],
         "planned_stale": False,
-        "message": f"{name} says {level}",
+        "message": f"{name} reports {level}",
         "since": 1_000.0,
         "problem_since": None if level == "OK" else 1_000.0,
         "changes": 3,

@@ -17,7 +17,7 @@ from ros_diagnostics_exporter.severity import (
     short_told,
     state_of,
 )
-from ros_diagnostics_exporter.texts import natural, shown
+from ros_diagnostics_exporter.texts import natural, one_line
 
 MESSAGE = 300  # characters of a component's message
 SHOWN = 200  # robots with problems, and as many components of one; the API has them all
@@ -125,7 +125,7 @@ def _message(text: str) -> str:
 
 def escape(text: str) -> str:
     """Text in the page: neither markup nor what turns the direction of writing or is invisible."""
-    return escape_markup(shown(text))
+    return escape_markup(one_line(text))
 
 
 def _moment(unix: float) -> str:
