@@ -103,7 +103,7 @@ def test_a_robots_text_cannot_break_the_line():
 
 
 def test_the_command_asks_the_exporter(serve, capsys):
-    server = serve(fleet=lambda: fleet(BROKEN, robot("robot_2")))
+    server = serve(fleet_snapshot=lambda: fleet(BROKEN, robot("robot_2")))
     url = f"http://{server.addresses[0]}"
     assert main(["-H", "robot_1", "-N", "laser", "--url", url]) == 0
     assert capsys.readouterr().out.startswith("OK - OK sensor(s) list: /Laser, /Laser/Laser 1 | ")
@@ -142,7 +142,7 @@ def test_a_wrong_url_is_unknown(url, complaint, capsys):
 
 
 def test_another_server_or_an_http_error_is_unknown(serve, capsys):
-    server = serve(fleet=lambda: 1 / 0)
+    server = serve(fleet_snapshot=lambda: 1 / 0)
     url = f"http://{server.addresses[0]}"
     assert main(["-H", "robot_1", "--url", url]) == 3
     assert "answered 500" in capsys.readouterr().out
@@ -152,7 +152,7 @@ def test_another_server_or_an_http_error_is_unknown(serve, capsys):
 
 
 def test_an_unexpected_response_is_unknown_and_not_a_warning(serve, capsys):
-    server = serve(fleet=lambda: fleet({"robot": "robot_1"}))
+    server = serve(fleet_snapshot=lambda: fleet({"robot": "robot_1"}))
     assert main(["-H", "robot_1", "--url", f"http://{server.addresses[0]}"]) == 3
     assert capsys.readouterr().out == "UNKNOWN - KeyError: 'up'\n"
 
@@ -181,7 +181,7 @@ def test_tls_and_basic_auth(serve, ca, tls_config, tmp_path, capsys):
     tls_config.write_text(f"{tls_config.read_text()}\nbasic_auth_users: {{nagios: {hashed}}}")
     ca.cert_pem.write_to_path(tmp_path / "ca.crt")
     (tmp_path / "password").write_text("secret\n")
-    server = serve(web_config=tls_config, fleet=lambda: fleet(BROKEN))
+    server = serve(web_config=tls_config, fleet_snapshot=lambda: fleet(BROKEN))
     call = ["-H", "robot_1", "-N", "laser", "--url", f"https://{server.addresses[0]}"]
     login = ["--user", "nagios", "--password-file", str(tmp_path / "password")]
     assert main([*call, *login, "--ca-file", str(tmp_path / "ca.crt")]) == 0

@@ -30,7 +30,7 @@ sys.exit(main())
 @pytest.fixture
 def show(serve, capsys):
     """Runs the command against a server with ``FLEET``; returns its output."""
-    server = serve(fleet=lambda: FLEET)
+    server = serve(fleet_snapshot=lambda: FLEET)
 
     def run(*arguments: str) -> str:
         assert main([*arguments, "--url", f"http://{server.addresses[0]}"]) == 0
@@ -77,7 +77,9 @@ def test_components_are_shown_with_message_and_values(show):
 def test_a_robots_text_cannot_control_the_terminal(serve, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     evil = "\x1b]0;\x07\x9b[bold]x"
-    server = serve(fleet=lambda: fleet(robot(evil, component(evil, "ERROR", message=evil))))
+    server = serve(
+        fleet_snapshot=lambda: fleet(robot(evil, component(evil, "ERROR", message=evil)))
+    )
     for more in ([], ["--component", ""], ["--json"]):
         assert main(["--url", f"http://{server.addresses[0]}", *more]) == 0
         text = capsys.readouterr().out
@@ -90,7 +92,7 @@ def test_states_are_those_of_the_recording_rules(serve, capsys):
     stale = component("Arm", "STALE", state="CRITICAL")
     planned = component("Pendant", "STALE", planned_stale=True)
     robots = (robot("a", stale), robot("b", planned), robot("c", short_checks=[short]))
-    server = serve(fleet=lambda: fleet(*robots))
+    server = serve(fleet_snapshot=lambda: fleet(*robots))
     assert main(["--url", f"http://{server.addresses[0]}"]) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert "Arm STALE, counts as CRITICAL: Arm reports STALE" in text
@@ -130,7 +132,7 @@ def test_watch_continues_after_an_outage_until_ctrl_c(serve, tmp_path):
             raise RuntimeError
         return FLEET
 
-    server = serve(fleet=look)
+    server = serve(fleet_snapshot=look)
     arguments = ["--watch", "1.1", "--url", f"http://{server.addresses[0]}"]
     with subprocess.Popen([sys.executable, "-c", WATCH, *arguments], stdout=subprocess.PIPE) as it:
         try:
