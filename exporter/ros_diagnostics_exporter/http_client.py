@@ -1,7 +1,7 @@
 """A small JSON client over HTTP(S), with the standard library alone.
 
-The commands ask the exporter and Alertmanager with it, the exporter asks Alertmanager. A Nagios
-check is a new process every time, so every import here is paid at every check.
+Used by the commands, and by the exporter for Alertmanager. A Nagios check is a new process every
+time, so every import here is paid at every check.
 """
 
 from __future__ import annotations
