@@ -123,7 +123,7 @@ class Service:
             self.join()
 
     def reload(self, why: str = "POST /-/reload") -> None:
-        """Read the config again and follow it; a bad one is refused and the old one goes on.
+        """Read the config again and follow it; if it is invalid, keep the previous one.
 
         Both are logged, with ``why`` it was read.
 

@@ -16,13 +16,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 
-from ros_diagnostics_exporter.config.yamlfile import Document
-from ros_diagnostics_exporter.config.yamlfile import read as read_yaml
+from ros_diagnostics_exporter import durations
+from ros_diagnostics_exporter.config.yaml_file import Document
+from ros_diagnostics_exporter.config.yaml_file import read as read_yaml
+from ros_diagnostics_exporter.file_watcher import Signature, signature
 from ros_diagnostics_exporter.web.tls import Section, TlsConfig, make_context
 
 _BCRYPT = re.compile(r"\$2[aby]\$(0[4-9]|1[0-9]|2[0-9]|3[01])\$[./A-Za-z0-9]{53}")
-_DURATION = re.compile(r"(\d+(?:\.\d+)?)(ms|s|m|h)")
-_SECONDS = {"ms": 0.001, "s": 1.0, "m": 60.0, "h": 3600.0}
 
 _log = logging.getLogger(__name__)
 
@@ -40,10 +40,10 @@ def _hash(text: str) -> str:
 def _seconds(text: Any) -> float:
     if text in (0, "0"):
         return 0.0
-    found = _DURATION.fullmatch(str(text))
-    if not found:
-        raise ValueError(f"{text!r} is not a duration; write 500ms, 1s, 1m, 1h, or 0 for no limit")
-    return float(found[1]) * _SECONDS[found[2]]
+    try:
+        return durations.parse(str(text))
+    except ValueError as error:
+        raise ValueError(f"{error}; write 500ms, 1s, 1m, 1h, or 0 for no limit") from None
 
 
 _Frame = Literal["", "deny", "sameorigin"]
@@ -152,10 +152,10 @@ class LiveWebConfig:
 
     def refresh(self) -> None:
         """Reload if a file has changed; errors are logged and change nothing."""
-        signature = self._files_signature()
-        if self._path is None or signature == self._signature:
+        current = self._files_signature()
+        if self._path is None or current == self._signature:
             return
-        self._signature = signature
+        self._signature = current
         try:
             self._apply(self._reread(self._path))
         except WebConfigError as error:
@@ -192,10 +192,10 @@ class LiveWebConfig:
                 raise WebConfigError(str(error)) from error
         self.config = fresh
 
-    def _files_signature(self) -> tuple[Any, ...]:
+    def _files_signature(self) -> Signature:
         tls = self.config.tls_server_config
         paths = (*((self._path,) if self._path else ()), *(tls.files if tls else ()))
-        return tuple(_stat(path) for path in paths)
+        return signature(paths)
 
 
 def _removed_protection(old: WebConfig, new: WebConfig) -> str | None:
@@ -211,11 +211,3 @@ def _removed_protection(old: WebConfig, new: WebConfig) -> str | None:
     if old.tls_server_config.client_allowed_sans and not new.tls_server_config.client_allowed_sans:
         return "tls_server_config.client_allowed_sans"
     return None
-
-
-def _stat(path: Path) -> tuple[int, int, int] | None:
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_mtime_ns, found.st_size, found.st_ino

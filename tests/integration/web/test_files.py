@@ -56,14 +56,14 @@ def test_a_fifo_among_the_files_is_named_and_silent_robots_are_detected(site, en
 HUNG = """
 import sys, threading
 from ros_diagnostics_exporter.cli import main as cli
-from ros_diagnostics_exporter.config import yamlfile
+from ros_diagnostics_exporter.config import yaml_file
 
-read = yamlfile.read_regular
+read = yaml_file.read_regular
 def read_or_hang(path, most):
     if path.name == "hung.yml":
         threading.Event().wait()
     return read(path, most)
-yamlfile.read_regular = read_or_hang
+yaml_file.read_regular = read_or_hang
 sys.exit(cli.main())
 """
 
@@ -86,7 +86,7 @@ def test_a_hanging_file_blocks_neither_ingest_nor_scrapes_nor_sigterm(site, ends
     robots.stop()
     until(lambda: site.up() == 0, exporter.describe)
     until(lambda: metric(site, "config_last_reload_successful") == 0, exporter.describe)
-    until(lambda: "the config cannot change until its disk" in exporter.output(), exporter.describe)
+    until(lambda: "no reload is possible until its disk" in exporter.output(), exporter.describe)
 
     assert exporter.stop(30) == 0
 
