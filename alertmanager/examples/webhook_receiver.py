@@ -1,9 +1,8 @@
 #!/usr/bin/env python3
 """A webhook receiver that writes one log line for each alert, and does nothing else.
 
-Think twice before you extend it to self-healing: a robot that is restarted, driven or switched by a
-monitoring alert can hurt people, and an alert is neither authenticated nor on time. What is built on
-this should propose actions, and let a person act.
+Do not extend it to act on robots: one that is restarted, driven or switched by an alert can hurt
+people, and an alert is neither authenticated nor on time. Propose actions, and let a person act.
 
     python3 webhook_receiver.py 127.0.0.1:9099
 
