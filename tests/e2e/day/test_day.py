@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from e2e.day.page import page
+from e2e.day.page import HEAD, page
 from e2e.day.plan import DAY, EXPECTED, LATE
 from e2e.day.stack import Day, RejectingInbox
 from support.sns import Phone
@@ -83,8 +83,10 @@ def assert_problems_come_before_recoveries(messages: list[tuple[float, str, str]
     assert not +open_problems
 
 
-def test_the_page_of_the_day_has_every_message_of_the_list():
+def test_the_page_has_every_event_and_message_of_the_day():
     written = (Path(__file__).resolve().parents[3] / "docs" / "a-day.md").read_text()
 
     found = {each: written.count(f"| {each.by} | `{each.text}`") for each in EXPECTED}
     assert found == dict.fromkeys(EXPECTED, 1)
+    assert written.startswith(HEAD)
+    assert [each.description for each in DAY if f"{each.description} |" not in written] == []
