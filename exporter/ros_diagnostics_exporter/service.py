@@ -1,7 +1,6 @@
 """The running exporter: state, listener, texts and state file wired together.
 
-Owns no rule of its own: it hands each room the functions of the others. Together with cli.py the
-only file that knows both ROS and the web's doors.
+Owns no rule of its own: it connects the packages, and is the web server's Backend.
 """
 
 from __future__ import annotations
@@ -9,7 +8,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,6 @@ from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
 from ros_diagnostics_exporter.state import snapshot
 from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.state.storage import Storage
-from ros_diagnostics_exporter.web.backend import Doors
 
 log = logging.getLogger(__name__)
 
@@ -125,7 +123,7 @@ class Service:
                 self.events.record(event)
 
     def reload(self, why: str = "POST /-/reload") -> None:
-        """Read the config again and follow it; a bad one is refused and the old one goes on.
+        """Read the config again and follow it; if it is invalid, keep the previous one.
 
         Both are logged, with ``why`` it was read.
 
@@ -155,23 +153,9 @@ class Service:
         elif self.storage is not None:
             self.storage.save(self.state, ros.read_clocks(), at_once=True)
 
-    def doors(self) -> Doors:
-        """What the web is handed."""
-        return Doors(
-            metrics=self.render,
-            fleet=lambda: snapshot.fleet_snapshot(self.state, ros.read_clocks()),
-            events=self._find_events,
-            targets=lambda job, port: snapshot.targets(self.state, job, port),
-            ready=self._ready,
-            reload=self.reload,
-            forget=self._forget,
-        )
+    # -- the web server's Backend --------------------------------------------------------------
 
-    def _find_events(self, wanted: Wanted) -> Iterator[dict[str, Any]]:
-        self._record_events()
-        return self.events.find(wanted)
-
-    def render(self, openmetrics: bool) -> bytes:
+    def render_metrics(self, openmetrics: bool) -> bytes:
         """The whole exposition."""
         begin = time.perf_counter()
         text = self._exposition.render(openmetrics=openmetrics)
@@ -180,9 +164,21 @@ class Service:
         self._exporter.scrape_seconds = time.perf_counter() - begin
         return text + own
 
-    # -- handed to the web -----------------------------------------------------------------------
+    def fleet_snapshot(self) -> dict[str, Any]:
+        """The fleet as /api/v1/fleet returns it."""
+        return snapshot.fleet_snapshot(self.state, ros.read_clocks())
 
-    def _ready(self) -> str | None:
+    def find_events(self, wanted: Wanted) -> Iterable[dict[str, Any]]:
+        """The events that match the filter, newest first."""
+        self._record_events()
+        return self.events.find(wanted)
+
+    def targets(self, job: str, port: int | None) -> list[dict[str, Any]]:
+        """Prometheus' http_sd list of a job; LookupError or ValueError as Backend says."""
+        return snapshot.targets(self.state, job, port)
+
+    def not_ready_reason(self) -> str | None:
+        """Why the robots' messages are not subscribed to; None when they are."""
         looks = self._listener.last_looks
         if self._listener.joining or not looks or not all(looks.values()):
             return "the ROS graph has not been looked at yet"
@@ -192,8 +188,11 @@ class Service:
             return f"no message was taken for {self.STALLED:.0f} s in DDS domain {domains}"
         return None
 
-    def _forget(self, robot: str, component: str | None) -> int:
+    def forget(self, robot: str, component: str | None) -> int:
+        """Remove a robot or a component; LookupError if there is none of that name."""
         return self.state.forget(robot, component, ros.read_clocks())
+
+    # -- handed to the metrics -----------------------------------------------------------------
 
     def _acknowledged(self) -> list[Acknowledgement]:
         if self._alertmanager is None:
