@@ -12,8 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from ros_diagnostics_exporter.acknowledgement import Acknowledgement
-from ros_diagnostics_exporter.alertmanager import Alertmanager
+from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import EventLog, Wanted
@@ -92,7 +91,7 @@ class Service:
     def _ask(self) -> None:
         """Ask Alertmanager again and again; in a thread, for it may hang."""
         while self._alertmanager is not None and not self._stopping.is_set():
-            self._alertmanager.look(self.state.fleet.name, ros.read_clocks())
+            self._alertmanager.update(self.state.fleet.name, ros.read_clocks())
             self._stopping.wait(self._alertmanager.INTERVAL)
 
     def join(self) -> None:

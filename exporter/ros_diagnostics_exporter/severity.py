@@ -37,13 +37,13 @@ def as_planned(component: dict[str, Any]) -> bool:
     return bool(component["planned_stale"]) and component["state"] == "STALE"
 
 
-def level_told(component: dict[str, Any]) -> str:
+def level_text(component: dict[str, Any]) -> str:
     """The component's level, and what it counts as where that is another."""
     level, state = component["level"], component["state"]
     return f"{level}, counts as {state}" if state != OF_LEVEL[level] else str(level)
 
 
-def short_told(robot: dict[str, Any]) -> list[str]:
+def short_check_texts(robot: dict[str, Any]) -> list[str]:
     """The robot's checks that find too few components, as "check motors finds 1 of 2"."""
     return [
         f"check {each['check']} finds {each['found']} of {each['expected']}"

@@ -23,8 +23,8 @@ from ros_diagnostics_exporter.severity import (
     RANKS,
     ago,
     faults_of,
-    level_told,
-    short_told,
+    level_text,
+    short_check_texts,
     state_of,
 )
 from ros_diagnostics_exporter.texts import natural, one_line, printable
@@ -128,10 +128,10 @@ def _table(*titles: str) -> Table:
 def _faults(robot: dict[str, Any], now: float) -> Text:
     parts = [f"silent: {robot['silent_reason']}"] if not robot["up"] else []
     parts += ["in maintenance"] if robot["maintenance"] else []
-    parts += short_told(robot)
+    parts += short_check_texts(robot)
     faults = faults_of(robot)
     parts += [
-        f"{each['component']} {level_told(each)}: {each['message']} {ago(each['since'], now)}"
+        f"{each['component']} {level_text(each)}: {each['message']} {ago(each['since'], now)}"
         for each in faults[:FAULTS_SHOWN]
     ]
     if len(faults) > FAULTS_SHOWN:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from math import isfinite
 
@@ -14,18 +13,10 @@ from ros_diagnostics_exporter.state.component import Component, Value
 from ros_diagnostics_exporter.state.limits import unique_name
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.versions import Versions
+from ros_diagnostics_exporter.texts import escape
 
-_TO_ESCAPE = re.compile(r'[\\"\n]')
-_ESCAPES = {"\\": r"\\", '"': r"\"", "\n": r"\n"}
 _VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_GUARDED_VALUE.name}
 _WORDS = tuple(level.name.lower() for level in Level)
-
-
-def escape(text: str) -> str:
-    """A label value as both formats want it; what is no valid Unicode is replaced."""
-    if not text.isascii():
-        text = text.encode("utf-8", "replace").decode()
-    return _TO_ESCAPE.sub(lambda match: _ESCAPES[match[0]], text)
 
 
 def number(value: float) -> str:

@@ -13,8 +13,8 @@ from ros_diagnostics_exporter.severity import (
     RANKS,
     ago,
     faults_of,
-    level_told,
-    short_told,
+    level_text,
+    short_check_texts,
     state_of,
 )
 from ros_diagnostics_exporter.texts import natural, one_line
@@ -95,12 +95,12 @@ def _problems(states: list[tuple[str, dict[str, Any]]], fleet: dict[str, Any]) -
 def _faults(robot: dict[str, Any], now: float) -> Iterator[str]:
     faults = faults_of(robot)
     yield "<ul>"
-    for short in short_told(robot):
+    for short in short_check_texts(robot):
         yield f"<li>{escape(short)}</li>"
     for each in faults[:MAX_LISTED]:
         before = each["level_before_stale"]
         was = f" (was {escape(before)})" if before else ""
-        yield f"<li>{escape(each['component'])}: <span class=word>{escape(level_told(each))}</span>"
+        yield f"<li>{escape(each['component'])}: <span class=word>{escape(level_text(each))}</span>"
         yield f"{was} {_message(each['message'])} <span class=dim>{ago(each['since'], now)}</span>"
         yield "</li>"
     yield "</ul>"
