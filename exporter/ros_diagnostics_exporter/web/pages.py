@@ -10,7 +10,7 @@ from typing import Any
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.severity import (
-    RANKS,
+    SEVERITIES,
     ago,
     faults_of,
     level_text,
@@ -45,7 +45,7 @@ article ul { margin: .2rem 0; padding-left: 1.1rem; }
 def landing(fleet: dict[str, Any], telemetry_path: str) -> str:
     """The page for ``fleet``, as /api/v1/fleet returns it; all texts in it are escaped."""
     states = [(state_of(robot), robot) for robot in fleet["robots"]]
-    states.sort(key=lambda each: (-RANKS[each[0]], natural(each[1]["robot"])))
+    states.sort(key=lambda each: (-SEVERITIES[each[0]], natural(each[1]["robot"])))
     return "".join(_page(fleet, states, telemetry_path))
 
 
@@ -71,7 +71,7 @@ def _page(
 
 def _summary(count: Counter[str]) -> Iterator[str]:
     yield "<ul class=sum>"
-    for state in RANKS:
+    for state in SEVERITIES:
         if count[state] or state == "OK":
             yield f"<li><b>{count[state]}</b>{state}</li>"
     yield "</ul>"
