@@ -6,7 +6,6 @@ PROMETHEUS=/path/to/prometheus runs another release than the distribution's.
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 import urllib.error
@@ -21,10 +20,8 @@ from typing import Any
 import yaml
 
 from support import short_clocks
-from testbed import programs
-from testbed.polling import until
+from testbed import servers
 from testbed.ports import free_port
-from testbed.processes import Process
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -112,52 +109,17 @@ def running(
         argv = ["promtool", "tsdb", "create-blocks-from", "--max-block-duration=744h"]
         argv += ["openmetrics", str(history), str(folder / "tsdb")]
         subprocess.run(argv, check=True, capture_output=True, timeout=1800)
-    servers = [
-        Process(
-            "prometheus",
-            [
-                os.environ.get("PROMETHEUS") or programs.distributed("prometheus"),
-                f"--config.file={folder / 'prometheus' / 'prometheus.yml'}",
-                f"--storage.tsdb.path={folder / 'tsdb'}",
-                "--storage.tsdb.retention.time=90d",
-                f"--web.listen-address={site.prometheus}",
-                "--log.level=warn",
-            ],
-            None,
-            folder / "prometheus.log",
-        ),
-        Process(
-            "alertmanager",
-            [
-                programs.distributed("prometheus-alertmanager", "alertmanager"),
-                f"--config.file={folder / 'alertmanager' / 'alertmanager.yml'}",
-                f"--storage.path={folder / 'nflog'}",
-                f"--web.listen-address={site.alertmanager}",
-                f"--cluster.listen-address=127.0.0.1:{free_port()}",
-                "--cluster.advertise-address=127.0.0.1:1",
-                "--log.level=warn",
-            ],
-            None,
-            folder / "alertmanager.log",
-        ),
-    ]
-    try:
-        for server in servers:
-            server.start()
-        for server, address in zip(servers, (site.prometheus, site.alertmanager), strict=True):
-            until(lambda at=address: _ready(at), server.describe, 60)
+    prometheus = servers.prometheus(
+        folder,
+        folder / "prometheus" / "prometheus.yml",
+        site.prometheus,
+        "--storage.tsdb.retention.time=90d",
+    )
+    alertmanager = servers.alertmanager(
+        folder, folder / "alertmanager" / "alertmanager.yml", site.alertmanager
+    )
+    with servers.running(prometheus, alertmanager):
         yield site
-    finally:
-        for server in servers:
-            server.stop()
-
-
-def _ready(address: str) -> bool:
-    try:
-        with urllib.request.urlopen(f"http://{address}/-/ready", timeout=5) as answer:
-            return bool(answer.status == 200)
-    except OSError:
-        return False
 
 
 def _configure(
