@@ -196,7 +196,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
             FLEET,
         ),
         lambda exporter: (
-            []
+            None
             if exporter.alertmanager is None
             else _one(exporter.alertmanager.answers(read_clocks()))
         ),
