@@ -84,14 +84,14 @@ def prometheus(config: Path, address: str, storage: Path) -> list[str]:
     ]
 
 
-def alertmanager(config: Path, address: str, storage: Path) -> list[str]:
-    """Return the command of an Alertmanager that is in no cluster."""
+def alertmanager(config: Path, address: str, storage: Path, cluster: str = "") -> list[str]:
+    """Return the command of an Alertmanager; ``cluster`` is its address in one, "" for none."""
     return [
         distributed("prometheus-alertmanager", "alertmanager"),
         f"--config.file={config}",
         f"--storage.path={storage}",
         f"--web.listen-address={address}",
         f"--web.external-url=http://{address}/",
-        "--cluster.listen-address=",
+        f"--cluster.listen-address={cluster}",
         "--log.level=warn",
     ]

@@ -70,13 +70,14 @@ def alertmanager(
     config: Path,
     address: str,
     *options: str,
+    cluster: str = "",
     environment: Mapping[str, str] | None = None,
 ) -> Server:
     """Return an Alertmanager, not yet started, with ``nflog/`` and its log in ``folder``.
 
-    Arguments and errors as `prometheus`; it is in no cluster.
+    Arguments and errors as `prometheus`; ``cluster`` is its address in a cluster, "" for none.
     """
-    argv = [*programs.alertmanager(config, address, folder / "nflog"), *options]
+    argv = [*programs.alertmanager(config, address, folder / "nflog", cluster), *options]
     return Server(Process("Alertmanager", argv, environment, folder / "Alertmanager.log"), address)
 
 

@@ -116,7 +116,11 @@ def running(
         "--storage.tsdb.retention.time=90d",
     )
     alertmanager = servers.alertmanager(
-        folder, folder / "alertmanager" / "alertmanager.yml", site.alertmanager
+        folder,
+        folder / "alertmanager" / "alertmanager.yml",
+        site.alertmanager,
+        "--cluster.advertise-address=127.0.0.1:1",
+        cluster=f"127.0.0.1:{free_port()}",
     )
     with servers.running(prometheus, alertmanager):
         yield site

@@ -51,6 +51,7 @@ ANNEX = """
 fleet: annex
 robots:
   - {name: well, namespace: /well, labels: {site: north}}
+discovery: [{topic: "/nobody/{robot}/diagnostics_agg", domain_ids: [7]}]
 """
 NEVER_RECEIVED = "pending"
 BECOME_SILENT = ("silent", "cut_off")
