@@ -49,6 +49,10 @@ class Members:
         self._reject = reject
         self._changed = changed
         self._restless: set[Identity] = set()
+        # What the judgement of faults has yet to take: emptied by it.
+        self.level_changes: dict[Component, None] = {}
+        self.value_changes: dict[Component, None] = {}
+        self.names_version = 0  # raised when a component comes, goes or has another label
         self._deadline = inf  # when the next component may be late, monotonic
         self._checked: list[tuple[str, list[Component]]] = []
         self._checked_at = -1  # the version of the structure of `_checked`
@@ -76,6 +80,7 @@ class Members:
         component = Component(identity, self._label(identity), rule, values, now)
         self.all[identity] = component
         self._versions.structure += 1
+        self.names_version += 1
         self.regroup(component, group)
         return component
 
@@ -99,6 +104,7 @@ class Members:
         if component.group != label:
             component.group = label
             self._versions.structure += 1
+            self.names_version += 1
 
     def part(self, name: str) -> None:
         """Give a component whose name proved to be two components' its hardware_id as well."""
@@ -108,6 +114,7 @@ class Members:
             component.name = self._label(component.identity)
             self.all[component.identity] = component
             self._versions.structure += 1
+            self.names_version += 1
 
     def remove(self, component: Component) -> None:
         """Take one component out, with all that is known about it."""
@@ -117,6 +124,7 @@ class Members:
         del self.all[component.identity]
         self._restless.discard(component.identity)
         self.removals += 1
+        self.names_version += 1
         self._versions.structure += 1
         self._versions.levels += 1
 
@@ -174,6 +182,8 @@ class Members:
             numbers, shape = component.values.update(status.values)
             self._versions.values += numbers
             self._versions.structure += shape
+            if numbers or shape:
+                self.value_changes[component] = None
 
     def _within_limits(self, component: Component, status: Status) -> Status:
         """The status with no more key-values than one component, and one robot, may have."""
@@ -212,9 +222,11 @@ class Members:
         changed = component.set_reported(said, now, self._profile.flap_interval)
         if was_stale != component.is_stale:  # the numbers of a stale component are not shown
             self._versions.structure += 1
+            self.value_changes[component] = None
             self._expect(component, now)
         if changed:
             self._versions.levels += 1
+            self.level_changes[component] = None
             if component.flaps is not None and component.flaps.ratio > 0:
                 self._restless.add(component.identity)
             if notify:

@@ -14,6 +14,7 @@ from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Array, Instant, Level
 from ros_diagnostics_exporter.state.component import Component
+from ros_diagnostics_exporter.state.fault_reports import FaultReports
 from ros_diagnostics_exporter.state.maintenance import in_maintenance
 from ros_diagnostics_exporter.state.network import Endpoint, Topic
 from ros_diagnostics_exporter.state.persisted import RememberedRobot
@@ -39,6 +40,7 @@ class State:
         self._record = record
         self._now = now  # the latest that was told, for events of the roster
         self._slow_tick_at = now.mono
+        self.faults = FaultReports(now)  # call it only under ``lock``
         self._roster = Roster(fleet, now, self._level_changed, self._note)
 
     # -- told --------------------------------------------------------------------------------
@@ -63,6 +65,7 @@ class State:
             self._note("heard", robot)
             self._roster.received(robot)
         robot.receive(array, now, raw=raw)
+        self.faults.update(robot, now)
 
     def _receive_shared(self, topic: Topic, splitter: Splitter, array: Array, now: Instant) -> None:
         parts, unknown = splitter.split(array.statuses)
@@ -121,9 +124,20 @@ class State:
                 self._now = now
                 if robot.tick(now):
                     self._note("silent", robot)
-                if slow and self._roster.robots.get(robot.settings.name) is robot:
+                known = self._roster.robots.get(robot.settings.name) is robot
+                if slow and known:
                     self._plan(robot, now)
-                    self._forget_gone(robot, now)
+                    known = not self._forget_gone(robot, now)
+                if known:
+                    self.faults.update(robot, now)
+        with self.lock:
+            self._judge(now, slow=slow)
+
+    def _judge(self, now: Instant, *, slow: bool) -> None:
+        if slow:
+            self.faults.plan(now)
+            self.faults.take_rows(now)  # what is to be written grows until it is taken
+        self.faults.advance(now)
 
     def _plan(self, robot: Robot, now: Instant) -> None:
         labels = {
@@ -136,12 +150,17 @@ class State:
             robot.maintenance = planned
             robot.versions.inventory += 1
 
-    def _forget_gone(self, robot: Robot, now: Instant) -> None:
+    def _forget_gone(self, robot: Robot, now: Instant) -> bool:
+        """Forget what is long gone and has no problem; whether the robot went."""
         for component in list(robot.members.forgettable(now)):
+            if self.faults.keeps(robot, component):
+                continue
             self._note_component(now, robot, component, component.level, "forgotten")
             robot.members.remove(component)
-        if robot.is_forgettable(now):
+        if robot.is_forgettable(now) and not self.faults.keeps(robot):
             self._roster.drop(robot)
+            return True
+        return False
 
     def configure(self, fleet: config.Fleet, now: Instant) -> None:
         """Follow another config; robots that it leaves unchanged lose nothing."""
@@ -149,6 +168,7 @@ class State:
             self._now = now
             self.fleet = fleet
             self._roster.configure(fleet, now)
+            self.faults.configure(now)
             self._slow_tick_at = float("-inf")
 
     def forget(self, name: str, component: str | None, now: Instant) -> int:
@@ -174,6 +194,8 @@ class State:
                 robot.members.remove(each)
             if component is None and not robot.declared:
                 self._roster.drop(robot)
+            else:
+                self.faults.update(robot, now)
             return len(doomed)
 
     def restore(self, known: Mapping[str, RememberedRobot], now: Instant) -> None:
@@ -237,6 +259,9 @@ class State:
     def _note(self, word: str, robot: Robot) -> None:
         if word == "known":  # no scrape may see it out of a downtime that holds
             self._plan(robot, self._now)
+            self.faults.add(robot, self._now)
+        elif word == "forgotten":
+            self.faults.remove(robot, self._now)
         self._record(Event(self._now.wall, "robot", robot.settings.name, after=word))
 
     def _note_component(

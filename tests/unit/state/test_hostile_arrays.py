@@ -212,7 +212,9 @@ def test_dropped_messages_are_counted_for_the_robot_or_on_a_shared_topic_for_nob
 def test_the_runbooks_find_in_the_log_what_is_said_there(page):
     runbook = (RUNBOOKS / f"RosDiagnostics{page}.md").read_text()
     (words,) = re.findall(r'grep (?:-E )?"([^"]+)"', runbook)
-    said = "\n".join(path.read_text() for path in (*STATE.glob("r*.py"), STATE.parent / "ingest/ros.py"))
+    said = "\n".join(
+        path.read_text() for path in (*STATE.glob("r*.py"), STATE.parent / "ingest/ros.py")
+    )
     assert all(word in said for word in words.split("|"))
 
 
