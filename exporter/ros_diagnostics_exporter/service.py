@@ -228,6 +228,8 @@ class Service:
         joined = self._listener.domain_ids
         domains = {domain_id: domain_id in joined for domain_id in self.state.fleet.domain_ids}
         storage, alertmanager = self.storage, self._alertmanager
+        with self.state.lock:
+            settled = self.state.faults.settled(ros.read_clocks())
         return Facts(
             fleet=self.state.fleet.name,
             ros_distro=self._distribution,
@@ -238,6 +240,7 @@ class Service:
             series=dict(self._exposition.series),
             series_limit=self.state.fleet.limits.series,
             rejected=dict(self.state.rejected),
+            settled=settled,
             decode_seconds=self._listener.decode_seconds,
             ingest_seconds=self._listener.ingest_seconds,
             scrapes=self._scrapes,

@@ -16,6 +16,7 @@ from ros_diagnostics_exporter.acknowledgement import Acknowledgement
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import RobotText, escape, number
 from ros_diagnostics_exporter.metrics.families import Family
+from ros_diagnostics_exporter.metrics.fault_text import FaultText
 from ros_diagnostics_exporter.state.reasons import SHUT_OUT
 from ros_diagnostics_exporter.state.state import State
 
@@ -32,6 +33,7 @@ class Exposition:
         self._state = state
         self._acknowledged = acknowledged
         self._texts: dict[str, RobotText] = {}
+        self._faults = FaultText()
         self._lock = threading.Lock()
         self.series: Counter[str] = Counter()  # by family, at the last scrape
 
@@ -40,10 +42,14 @@ class Exposition:
         with self._lock:
             texts = list(self._update())
             promoted = sorted({name for text in texts for name in text.promoted})
-            families = (*metrics.FLEET_FAMILIES, *map(_promoted_family, promoted))
+            ours = metrics.FLEET_FAMILIES + metrics.FAULT_FAMILIES
+            families = (*ours, *map(_promoted_family, promoted))
             parts: list[bytes] = []
             series: Counter[str] = Counter()
             more = {metrics.ROBOT_SILENT_REASON.name: self._shut_out(), **self._acknowledgements()}
+            with self._state.lock:
+                faults = self._state.faults.all()
+            more |= self._faults.render(self._state.fleet.name, faults)
             for family in families:
                 chunks = [chunk for text in texts if (chunk := text.chunks.get(family.name))]
                 chunks.extend(filter(None, [more.get(family.name)]))

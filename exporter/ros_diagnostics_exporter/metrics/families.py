@@ -110,6 +110,12 @@ COMPONENT_LEVEL = _family(
     "0 OK, 1 WARN, 2 ERROR, 3 STALE, after the config's overrides; leaves only.",
     COMPONENT,
 )
+COMPONENT_PROBLEM_LEVEL = _family(
+    "component_problem_level",
+    "gauge",
+    "component_level where it is not OK; absent otherwise.",
+    COMPONENT,
+)
 COMPONENT_BEFORE_STALE = _family(
     "component_level_before_stale",
     "gauge",
@@ -226,6 +232,7 @@ FLEET_FAMILIES = (
     CHECK_COMPONENTS,
     CHECK_EXPECTED,
     COMPONENT_LEVEL,
+    COMPONENT_PROBLEM_LEVEL,
     COMPONENT_BEFORE_STALE,
     COMPONENT_SINCE,
     COMPONENT_ERROR_SINCE,
@@ -246,6 +253,26 @@ FLEET_FAMILIES = (
 )
 
 FLEET = ("fleet",)
+FAULT = (
+    *FLEET,
+    *("scope", "state", "severity", "site", "robot", "group", "component", "check", "key", "bound"),
+)
+FAULT_START = _family(
+    "fault_start_timestamp_seconds",
+    "gauge",
+    "When the trouble of a fault began (Unix time); present from its confirmation to its end.",
+    FAULT,
+    open=True,
+)
+FAULT_INFO = _family(
+    "fault_info",
+    "gauge",
+    "1 for every fault, with what was known when it was confirmed, at most 512 characters.",
+    (*FAULT, "evidence"),
+)
+
+FAULT_FAMILIES = (FAULT_START, FAULT_INFO)
+
 EXPORTER_BUILD_INFO = _family(
     "exporter_build_info",
     "gauge",
@@ -276,6 +303,12 @@ EXPORTER_REJECTED = _family(
     "counter",
     "What belongs to no known robot and was not taken in, by reason.",
     (*FLEET, "reason"),
+)
+EXPORTER_SETTLED = _family(
+    "exporter_settled",
+    "gauge",
+    "1 from 30 s after the start on: before, no fault begins for want of data.",
+    FLEET,
 )
 EXPORTER_DECODE = _family(
     "exporter_decode_seconds_total", "counter", "CPU time spent on decoding messages.", FLEET
@@ -333,6 +366,7 @@ EXPORTER_FAMILIES = (
     EXPORTER_SERIES,
     EXPORTER_SERIES_LIMIT,
     EXPORTER_REJECTED,
+    EXPORTER_SETTLED,
     EXPORTER_DECODE,
     EXPORTER_INGEST,
     EXPORTER_SCRAPES,
@@ -344,4 +378,4 @@ EXPORTER_FAMILIES = (
     EXPORTER_ALERTMANAGER_UP,
 )
 
-ALL_FAMILIES = FLEET_FAMILIES + EXPORTER_FAMILIES
+ALL_FAMILIES = FLEET_FAMILIES + FAULT_FAMILIES + EXPORTER_FAMILIES

@@ -30,6 +30,7 @@ class Facts:
     series: Mapping[str, int] = field(default_factory=dict)
     series_limit: int = 0
     rejected: Mapping[str, int] = field(default_factory=dict)
+    settled: bool = False
     decode_seconds: float = 0.0
     ingest_seconds: float = 0.0
     scrapes: int = 0
@@ -82,6 +83,7 @@ def _samples(facts: Facts) -> Iterable[tuple[Family, list[tuple[list[str], float
         (metrics.EXPORTER_CONFIG_TIME, facts.config_time),
         (metrics.EXPORTER_ROBOTS, facts.robots),
         (metrics.EXPORTER_SERIES_LIMIT, facts.series_limit),
+        (metrics.EXPORTER_SETTLED, float(facts.settled)),
         (metrics.EXPORTER_DECODE, facts.decode_seconds),
         (metrics.EXPORTER_INGEST, facts.ingest_seconds),
         (metrics.EXPORTER_SCRAPES, facts.scrapes),
