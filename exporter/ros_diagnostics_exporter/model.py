@@ -1,6 +1,6 @@
-"""The nouns that every room shares: a level, a status, an array, an instant.
+"""The value types that all packages share.
 
-Imports nothing of ours, and nothing of ROS: what a message means stays true whatever carried it.
+Imports nothing else of the exporter and nothing of ROS.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 class Level(IntEnum):
     """A status level as diagnostic_msgs/DiagnosticStatus defines it.
 
-    Its number is a name, not a rank: STALE (3) is not worse than ERROR (2).
+    The number is no severity: STALE (3) is not worse than ERROR (2).
     """
 
     OK = 0
@@ -24,7 +24,7 @@ class Level(IntEnum):
 class Status(NamedTuple):
     """One diagnostic_msgs/DiagnosticStatus.
 
-    ``level`` is the byte on the wire (0..255, not yet judged); ``values`` are the key-values in
+    ``level`` is the byte as received (0..255, not validated); ``values`` are the key-values in
     their order, duplicate keys included. All strings are valid Unicode (ROS replaces bad UTF-8).
     """
 
@@ -48,10 +48,30 @@ class Array(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """A reading of both clocks at one moment, in seconds.
+    """Both clocks at one moment, in seconds.
 
-    Ages are differences of ``mono`` (never steps); ``wall`` (Unix time) is for people.
+    Ages are differences of ``mono``, which never steps; ``wall`` (Unix time) is for people.
     """
 
     mono: float
     wall: float
+
+
+class Topic(NamedTuple):
+    """A topic of one DDS domain."""
+
+    domain_id: int
+    name: str
+
+
+class Endpoint(NamedTuple):
+    """What the ROS graph shows of one topic.
+
+    ``publishers`` counts those of DiagnosticArray; ``wrong_type`` is another type that some
+    publisher offers, "" where there is none; ``reliable``: every publisher offers reliable
+    delivery.
+    """
+
+    publishers: int
+    wrong_type: str = ""
+    reliable: bool = True

@@ -9,21 +9,20 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from ros_diagnostics_exporter.acknowledgement import Acknowledgement
 from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
-from ros_diagnostics_exporter.events import Event, EventLog
+from ros_diagnostics_exporter.events import EventLog, Wanted
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.self_metrics import Facts, OwnMetrics
-from ros_diagnostics_exporter.model import Array, Instant
+from ros_diagnostics_exporter.metrics.self_metrics import Facts, SelfMetrics
 from ros_diagnostics_exporter.state import snapshot
-from ros_diagnostics_exporter.state.network import Endpoint
-from ros_diagnostics_exporter.state.state import State, Topic
+from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.state.storage import Storage
 from ros_diagnostics_exporter.web.backend import Doors
 
@@ -50,7 +49,8 @@ class Service:
     ) -> None:
         now = ros.read_clocks()
         self.events = events or EventLog()
-        self.state = State(fleet, now, self.events.record)
+        self.state = State(fleet, now)
+        self._recording = threading.Lock()
         self.storage = None if storage_path is None else Storage(storage_path)
         self._reloader = Reloader(
             config_file,
@@ -66,21 +66,10 @@ class Service:
         self._join_at = now.mono
         self._distribution, self._rmw = ros.describe_ros()
         self._exposition = Exposition(self.state, self._acknowledged)
-        self._own = OwnMetrics(self._facts)
+        self._own = SelfMetrics(self._facts)
         self._scrapes = 0
         self._scrape_seconds = 0.0
-        self._listener = ros.Listener(
-            ros.Handlers(
-                receive=self._receive,
-                undecodable=self._undecodable,
-                dropped=self._dropped,
-                graph=self._graph,
-                wanted=self._wanted,
-                joined=self._joined,
-                failed=self._failed,
-            ),
-            ros_arguments=ros_arguments,
-        )
+        self._listener = ros.Listener(self.state, ros_arguments=ros_arguments)
         if self.storage is not None:
             self.storage.load(self.state, now)
 
@@ -110,18 +99,24 @@ class Service:
         self._join_at = ros.read_clocks().mono + self.JOIN
         self._listener.join(self.state.fleet.domain_ids)
         for domain_id in self._listener.domain_ids:
-            self.state.domain_joined(domain_id, joined=True)
+            self.state.domain_joined(domain_id)
 
     def tick(self) -> None:
         """Let time pass; to be called every ``TICK`` seconds."""
         now = ros.read_clocks()
         self.state.tick(now)
+        self._record_events()
         self._reloader.tick()
         if now.mono >= self._join_at and self._listener.domain_ids != self.state.fleet.domain_ids:
             for domain_id in self._listener.joining:
                 log.warning("DDS domain %d is still being joined", domain_id)
-                self._failed(domain_id, "it is still being joined")
+                self.state.domain_failed(domain_id, "it is still being joined", now)
             self.join()
+
+    def _record_events(self) -> None:
+        with self._recording:  # so that they are recorded in order
+            for event in self.state.take_events():
+                self.events.record(event)
 
     def reload(self, why: str = "POST /-/reload") -> None:
         """Read the config again and follow it; a bad one is refused and the old one goes on.
@@ -145,6 +140,7 @@ class Service:
         """Leave the domains, and write the state a last time."""
         self._reloader.stop(self.GRACE)
         self._listener.stop()
+        self._record_events()
         self._stopping.set()
         if self._keeper.is_alive():
             self._keeper.join(self.GRACE)
@@ -158,12 +154,16 @@ class Service:
         return Doors(
             metrics=self.render,
             fleet=lambda: snapshot.fleet_snapshot(self.state, ros.read_clocks()),
-            events=self.events.find,
+            events=self._find_events,
             targets=lambda job, port: snapshot.targets(self.state, job, port),
             ready=self._ready,
             reload=self.reload,
             forget=self._forget,
         )
+
+    def _find_events(self, wanted: Wanted) -> Iterator[dict[str, Any]]:
+        self._record_events()
+        return self.events.find(wanted)
 
     def render(self, openmetrics: bool) -> bytes:
         """The whole exposition."""
@@ -173,36 +173,6 @@ class Service:
         self._scrapes += 1
         self._scrape_seconds = time.perf_counter() - begin
         return text + own
-
-    # -- handed to the listener ----------------------------------------------------------------
-
-    def _receive(self, domain_id: int, topic: str, array: Array, now: Instant) -> None:
-        self.state.receive(Topic(domain_id, topic), array, now)
-
-    def _undecodable(self, domain_id: int, topic: str, error: str, now: Instant) -> None:
-        self.state.undecodable(Topic(domain_id, topic), now, error)
-
-    def _dropped(self, domain_id: int, topic: str, count: int) -> None:
-        self.state.dropped(Topic(domain_id, topic), count)
-
-    def _graph(self, domain_id: int, topics: Mapping[str, ros.TopicInfo], now: Instant) -> None:
-        endpoints = {
-            name: Endpoint(info.publishers, info.wrong_type) for name, info in topics.items()
-        }
-        self.state.graph(domain_id, endpoints, now)
-
-    def _wanted(self, domain_id: int) -> dict[str, bool]:
-        shared = {Topic(each.domain_id, each.topic) for each in self.state.fleet.shared}
-        return {topic.name: topic in shared for topic in self.state.wanted(domain_id)}
-
-    def _joined(self, domain_id: int) -> None:
-        self.state.domain_joined(domain_id, joined=True)
-
-    def _failed(self, domain_id: int, error: str) -> None:
-        self.state.domain_joined(domain_id, joined=False)
-        self.events.record(
-            Event(ros.read_clocks().wall, "config", message=f"domain {domain_id}: {error}")
-        )
 
     # -- handed to the web -----------------------------------------------------------------------
 
@@ -228,8 +198,6 @@ class Service:
         joined = self._listener.domain_ids
         domains = {domain_id: domain_id in joined for domain_id in self.state.fleet.domain_ids}
         storage, alertmanager = self.storage, self._alertmanager
-        with self.state.lock:
-            settled = self.state.faults.settled(ros.read_clocks())
         return Facts(
             fleet=self.state.fleet.name,
             ros_distro=self._distribution,
@@ -240,7 +208,7 @@ class Service:
             series=dict(self._exposition.series),
             series_limit=self.state.fleet.limits.series,
             rejected=dict(self.state.rejected),
-            settled=settled,
+            settled=self.state.settled(ros.read_clocks()),
             decode_seconds=self._listener.decode_seconds,
             ingest_seconds=self._listener.ingest_seconds,
             scrapes=self._scrapes,

@@ -12,8 +12,8 @@ from rclpy.serialization import serialize_message
 from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.ingest.ros import decode
-from ros_diagnostics_exporter.model import Array, Instant
-from ros_diagnostics_exporter.state.state import State, Topic
+from ros_diagnostics_exporter.model import Array, Instant, Topic
+from ros_diagnostics_exporter.state.state import State
 from support.ros_publisher import message
 
 ROUNDS = 5_000
@@ -22,7 +22,7 @@ TOPIC = Topic(0, "/robot/diagnostics_agg")
 
 def _state() -> State:
     robot = Robot("robot", topic_agg=TOPIC.name, source=Source.AGG)
-    return State(Fleet("bench", (robot,)), Instant(0.0, 0.0), lambda _event: None)
+    return State(Fleet("bench", (robot,)), Instant(0.0, 0.0))
 
 
 def _message(array: Array) -> bytes:

@@ -38,8 +38,8 @@ from ros_diagnostics_exporter.config.fleet import (
     ValueRule,
 )
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.model import Instant
-from ros_diagnostics_exporter.state.state import State, Topic
+from ros_diagnostics_exporter.model import Instant, Topic
+from ros_diagnostics_exporter.state.state import State
 from testbed.polling import until
 from testbed.ports import free_port
 from testbed.processes import Process
@@ -103,7 +103,7 @@ class Target:
             )
             for n, topic in enumerate(self.topics)
         )
-        self._state = State(Fleet("bench", tuple(declared)), Instant(0.0, 0.0), lambda _event: None)
+        self._state = State(Fleet("bench", tuple(declared)), Instant(0.0, 0.0))
         self._exposition = Exposition(self._state)
         self.text = b""
         self._turn = 0

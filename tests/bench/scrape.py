@@ -19,8 +19,8 @@ from prometheus_client.registry import Collector
 from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.model import Instant
-from ros_diagnostics_exporter.state.state import State, Topic
+from ros_diagnostics_exporter.model import Instant, Topic
+from ros_diagnostics_exporter.state.state import State
 
 
 class Samples(Collector):
@@ -51,7 +51,7 @@ def _fill(robots: int) -> tuple[State, list[Topic]]:
             for n, topic in enumerate(topics)
         ),
     )
-    return State(fleet, Instant(0.0, 0.0), lambda _event: None), topics
+    return State(fleet, Instant(0.0, 0.0)), topics
 
 
 def _receive_all(state: State, topics: list[Topic], turn: int) -> None:

@@ -16,7 +16,7 @@ from ros_diagnostics_exporter.acknowledgement import Acknowledgement
 from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.self_metrics import Facts, OwnMetrics
+from ros_diagnostics_exporter.metrics.self_metrics import Facts, SelfMetrics
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.state.state import State
 from testbed.ports import free_port
@@ -29,11 +29,11 @@ class ServedFleet:
 
     def __init__(self, fleet: Fleet, speak: Speak) -> None:
         self.started = _read_clocks()
-        self.state = State(fleet, self.started, lambda _event: None)
+        self.state = State(fleet, self.started)
         self._speak = speak
         self.alertmanager: Alertmanager | None = None  # asked for acknowledgements at each scrape
         self._exposition = Exposition(self.state, self._acknowledged)
-        self._own = OwnMetrics(self._facts)
+        self._own = SelfMetrics(self._facts)
         self.domains = dict.fromkeys(fleet.domain_ids, True)
         self._scrapes = 0
         self._lock = threading.Lock()

@@ -7,8 +7,8 @@ from prometheus_client.parser import text_string_to_metric_families
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.model import Array, Instant, Status
-from ros_diagnostics_exporter.state.state import State, Topic
+from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
+from ros_diagnostics_exporter.state.state import State
 
 OK, WARN, ERROR, STALE = range(4)
 WALL = 1_700_000_000.0
@@ -26,11 +26,10 @@ def tree(**groups: dict[str, Status]) -> tuple[Status, ...]:
     return tuple(rows)
 
 
-class Story:
+class StateDriver:
     """One robot "r" in the fleet "f"; time passes only as the test says, in seconds from 0."""
 
     def __init__(self, source: Source = Source.RAW, *, fleet: Fleet | None = None, **profile):
-        self.events: list[Event] = []
         if fleet is None:
             robot = Robot(
                 "r",
@@ -41,8 +40,15 @@ class Story:
             )
             fleet = Fleet("f", (robot,))
         self.now = Instant(0.0, WALL)
-        self.state = State(fleet, self.now, self.events.append)
+        self.state = State(fleet, self.now)
+        self._events: list[Event] = []
         self.exposition = Exposition(self.state)
+
+    @property
+    def events(self) -> list[Event]:
+        """All events since the start."""
+        self._events += self.state.take_events()
+        return self._events
 
     @property
     def robot(self):
@@ -72,7 +78,7 @@ class Story:
             self.at(min(until, self.now.mono + period))
 
     def component(self, name: str):
-        (found,) = (each for each in self.robot.components.values() if each.name == name)
+        (found,) = (each for each in self.robot.components if each.name == name)
         return found
 
     def level(self, name: str) -> int:

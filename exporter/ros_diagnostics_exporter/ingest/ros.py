@@ -19,9 +19,10 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Protocol
 
 from ros_diagnostics_exporter.ingest.topic_queue import SHARE, SHARED, TopicQueue
-from ros_diagnostics_exporter.model import Array, Instant, Status
+from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 
 try:
     import rclpy
@@ -48,14 +49,14 @@ DEPTH = 1000
 # Seconds between two looks whether messages have arrived. The moment of receipt is known this well.
 TAKE_INTERVAL = 0.05
 LOG_INTERVAL = 60.0  # seconds between two lines about the same trouble
-MOST_MESSAGE = 4 << 20  # bytes of one message; a longer one is not decoded
+MAX_MESSAGE = 4 << 20  # bytes of one message; a longer one is not decoded
 # Bytes that the middleware may hold of one topic: a topic of large messages gets a shallower queue.
-MOST_HISTORY = 64 << 20
+MAX_HISTORY = 64 << 20
 # Seconds of one turn: for the look at the graph, for taking one topic's bytes, for decoding.
 LOOK_TIME, DRAIN_TIME, DECODE_TIME = 0.05, 0.05, 0.25
 # Unsubscribed topics whose publishers are asked for at one look. Asking takes up to some
 # milliseconds each where there are thousands; the others' turn comes at the next looks.
-MOST_ASKED = 500
+MAX_ASKED = 500
 LEAVE_TIME = 5.0  # seconds that domains are waited for when they are left
 
 
@@ -63,36 +64,29 @@ class RosMissingError(Exception):
     """rclpy or diagnostic_msgs cannot be imported; the text says what to do."""
 
 
-@dataclass(frozen=True)
-class TopicInfo:
-    """What the graph shows of one topic: who publishes arrays there, and who something else.
+class Receiver(Protocol):
+    """What the listener reports to; all methods are called from its threads."""
 
-    ``wrong_type`` is a type that some publisher offers instead, "" where all offer arrays;
-    ``reliable`` tells that every publisher offers reliable delivery.
-    """
+    def receive(self, topic: Topic, array: Array, now: Instant) -> None:
+        """Take one array."""
 
-    publishers: int
-    wrong_type: str = ""
-    reliable: bool = True
+    def reject_undecodable(self, topic: Topic, error: str, now: Instant) -> None:
+        """Note that a message could not be decoded."""
 
+    def reject_dropped(self, topic: Topic, count: int) -> None:
+        """Note that so many messages of a topic were dropped undecoded."""
 
-@dataclass(frozen=True)
-class Handlers:
-    """What the listener is handed; all are called from its threads.
+    def update_graph(self, domain_id: int, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
+        """Take all topics of a domain, by name."""
 
-    ``receive`` takes an array, ``undecodable`` an error's text, ``dropped`` how many messages of a
-    topic were dropped undecoded, ``graph`` all topics of a domain with their publishers. ``wanted``
-    answers with the topics to be subscribed: name -> whether robots share it. ``joined`` and
-    ``failed`` (with the error's text) take a domain that was joined or could not be.
-    """
+    def wanted_topics(self, domain_id: int) -> Mapping[str, bool]:
+        """Name -> whether robots share it, for each topic to be subscribed."""
 
-    receive: Callable[[int, str, Array, Instant], None]
-    undecodable: Callable[[int, str, str, Instant], None]
-    dropped: Callable[[int, str, int], None]
-    graph: Callable[[int, Mapping[str, TopicInfo], Instant], None]
-    wanted: Callable[[int], Mapping[str, bool]]
-    joined: Callable[[int], None]
-    failed: Callable[[int, str], None]
+    def domain_joined(self, domain_id: int) -> None:
+        """Note that a domain was joined."""
+
+    def domain_failed(self, domain_id: int, error: str, now: Instant) -> None:
+        """Note that a domain could not be joined."""
 
 
 def check_ros() -> None:
@@ -164,14 +158,14 @@ class Listener:
 
     def __init__(
         self,
-        handlers: Handlers,
+        receiver: Receiver,
         poll_interval: float = 1.0,
         ros_arguments: tuple[str, ...] = (),
     ) -> None:
         """``ros_arguments`` are those from ``--ros-args`` on, as ROS' own tools take them."""
         check_ros()
         self.ros_arguments = ros_arguments
-        self._handlers = handlers
+        self._receiver = receiver
         self._poll_interval = poll_interval
         self._domains: dict[int, _Domain] = {}
         self._joining = threading.Lock()
@@ -196,7 +190,7 @@ class Listener:
             domains = {each: domain for each, domain in self._domains.items() if domain.alive}
             for domain_id in domain_ids:
                 if domain_id not in domains:
-                    domains[domain_id] = _Domain(domain_id, self, self._handlers)
+                    domains[domain_id] = _Domain(domain_id, self, self._receiver)
             self._domains = domains
 
     def count(self, decode_seconds: float, ingest_seconds: float) -> None:
@@ -245,7 +239,7 @@ def _never_called(_data: object) -> None:
 
 
 @dataclass(slots=True)
-class _Topic:
+class _Subscription:
     """A subscribed topic; ``depth`` is how many messages the middleware holds of it."""
 
     subscription: Subscription
@@ -265,13 +259,13 @@ class _Spent:
 class _Domain:
     """One DDS domain: a thread with a context and a quiet node, which it makes and destroys."""
 
-    def __init__(self, domain_id: int, listener: Listener, handlers: Handlers) -> None:
+    def __init__(self, domain_id: int, listener: Listener, receiver: Receiver) -> None:
         self._domain_id = domain_id
         self._listener = listener
-        self._handlers = handlers
-        self._topics: dict[str, _Topic] = {}
+        self._receiver = receiver
+        self._topics: dict[str, _Subscription] = {}
         self._logged: dict[tuple[str, str], float] = {}
-        self._known: dict[str, tuple[tuple[int, tuple[str, ...]], TopicInfo]] = {}
+        self._known: dict[str, tuple[tuple[int, tuple[str, ...]], Endpoint]] = {}
         self._looks = 0
         self._look_at = 0.0
         self._look: Iterator[None] | None = None
@@ -319,13 +313,13 @@ class _Domain:
             log.exception("cannot join DDS domain %d", self._domain_id)
             context.try_shutdown()
             self._failed = True  # from now on it may be joined anew
-            self._handlers.failed(self._domain_id, str(error))
+            self._receiver.domain_failed(self._domain_id, str(error), read_clocks())
             return
         try:
             self.last_turn = time.monotonic()
             self._joined.set()
             if not self._stopping.is_set():
-                self._handlers.joined(self._domain_id)
+                self._receiver.domain_joined(self._domain_id)
             self._run(node)
         finally:
             node.destroy_node()
@@ -395,14 +389,14 @@ class _Domain:
             self._ask(node, name, types[name])
             yield
         self._known = {name: self._known[name] for name in types if name in self._known}
-        topics = {name: info for name, (_state, info) in self._known.items()}
-        self._handlers.graph(self._domain_id, topics, now)
-        wanted = self._handlers.wanted(self._domain_id)
+        topics = {name: endpoint for name, (_state, endpoint) in self._known.items()}
+        self._receiver.update_graph(self._domain_id, topics, now)
+        wanted = self._receiver.wanted_topics(self._domain_id)
         for name in self._topics.keys() - wanted.keys():
             self._unsubscribe(node, name)
             yield
         for name, shared in wanted.items():
-            self._want(node, name, topics.get(name, TopicInfo(0)), shared=shared)
+            self._want(node, name, topics.get(name, Endpoint(0)), shared=shared)
             yield
         self.last_look = now.wall
 
@@ -410,7 +404,7 @@ class _Domain:
         """The subscribed topics, and as many others as one look may ask for, in turns."""
         others = sorted(types.keys() - self._topics.keys())
         first = bisect_right(others, self._asked_last)
-        chosen = (others[first:] + others[:first])[:MOST_ASKED]
+        chosen = (others[first:] + others[:first])[:MAX_ASKED]
         self._asked_last = chosen[-1] if chosen else ""
         return [name for name in types if name in self._topics] + chosen
 
@@ -430,25 +424,25 @@ class _Domain:
             return
         offers = node.get_publishers_info_by_topic(name) if count else []
         others = sorted({offer.topic_type for offer in offers} - {TYPE})
-        info = TopicInfo(
+        endpoint = Endpoint(
             publishers=sum(offer.topic_type == TYPE for offer in offers),
             wrong_type=", ".join(others),
             reliable=not any(
                 offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers
             ),
         )
-        self._known[name] = (count, types), info
+        self._known[name] = (count, types), endpoint
 
-    def _want(self, node: Node, name: str, info: TopicInfo, *, shared: bool) -> None:
+    def _want(self, node: Node, name: str, endpoint: Endpoint, *, shared: bool) -> None:
         """Subscribe, reliably unless a publisher offers only best effort."""
         share = SHARED if shared else SHARE
         topic = self._topics.get(name)
         if topic is None:
-            self._subscribe(node, name, info.reliable, DEPTH, TopicQueue(share))
+            self._subscribe(node, name, endpoint.reliable, DEPTH, TopicQueue(share))
             return
         topic.queue.share = share
-        if topic.reliable and not info.reliable:
-            self._subscribe(node, name, info.reliable, topic.depth, topic.queue)
+        if topic.reliable and not endpoint.reliable:
+            self._subscribe(node, name, endpoint.reliable, topic.depth, topic.queue)
 
     def _subscribe(
         self, node: Node, name: str, reliable: bool, depth: int, queue: TopicQueue
@@ -472,7 +466,7 @@ class _Domain:
             # Each event that rclpy would watch for is one more thing to wait for.
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
         )
-        self._topics[name] = _Topic(subscription, reliable, depth, queue)
+        self._topics[name] = _Subscription(subscription, reliable, depth, queue)
 
     def _unsubscribe(self, node: Node, name: str) -> None:
         node.destroy_subscription(self._topics.pop(name).subscription)
@@ -481,7 +475,7 @@ class _Domain:
 
     # -- messages ----------------------------------------------------------------------------
 
-    def _drain(self, node: Node, name: str, topic: _Topic) -> None:
+    def _drain(self, node: Node, name: str, topic: _Subscription) -> None:
         """Take the bytes of what has arrived on one topic, for at most ``DRAIN_TIME``."""
         handle = topic.subscription.handle
         until = time.monotonic() + DRAIN_TIME
@@ -494,7 +488,7 @@ class _Domain:
                     break
         dropped = topic.queue.dropped()
         if dropped:
-            self._handlers.dropped(self._domain_id, name, dropped)
+            self._receiver.reject_dropped(Topic(self._domain_id, name), dropped)
             self._log_seldom(
                 name,
                 "rate",
@@ -502,15 +496,15 @@ class _Domain:
                 "the oldest first; counted as rate",
                 dropped,
             )
-        if largest * topic.depth > MOST_HISTORY:
-            depth = max(1, MOST_HISTORY // largest)
+        if largest * topic.depth > MAX_HISTORY:
+            depth = max(1, MAX_HISTORY // largest)
             self._subscribe(node, name, topic.reliable, depth, topic.queue)
 
     def _put(self, name: str, queue: TopicQueue, data: bytes) -> None:
-        if len(data) <= MOST_MESSAGE:
+        if len(data) <= MAX_MESSAGE:
             queue.put(data)
         else:
-            error = f"{len(data)} bytes, more than {MOST_MESSAGE} are not decoded"
+            error = f"{len(data)} bytes, more than {MAX_MESSAGE} are not decoded"
             self._undecodable(name, error, read_clocks())
 
     def _decode_waiting(self) -> None:
@@ -533,7 +527,7 @@ class _Domain:
         decoded = time.thread_time()
         try:
             if array is not None:
-                self._handlers.receive(self._domain_id, name, array, now)
+                self._receiver.receive(Topic(self._domain_id, name), array, now)
         finally:
             end = time.thread_time()
             queue.spend(end - begin)
@@ -551,7 +545,7 @@ class _Domain:
         self._log_seldom(
             name, "undecodable", "domain %d, %s: undecodable message dropped: %s", error
         )
-        self._handlers.undecodable(self._domain_id, name, error, now)
+        self._receiver.reject_undecodable(Topic(self._domain_id, name), error, now)
 
     def _log_seldom(self, name: str, kind: str, text: str, what: object) -> None:
         now = time.monotonic()

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections import deque
 
 # 1,000 small arrays are a whole fleet on one shared topic, or two seconds of 50 drivers at 10 Hz.
-MOST_MESSAGES = 1_000
-MOST_BYTES = 4 << 20
+MAX_MESSAGES = 1_000
+MAX_BYTES = 4 << 20
 # CPU seconds that one topic may use in a second: of a robot, and of a topic that robots share.
 # 50 drivers that publish at 10 Hz on one topic need 0.06, 1,000 robots on a shared one 0.4.
 SHARE, SHARED = 0.25, 0.75
@@ -44,8 +44,8 @@ class TopicQueue:
         """Append a message; what is beyond the limits goes, the oldest first, never the newest."""
         self._messages.append(message)
         self._bytes += len(message)
-        while len(self._messages) > MOST_MESSAGES or (
-            self._bytes > MOST_BYTES and len(self._messages) > 1
+        while len(self._messages) > MAX_MESSAGES or (
+            self._bytes > MAX_BYTES and len(self._messages) > 1
         ):
             self._bytes -= len(self._messages.popleft())
             self._dropped += 1

@@ -23,9 +23,9 @@ _HEADER_MESSAGE = re.compile(
 )
 
 # No aggregator has this many groups; who invents names without end is not remembered further.
-_MOST_GROUPS = 4096
+_MAX_GROUPS = 4096
 # Nor so many levels; a name that is nothing but slashes must not cost its square.
-_MOST_LEVELS = 64
+_MAX_LEVELS = 64
 
 
 class Leaf(NamedTuple):
@@ -94,7 +94,7 @@ class TreeReader:
         found = _components_after_headers(statuses)
         known = set(names)
         prefixes = {path for name in known for path in _paths_above(name) if path in known}
-        if len(self.groups) < _MOST_GROUPS:
+        if len(self.groups) < _MAX_GROUPS:
             self.groups.update(name for name in names if name in prefixes)
         self._seen_child = self._seen_child or bool(prefixes)
         keyed = bool(found)
@@ -131,7 +131,7 @@ class TreeReader:
 def _paths_above(name: str) -> Iterable[str]:
     """The paths above a row's name, the longest first: "/a/b/c" -> "/a/b", "/a"."""
     end = name.rfind("/")
-    for _level in range(_MOST_LEVELS):
+    for _level in range(_MAX_LEVELS):
         if end <= 0:
             return
         yield name[:end]

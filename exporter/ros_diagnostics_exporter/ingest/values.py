@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 from ros_diagnostics_exporter.ingest.units import canonical_unit, unit_in_name
 
-MOST_ELEMENTS = 32  # of one list; a longer one is a dump, not a measurement
+MAX_ELEMENTS = 32  # of one list; a longer one is a dump, not a measurement
 
 
-class Reading(NamedTuple):
+class Number(NamedTuple):
     """One number out of a key-value; ``unit`` is "" where none is given.
 
     ``key`` is the key as published without blanks and colons at its end; an element of a list
@@ -26,7 +26,7 @@ class Reading(NamedTuple):
 
     key: str
     unit: str
-    number: float
+    value: float
 
 
 _NUMBER = re.compile(
@@ -48,17 +48,17 @@ _IDENTIFIER = re.compile(
     re.IGNORECASE,
 )
 # Doubles hold integers exactly up to 2**53; a longer one is a time stamp or an identifier.
-_MOST_DIGITS = 15
+_MAX_DIGITS = 15
 
 
-def readings(key: str, text: str) -> tuple[Reading, ...]:
+def parse_numbers(key: str, text: str) -> tuple[Number, ...]:
     """All numbers in one key-value: none, one, or one for each element of a list.
 
     Args:
         key: diagnostic_msgs/KeyValue.key as published.
         text: diagnostic_msgs/KeyValue.value as published.
     """
-    describe = _describe if len(key) <= _LONGEST_KEPT else _describe.__wrapped__
+    describe = _describe if len(key) <= _MAX_CACHED_KEY else _describe.__wrapped__
     name, key_unit, is_identifier = describe(key)
     if is_identifier:
         return ()
@@ -66,14 +66,14 @@ def readings(key: str, text: str) -> tuple[Reading, ...]:
     found = _scalar(text)
     if found is not None:
         number, unit = found
-        return (Reading(name, unit or key_unit, number),)
+        return (Number(name, unit or key_unit, number),)
     brackets = _LIST.fullmatch(text)
     if brackets is None:
         return ()
     return _elements(name, key_unit, brackets[1])
 
 
-_LONGEST_KEPT = 256  # characters of a key that is remembered, so that what is kept is bounded
+_MAX_CACHED_KEY = 256  # characters of a key that is remembered, so that what is kept is bounded
 
 
 @lru_cache(maxsize=65_536)
@@ -83,16 +83,16 @@ def _describe(key: str) -> tuple[str, str, bool]:
     return name, unit_in_name(name), _IDENTIFIER.search(name) is not None
 
 
-def _elements(name: str, key_unit: str, inside: str) -> tuple[Reading, ...]:
+def _elements(name: str, key_unit: str, inside: str) -> tuple[Number, ...]:
     parts = inside.split(",")
-    if len(parts) > MOST_ELEMENTS:
+    if len(parts) > MAX_ELEMENTS:
         return ()
     found = []
     for index, part in enumerate(parts):
         scalar = _scalar(part.strip())
         if scalar is None:  # a list that is only partly numbers is not a list of numbers
             return ()
-        found.append(Reading(f"{name}[{index}]", scalar[1] or key_unit, scalar[0]))
+        found.append(Number(f"{name}[{index}]", scalar[1] or key_unit, scalar[0]))
     return tuple(found)
 
 
@@ -126,7 +126,7 @@ def _is_misleading(digits: str) -> bool:
     """Numbers that are rather names: too long for a double, or with leading zeros."""
     whole = digits.lstrip("+-")
     if whole.isdigit():
-        return len(whole) > _MOST_DIGITS or (len(whole) > 1 and whole[0] == "0")
+        return len(whole) > _MAX_DIGITS or (len(whole) > 1 and whole[0] == "0")
     if whole[:1] == "0" and whole[1:2].isdigit():
         return True
     return math.isinf(float(digits))

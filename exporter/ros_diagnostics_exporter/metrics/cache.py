@@ -10,9 +10,8 @@ from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import Level
-from ros_diagnostics_exporter.state.bounds import own_name
-from ros_diagnostics_exporter.state.component import Component
-from ros_diagnostics_exporter.state.component_values import Value
+from ros_diagnostics_exporter.state.component import Component, Value
+from ros_diagnostics_exporter.state.limits import unique_name
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.versions import Versions
 
@@ -82,9 +81,9 @@ class RobotText:
         self._labels = []
         self._values = {}
         taken: dict[str, dict[str, int]] = {}  # by group
-        for component in self.robot.components.values():
+        for component in self.robot.components:
             # two names may look alike as labels
-            name = own_name(component.name, taken.setdefault(component.group, {}), "~")
+            name = unique_name(component.name, taken.setdefault(component.group, {}), "~")
             labels = f'{{{self._base},group="{escape(component.group)}",component="{escape(name)}"'
             self._labels.append((component, labels))
             if component.is_stale:
@@ -242,7 +241,7 @@ class RobotText:
             family,
             (
                 self._one(family, count, f',check="{escape(check)}",level="{_WORDS[level]}"')
-                for check, counts in self.robot.members.count_checks()
+                for check, counts in self.robot.components.count_checks()
                 for level, count in enumerate(counts)
             ),
         )

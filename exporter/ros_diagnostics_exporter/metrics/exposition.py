@@ -17,7 +17,8 @@ from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import RobotText, escape, number
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.metrics.fault_text import FaultText
-from ros_diagnostics_exporter.state.reasons import SHUT_OUT
+from ros_diagnostics_exporter.state.rejections import OVER_LIMIT
+from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.state import State
 
 
@@ -40,16 +41,17 @@ class Exposition:
     def render(self, *, openmetrics: bool = False) -> bytes:
         """All samples of all robots; without OpenMetrics' closing ``# EOF``."""
         with self._lock:
-            texts = list(self._update())
+            texts = self._update()
             promoted = sorted({name for text in texts for name in text.promoted})
             ours = metrics.FLEET_FAMILIES + metrics.FAULT_FAMILIES
             families = (*ours, *map(_promoted_family, promoted))
             parts: list[bytes] = []
             series: Counter[str] = Counter()
-            more = {metrics.ROBOT_SILENT_REASON.name: self._shut_out(), **self._acknowledgements()}
-            with self._state.lock:
-                faults = self._state.faults.all()
-            more |= self._faults.render(self._state.fleet.name, faults)
+            more = {
+                metrics.ROBOT_SILENT_REASON.name: self._over_limit(),
+                **self._acknowledgements(),
+                **self._faults.render(self._state.fleet.name, self._state.faults()),
+            }
             for family in families:
                 chunks = [chunk for text in texts if (chunk := text.chunks.get(family.name))]
                 chunks.extend(filter(None, [more.get(family.name)]))
@@ -60,12 +62,12 @@ class Exposition:
             self.series = series
             return b"".join(parts)
 
-    def _shut_out(self) -> bytes:
-        """Robots that the limits keep out have one sample: why nothing is heard of them."""
+    def _over_limit(self) -> bytes:
+        """Robots that are rejected by a limit have one sample: the reason why they are silent."""
         fleet, name = escape(self._state.fleet.name), metrics.ROBOT_SILENT_REASON.name
         return "".join(
-            f'{name}{{fleet="{fleet}",robot="{escape(robot)}",reason="{SHUT_OUT}"}} 1\n'
-            for robot in self._state.shut_out
+            f'{name}{{fleet="{fleet}",robot="{escape(robot)}",reason="{OVER_LIMIT}"}} 1\n'
+            for robot in self._state.robots_over_limit
         ).encode()
 
     def _acknowledgements(self) -> dict[str, bytes]:
@@ -87,20 +89,19 @@ class Exposition:
             metrics.ACKNOWLEDGED_SINCE.name: since.encode(),
         }
 
-    def _update(self) -> Iterable[RobotText]:
-        """Bring every robot's text up to date, holding the state for one robot at a time."""
-        known: dict[str, RobotText] = {}
+    def _update(self) -> list[RobotText]:
+        """Every robot's text, up to date."""
+        texts = list(self._state.visit(self._update_robot))
+        self._texts = {text.robot.settings.name: text for text in texts}
+        return texts
+
+    def _update_robot(self, robot: Robot) -> RobotText:
         fleet = self._state.fleet.name
-        for robot in self._state.each():
-            name = robot.settings.name
-            text = self._texts.get(name)
-            if text is None or text.robot is not robot or text.fleet != fleet:
-                text = RobotText(fleet, robot)
-            with self._state.lock:
-                text.update()
-            known[name] = text
-        self._texts = known
-        return known.values()
+        text = self._texts.get(robot.settings.name)
+        if text is None or text.robot is not robot or text.fleet != fleet:
+            text = RobotText(fleet, robot)
+        text.update()
+        return text
 
 
 def header(family: Family, *, openmetrics: bool) -> bytes:

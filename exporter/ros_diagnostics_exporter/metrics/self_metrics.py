@@ -42,7 +42,7 @@ class Facts:
     alertmanager_up: bool | None = None  # None: it is not asked
 
 
-class OwnMetrics(Collector):
+class SelfMetrics(Collector):
     """Asks for the facts at each scrape."""
 
     def __init__(self, facts: Callable[[], Facts]) -> None:

@@ -1,4 +1,4 @@
-"""The one mutable room: robots, components, time. Told and asked, it never asks back.
+"""What is known about the robots: levels, values, ages; and the file that outlives a restart.
 
-Knows neither ROS nor HTTP nor Prometheus. ``fleet.State`` is its door.
+Pure functions of messages, config and time: no ROS, no HTTP, no Prometheus. See ``state.State``.
 """

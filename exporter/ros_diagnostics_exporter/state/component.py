@@ -1,41 +1,49 @@
-"""What is known about one component: its level, since when, and what came before.
+"""What is known about one component: its level, since when, its history, and its values.
 
 A level changes only here, so that since, problem since, changes, the level before stale and the
-flap history always tell the same story.
+flap history always agree.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
 
-from ros_diagnostics_exporter.config.fleet import ComponentRule
+from ros_diagnostics_exporter.config.fleet import ComponentRule, ValueRule
+from ros_diagnostics_exporter.ingest.values import Number, parse_numbers
 from ros_diagnostics_exporter.model import Instant, Level, Status
-from ros_diagnostics_exporter.state.component_values import Values
 from ros_diagnostics_exporter.state.flapping import SLOTS, FlapHistory
-from ros_diagnostics_exporter.state.persisted import RememberedComponent
+from ros_diagnostics_exporter.state.limits import SeriesLimit, truncate, unique_name
+from ros_diagnostics_exporter.state.rejections import Reject, RejectionReason
+from ros_diagnostics_exporter.state.storage import PersistedComponent
 
 OK, WARN, ERROR, STALE = (int(level) for level in Level)
 
-# Raw components have no announced period: a component is late when it is silent for three times
-# its longest recent gap, but never before five seconds (updaters publish once a second).
+# Raw components have no announced period: a component is late after three times its longest recent
+# gap, but never before five seconds (updaters publish once a second).
 GAPS_KEPT = 10
 GAP_FACTOR = 3.0
 LEAST_STALE_AFTER = 5.0
-# Heard once, a component has no gap yet; monitors that publish once a minute exist (Autoware).
+# Received once, a component has no gap yet; monitors that publish once a minute exist (Autoware).
 STALE_AFTER_FIRST = 90.0
 
 _DIGITS = re.compile(r"[0-9]+")
 
-Identity = tuple[str, str, str]  # name, its group where that is part of the identity, parting id
+Identity = tuple[
+    str, str, str
+]  # name, group where that is part of it, hardware_id where the name is not unique
 
 
 class Component:
     """One component of one robot.
 
-    ``level`` is what counts (after the config's overrides), ``reported`` what the robot said;
-    both are STALE while nothing fresh is known. ``since`` and ``problem_since`` are Unix time,
-    ``heard`` and ``listed`` monotonic: the last fresh status, and the last array that had it.
+    ``reported`` is the level that the robot reported, ``level`` the one after the config's
+    overrides; both are STALE while nothing fresh is known. ``since`` and ``problem_since`` are Unix
+    time, ``received`` and ``listed`` monotonic: the last fresh status, and the last array that
+    contained the component.
     """
 
     __slots__ = (
@@ -47,16 +55,16 @@ class Component:
         "gaps",
         "group",
         "hardware_id",
-        "heard",
-        "heard_raw",
-        "held",
         "identity",
+        "key_values",
         "last",
         "level",
         "listed",
         "message",
         "name",
         "problem_since",
+        "raw_received",
+        "received",
         "reported",
         "rule",
         "since",
@@ -68,30 +76,30 @@ class Component:
         identity: Identity,
         name: str,
         rule: ComponentRule | None,
-        values: Values,
+        values: ComponentValues,
         now: Instant,
     ) -> None:
         self.identity = identity
-        self.name = name  # as in the label: bounded, told apart by hardware_id where needed
+        self.name = name  # as in the label: truncated, with its hardware_id where needed
         self.group = ""
         self.rule = rule
         self.values = values
         self.hardware_id = ""
-        self.level = -1  # nothing said yet
+        self.level = -1  # nothing received yet
         self.reported = STALE
         self.message = ""
         self.before_stale: int | None = None
         self.since = now.wall
         self.problem_since: float | None = None
         self.changes = 0
-        self.heard: float | None = None
-        self.heard_raw: float | None = None
+        self.received: float | None = None
+        self.raw_received: float | None = None
         self.listed = now.mono
         self.gaps: deque[float] = deque(maxlen=GAPS_KEPT)
         self.flaps: FlapHistory | None = None
         self.last: Status | None = None
-        self.held = 0  # key-values that count against the robot's limit
-        # (level, since, problem since) of a former process, as long as nothing was received since
+        self.key_values = 0  # key-values that count against the robot's limit
+        # (level, since, problem since) of an earlier process, until a status is received
         self._resume: tuple[int, float, float | None] | None = None
         self._was_ok = True
 
@@ -100,33 +108,33 @@ class Component:
         """Whether nothing fresh is known, whatever the config makes of that."""
         return self.reported == STALE
 
-    def counted(self, said: int) -> int:
-        """The level that counts for one that was said, by the config's overrides."""
-        return self.rule.levels.get(said, said) if self.rule is not None else said
+    def effective_level(self, reported: int) -> int:
+        """The level after the config's overrides."""
+        return self.rule.levels.get(reported, reported) if self.rule is not None else reported
 
-    def take_message(self, message: str, *, renew: bool) -> bool:
-        """Keep the text to show; True if it is another one.
+    def set_message(self, message: str, *, always: bool) -> bool:
+        """Set the message that is exported; True if it changed.
 
-        Texts that differ only in their digits are one text, unless ``renew``: a measurement in
-        the message must not make a new series every second.
+        One that differs only in its digits is not set, unless ``always``: a measurement in the
+        message must not make a new series every second.
         """
         if message == self.message:
             return False
-        if not renew and _DIGITS.sub("0", message) == _DIGITS.sub("0", self.message):
+        if not always and _DIGITS.sub("0", message) == _DIGITS.sub("0", self.message):
             return False
         self.message = message
         return True
 
-    def set_reported(self, said: int, now: Instant, flap_interval: float) -> bool:
-        """Take a level as said or found (STALE); True if the level that counts changed."""
-        self.reported = said
-        level = self.counted(said)
+    def set_reported(self, reported: int, now: Instant, flap_interval: float) -> bool:
+        """Set the reported level; True if ``level`` changed."""
+        self.reported = reported
+        level = self.effective_level(reported)
         resume, self._resume = self._resume, None
-        if said != STALE and resume is not None:
+        if reported != STALE and resume is not None:
             if level == resume[0]:
-                return self._go_on(*resume)
+                return self._resume_level(*resume)
             if level != OK and resume[2] is not None:
-                self.problem_since = resume[2]  # a problem goes on at another level
+                self.problem_since = resume[2]  # the same problem at another level
         if level == self.level:
             return False
         self._change(level, now, flap_interval)
@@ -146,11 +154,10 @@ class Component:
         elif self.problem_since is None:
             self.problem_since = now.wall
 
-    def _go_on(self, level: int, since: float, problem_since: float | None) -> bool:
-        """Received for the first time since the start, as it was before: no change.
+    def _resume_level(self, level: int, since: float, problem_since: float | None) -> bool:
+        """Set what an earlier process knew: the first status since the start has the same level.
 
-        Returns:
-            Whether the level that counts is another one than so far.
+        True if ``level`` changed.
         """
         changed = level != self.level
         self.level, self.since, self.problem_since = level, since, problem_since
@@ -165,19 +172,19 @@ class Component:
         """
         if self.last is None:
             return self._was_ok
-        level: int | None = self.counted(self.last.level)
+        level: int | None = self.effective_level(self.last.level)
         if level == STALE and self.rule is not None and self.rule.planned_stale:
             level = self.before_stale
         beyond = any(value.is_beyond_threshold for value in self.values.all)
         return level in (None, OK) and not beyond
 
-    def remember(self, now: Instant) -> RememberedComponent:
+    def persist(self, now: Instant) -> PersistedComponent:
         """What a later process should know."""
         level, since, problem_since = self.level, self.since, self.problem_since
         if self._resume is not None:  # not received since the last start
             level, since, problem_before = self._resume
             problem_since = problem_before if problem_since is None else problem_since
-        return RememberedComponent(
+        return PersistedComponent(
             identity=self.identity,
             group=self.group,
             hardware_id=self.hardware_id,
@@ -191,35 +198,38 @@ class Component:
             was_ok=self.was_ok,
         )
 
-    def restore(self, known: RememberedComponent, now: Instant) -> None:
-        """Put back what a former process knew: STALE until it is received."""
-        before = known.before_stale if known.level == STALE else known.level
-        self.hardware_id = known.hardware_id
-        self.listed = now.mono - max(0.0, now.wall - known.listed)
-        self.message = known.message
-        self._was_ok = before in (None, OK) if known.was_ok is None else known.was_ok
+    def restore(self, persisted: PersistedComponent, now: Instant) -> None:
+        """Restore what an earlier process knew: STALE until it is received."""
+        before = persisted.before_stale if persisted.level == STALE else persisted.level
+        self.hardware_id = persisted.hardware_id
+        self.listed = now.mono - max(0.0, now.wall - persisted.listed)
+        self.message = persisted.message
+        self._was_ok = before in (None, OK) if persisted.was_ok is None else persisted.was_ok
         self.reported = STALE
-        self.level = self.counted(STALE)
+        self.level = self.effective_level(STALE)
         self.before_stale = before if self.level == STALE else None
-        self.since = known.since
-        problem_since = now.wall if known.problem_since is None else known.problem_since
-        if known.level != STALE:
-            self._resume = known.level, known.since, None if known.level == OK else problem_since
+        self.since = persisted.since
+        problem_since = now.wall if persisted.problem_since is None else persisted.problem_since
+        if persisted.level != STALE:
+            self._resume = (
+                persisted.level,
+                persisted.since,
+                None if persisted.level == OK else problem_since,
+            )
             self.since = now.wall
         self.problem_since = None if self.level == OK else problem_since
-        self.flaps = FlapHistory(known.level, now.mono)
-        self.flaps.restore(list(known.slots), now.mono)
+        self.flaps = FlapHistory(persisted.level, now.mono)
+        self.flaps.restore(list(persisted.slots), now.mono)
 
-    def renew_raw(self, mono: float, threshold: float) -> None:
+    def note_raw(self, mono: float, threshold: float) -> None:
         """Note the receipt of a raw status, and the gap before it.
 
-        A gap longer than the threshold ended a silence; it counts for at most twice the
-        threshold, so that a dead driver's return does not blunt the watch, while a driver that
-        has become slower is known after a few of its periods.
+        A gap counts for at most twice the threshold: one long silence does not make the threshold
+        useless, while a driver that has become slower is recognized after a few of its periods.
         """
-        if self.heard_raw is not None:
-            self.gaps.append(min(mono - self.heard_raw, 2 * threshold))
-        self.heard_raw = mono
+        if self.raw_received is not None:
+            self.gaps.append(min(mono - self.raw_received, 2 * threshold))
+        self.raw_received = mono
 
     def stale_after(self, default: float, *, raw: bool) -> float:
         """Seconds without a fresh status after which the component is STALE."""
@@ -230,3 +240,233 @@ class Component:
         if not self.gaps:
             return max(STALE_AFTER_FIRST, default)
         return max(LEAST_STALE_AFTER, GAP_FACTOR * max(self.gaps))
+
+
+# -- values --------------------------------------------------------------------------------
+
+Pairs = tuple[tuple[str, str], ...]
+FindRule = Callable[[str], "ValueRule | None"]  # key -> the config's rule for it
+
+
+@dataclass(slots=True)
+class Value:
+    """One number as it is exported; ``metric`` is the name that the config gives it, or None.
+
+    ``rejected``: it has another unit than at first and is not exported.
+    """
+
+    key: str
+    unit: str
+    number: float
+    metric: str | None = None
+    rule: ValueRule | None = None
+    rejected: bool = False
+
+    @property
+    def series(self) -> int:
+        """How many series it has, with those of its thresholds and the copy that the rules read."""
+        if self.rule is None or not self.rule.thresholds:
+            return 1
+        return (self.metric is not None) + 2 + len(self.rule.thresholds)
+
+    @property
+    def is_beyond_threshold(self) -> bool:
+        """Whether it is beyond one of its thresholds."""
+        thresholds = () if self.rule is None else self.rule.thresholds
+        return any(
+            self.number < each.value if each.bound == "low" else self.number > each.value
+            for each in thresholds
+        )
+
+
+class ComponentValues:
+    """The numbers in the key-values of one component.
+
+    As long as the keys, and how many numbers each has, stay, an update only sets numbers.
+    """
+
+    __slots__ = (
+        "_find_rule",
+        "_limits",
+        "_pairs",
+        "_reject",
+        "_rows",
+        "_rules",
+        "_series",
+        "_series_limit",
+        "_units",
+        "all",
+    )
+
+    def __init__(
+        self,
+        find_rule: FindRule | None,
+        limits: tuple[int, int],
+        series_limit: SeriesLimit,
+        reject: Reject,
+    ) -> None:
+        """``limits`` are the values of a component and the characters of a key.
+
+        ``find_rule`` is None where the config has no rule for any value.
+        """
+        self.all: list[Value] = []
+        # for each key-value its numbers; None for one that a limit rejects
+        self._rows: list[list[Value | None]] = []
+        self._series = 0  # series
+        self._pairs: Pairs = ()
+        self._units: dict[str, str] = {}
+        self._find_rule = find_rule
+        self._rules: dict[str, ValueRule | None] = {}
+        self._limits = limits
+        self._series_limit = series_limit
+        self._reject = reject
+
+    def update(self, pairs: Pairs) -> tuple[bool, bool]:
+        """Set the key-values of a new status; (did a number change, did the set of them)."""
+        old = self._pairs
+        if pairs == old:
+            return False, False
+        changed = False
+        if len(old) == len(pairs):
+            for row, (before, after) in enumerate(zip(old, pairs, strict=True)):
+                if before == after:
+                    continue
+                if before[0] != after[0] or not self._update_row(row, after):
+                    break
+                changed = True
+            else:
+                self._pairs = pairs
+                return changed, False
+        self._rebuild(pairs)
+        return True, True
+
+    def clear(self) -> None:
+        """Remove the numbers and their series, but not their units."""
+        self._series_limit.remove(self._series)
+        self._series = 0
+        self.all, self._rows, self._pairs = [], [], ()
+
+    def exported(self, pairs: Pairs) -> list[list[Value]]:
+        """For each of the key-values its numbers that are exported.
+
+        None at all where these are not the key-values of the last update.
+        """
+        if pairs != self._pairs:
+            return [[] for _pair in pairs]
+        return [
+            [value for value in row if value is not None and not value.rejected]
+            for row in self._rows
+        ]
+
+    def _update_row(self, row: int, pair: tuple[str, str]) -> bool:
+        """Set the numbers of one key-value; False if how many, or a unit, changed."""
+        slots = self._rows[row]
+        if slots == [None] and self._is_list_beyond(pair):
+            return True
+        found = self._read(*pair)
+        if len(found) != len(slots):
+            return False
+        for value, number in zip(slots, found, strict=True):
+            if value is None or value.rejected:
+                if not self._stays_rejected(value, number):
+                    return False
+            elif number.unit != value.unit and math.isfinite(number.value):
+                return False
+            else:
+                value.number = number.value
+        return True
+
+    def _stays_rejected(self, value: Value | None, number: Number) -> bool:
+        """Count a rejected number; False if it would be accepted now.
+
+        So what is beyond a limit does not cause a rebuild at each array.
+        """
+        if value is None:
+            reason = self._limit()
+        else:
+            reason = "unit_changed" if number.unit != value.unit else None
+        if reason is not None:
+            self._reject(reason, number.key)
+        return reason is not None
+
+    def _rebuild(self, pairs: Pairs) -> None:
+        self.clear()
+        self._pairs = pairs
+        taken: dict[str, int] = {}
+        for pair in pairs:
+            if self._is_list_beyond(pair):
+                self._rows.append([None])
+                continue
+            found = self._read(*pair)
+            rule = self._rules.get(pair[0])
+            self._rows.append([self._add(number, rule, taken) for number in found])
+
+    def _is_list_beyond(self, pair: tuple[str, str]) -> bool:
+        """Count a list that a limit rejects: parsing it would cost as much as 32 numbers."""
+        key, text = pair
+        reason = self._limit() if text.lstrip()[:1] in ("[", "(") else None
+        if reason is not None:
+            self._reject(reason, key)
+        return reason is not None
+
+    def _limit(self) -> RejectionReason | None:
+        """The limit that rejects one more number, if there is one."""
+        return (
+            "value_limit" if len(self.all) >= self._limits[0] else self._series_limit.exceeded_by(1)
+        )
+
+    def _read(self, key: str, text: str) -> tuple[Number, ...]:
+        rule = None if self._find_rule is None else self._rule(key)
+        if rule is None:
+            return parse_numbers(key, text)
+        if not rule.keep:
+            return ()
+        if rule.enum is not None and (number := rule.enum.get(text.strip().lower())) is not None:
+            found: tuple[Number, ...] = (Number(key.strip(), "", number),)
+        else:
+            found = parse_numbers(key, text)
+        return tuple(_apply(rule, number) for number in found)
+
+    def _rule(self, key: str) -> ValueRule | None:
+        if key not in self._rules and self._find_rule is not None:
+            if len(self._rules) >= 2 * self._limits[0]:
+                self._rules.clear()  # a robot that invents keys without end
+            self._rules[key] = self._find_rule(key)
+        return self._rules.get(key)
+
+    def _add(self, number: Number, rule: ValueRule | None, taken: dict[str, int]) -> Value | None:
+        """A number with a unique key and the unit that the key had at first.
+
+        None where a limit rejects it. ``taken`` are the keys before it, see `unique_name`.
+        """
+        reason = self._limit()
+        if reason is not None:
+            self._reject(reason, number.key)
+            return None
+        key = unique_name(truncate(number.key, self._limits[1]), taken, "#")
+        unit = self._unit(key, number)
+        value = Value(key, unit, number.value, rule.metric if rule else None, rule)
+        if unit != number.unit and math.isfinite(number.value):
+            value.rejected = True
+            self._reject("unit_changed", key)
+            return value
+        reason = self._series_limit.add(value.series)
+        if reason is not None:
+            self._reject(reason, key)
+            return None
+        self._series += value.series
+        self.all.append(value)
+        return value
+
+    def _unit(self, key: str, number: Number) -> str:
+        """The unit that the key had at first; "nan" and "inf" have none."""
+        if not math.isfinite(number.value):
+            return self._units.get(key, number.unit)
+        if key not in self._units and len(self._units) >= 2 * self._limits[0]:
+            self._units.clear()  # a robot that invents keys without end
+        return self._units.setdefault(key, number.unit)
+
+
+def _apply(rule: ValueRule, number: Number) -> Number:
+    unit = number.unit if rule.unit is None else rule.unit
+    return Number(number.key, unit, number.value * rule.scale + rule.offset)

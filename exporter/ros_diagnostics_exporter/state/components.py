@@ -1,6 +1,6 @@
-"""The components of one robot: made, heard, late, counted, taken out.
+"""The components of one robot: added, updated, late, counted, removed.
 
-Every change of a level goes through here, whether an array, silence or the config made it.
+Every change of a level passes here, whether an array, silence or the config causes it.
 """
 
 from __future__ import annotations
@@ -10,9 +10,16 @@ from math import inf
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.model import Instant, Status
-from ros_diagnostics_exporter.state.bounds import Budget, Reject, bounded
-from ros_diagnostics_exporter.state.component import ERROR, OK, STALE, Component, Identity
-from ros_diagnostics_exporter.state.component_values import Values
+from ros_diagnostics_exporter.state.component import (
+    ERROR,
+    OK,
+    STALE,
+    Component,
+    ComponentValues,
+    Identity,
+)
+from ros_diagnostics_exporter.state.limits import SeriesLimit, truncate
+from ros_diagnostics_exporter.state.rejections import Reject
 from ros_diagnostics_exporter.state.rules import check_matches, component_rule, value_rule
 from ros_diagnostics_exporter.state.versions import Versions
 
@@ -20,11 +27,11 @@ from ros_diagnostics_exporter.state.versions import Versions
 SERIES_OF_COMPONENT = 6
 
 
-class Members:
+class Components:
     """The components of one robot by their identity.
 
-    ``reject`` is told the reason of what is not taken in; ``changed`` hears (component, level
-    before, now) at every change of a level.
+    ``reject`` is called with the reason and name of what is rejected, ``changed`` with (component,
+    level before, now) at every change of a level.
     """
 
     def __init__(
@@ -32,45 +39,53 @@ class Members:
         profile: config.Profile,
         limits: config.Limits,
         *,
-        budget: Budget,
+        series: SeriesLimit,
         versions: Versions,
         reject: Reject,
         changed: Callable[[Component, int, Instant], None],
     ) -> None:
-        self.all: dict[Identity, Component] = {}
-        self.removals = 0  # how many components were ever taken out
+        self.by_identity: dict[Identity, Component] = {}
+        self.removals = 0  # how many components were ever removed
         self._profile = profile
         self._limits = limits
-        self._budget = budget
-        # Of values alone: whatever a robot sends, there is a place for its components' levels.
-        self._of_values = Budget(limits.robot_series, budget)
-        self._held = 0  # key-values that all components hold
+        self._series = series
+        # Of values alone: whatever a robot sends, its components' levels are not rejected for it.
+        self._value_series = SeriesLimit(limits.robot_series, series)
+        self._key_values = 0  # of all components
         self._versions = versions
         self._reject = reject
         self._changed = changed
-        self._restless: set[Identity] = set()
         # What the judgement of faults has yet to take: emptied by it.
         self.level_changes: dict[Component, None] = {}
         self.value_changes: dict[Component, None] = {}
-        self.names_version = 0  # raised when a component comes, goes or has another label
+        self.names_version = 0  # raised when a component is added, removed or has another label
+        self._flapping: set[Identity] = set()
         self._deadline = inf  # when the next component may be late, monotonic
         self._checked: list[tuple[str, list[Component]]] = []
         self._checked_at = -1  # the version of the structure of `_checked`
 
-    # -- come and go -------------------------------------------------------------------------
+    def __iter__(self) -> Iterator[Component]:
+        """All components, in the order in which they were added."""
+        return iter(self.by_identity.values())
 
-    def obtain(self, identity: Identity, group: str, now: Instant) -> Component | None:
-        """The component of this identity, made if there is room for it and the config wants it."""
-        known = self.all.get(identity)
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.by_identity)
+
+    # -- added and removed -------------------------------------------------------------------
+
+    def get_or_add(self, identity: Identity, group: str, now: Instant) -> Component | None:
+        """The component of this identity; None where a limit or the config rejects it."""
+        known = self.by_identity.get(identity)
         if known is not None:
             return known
         rule = component_rule(self._profile, identity[0])
         if rule is not None and rule.ignore:
             return None
-        if len(self.all) >= self._limits.components:
+        if len(self) >= self._limits.components:
             self._reject("component_limit", identity[0])
             return None
-        limit = self._budget.take(SERIES_OF_COMPONENT)
+        limit = self._series.add(SERIES_OF_COMPONENT)
         if limit is not None:
             self._reject(limit, identity[0])
             return None
@@ -78,66 +93,66 @@ class Members:
             self._reject("label_length", identity[0])
         values = self._values(identity[0])
         component = Component(identity, self._label(identity), rule, values, now)
-        self.all[identity] = component
+        self.by_identity[identity] = component
         self._versions.structure += 1
         self.names_version += 1
         self.regroup(component, group)
         return component
 
-    def _values(self, name: str) -> Values:
+    def _values(self, name: str) -> ComponentValues:
         profile = self._profile
-        return Values(
+        return ComponentValues(
             (lambda key: value_rule(profile, name, key)) if profile.values else None,
             (self._limits.values, self._limits.label_length),
-            self._of_values,
+            self._value_series,
             self._reject,
         )
 
     def _label(self, identity: Identity) -> str:
-        name, _group, parting = identity
-        label = f"{name} [{parting}]" if parting else name
-        return bounded(label or "(unnamed)", self._limits.label_length)
+        name, _group, hardware_id = identity
+        label = f"{name} [{hardware_id}]" if hardware_id else name
+        return truncate(label or "(unnamed)", self._limits.label_length)
 
     def regroup(self, component: Component, group: str) -> None:
-        """Put a component into another group."""
-        label = bounded(group, self._limits.label_length)
+        """Move a component into another group."""
+        label = truncate(group, self._limits.label_length)
         if component.group != label:
             component.group = label
             self._versions.structure += 1
             self.names_version += 1
 
-    def part(self, name: str) -> None:
-        """Give a component whose name proved to be two components' its hardware_id as well."""
-        component = self.all.pop((name, "", ""), None)
+    def split_by_hardware_id(self, name: str) -> None:
+        """Add its hardware_id to the identity of a component whose name is not unique."""
+        component = self.by_identity.pop((name, "", ""), None)
         if component is not None:
             component.identity = (name, "", component.hardware_id)
             component.name = self._label(component.identity)
-            self.all[component.identity] = component
+            self.by_identity[component.identity] = component
             self._versions.structure += 1
             self.names_version += 1
 
     def remove(self, component: Component) -> None:
-        """Take one component out, with all that is known about it."""
+        """Remove one component, with all that is known about it."""
         component.values.clear()
-        self._hold(component, 0)
-        self._budget.give(SERIES_OF_COMPONENT)
-        del self.all[component.identity]
-        self._restless.discard(component.identity)
+        self._count_key_values(component, 0)
+        self._series.remove(SERIES_OF_COMPONENT)
+        del self.by_identity[component.identity]
+        self._flapping.discard(component.identity)
         self.removals += 1
         self.names_version += 1
         self._versions.structure += 1
         self._versions.levels += 1
 
     def remove_all(self) -> None:
-        """Take all components out."""
-        for component in list(self.all.values()):
+        """Remove all components."""
+        for component in list(self.by_identity.values()):
             self.remove(component)
 
     def configure(self, profile: config.Profile, limits: config.Limits, now: Instant) -> None:
-        """Judge every component by another profile."""
+        """Apply another profile to every component."""
         self._profile, self._limits = profile, limits
-        self._of_values.limit = limits.robot_series
-        for component in list(self.all.values()):
+        self._value_series.limit = limits.robot_series
+        for component in list(self.by_identity.values()):
             name = component.identity[0]
             component.rule = component_rule(profile, name)
             if component.rule is not None and component.rule.ignore:
@@ -145,7 +160,7 @@ class Members:
                 continue
             component.values.clear()
             component.values = self._values(name)
-            self._hold(component, 0)  # counted anew with the next status
+            self._count_key_values(component, 0)  # counted again with the next status
             if component.last is not None and component.last.level != STALE:
                 component.values.update(component.last.values)
             if component.level >= OK:
@@ -153,74 +168,74 @@ class Members:
 
     # -- levels ------------------------------------------------------------------------------
 
-    def hear(self, component: Component, status: Status, now: Instant) -> None:
-        """Take one status of one component."""
+    def update(self, component: Component, status: Status, now: Instant) -> None:
+        """Update one component from its status."""
         component.listed = now.mono
-        if len(status.values) > component.held:
+        if len(status.values) > component.key_values:
             status = self._within_limits(component, status)
         if status == component.last and component.reported == status.level:
             if status.level != STALE:
-                component.heard = now.mono
+                component.received = now.mono
             return
-        said = status.level
-        if said > STALE:
+        reported = status.level
+        if reported > STALE:
             self._reject("bad_level", component.name)
-            said = ERROR  # as diagnostic_aggregator reads it (status_item.hpp, valToLevel)
+            reported = ERROR  # as diagnostic_aggregator reads it (status_item.hpp, valToLevel)
         component.last = status
-        self._hold(component, len(status.values))
+        self._count_key_values(component, len(status.values))
         if status.hardware_id and status.hardware_id != component.hardware_id:
             component.hardware_id = status.hardware_id
             self._versions.structure += 1
         before = component.level
-        changed = self._set_level(component, said, now, notify=False)
-        if component.take_message(status.message, renew=changed) and component.level != OK:
+        changed = self._set_level(component, reported, now, notify=False)
+        if component.set_message(status.message, always=changed) and component.level != OK:
             self._versions.levels += 1
-        if changed:  # told after the message was taken
+        if changed:  # after the message was set, which the event shows
             self._changed(component, before, now)
-        if said != STALE:
-            component.heard = now.mono
-            numbers, shape = component.values.update(status.values)
+        if reported != STALE:
+            component.received = now.mono
+            numbers, structure = component.values.update(status.values)
             self._versions.values += numbers
-            self._versions.structure += shape
-            if numbers or shape:
+            self._versions.structure += structure
+            if numbers or structure:
                 self.value_changes[component] = None
 
     def _within_limits(self, component: Component, status: Status) -> Status:
         """The status with no more key-values than one component, and one robot, may have."""
-        most = self._limits.values
-        free = max(0, self._limits.robot_series - self._held + component.held)
-        if len(status.values) > min(most, free):
-            self._reject("robot_series_limit" if free < most else "value_limit", component.name)
-            most = min(most, free)
-            status = status._replace(values=status.values[:most])
-        self._hold(component, len(status.values))
+        limit = self._limits.values
+        free = max(0, self._limits.robot_series - self._key_values + component.key_values)
+        if len(status.values) > min(limit, free):
+            self._reject("robot_series_limit" if free < limit else "value_limit", component.name)
+            limit = min(limit, free)
+            status = status._replace(values=status.values[:limit])
+        self._count_key_values(component, len(status.values))
         return status
 
-    def _hold(self, component: Component, values: int) -> None:
-        self._held += values - component.held
-        component.held = values
+    def _count_key_values(self, component: Component, count: int) -> None:
+        self._key_values += count - component.key_values
+        component.key_values = count
 
-    def hear_raw(self, component: Component, status: Status, now: Instant) -> None:
-        """Take one status from the component's own topic, whose gaps tell when it is late."""
-        component.renew_raw(now.mono, self._stale_after(component))
-        self.hear(component, status, now)
+    def update_raw(self, component: Component, status: Status, now: Instant) -> None:
+        """Update one component from its own topic, where the gaps decide when it is late."""
+        component.note_raw(now.mono, self._stale_after(component))
+        self.update(component, status, now)
         self._expect(component, now)
 
-    def lose(self, component: Component, now: Instant) -> None:
-        """Mark a component of which nothing fresh is known any more."""
+    def mark_stale(self, component: Component, now: Instant) -> None:
+        """Make a component STALE: nothing fresh is known about it."""
         self._set_level(component, STALE, now)
 
-    def lose_all(self, now: Instant) -> None:
-        """Mark all of them, because the robot is silent."""
-        for component in self.all.values():
+    def mark_all_stale(self, now: Instant) -> None:
+        """Make all of them STALE, because the robot is silent."""
+        for component in self.by_identity.values():
             self._set_level(component, STALE, now)
 
     def _set_level(
-        self, component: Component, said: int, now: Instant, *, notify: bool = True
+        self, component: Component, reported: int, now: Instant, *, notify: bool = True
     ) -> bool:
         was_stale, before = component.is_stale, component.level
-        changed = component.set_reported(said, now, self._profile.flap_interval)
-        if was_stale != component.is_stale:  # the numbers of a stale component are not shown
+        changed = component.set_reported(reported, now, self._profile.flap_interval)
+        if was_stale != component.is_stale:  # the numbers of a stale component are not exported
             self._versions.structure += 1
             self.value_changes[component] = None
             self._expect(component, now)
@@ -228,63 +243,66 @@ class Members:
             self._versions.levels += 1
             self.level_changes[component] = None
             if component.flaps is not None and component.flaps.ratio > 0:
-                self._restless.add(component.identity)
+                self._flapping.add(component.identity)
             if notify:
                 self._changed(component, before, now)
         return changed
 
     # -- time --------------------------------------------------------------------------------
 
-    def calm(self, now: Instant) -> None:
-        """Let restless components come to rest."""
-        for identity in list(self._restless):
-            component = self.all.get(identity)
+    def decay_flapping(self, now: Instant) -> None:
+        """Let the flap ratios fall with time."""
+        for identity in list(self._flapping):
+            component = self.by_identity.get(identity)
             flaps = None if component is None else component.flaps
             if flaps is None:
-                self._restless.discard(identity)
-            elif flaps.rest(now.mono, self._profile.flap_interval):
+                self._flapping.discard(identity)
+            elif flaps.decay(now.mono, self._profile.flap_interval):
                 self._versions.levels += 1
                 if flaps.ratio == 0.0:
-                    self._restless.discard(identity)
+                    self._flapping.discard(identity)
 
-    def find_late(self, now: Instant) -> None:
-        """Mark the components that are late; cheap as long as none can be."""
+    def mark_late_stale(self, now: Instant) -> None:
+        """Make the components that are late STALE; cheap as long as none can be."""
         if now.mono <= self._deadline:
             return
         self._deadline = inf
-        for component in self.all.values():
-            if component.is_stale or component.heard is None:
+        for component in self.by_identity.values():
+            if component.is_stale or component.received is None:
                 continue
-            due = component.heard + self._stale_after(component)
+            due = component.received + self._stale_after(component)
             if now.mono > due:
                 self._set_level(component, STALE, now)
             else:
                 self._deadline = min(self._deadline, due)
 
     def _stale_after(self, component: Component) -> float:
-        raw = component.heard_raw is not None
+        raw = component.raw_received is not None
         return component.stale_after(self._profile.stale_after, raw=raw)
 
     def _expect(self, component: Component, now: Instant) -> None:
-        """Look at the late ones no later than when this one, heard now, would be late."""
+        """Check for late ones no later than when this one, received now, would be late."""
         self._deadline = min(self._deadline, now.mono + self._stale_after(component))
 
     def forgettable(self, now: Instant) -> Iterable[Component]:
-        """Components long gone that were OK when last received: absence never ends a problem."""
+        """Components long absent that were OK when last received: absence never ends a problem."""
         after = self._profile.forget_after
-        for component in self.all.values():
-            gone = now.mono - component.listed > after and component.is_stale
-            if gone and component.was_ok:
+        for component in self.by_identity.values():
+            absent = now.mono - component.listed > after and component.is_stale
+            if absent and component.was_ok:
                 yield component
 
-    # -- asked -------------------------------------------------------------------------------
+    # -- checks ------------------------------------------------------------------------------
 
     def count_checks(self) -> Iterator[tuple[str, list[int]]]:
-        """For each check of the profile how many of its components stand at each level."""
+        """For each check of the profile how many of its components have each level."""
         if self._checked_at != self._versions.structure:
             self._checked_at = self._versions.structure
             self._checked = [
-                (check.name, [each for each in self.all.values() if _holds(check, each)])
+                (
+                    check.name,
+                    [each for each in self if check_matches(check, each.group, each.name)],
+                )
                 for check in self._profile.checks
             ]
         for name, components in self._checked:
@@ -293,7 +311,3 @@ class Members:
                 if component.level >= OK:
                     counts[component.level] += 1
             yield name, counts
-
-
-def _holds(check: config.Check, component: Component) -> bool:
-    return check_matches(check, component.group, component.name)

@@ -61,7 +61,7 @@ def _monitored(identity: Identity, component: Component) -> Iterator[str]:
 def _of_robot(identity: Identity, robot: Robot) -> Iterator[str]:
     if identity.scope is Scope.CHECK:
         expected = {check.name: check.expect for check in robot.settings.profile.checks}
-        found = {name: sum(counts) for name, counts in robot.members.count_checks()}
+        found = {name: sum(counts) for name, counts in robot.components.count_checks()}
         if identity.check in found:
             yield f"{found[identity.check]} of {expected[identity.check]} components"
     elif identity.state is State.MANY:
@@ -71,7 +71,7 @@ def _of_robot(identity: Identity, robot: Robot) -> Iterator[str]:
 
 
 def _troubled(robot: Robot) -> Iterator[Component]:
-    return (each for each in robot.components.values() if each.level > Level.OK)
+    return (each for each in robot.components if each.level > Level.OK)
 
 
 def _with_level(component: Component) -> str:

@@ -30,9 +30,9 @@ from ros_diagnostics_exporter.faults.settings import (
     RobotSettings,
 )
 from ros_diagnostics_exporter.model import Instant, Level
-from ros_diagnostics_exporter.state.bounds import own_name
 from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.fault_evidence import evidence
+from ros_diagnostics_exporter.state.limits import unique_name
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.rules import value_rule
 
@@ -50,6 +50,7 @@ class FaultReports:
     def __init__(self, now: Instant) -> None:
         self._now = now
         self._robots: dict[str, RobotReports] = {}
+        self._rows: dict[tuple[str, tuple[str, ...]], dict[str, object]] = {}
         self._faults = Faults(FleetSettings())
         self._faults.started(now)
 
@@ -80,7 +81,7 @@ class FaultReports:
                 changes = reports.configure(self._faults, now)
             self._describe(changes + reports.update(self._faults, now))
 
-    def plan(self, now: Instant) -> None:
+    def _report_maintenance(self, now: Instant) -> None:
         """Report which robots' planned downtimes began or ended, all of them at one time."""
         planned = {
             name: reports.robot.maintenance
@@ -90,14 +91,18 @@ class FaultReports:
         for name, is_planned in planned.items():
             self._robots[name].maintenance = is_planned
         if planned:
-            self._describe(self._faults.maintenance(planned, self._time(now)))
+            self._describe(self._faults.maintenance(planned, now))
 
-    def advance(self, now: Instant) -> None:
-        """Let time pass; to be called a few times a second."""
-        self._describe(self._faults.advance(self._time(now)))
+    def tick(self, now: Instant, *, slow: bool) -> None:
+        """Let time pass; to be called a few times a second, once a second with ``slow``."""
+        now = self._time(now)
+        if slow:
+            self._report_maintenance(now)
+            self._take_rows(now)
+        self._describe(self._faults.advance(now))
 
     def restore(self, rows: Iterable[Row], now: Instant) -> None:
-        """Go on from what `take_rows` gave in a former process; nothing is received yet.
+        """Go on from the `rows` of an earlier process; nothing is received yet.
 
         Raises:
             LookupError: the rows refer to what is not among them; nothing is restored.
@@ -111,14 +116,23 @@ class FaultReports:
             if kind == "robot" and fields is not None and key[0] not in self._robots:
                 faults.forget_robot(key[0], now)
         self._faults = faults
+        self._rows = {(kind, key): fields for kind, key, fields in rows if fields is not None}
         for reports in self._robots.values():
             self._describe(reports.start_over(faults, now))
         planned = {name: each.maintenance for name, each in self._robots.items()}
         self._describe(faults.maintenance(planned, now))
 
-    def take_rows(self, now: Instant) -> list[Row]:
-        """What outlives the process and changed since the last call."""
-        return self._faults.take_rows(self._time(now))
+    def rows(self, now: Instant) -> list[Row]:
+        """What `restore` needs."""
+        self._take_rows(self._time(now))
+        return [Row(kind, key, fields) for (kind, key), fields in self._rows.items()]
+
+    def _take_rows(self, now: Instant) -> None:
+        for kind, key, fields in self._faults.take_rows(now):
+            if fields is None:
+                self._rows.pop((kind, key), None)
+            else:
+                self._rows[kind, key] = fields
 
     def _time(self, now: Instant) -> Instant:
         if now.mono > self._now.mono:
@@ -237,7 +251,7 @@ class RobotReports:
 
     def needs_update(self, now: Instant) -> bool:
         """Whether there is anything to report."""
-        components = self.robot.members
+        components = self.robot.components
         if components.level_changes or components.value_changes:
             return True
         if components.names_version != self._names_version or now.mono >= self._awaited_next:
@@ -246,7 +260,7 @@ class RobotReports:
 
     def update(self, faults: Faults, now: Instant) -> list[Change]:
         """Report it."""
-        components = self.robot.members
+        components = self.robot.components
         changes = self._report_presence(faults, now)
         renamed = components.names_version != self._names_version
         if renamed:
@@ -300,8 +314,8 @@ class RobotReports:
         robot = self.robot
         last = robot.last_mono or 0.0
         default = robot.settings.profile.stale_after
-        for component in robot.components.values():
-            raw = robot.source is Source.RAW or component.heard_raw is not None
+        for component in robot.components:
+            raw = robot.source is Source.RAW or component.raw_received is not None
             if raw and component.is_stale and component.listed < last:
                 self._awaited[component] = last + component.stale_after(default, raw=True)
         self._awaited_next = min(self._awaited.values(), default=inf)
@@ -311,8 +325,8 @@ class RobotReports:
         for component, due in list(self._awaited.items()):
             if not component.is_stale or now.mono >= due:
                 del self._awaited[component]
-                self.robot.members.level_changes[component] = None
-                self.robot.members.value_changes[component] = None
+                self.robot.components.level_changes[component] = None
+                self.robot.components.value_changes[component] = None
         self._awaited_next = min(self._awaited.values(), default=inf)
 
     # -- components --------------------------------------------------------------------------
@@ -335,8 +349,8 @@ class RobotReports:
 
     def _follow_names(self, faults: Faults, now: Instant) -> list[Change]:
         """Report the components that have gone, and those that have another name."""
-        robot, components = self.robot.settings.name, self.robot.members
-        names = _names(components.all.values())
+        robot, components = self.robot.settings.name, self.robot.components
+        names = _names(components)
         changes: list[Change] = []
         for component, old in self._names.items():
             if component not in names:
@@ -354,7 +368,7 @@ class RobotReports:
     def _report_levels(self, faults: Faults, now: Instant, *, renamed: bool) -> list[Change]:
         reports = [
             ComponentReport(name, Level(component.level), self._component_settings(component))
-            for component, name in self._to_report(self.robot.members.level_changes)
+            for component, name in self._to_report(self.robot.components.level_changes)
             if component not in self._awaited
         ]
         if not reports and not renamed:
@@ -391,7 +405,7 @@ class RobotReports:
                 name = ComponentName(identity.group, identity.component)
                 troubled.setdefault(name, []).append(identity)
         changes: list[Change] = []
-        for component, name in self._to_report(self.robot.members.value_changes):
+        for component, name in self._to_report(self.robot.components.value_changes):
             reports = self._value_reports(component, troubled.get(name, ()))
             if reports:
                 settings = self._component_settings(component)
@@ -427,7 +441,7 @@ class RobotReports:
             return []
         robot = self.robot.settings.name
         changes: list[Change] = []
-        for check, counts in self.robot.members.count_checks():
+        for check, counts in self.robot.components.count_checks():
             if check in expected:
                 changes += faults.check_changed(robot, check, sum(counts), expected[check], now)
         return changes
@@ -441,7 +455,9 @@ def _names(components: Iterable[Component]) -> dict[Component, ComponentName]:
     """The names of a robot's components as their series have them: no two are the same."""
     taken: dict[str, dict[str, int]] = {}  # by group
     return {
-        each: ComponentName(each.group, own_name(each.name, taken.setdefault(each.group, {}), "~"))
+        each: ComponentName(
+            each.group, unique_name(each.name, taken.setdefault(each.group, {}), "~")
+        )
         for each in components
     }
 

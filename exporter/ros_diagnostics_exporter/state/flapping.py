@@ -41,7 +41,7 @@ class FlapHistory:
         self.ratio = flap_ratio(self.slots)
         self._last = mono
 
-    def rest(self, mono: float, interval: float) -> bool:
+    def decay(self, mono: float, interval: float) -> bool:
         """Record what the time since the last record adds; True if the ratio changed."""
         steps = int((mono - self._last) / interval)
         if steps <= 0:
@@ -56,7 +56,7 @@ class FlapHistory:
 
     def change(self, level: int, mono: float, interval: float) -> None:
         """Record a change to another level."""
-        self.rest(mono, interval)
+        self.decay(mono, interval)
         self._last = mono
         self.slots = [*self.slots[1:], level]
         self.ratio = flap_ratio(self.slots)

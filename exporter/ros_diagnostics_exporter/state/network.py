@@ -1,34 +1,15 @@
-"""What the ROS graph says about one robot's topics, and why the robot may be silent."""
+"""The publishers of one robot's topics, and why nothing can be received from them."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from ros_diagnostics_exporter.model import Endpoint
+from ros_diagnostics_exporter.state.rejections import SilentReason
 
-from ros_diagnostics_exporter.state.reasons import Silence
-
-
-class Topic(NamedTuple):
-    """A topic of one DDS domain."""
-
-    domain_id: int
-    name: str
-
-
-class Endpoint(NamedTuple):
-    """What the graph shows of one topic.
-
-    ``wrong_type`` is the type found where it is not diagnostic_msgs/msg/DiagnosticArray, else "".
-    """
-
-    publishers: int
-    wrong_type: str = ""
-
-
-_NOTHING = Endpoint(0)
+_NO_PUBLISHER = Endpoint(0)
 
 
 class Network:
-    """The endpoints of one robot's topics as last seen."""
+    """The endpoints of one robot's topics as the ROS graph last showed them."""
 
     __slots__ = ("_endpoints", "domain_up")
 
@@ -36,10 +17,10 @@ class Network:
         self.domain_up = True
         self._endpoints: dict[str, Endpoint] = {}
 
-    def see(self, topic: str, endpoint: Endpoint | None) -> bool:
-        """Take what the graph shows of a topic now; True if that is something else."""
-        endpoint = endpoint or _NOTHING
-        if self._endpoints.get(topic, _NOTHING) == endpoint:
+    def update(self, topic: str, endpoint: Endpoint | None) -> bool:
+        """Set a topic's endpoint; True if publishers or type changed."""
+        endpoint = endpoint or _NO_PUBLISHER
+        if self._endpoints.get(topic, _NO_PUBLISHER)[:2] == endpoint[:2]:
             return False
         self._endpoints[topic] = endpoint
         return True
@@ -50,8 +31,8 @@ class Network:
         return sum(endpoint.publishers for endpoint in self._endpoints.values())
 
     @property
-    def obstacle(self) -> Silence | None:
-        """The reason, if the graph shows why nothing can arrive."""
+    def obstacle(self) -> SilentReason | None:
+        """The reason, if the graph shows why nothing can be received."""
         if not self.domain_up:
             return "domain_unreachable"
         if any(endpoint.wrong_type for endpoint in self._endpoints.values()):

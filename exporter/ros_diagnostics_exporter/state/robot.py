@@ -1,49 +1,52 @@
-"""What is known about one robot: whether it is heard, why not, and by which config it is judged.
-
-Its components are `members`, and arrays reach them by `intake`; this file owns the robot as a
-whole.
-"""
+"""One robot: whether it is up, why not, and how its arrays update its components."""
 
 from __future__ import annotations
 
 import logging
-from collections import Counter
-from collections.abc import Callable, Mapping
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
 
 from ros_diagnostics_exporter.config import fleet as config
-from ros_diagnostics_exporter.model import Array, Instant
-from ros_diagnostics_exporter.state.bounds import Budget
-from ros_diagnostics_exporter.state.component import Component, Identity
-from ros_diagnostics_exporter.state.components import Members
-from ros_diagnostics_exporter.state.network import Endpoint, Network
-from ros_diagnostics_exporter.state.persisted import RememberedRobot
-from ros_diagnostics_exporter.state.reasons import TOLD, Rejection, Silence
-from ros_diagnostics_exporter.state.updates import RawIntake, TreeIntake
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.ingest.tree import Structure, TreeReader
+from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Level, Status
+from ros_diagnostics_exporter.state.component import STALE, Component
+from ros_diagnostics_exporter.state.components import Components
+from ros_diagnostics_exporter.state.limits import SeriesLimit, truncate
+from ros_diagnostics_exporter.state.maintenance import in_maintenance
+from ros_diagnostics_exporter.state.network import Network
+from ros_diagnostics_exporter.state.rejections import (
+    LOG_TEXTS,
+    Reject,
+    RejectionReason,
+    SilentReason,
+)
+from ros_diagnostics_exporter.state.storage import PersistedRobot
 from ros_diagnostics_exporter.state.versions import Versions
 
 log = logging.getLogger(__name__)
 
-# Rows of an array that are looked at, for each component that a robot may have: an aggregator lists
+# Statuses of an array that are read, for each component that a robot may have: an aggregator lists
 # its groups, too, and a component in each of its groups.
 ROWS_OF_COMPONENT = 4
-
-Changed = Callable[["Robot", Component, int, Instant], None]  # told the level before
+AUTO_WAIT = 5.0  # seconds that a raw array waits for an aggregated one before raw is the source
+MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 
 
 class Robot:
-    """One robot; see the module. All of it is guarded by the lock of the State that holds it.
+    """One robot, protected by the lock of its State.
 
-    ``declared`` tells that fleet.yml names it; ``found_mono`` is when it was added, ``seen_mono``
-    when its topics' publishers last changed; ``last_mono`` and ``last_wall`` are when the last
-    array arrived, ``clock_offset`` seconds between the last stamp and its receipt.
+    ``declared``: fleet.yml names it. ``found_mono`` is when it was added, ``seen_mono`` when the
+    publishers of its topics last changed; ``last_mono`` and ``last_wall`` are when the last array
+    was received, ``clock_offset`` is its receipt minus its stamp in seconds.
     """
 
     def __init__(
         self,
         settings: config.Robot,
         limits: config.Limits,
-        budget: Budget,
-        changed: Changed,
+        series: SeriesLimit,
+        events: deque[Event],
         now: Instant,
         *,
         declared: bool,
@@ -54,7 +57,6 @@ class Robot:
         self.limits = limits
         self.up = False
         self.source = settings.source
-        self.first_raw: float | None = None
         self.last_mono: float | None = None
         self.last_wall = 0.0
         self.messages = 0
@@ -64,48 +66,61 @@ class Robot:
         self.network = Network()
         self.maintenance = False
         self.rejected: Counter[str] = Counter()
-        self._said: set[Rejection] = set()
+        self._logged: set[RejectionReason] = set()
+        self._events = events
+        self._first_raw: float | None = None
         self.versions = Versions()
-        self.members = Members(
+        self.components = Components(
             settings.profile,
             limits,
-            budget=budget,
+            series=series,
             versions=self.versions,
-            reject=self.refuse,
-            changed=lambda component, before, now: changed(self, component, before, now),
+            reject=self.reject,
+            changed=self._record_change,
         )
-        self._tree = TreeIntake(self.members, self.versions, limits, self.refuse)
-        self._raw = RawIntake(self.members)
-
-    @property
-    def components(self) -> Mapping[Identity, Component]:
-        """The components by their identity."""
-        return self.members.all
+        self._aggregated = AggregatedUpdates(self.components, self.versions, limits, self.reject)
+        self._raw = RawUpdates(self.components)
 
     @property
     def groups(self) -> Mapping[str, tuple[int, str]]:
         """The robot's own groups: path -> (level, message) as its aggregator reported them."""
-        return self._tree.groups
+        return self._aggregated.groups
 
     def configure(self, settings: config.Robot, limits: config.Limits, now: Instant) -> None:
-        """Follow another config; what is known stays, as far as it is still wanted."""
+        """Apply another config; what is known stays, as far as it is still wanted."""
         if settings.source is not self.settings.source:
             self.source = settings.source
-        if _road(settings) != _road(self.settings):
+        if _topics_of(settings) != _topics_of(self.settings):
             self.network = Network()
-        judged_anew = (settings.profile, limits) != (self.settings.profile, self.limits)
+        rules_changed = (settings.profile, limits) != (self.settings.profile, self.limits)
         self.settings, self.limits = settings, limits
         self.versions.inventory += 1
         self.versions.structure += 1
-        if judged_anew:
-            self._tree.start_over(limits)
-            self._said.clear()
-            self.members.configure(settings.profile, limits, now)
+        if rules_changed:
+            self._aggregated.reset(limits)
+            self._logged.clear()
+            self.components.configure(settings.profile, limits, now)
 
-    # -- what comes in -----------------------------------------------------------------------
+    # -- messages ----------------------------------------------------------------------------
+
+    def accepts(self, now: Instant, *, raw: bool) -> bool:
+        """Whether arrays of this kind of topic count; the source ``auto`` is decided here, once."""
+        if self.source is not config.Source.AUTO:
+            return accepts(self.source, raw=raw)
+        if not raw:
+            self.source = config.Source.AGG
+            return True
+        if self._first_raw is None:
+            self._first_raw = now.mono
+        if now.mono - self._first_raw < AUTO_WAIT:
+            return False
+        self.source = config.Source.RAW
+        return True
 
     def receive(self, array: Array, now: Instant, *, raw: bool) -> None:
-        """Take in one array from the raw or the aggregated topic."""
+        """Update the robot and its components from an array of the raw or aggregated topic."""
+        if not self.up:
+            self.record("heard", now)
         self.up = True
         self.undecodable = False
         self.last_mono, self.last_wall = now
@@ -115,34 +130,35 @@ class Robot:
             self.clock_offset = now.wall - array.stamp
         self.versions.receipt += 1
         statuses = array.statuses
-        most = ROWS_OF_COMPONENT * self.limits.components
-        if len(statuses) > most:
-            self.refuse("component_limit", statuses[most].name)
-            statuses = statuses[:most]
-        intake = self._raw if raw else self._tree
-        intake.take(statuses, now)
+        limit = ROWS_OF_COMPONENT * self.limits.components
+        if len(statuses) > limit:
+            self.reject("component_limit", statuses[limit].name)
+            statuses = statuses[:limit]
+        updates = self._raw if raw else self._aggregated
+        updates.apply(statuses, now)
 
-    def reject(self, reason: Rejection) -> None:
-        """Count something that was not taken in."""
-        self.rejected[reason] += 1
+    def count_rejected(self, reason: RejectionReason, count: int = 1) -> None:
+        """Count something that was rejected."""
+        self.rejected[reason] += count
         self.versions.receipt += 1
 
-    def refuse(self, reason: Rejection, what: str) -> None:
-        """Count it, and say it the first time; ``what`` is an example of the robot's own words."""
-        self.reject(reason)
-        if reason not in self._said:
-            self._said.add(reason)
+    def reject(self, reason: RejectionReason, example: str) -> None:
+        """Count it, and log it the first time; ``example`` is a text that the robot sent."""
+        self.count_rejected(reason)
+        if reason not in self._logged:
+            self._logged.add(reason)
             log.warning(
-                "robot %r: %s, for example %.80r; said once, counted in robot_rejected_total as %s",
+                "robot %r: %s, for example %.80r; logged once, counted in robot_rejected_total "
+                "as %s",
                 self.settings.name,
-                TOLD[reason],
-                what,
+                LOG_TEXTS[reason],
+                example,
                 reason,
             )
 
     @property
-    def silent_reason(self) -> Silence | None:
-        """Why nothing arrives, in one word; None while the robot is up."""
+    def silent_reason(self) -> SilentReason | None:
+        """Why nothing is received; None while the robot is up."""
         if self.up:
             return None
         if self.network.domain_up and self.undecodable:
@@ -155,23 +171,44 @@ class Robot:
 
     # -- time --------------------------------------------------------------------------------
 
-    def tick(self, now: Instant) -> bool:
-        """Let time pass: silence, late components, flapping. True if the robot fell silent."""
-        self.members.calm(now)
+    def tick(self, now: Instant) -> None:
+        """Let time pass: silence, late components, flapping."""
+        self.components.decay_flapping(now)
         if not self.up or self.last_mono is None:
-            return False
+            return
         if now.mono - self.last_mono > self.settings.profile.stale_after:
             self.up = False
             self.versions.receipt += 1
-            self.members.lose_all(now)
-            return True
-        self.members.find_late(now)
-        return False
+            self.components.mark_all_stale(now)
+            self.record("silent", now)
+        else:
+            self.components.mark_late_stale(now)
+
+    def update_maintenance(self, fleet: config.Fleet, now: Instant) -> None:
+        """Set whether a planned downtime holds now."""
+        labels = {**self.settings.labels, "fleet": fleet.name, "robot": self.settings.name}
+        planned = in_maintenance(fleet, labels, now.wall)
+        if planned != self.maintenance:
+            self.maintenance = planned
+            self.versions.inventory += 1
+
+    def forget(self, component: Component, now: Instant) -> None:
+        """Remove a component with all that is known about it."""
+        self._record_level(component, component.level, "forgotten", now)
+        self.components.remove(component)
+
+    def forget_absent_components(
+        self, now: Instant, has_problem: Callable[[Component], bool]
+    ) -> None:
+        """Remove the components that are long absent, were OK and have no problem."""
+        for component in list(self.components.forgettable(now)):
+            if not has_problem(component):
+                self.forget(component, now)
 
     def is_forgettable(self, now: Instant) -> bool:
-        """Whether it was discovered and is long gone, and nothing of it was not OK.
+        """Whether it was discovered, is long absent, and nothing of it was not OK.
 
-        A component that was not OK when it was last received is still there, and keeps its robot.
+        A component that was not OK when it was last received is still known, and keeps its robot.
         """
         network = self.network
         if self.declared or self.up or self.components:
@@ -181,40 +218,211 @@ class Robot:
         last = self.seen_mono if self.last_mono is None else self.last_mono
         return now.mono - last > self.settings.profile.forget_after
 
-    def see(self, topic: str, endpoint: Endpoint | None, now: Instant) -> None:
-        """Take what the graph shows of one of its topics."""
-        if self.network.see(topic, endpoint):
+    def update_endpoint(self, topic: str, endpoint: Endpoint | None, now: Instant) -> None:
+        """Set what the graph shows of one of its topics."""
+        if self.network.update(topic, endpoint):
             self.seen_mono = now.mono
             self.versions.receipt += 1
 
-    def remember(self, now: Instant) -> RememberedRobot:
+    # -- events ------------------------------------------------------------------------------
+
+    def record(self, after: str, now: Instant) -> None:
+        """Record an event of the whole robot."""
+        self._events.append(Event(now.wall, "robot", self.settings.name, after=after))
+
+    def _record_change(self, component: Component, before: int, now: Instant) -> None:
+        if before >= 0:
+            self._record_level(component, before, Level(component.level).name, now)
+
+    def _record_level(self, component: Component, before: int, after: str, now: Instant) -> None:
+        self._events.append(
+            Event(
+                time=now.wall,
+                kind="level",
+                robot=self.settings.name,
+                group=component.group,
+                component=component.name,
+                before=Level(before).name,
+                after=after,
+                message=component.message,
+            )
+        )
+
+    # -- persistence -------------------------------------------------------------------------
+
+    def persist(self, now: Instant) -> PersistedRobot:
         """What a later process should know."""
         settings = self.settings
-        return RememberedRobot(
+        return PersistedRobot(
             domain_id=settings.domain_id,
             topic=settings.topic_agg or settings.topic_raw or "",
             source=self.source.value,
             last_seen=self.last_wall,
-            components=[each.remember(now) for each in self.components.values() if each.level >= 0],
+            components=[each.persist(now) for each in self.components if each.level >= 0],
         )
 
-    def restore(self, known: RememberedRobot, now: Instant) -> None:
-        """Put back what a former process knew: all of it STALE until it is heard."""
+    def restore(self, persisted: PersistedRobot, now: Instant) -> None:
+        """Restore what an earlier process knew: all of it STALE until it is received."""
         if self.settings.source is config.Source.AUTO:
-            self.source = config.Source(known.source)
-        self.last_wall = known.last_seen
-        if known.last_seen:
-            self.last_mono = now.mono - max(0.0, now.wall - known.last_seen)
-        for each in known.components:
-            name, _group, parting = each.identity
-            if parting:
-                self._raw.part(name)
-            component = self.members.obtain(each.identity, each.group, now)
+            self.source = config.Source(persisted.source)
+        self.last_wall = persisted.last_seen
+        if persisted.last_seen:
+            self.last_mono = now.mono - max(0.0, now.wall - persisted.last_seen)
+        for each in persisted.components:
+            name, _group, hardware_id = each.identity
+            if hardware_id:
+                self._raw.split_by_hardware_id(name)
+            component = self.components.get_or_add(each.identity, each.group, now)
             if component is not None:
                 component.restore(each, now)
         self.versions.levels += 1
         self.versions.receipt += 1
 
 
-def _road(settings: config.Robot) -> tuple[int, str | None, str | None]:
+def accepts(source: config.Source, *, raw: bool) -> bool:
+    """Whether arrays of this kind of topic count, or with ``auto`` may count."""
+    return source is not (config.Source.AGG if raw else config.Source.RAW)
+
+
+def _topics_of(settings: config.Robot) -> tuple[int, str | None, str | None]:
     return settings.domain_id, settings.topic_agg, settings.topic_raw
+
+
+class AggregatedUpdates:
+    """Applies the arrays of one robot's aggregator: complete, so a missing component is STALE."""
+
+    def __init__(
+        self, components: Components, versions: Versions, limits: config.Limits, reject: Reject
+    ) -> None:
+        self.groups: dict[str, tuple[int, str]] = {}  # path -> (level, message) as reported
+        self._components = components
+        self._versions = versions
+        self._limits = limits
+        self._reject = reject
+        self._reader = TreeReader()
+        self._structure: Structure | None = None
+        self._removals = 0  # of the components, when the plan was made
+        self._plan: list[tuple[Component, tuple[int, ...]]] = []
+        self._missing: list[Component] = []
+
+    def apply(self, statuses: Sequence[Status], now: Instant) -> None:
+        """Update the components from one array."""
+        structure = self._reader.read(statuses)
+        if structure is not self._structure or self._removals != self._components.removals:
+            self._plan_updates(structure, now)
+        self._update_groups(statuses, structure)
+        for component, rows in self._plan:
+            status = statuses[rows[0]]
+            if len(rows) > 1:
+                status = max((statuses[row] for row in rows), key=_level)
+            if component.raw_received is not None and status.level != STALE:
+                component.listed = now.mono  # received at its source: this is an older copy
+            else:
+                self._components.update(component, status, now)
+        for component in self._missing:
+            self._components.mark_stale(component, now)
+
+    def reset(self, limits: config.Limits) -> None:
+        """Look the components up again at the next array: the config may want others."""
+        self._limits = limits
+        self._structure = None
+
+    def _plan_updates(self, structure: Structure, now: Instant) -> None:
+        """Find the components of a changed structure, and those that are missing in it."""
+        components = self._components
+        self._structure = structure
+        self._remove_groups(structure)
+        self._plan = []
+        for leaf in structure.leaves:
+            identity = (leaf.component, "" if leaf.exact else leaf.group, "")
+            component = components.get_or_add(identity, leaf.group, now)
+            if component is not None:
+                components.regroup(component, leaf.group)
+                self._plan.append((component, leaf.rows))
+        self._removals = components.removals
+        listed = {component.identity for component, _rows in self._plan}
+        # An aggregator that has just started lists no component yet: none is missing because of
+        # that. They become STALE after their own time.
+        self._missing = [
+            component
+            for identity, component in components.by_identity.items()
+            if structure.leaves and identity not in listed and component.raw_received is None
+        ]
+
+    def _remove_groups(self, structure: Structure) -> None:
+        """Remove, without an event, components that prove to be groups."""
+        paths = {path for _row, path in structure.groups}
+        for (name, group, _id), component in list(self._components.by_identity.items()):
+            if group and f"{group}/{name}" in paths:
+                self._components.remove(component)
+
+    def _update_groups(self, statuses: Sequence[Status], structure: Structure) -> None:
+        groups: dict[str, tuple[int, str]] = {}
+        for row, path in structure.groups:
+            level = min(statuses[row].level, STALE)
+            label = truncate(path, self._limits.label_length)
+            if label not in groups and len(groups) >= self._limits.components:
+                self._reject("component_limit", path)
+                break
+            if label not in groups or level > groups[label][0]:
+                groups[label] = (level, statuses[row].message)
+        if groups != self.groups:
+            self.groups = groups
+            self._versions.groups += 1
+
+
+class RawUpdates:
+    """Applies the arrays of a robot's drivers: partial, so only a late component is STALE."""
+
+    def __init__(self, components: Components) -> None:
+        self._components = components
+        self._split_names: set[str] = set()  # names that several components have
+
+    def apply(self, statuses: Sequence[Status], now: Instant) -> None:
+        """Update the components from one array."""
+        if len({status.name for status in statuses}) != len(statuses):
+            statuses = self._last_of_each(statuses)
+        for status in statuses:
+            hardware_id = status.hardware_id if status.name in self._split_names else ""
+            identity = (status.name, "", hardware_id)
+            component = self._components.by_identity.get(identity)
+            if component is None:
+                component = self._components.get_or_add(identity, _node_of(status.name), now)
+            if component is not None:
+                self._components.update_raw(component, status, now)
+
+    def split_by_hardware_id(self, name: str) -> None:
+        """Make a component of each name and hardware_id from now on."""
+        if name not in self._split_names and len(self._split_names) < MAX_SPLIT_NAMES:
+            self._split_names.add(name)
+            self._components.split_by_hardware_id(name)
+
+    def _last_of_each(self, statuses: Sequence[Status]) -> list[Status]:
+        """The last status of each component, for an array that has a name more than once.
+
+        One name with two hardware_ids are two components, from then on.
+        """
+        ids: dict[str, set[str]] = {}
+        for status in statuses:
+            if status.hardware_id:
+                ids.setdefault(status.name, set()).add(status.hardware_id)
+        for name, found in ids.items():
+            if len(found) > 1:
+                self.split_by_hardware_id(name)
+        last = {}
+        for status in statuses:
+            hardware_id = status.hardware_id if status.name in self._split_names else ""
+            last[status.name, hardware_id] = status
+        return list(last.values())
+
+
+def _level(status: Status) -> int:
+    # For one component in several groups STALE comes first: a group that has lost the component
+    # knows more than one that waits longer for it.
+    return min(status.level, STALE)
+
+
+def _node_of(name: str) -> str:
+    """The node that publishes a raw status: updaters write "node: task"."""
+    node, colon, _task = name.partition(": ")
+    return node if colon else ""

@@ -1,19 +1,12 @@
-"""Which rule applies to a component, to a value; which checks hold one; of which robot it is.
+"""Which rule of fleet.yml applies to a component or a value, and which checks select a component.
 
 Rules are looked up once for a component or a key, when it is first seen, not for every message.
-What robots say is cut before it is searched: see `patterns`.
+Strings of robots are cut before they are searched: see `patterns`.
 """
 
 from __future__ import annotations
 
-from ros_diagnostics_exporter.config.fleet import (
-    Check,
-    ComponentRule,
-    Profile,
-    Shared,
-    ValueRule,
-)
-from ros_diagnostics_exporter.config.scalars import is_name
+from ros_diagnostics_exporter.config.fleet import Check, ComponentRule, Profile, ValueRule
 
 SEARCHED = 256  # characters of a robot's string; what is beyond cannot match
 
@@ -25,7 +18,7 @@ def component_rule(profile: Profile, name: str) -> ComponentRule | None:
 
 
 def value_rule(profile: Profile, component: str, key: str) -> ValueRule | None:
-    """The first rule that holds for the component and matches the whole key.
+    """The first rule that selects the component and matches the whole key.
 
     Drivers of both updaters write keys like ``Received packets:``; a rule need not.
     """
@@ -39,21 +32,6 @@ def value_rule(profile: Profile, component: str, key: str) -> ValueRule | None:
 
 
 def check_matches(check: Check, group: str, component: str) -> bool:
-    """Whether the check holds the component; patterns are searched in ``group/component``."""
+    """Whether the check selects the component; patterns are searched in ``group/component``."""
     path = f"{group[:SEARCHED]}/{component[:SEARCHED]}"
     return not check.patterns or any(pattern.search(path) for pattern in check.patterns)
-
-
-def shared_identity(shared: Shared, hardware_id: str, name: str) -> tuple[str, str] | None:
-    """Of which robot a status on a shared topic is, and which component of it.
-
-    Returns:
-        The names of the robot and of the component; None where the status does not say.
-    """
-    said = hardware_id if shared.by == "hardware_id" else name
-    if shared.pattern is None:
-        return (said, name) if is_name(said) else None
-    match = shared.pattern.fullmatch(said) if len(said) <= SEARCHED else None
-    if match is None or not is_name(match["robot"] or ""):
-        return None
-    return match["robot"], match.groupdict().get("component") or name

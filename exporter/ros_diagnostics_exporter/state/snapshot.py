@@ -13,22 +13,18 @@ from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.state import State
 
-# job -> the port that is asked of a robot with an address; None where the query has to name it
+# job -> the port of a robot with an address; None where the query has to name it
 PORTS = {"node": 9100, "ssh": 22, "http": 80, "tcp": None}
-PING = "ping"  # asks no port
+PING = "ping"  # has no port
 
 
 def fleet_snapshot(state: State, now: Instant) -> dict[str, Any]:
-    """The whole fleet, each robot read under the state's lock; times are Unix time."""
-    robots = []
-    for robot in state.each():
-        with state.lock:
-            robots.append(_robot(robot))
+    """The whole fleet; times are Unix time."""
     return {
         "fleet": state.fleet.name,
         "time": now.wall,
         "version": __version__,
-        "robots": robots,
+        "robots": list(state.visit(_robot)),
     }
 
 
@@ -49,8 +45,8 @@ def targets(state: State, job: str, port: int | None) -> list[dict[str, Any]]:
                 "robot": settings.name,
             },
         }
-        for robot in state.each()
-        if (settings := robot.settings).address is not None
+        for settings in state.visit(lambda robot: robot.settings)
+        if settings.address is not None
     ]
 
 
@@ -93,7 +89,7 @@ def _robot(robot: Robot) -> dict[str, Any]:
         ],
         "components": [
             _component(component, stale_is_critical=settings.profile.stale_is_critical)
-            for component in robot.components.values()
+            for component in robot.components
             if component.level >= 0
         ],
     }
@@ -102,7 +98,7 @@ def _robot(robot: Robot) -> dict[str, Any]:
 def _short_checks(robot: Robot) -> Iterator[dict[str, Any]]:
     """The checks that find fewer components than fleet.yml expects."""
     expected = {check.name: check.expect for check in robot.settings.profile.checks}
-    for name, counts in robot.members.count_checks():
+    for name, counts in robot.components.count_checks():
         least = expected[name]
         if least is not None and sum(counts) < least:
             yield {"check": name, "found": sum(counts), "expected": least}
@@ -147,5 +143,5 @@ def _values(component: Component) -> Iterator[dict[str, Any]]:
 
 
 def _finite(number: float) -> float | None:
-    """JSON knows no NaN and no infinity; the string beside it still tells."""
+    """JSON has no NaN and no infinity; the string is in the JSON, too."""
     return number if abs(number) < float("inf") else None

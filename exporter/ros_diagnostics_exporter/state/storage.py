@@ -1,10 +1,9 @@
 """The state file: what is known about the robots outlives the process.
 
-One JSON file, replaced as a whole: written beside itself, flushed to the disk and renamed, so that
-it is whole whenever the process or the machine dies. Written at most once a second, and only when
-something worth remembering changed. No file and no disk keeps the exporter from starting or
-running: what is damaged is kept aside, what cannot be read is left alone, and a failed write is
-tried again.
+One JSON file, replaced as a whole: written to a temporary file, flushed to the disk and renamed, so
+that it is complete whenever the process or the machine dies. Written at most once a second, and
+only when something changed. The exporter starts and runs without it: a damaged file is kept aside,
+one that cannot be read is left alone, and a failed write is retried.
 """
 
 from __future__ import annotations
@@ -13,16 +12,19 @@ import json
 import logging
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import pydantic_core
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_exporter.model import Instant
-from ros_diagnostics_exporter.state.persisted import RememberedRobot
-from ros_diagnostics_exporter.state.robot import Robot
-from ros_diagnostics_exporter.state.state import State
+from ros_diagnostics_exporter.state.flapping import SLOTS
+from ros_diagnostics_exporter.state.limits import MAX_TEXT
+
+if TYPE_CHECKING:  # these import the types below
+    from ros_diagnostics_exporter.state.robot import Robot
+    from ros_diagnostics_exporter.state.state import State
 
 VERSION = 1
 INTERVAL = 1.0  # seconds between two writes at least
@@ -34,16 +36,54 @@ MAX_NAME = 1024  # characters of a robot's name
 
 log = logging.getLogger(__name__)
 
+# Limits for what is read from the file: whatever passes them can be restored and shown.
+_Level = Annotated[int, Field(ge=0, le=3)]
+_Moment = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
+_Text = Annotated[str, Field(max_length=MAX_TEXT)]
+
+
+class PersistedComponent(NamedTuple):
+    """One component; ``identity`` as in ``component``, times are Unix time."""
+
+    identity: tuple[_Text, _Text, _Text]
+    group: _Text
+    hardware_id: _Text
+    level: _Level
+    before_stale: _Level | None
+    since: _Moment
+    problem_since: _Moment | None
+    message: _Text
+    slots: Annotated[tuple[_Level, ...], Field(min_length=SLOTS, max_length=SLOTS)]
+    listed: _Moment
+    was_ok: bool | None = None  # when last received; None: written by an earlier version
+
+
+class PersistedRobot(NamedTuple):
+    """One robot; ``source`` as decided, ``topic`` where it was discovered or declared."""
+
+    domain_id: Annotated[int, Field(ge=0, le=232)]
+    topic: _Text
+    source: Literal["agg", "raw", "both", "auto"]
+    last_seen: _Moment
+    components: list[PersistedComponent]
+
+    def as_json(self) -> dict[str, Any]:
+        """The fields by name, those of the components, too."""
+        return {
+            **self._asdict(),
+            "components": [component._asdict() for component in self.components],
+        }
+
+
 _Key = tuple[int, int, int, int]
-_ROBOT = TypeAdapter(RememberedRobot)
+_ROBOT = TypeAdapter(PersistedRobot)
 
 
 class Storage:
-    """Reads the state file once and keeps it written.
+    """Reads the state file at the start and writes it from then on.
 
-    ``successful`` tells of the last attempt to write, and is False while a file that could not be
-    read stands in the way; ``written_at`` is the Unix time of the last write that succeeded (0
-    before the first).
+    ``successful``: the last write succeeded, and no unreadable file prevents writing.
+    ``written_at`` is the Unix time of the last write that succeeded (0 before the first).
     """
 
     def __init__(self, path: Path) -> None:
@@ -56,11 +96,11 @@ class Storage:
         self._robots: dict[str, tuple[_Key, str]] = {}
 
     def load(self, state: State, now: Instant) -> None:
-        """Put back what a former process knew.
+        """Restore what an earlier process knew.
 
         A damaged file is renamed to the first free of ``<path>.damaged-1`` to ``-10``, and what is
-        whole in it is put back. One that cannot be read is left alone, and nothing is saved until
-        it has gone.
+        valid in it is restored. One that cannot be read is left alone, and nothing is saved until
+        it is moved away.
         """
         try:
             raw = read_regular(self._path, MAX_BYTES + 1, follow=False)
@@ -99,9 +139,9 @@ class Storage:
             log.error("state file %s %s; it is kept as %s", self._path, what, aside)
 
     def save(self, state: State, now: Instant, *, at_once: bool = False) -> None:
-        """Write what changed since the last time, if a second has passed since then.
+        """Write what changed, if a second has passed since the last write.
 
-        Never raises: a failure is logged at most once a minute, and the next call tries again.
+        Never raises: a failure is logged at most once a minute, and the next call retries.
         """
         if not at_once and now.mono - self._tried_at < INTERVAL:
             return
@@ -136,20 +176,22 @@ class Storage:
         """Encode the robots that changed; whether there was one, or one has gone."""
         known: dict[str, tuple[_Key, str]] = {}
         changed = False
-        for robot in state.each():
-            with state.lock:
-                key, name = _key(robot), robot.settings.name
-                kept = self._robots.get(name)
-                stale = kept is None or kept[0] != key
-                remembered = robot.remember(now) if stale else None
-            if remembered is not None:
-                kept = key, json.dumps(remembered.as_json(), ensure_ascii=False)
+        for name, key, persisted in state.visit(lambda robot: self._changed(robot, now)):
+            if persisted is None:
+                known[name] = self._robots[name]
+            else:
+                known[name] = key, json.dumps(persisted.as_json(), ensure_ascii=False)
                 changed = True
-            if kept is not None:
-                known[name] = kept
         changed = changed or known.keys() != self._robots.keys()
         self._robots = known
         return changed
+
+    def _changed(self, robot: Robot, now: Instant) -> tuple[str, _Key, PersistedRobot | None]:
+        """(its name, its version, what to write of it or None if that is encoded already)."""
+        name, key = robot.settings.name, _key(robot)
+        encoded = self._robots.get(name)
+        is_encoded = encoded is not None and encoded[0] == key
+        return name, key, None if is_encoded else robot.persist(now)
 
     def _write(self, now: Instant) -> None:
         robots = ",\n".join(
@@ -176,7 +218,7 @@ def _key(robot: Robot) -> _Key:
     return id(robot), robot.versions.structure, robot.versions.levels, minute
 
 
-def _parse(raw: bytes) -> tuple[dict[str, RememberedRobot], str]:
+def _parse(raw: bytes) -> tuple[dict[str, PersistedRobot], str]:
     """The robots that are whole, and what is wrong with the file; "" for nothing."""
     if len(raw) > MAX_BYTES:
         return {}, f"it is larger than {MAX_BYTES} bytes"
@@ -192,12 +234,12 @@ def _parse(raw: bytes) -> tuple[dict[str, RememberedRobot], str]:
     return _robots(content["robots"])
 
 
-def _robots(found: dict[str, Any]) -> tuple[dict[str, RememberedRobot], str]:
-    whole: dict[str, RememberedRobot] = {}
+def _robots(found: dict[str, Any]) -> tuple[dict[str, PersistedRobot], str]:
+    whole: dict[str, PersistedRobot] = {}
     wrong: list[str] = []
     for name, fields in found.items():
         robot = _robot(name, fields)
-        if isinstance(robot, RememberedRobot):
+        if isinstance(robot, PersistedRobot):
             whole[name] = robot
         else:
             wrong.append(f"robot {name!r:.60}: {robot}")
@@ -205,7 +247,7 @@ def _robots(found: dict[str, Any]) -> tuple[dict[str, RememberedRobot], str]:
     return whole, f"{wrong[0]}{more}" if wrong else ""
 
 
-def _robot(name: str, fields: Any) -> RememberedRobot | str:
+def _robot(name: str, fields: Any) -> PersistedRobot | str:
     """One robot, or what is wrong with it."""
     if not (name.isprintable() and 1 <= len(name) <= MAX_NAME):
         return "its name is not one of a robot"

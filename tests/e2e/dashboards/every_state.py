@@ -9,9 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.model import Array, Instant, Status
-from ros_diagnostics_exporter.state.network import Endpoint
-from ros_diagnostics_exporter.state.state import State, Topic
+from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
+from ros_diagnostics_exporter.state.state import State
 from support.served_fleet import ServedFleet
 from support.state_driver import ERROR, OK, WARN, tree
 
@@ -125,7 +124,7 @@ def _served(path: Path, text: str) -> ServedFleet:
             topic = robot.settings.topic_agg or ""
             if name == NEVER_HEARD:
                 continue
-            state.graph(0, _endpoints(state), now)
+            state.update_graph(0, _endpoints(state), now)
             if name not in FALL_SILENT or turn < TURNS_BEFORE:
                 stamp = now.wall - (7.0 if name == "warned" else 0.5)
                 state.receive(Topic(0, topic), Array(stamp, _statuses(name, turn), 900), now)

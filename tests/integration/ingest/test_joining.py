@@ -14,6 +14,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Profile, Robot,
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.state.state import State
 from support.ros_publisher import publisher
 from testbed import domains
 from testbed.polling import until
@@ -187,7 +188,7 @@ def test_large_messages_wait_in_a_shallower_queue(ros_domain, robots, run_export
 
     until(first_arrived, "the first large array")
     robots.wait_for_listeners()
-    with running.service.state.lock:
+    with running.service.state._lock:
         before = arrived()
         for _ in range(60):
             robots.send("/r/diagnostics", large)
@@ -202,7 +203,7 @@ def test_a_message_that_is_too_long_is_counted_undecoded(ros_domain, robots, run
     robots.wait_for_listeners()
 
     for _ in range(2):
-        robots.send("/r/diagnostics", COOL._replace(message="m" * ros.MOST_MESSAGE))
+        robots.send("/r/diagnostics", COOL._replace(message="m" * ros.MAX_MESSAGE))
     running.wait_for("robot_rejected_total", 2, robot="r", reason="undecodable")
     assert running.sample("robot_silent_reason", robot="r", reason="undecodable") == 1
     assert caplog.text.count("bytes, more than 4194304 are not decoded") == 1
@@ -218,7 +219,7 @@ def test_seconds_counted_by_several_threads_are_all_counted():
             time.sleep(0.001)
             return other + float(self)
 
-    listener = ros.Listener(ros.Handlers(*[lambda *_: None] * 7))
+    listener = ros.Listener(State(Fleet("f"), ros.read_clocks()))
     threads = [
         threading.Thread(target=lambda: [listener.count(Slow(1), Slow(2)) for _ in range(20)])
         for _ in range(4)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from ros_diagnostics_exporter.ingest.topic_queue import (
-    MOST_BYTES,
-    MOST_MESSAGES,
+    MAX_BYTES,
+    MAX_MESSAGES,
     SHARE,
     SHARED,
     TopicQueue,
@@ -26,10 +26,10 @@ def test_messages_come_out_in_the_order_in_which_they_arrived():
 
 def test_beyond_the_number_of_messages_the_oldest_are_dropped_and_counted_once():
     queue = TopicQueue()
-    for number in range(MOST_MESSAGES + 3):
+    for number in range(MAX_MESSAGES + 3):
         queue.put(b"%d" % number)
 
-    assert len(queue) == MOST_MESSAGES
+    assert len(queue) == MAX_MESSAGES
     assert queue.get() == b"3"
     assert (queue.dropped(), queue.dropped()) == (3, 0)
 
@@ -37,12 +37,12 @@ def test_beyond_the_number_of_messages_the_oldest_are_dropped_and_counted_once()
 def test_beyond_the_bytes_the_oldest_are_dropped_and_the_newest_stays_however_large():
     queue = TopicQueue()
     for letter in (b"a", b"b", b"c"):
-        queue.put(letter * (MOST_BYTES // 2))
+        queue.put(letter * (MAX_BYTES // 2))
     assert [queue.get()[:1] for _ in range(len(queue))] == [b"b", b"c"]
 
     queue.put(b"small")
-    queue.put(b"x" * (MOST_BYTES + 1))
-    assert [len(queue.get()) for _ in range(len(queue))] == [MOST_BYTES + 1]
+    queue.put(b"x" * (MAX_BYTES + 1))
+    assert [len(queue.get()) for _ in range(len(queue))] == [MAX_BYTES + 1]
     assert queue.dropped() == 2
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from ros_diagnostics_exporter.ingest.units import unit_in_name
-from ros_diagnostics_exporter.ingest.values import MOST_ELEMENTS, readings
+from ros_diagnostics_exporter.ingest.values import MAX_ELEMENTS, parse_numbers
 
 NUMBERS = [
     # key, text -> unit, number
@@ -94,7 +94,7 @@ REFUSED = [
     ("Register", "0xFFFFFFFFFFFFFFFF"),
     ("Partly", "[1, two, 3]"),
     ("Empty list", "[]"),
-    ("Long", str([1] * (MOST_ELEMENTS + 1))),
+    ("Long", str([1] * (MAX_ELEMENTS + 1))),
     ("Empty", ""),
     ("Minus", "-"),
 ]
@@ -102,21 +102,21 @@ REFUSED = [
 
 @pytest.mark.parametrize(("key", "text", "unit", "number"), NUMBERS)
 def test_a_number_is_found_with_its_unit(key, text, unit, number):
-    (reading,) = readings(key, text)
+    (reading,) = parse_numbers(key, text)
 
     assert (reading.key, reading.unit) == (key.rstrip(":"), unit)
-    assert reading.number == pytest.approx(number, nan_ok=True)
+    assert reading.value == pytest.approx(number, nan_ok=True)
 
 
 @pytest.mark.parametrize(("key", "text"), REFUSED)
 def test_what_is_no_measurement_is_refused(key, text):
-    assert readings(key, text) == ()
+    assert parse_numbers(key, text) == ()
 
 
 def test_a_list_gives_one_number_for_each_element():
-    found = readings("Analog Input", "[4095, 0, 12.5, 7]")
+    found = parse_numbers("Analog Input", "[4095, 0, 12.5, 7]")
 
-    assert [(each.key, each.number) for each in found] == [
+    assert [(each.key, each.value) for each in found] == [
         ("Analog Input[0]", 4095.0),
         ("Analog Input[1]", 0.0),
         ("Analog Input[2]", 12.5),
@@ -125,7 +125,7 @@ def test_a_list_gives_one_number_for_each_element():
 
 
 def test_the_elements_of_a_list_take_the_keys_unit():
-    assert {each.unit for each in readings("Cells (V)", "(3.7, 3.8)")} == {"V"}
+    assert {each.unit for each in parse_numbers("Cells (V)", "(3.7, 3.8)")} == {"V"}
 
 
 @pytest.mark.parametrize(
@@ -148,8 +148,8 @@ def test_every_key_value_of_recorded_robots_is_read_or_refused_without_an_error(
 
     assert pairs
     for key, text in pairs:
-        for reading in readings(key, text):
-            assert math.isinf(reading.number) == ("inf" in text.lower())
+        for reading in parse_numbers(key, text):
+            assert math.isinf(reading.value) == ("inf" in text.lower())
 
 
 def _pairs(node):

@@ -25,9 +25,9 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.self_metrics import Facts, OwnMetrics
+from ros_diagnostics_exporter.metrics.self_metrics import Facts, SelfMetrics
 from ros_diagnostics_exporter.model import Status
-from support.state_driver import ERROR, OK, STALE, WARN, Story, tree
+from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
 HOSTILE = [
     'quote " backslash \\ newline \n end',
@@ -83,9 +83,9 @@ def comparable(families):
     }
 
 
-def assert_both_parsers_agree(story: Story) -> None:
-    text = story.exposition.render().decode()
-    openmetrics = story.exposition.render(openmetrics=True).decode() + "# EOF\n"
+def assert_both_parsers_agree(driver: StateDriver) -> None:
+    text = driver.exposition.render().decode()
+    openmetrics = driver.exposition.render(openmetrics=True).decode() + "# EOF\n"
     registry = CollectorRegistry()
     registry.register(Same(text))
     ours = comparable(text_string_to_metric_families(text))
@@ -98,37 +98,37 @@ def assert_both_parsers_agree(story: Story) -> None:
 @settings(max_examples=150)
 @given(st.lists(STATUS, max_size=6))
 def test_whatever_a_driver_says_both_parsers_read_what_generate_latest_would_write(statuses):
-    story = Story()
-    story.raw(*statuses)
-    story.at(2)
-    story.raw(*statuses[:2])
+    driver = StateDriver()
+    driver.raw(*statuses)
+    driver.at(2)
+    driver.raw(*statuses[:2])
 
-    assert_both_parsers_agree(story)
+    assert_both_parsers_agree(driver)
 
 
 @pytest.mark.parametrize("text", HOSTILE)
 def test_a_hostile_string_arrives_unharmed_in_its_label(text):
-    story = Story()
-    story.raw(Status(ERROR, text, text, text, ((text, "1"),)))
+    driver = StateDriver()
+    driver.raw(Status(ERROR, text, text, text, ((text, "1"),)))
 
-    assert_both_parsers_agree(story)
+    assert_both_parsers_agree(driver)
     shown = text.encode("utf-8", "replace").decode()
-    assert story.sample("component_level", component=shown or "(unnamed)") == ERROR
-    assert story.sample("component_message_info", message=shown) == 1
+    assert driver.sample("component_level", component=shown or "(unnamed)") == ERROR
+    assert driver.sample("component_message_info", message=shown) == 1
 
 
 def test_names_that_look_alike_as_labels_stay_two_series():
-    story = Story()
-    story.raw(Status(OK, "a\ud800"), Status(ERROR, "a?"), Status(OK, ""), Status(OK, "(unnamed)"))
+    driver = StateDriver()
+    driver.raw(Status(OK, "a\ud800"), Status(ERROR, "a?"), Status(OK, ""), Status(OK, "(unnamed)"))
 
-    assert_both_parsers_agree(story)
+    assert_both_parsers_agree(driver)
     levels = {
-        dict(labels)["component"]: v for labels, v in story.samples()["component_level"].items()
+        dict(labels)["component"]: v for labels, v in driver.samples()["component_level"].items()
     }
     assert levels == {"a?": 0, "a?~2": 2, "(unnamed)": 0, "(unnamed)~2": 0}
 
 
-def full_story() -> Story:
+def full_story() -> StateDriver:
     """A robot with something in every family."""
     profile = Profile(
         stale_after=5.0,
@@ -151,18 +151,18 @@ def full_story() -> Story:
         profile=profile,
         labels={"site": "hall", "robot_group": "carriers"},
     )
-    story = Story(fleet=Fleet("f", (robot,)))
+    driver = StateDriver(fleet=Fleet("f", (robot,)))
     battery = Status(WARN, "Battery", "Low", "b-1", (("Voltage", "21.5 V"), ("Charge", "17")))
     parts = [battery, Status(OK, "Laser"), Status(3, "Cam", "gone"), Status(200, "Odd", "what")]
-    story.agg(*tree(All=parts))
-    story.at(1)
-    story.agg(*tree(All=[battery, Status(ERROR, "Laser"), Status(3, "Cam", "gone")]))
-    return story
+    driver.agg(*tree(All=parts))
+    driver.at(1)
+    driver.agg(*tree(All=[battery, Status(ERROR, "Laser"), Status(3, "Cam", "gone")]))
+    return driver
 
 
 def test_every_family_but_those_of_absent_things_is_served_with_its_labels():
-    story = full_story()
-    samples = story.samples()
+    driver = full_story()
+    samples = driver.samples()
     absent = {"check_expected_components", "robot_clock_offset_seconds", "robot_silent_reason"}
     absent |= {"acknowledged_timestamp_seconds", "acknowledged_since_timestamp_seconds"}
     for family in metrics.FLEET_FAMILIES:
@@ -176,9 +176,9 @@ def test_every_family_but_those_of_absent_things_is_served_with_its_labels():
 
 
 def test_a_promoted_value_has_a_family_of_its_own_and_its_base_unit():
-    story = full_story()
+    driver = full_story()
 
-    text = story.exposition.render().decode()
+    text = driver.exposition.render().decode()
     (family,) = (
         each
         for each in text_string_to_metric_families(text)
@@ -186,7 +186,7 @@ def test_a_promoted_value_has_a_family_of_its_own_and_its_base_unit():
     )
     assert family.type == "gauge"
     assert family.samples[0].value == pytest.approx(0.17)
-    assert story.sample("component_value", key="Charge") is None
+    assert driver.sample("component_value", key="Charge") is None
 
 
 def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
@@ -198,29 +198,29 @@ def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
     )
     profile = Profile(values=(rule,))
     robot = Robot("r", topic_agg="/r/diagnostics_agg", source=Source.AGG, profile=profile)
-    story = Story(fleet=Fleet("f", (robot,)))
-    story.agg(*tree(All=[Status(OK, "Battery", values=(("Charge", "17"),))]))
+    driver = StateDriver(fleet=Fleet("f", (robot,)))
+    driver.agg(*tree(All=[Status(OK, "Battery", values=(("Charge", "17"),))]))
 
-    promoted = story.sample("ros_charge_ratio", key="Charge")
-    value = story.sample("component_value", key="Charge", unit="ratio")
-    guarded = story.sample("component_guarded_value", key="Charge", unit="ratio")
-    bound = story.sample("component_value_threshold", key="Charge", unit="ratio")
+    promoted = driver.sample("ros_charge_ratio", key="Charge")
+    value = driver.sample("component_value", key="Charge", unit="ratio")
+    guarded = driver.sample("component_guarded_value", key="Charge", unit="ratio")
+    bound = driver.sample("component_value_threshold", key="Charge", unit="ratio")
     assert (promoted, value, guarded, bound) == (0.17, 0.17, 0.17, 0.2)
 
 
 def test_rules_find_when_a_component_turned_error_by_itself():
-    story = full_story()
+    driver = full_story()
 
-    [(labels, since)] = story.samples()["component_error_since_timestamp_seconds"].items()
+    [(labels, since)] = driver.samples()["component_error_since_timestamp_seconds"].items()
     assert dict(labels)["component"] == "Laser"
-    assert since == story.sample("component_since_timestamp_seconds", component="Laser")
+    assert since == driver.sample("component_since_timestamp_seconds", component="Laser")
 
 
 def test_a_threshold_stands_beside_its_value():
-    story = full_story()
+    driver = full_story()
 
-    value = story.sample("component_value", component="Battery", key="Voltage", unit="V")
-    bound = story.sample("component_value_threshold", component="Battery", unit="V", bound="low")
+    value = driver.sample("component_value", component="Battery", key="Voltage", unit="V")
+    bound = driver.sample("component_value_threshold", component="Battery", unit="V", bound="low")
     assert (value, bound) == (21.5, 22.0)
 
 
@@ -228,30 +228,30 @@ def test_rules_find_the_values_with_thresholds_by_themselves():
     """Selecting all values of a big fleet for these few would cost more than all other rules."""
     rule = ValueRule(key=re.compile("Voltage"), thresholds=(Threshold("low", "warning", 22.0),))
     robot = Robot("r", topic_agg="/r/diagnostics_agg", profile=Profile(values=(rule,)))
-    story = Story(fleet=Fleet("f", (robot,)))
+    driver = StateDriver(fleet=Fleet("f", (robot,)))
     values = (("Voltage", "21.5 V"), ("Current", "3 A"))
-    story.agg(*tree(All=[Status(OK, "Battery", "OK", "b-1", values)]))
+    driver.agg(*tree(All=[Status(OK, "Battery", "OK", "b-1", values)]))
 
-    assert story.sample("component_value", key="Current") == 3
-    [(labels, value)] = story.samples()["component_guarded_value"].items()
+    assert driver.sample("component_value", key="Current") == 3
+    [(labels, value)] = driver.samples()["component_guarded_value"].items()
     assert (dict(labels)["key"], dict(labels)["unit"], value) == ("Voltage", "V", 21.5)
 
 
 def test_values_of_a_stale_component_are_not_shown():
-    story = full_story()
-    story.at(10)
+    driver = full_story()
+    driver.at(10)
 
-    assert story.sample("component_level", component="Battery") == STALE
-    assert not {"component_value", "component_guarded_value"} & story.samples().keys()
+    assert driver.sample("component_level", component="Battery") == STALE
+    assert not {"component_value", "component_guarded_value"} & driver.samples().keys()
 
-    story.agg(*tree(All=[Status(OK, "Battery", "OK", "b-1", (("Voltage", "25 V"),))]))
-    assert story.sample("component_value", component="Battery", key="Voltage") == 25
+    driver.agg(*tree(All=[Status(OK, "Battery", "OK", "b-1", (("Voltage", "25 V"),))]))
+    assert driver.sample("component_value", component="Battery", key="Voltage") == 25
 
 
 def test_infinite_and_undefined_numbers_are_written_as_the_formats_want_them():
-    story = Story()
-    story.raw(Status(OK, "c", values=(("a", "inf"), ("b", "-inf"), ("c", "nan"))))
-    text = story.exposition.render().decode()
+    driver = StateDriver()
+    driver.raw(Status(OK, "c", values=(("a", "inf"), ("b", "-inf"), ("c", "nan"))))
+    text = driver.exposition.render().decode()
 
     assert re.findall(r'key="(.)",unit=""} (.*)', text) == [
         ("a", "+Inf"),
@@ -261,39 +261,39 @@ def test_infinite_and_undefined_numbers_are_written_as_the_formats_want_them():
 
 
 def test_repeated_keys_and_keys_that_end_in_a_colon_are_series_of_their_own():
-    story = Story()
-    story.raw(Status(OK, "c", values=(("n:", "1"), ("n", "2"), ("n ", "3"))))
+    driver = StateDriver()
+    driver.raw(Status(OK, "c", values=(("n:", "1"), ("n", "2"), ("n ", "3"))))
 
-    shown = {dict(labels)["key"]: v for labels, v in story.samples()["component_value"].items()}
+    shown = {dict(labels)["key"]: v for labels, v in driver.samples()["component_value"].items()}
     assert shown == {"n": 1, "n#2": 2, "n#3": 3}
 
 
 def test_a_unit_is_fixed_at_first_sight_and_another_one_is_counted_not_shown():
-    story = Story()
-    story.raw(Status(OK, "c", values=(("v", "12 V"),)))
-    story.raw(Status(OK, "c", values=(("v", "nan"),)))
-    assert math.isnan(story.sample("component_value", key="v", unit="V"))
+    driver = StateDriver()
+    driver.raw(Status(OK, "c", values=(("v", "12 V"),)))
+    driver.raw(Status(OK, "c", values=(("v", "nan"),)))
+    assert math.isnan(driver.sample("component_value", key="v", unit="V"))
 
-    story.raw(Status(OK, "c", values=(("v", "12000 mV"),)))
-    assert story.sample("component_value", key="v") is None
-    assert story.sample("robot_rejected_total", reason="unit_changed") == 1
+    driver.raw(Status(OK, "c", values=(("v", "12000 mV"),)))
+    assert driver.sample("component_value", key="v") is None
+    assert driver.sample("robot_rejected_total", reason="unit_changed") == 1
 
 
 def test_what_did_not_change_is_not_rendered_again():
-    story = full_story()
-    story.exposition.render()
-    (text,) = story.exposition._texts.values()
+    driver = full_story()
+    driver.exposition.render()
+    (text,) = driver.exposition._texts.values()
     before = dict(text.chunks)
-    story.exposition.render()
+    driver.exposition.render()
 
     assert all(text.chunks[name] is chunk for name, chunk in before.items())
 
-    story.agg(*tree(All=[Status(WARN, "Battery", "Low", "b-1", (("Voltage", "21.4 V"),))]))
-    story.agg(*tree(All=[Status(WARN, "Battery", "Low", "b-1", (("Voltage", "21.3 V"),))]))
-    story.exposition.render()
+    driver.agg(*tree(All=[Status(WARN, "Battery", "Low", "b-1", (("Voltage", "21.4 V"),))]))
+    driver.agg(*tree(All=[Status(WARN, "Battery", "Low", "b-1", (("Voltage", "21.3 V"),))]))
+    driver.exposition.render()
     before = dict(text.chunks)
-    story.agg(*tree(All=[Status(WARN, "Battery", "Low", "b-1", (("Voltage", "21.2 V"),))]))
-    story.exposition.render()
+    driver.agg(*tree(All=[Status(WARN, "Battery", "Low", "b-1", (("Voltage", "21.2 V"),))]))
+    driver.exposition.render()
     renewed = {name for name, chunk in before.items() if text.chunks[name] is not chunk}
     assert "ros_diagnostics_component_value" in renewed
     assert "ros_diagnostics_robot_messages_total" in renewed
@@ -301,10 +301,10 @@ def test_what_did_not_change_is_not_rendered_again():
 
 
 def test_the_series_of_the_last_scrape_are_counted_by_family():
-    story = full_story()
-    text = story.exposition.render()
+    driver = full_story()
+    text = driver.exposition.render()
 
-    counted = sum(story.exposition.series.values())
+    counted = sum(driver.exposition.series.values())
     assert counted == sum(1 for line in text.splitlines() if not line.startswith(b"#"))
 
 
@@ -312,7 +312,7 @@ def test_the_exporters_own_families_are_those_of_the_table():
     facts = Facts("f", "jazzy", "rmw_fastrtps_cpp", storage_successful=True, alertmanager_up=True)
     facts.series, facts.rejected, facts.domains = {"x": 1}, {"robot_limit": 2}, {0: True, 1: False}
     facts.discovery_times = {0: 1.0}
-    own = OwnMetrics(lambda: facts)
+    own = SelfMetrics(lambda: facts)
 
     for text, parse in (
         (own.render(), text_string_to_metric_families),
@@ -328,7 +328,7 @@ def test_the_exporters_own_families_are_those_of_the_table():
 
 
 def test_two_fleets_do_not_share_a_text():
-    first, second = Story(), Story()
+    first, second = StateDriver(), StateDriver()
     first.raw(Status(OK, "a"))
     second.raw(Status(OK, "b"))
 

@@ -10,7 +10,12 @@ import pytest
 
 from ros_diagnostics_exporter.metrics.families import ALL_FAMILIES, ROBOT_SILENT_REASON
 from ros_diagnostics_exporter.metrics_reference import main, renewed
-from ros_diagnostics_exporter.state.reasons import SHUT_OUT, FleetRejection, Rejection, Silence
+from ros_diagnostics_exporter.state.rejections import (
+    OVER_LIMIT,
+    FleetRejectionReason,
+    RejectionReason,
+    SilentReason,
+)
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "metrics.md"
 
@@ -38,9 +43,9 @@ def test_a_document_without_a_table_is_refused():
 @pytest.mark.parametrize(
     ("table", "reasons"),
     [
-        ("`robot_silent_reason` says", {*get_args(Silence), SHUT_OUT}),
-        ("`robot_rejected_total` counts", set(get_args(Rejection))),
-        ("`exporter_rejected_total` counts", set(get_args(FleetRejection))),
+        ("`robot_silent_reason` says", {*get_args(SilentReason), OVER_LIMIT}),
+        ("`robot_rejected_total` counts", set(get_args(RejectionReason))),
+        ("`exporter_rejected_total` counts", set(get_args(FleetRejectionReason))),
     ],
 )
 def test_every_reason_is_explained_and_no_other(table, reasons):
@@ -53,4 +58,4 @@ def test_every_reason_is_explained_and_no_other(table, reasons):
 
 def test_the_help_of_silence_names_every_reason():
     named = ROBOT_SILENT_REASON.help.partition("(")[2]
-    assert set(re.findall(r"\w+", named)) == {*get_args(Silence), SHUT_OUT}
+    assert set(re.findall(r"\w+", named)) == {*get_args(SilentReason), OVER_LIMIT}

@@ -15,7 +15,7 @@ from ros_diagnostics_exporter.acknowledgement import clean, moment, read
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Status
 from support.silences import BEGAN, MOTOR, told
-from support.state_driver import ERROR, Story
+from support.state_driver import ERROR, StateDriver
 
 
 def test_what_the_command_makes_is_read():
@@ -118,11 +118,11 @@ def test_words_become_one_printable_line_of_bounded_length():
 
 
 def test_those_of_known_robots_are_served():
-    story = Story()
-    story.raw(Status(ERROR, "Motor 1"))
+    driver = StateDriver()
+    driver.raw(Status(ERROR, "Motor 1"))
     stranger = MOTOR._replace(robot="stranger")
     hostile = MOTOR._replace(component='"} 1\nx{a="', comment='say "no" \\ more')
-    exposition = Exposition(story.state, lambda: [MOTOR, stranger, hostile])
+    exposition = Exposition(driver.state, lambda: [MOTOR, stranger, hostile])
 
     samples = [
         (sample.name.removeprefix("ros_diagnostics_acknowledged_"), sample.labels, sample.value)

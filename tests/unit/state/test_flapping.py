@@ -54,5 +54,5 @@ def test_a_component_at_rest_is_calm_after_21_intervals():
     flaps.change(2, 10.0, 15.0)
     assert flaps.ratio > 0
 
-    assert flaps.rest(10.0 + 21 * 15.0, 15.0)
+    assert flaps.decay(10.0 + 21 * 15.0, 15.0)
     assert flaps.ratio == 0.0

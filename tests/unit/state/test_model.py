@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from ros_diagnostics_exporter.config.fleet import Source
 from ros_diagnostics_exporter.model import Instant, Status
 from ros_diagnostics_exporter.state.storage import Storage
-from support.state_driver import ERROR, OK, STALE, WALL, WARN, Story, tree
+from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
 
 STALE_AFTER = 7.3  # between two ticks, so that no comparison hangs on a rounding
 
@@ -130,39 +130,39 @@ class Play:
 
     def __init__(self, source: Source, path: Path) -> None:
         self.source, self.path = source, path
-        self.story = Story(source, stale_after=STALE_AFTER)
+        self.driver = StateDriver(source, stale_after=STALE_AFTER)
         self.model = Model(raw=source is Source.RAW)
         self.wall = WALL
 
     def send(self, levels: dict[str, int]) -> None:
         statuses = [Status(level, name, "text") for name, level in levels.items()]
         if self.source is Source.RAW:
-            self.story.raw(*statuses)
+            self.driver.raw(*statuses)
         elif statuses:
-            self.story.agg(*tree(Group=statuses))
+            self.driver.agg(*tree(Group=statuses))
         else:  # as the aggregator does right after its start
-            self.story.agg(Status(STALE, "/Group", "Stale"))
-        self.model.receive(levels, self.story.now.mono, self.story.now.wall)
+            self.driver.agg(Status(STALE, "/Group", "Stale"))
+        self.model.receive(levels, self.driver.now.mono, self.driver.now.wall)
 
     def wait(self, seconds: float) -> None:
-        until = self.story.now.mono + seconds
-        while self.story.now.mono < until:
-            self.story.at(self.story.now.mono + 0.25)
-            self.model.tick(self.story.now.mono, self.story.now.wall)
+        until = self.driver.now.mono + seconds
+        while self.driver.now.mono < until:
+            self.driver.at(self.driver.now.mono + 0.25)
+            self.model.tick(self.driver.now.mono, self.driver.now.wall)
 
     def restart(self, _nothing: None) -> None:
-        Storage(self.path).save(self.story.state, self.story.now, at_once=True)
-        wall = self.story.now.wall + 2.0
-        self.story = Story(fleet=self.story.state.fleet)
-        self.story.now = Instant(0.0, wall)
+        Storage(self.path).save(self.driver.state, self.driver.now, at_once=True)
+        wall = self.driver.now.wall + 2.0
+        self.driver = StateDriver(fleet=self.driver.state.fleet)
+        self.driver.now = Instant(0.0, wall)
         offset = wall
-        self.story.at = lambda seconds: self._at(seconds, offset)  # type: ignore[method-assign]
-        Storage(self.path).load(self.story.state, self.story.now)
+        self.driver.at = lambda seconds: self._at(seconds, offset)  # type: ignore[method-assign]
+        Storage(self.path).load(self.driver.state, self.driver.now)
         self.model.restart(wall)
 
     def _at(self, seconds: float, offset: float) -> None:
-        self.story.now = Instant(seconds, offset + seconds)
-        self.story.state.tick(self.story.now)
+        self.driver.now = Instant(seconds, offset + seconds)
+        self.driver.state.tick(self.driver.now)
 
     def compare(self) -> None:
         found = {
@@ -173,14 +173,14 @@ class Play:
                 component.problem_since,
                 component.changes,
             )
-            for component in self.story.robot.components.values()
+            for component in self.driver.robot.components
         }
         expected = {
             name: (each.level, each.before_stale, each.since, each.problem_since, each.changes)
             for name, each in self.model.components.items()
         }
         assert found == expected
-        assert self.story.robot.up == self.model.up
+        assert self.driver.robot.up == self.model.up
 
 
 @settings(max_examples=200)
@@ -207,6 +207,6 @@ def test_absence_never_ends_a_fault(source, actions):
                     if level != STALE:
                         faulty[name] = level in (WARN, ERROR)
             for name, is_faulty in faulty.items():
-                component = play.story.component(name)
+                component = play.driver.component(name)
                 worst = component.level if component.level != STALE else component.before_stale
                 assert (worst in (WARN, ERROR)) == is_faulty

@@ -10,13 +10,13 @@ from ros_diagnostics_exporter.cli.check_nagios import check
 from ros_diagnostics_exporter.config.fleet import Check, ComponentRule
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.state.snapshot import fleet_snapshot
-from support.state_driver import ERROR, OK, STALE, Story
+from support.state_driver import ERROR, OK, STALE, StateDriver
 
 PENDANT = ComponentRule(re.compile("Pendant"), planned_stale=True)
 
 
-def robot(story: Story) -> dict:
-    (shown,) = fleet_snapshot(story.state, story.now)["robots"]
+def robot(driver: StateDriver) -> dict:
+    (shown,) = fleet_snapshot(driver.state, driver.now)["robots"]
     return shown
 
 
@@ -28,24 +28,24 @@ def robot(story: Story) -> dict:
     ],
 )
 def test_a_state_is_what_the_rules_make_of_the_level(stale_is_critical, states):
-    story = Story(stale_is_critical=stale_is_critical, components=(PENDANT,))
-    story.raw(Status(STALE, "Arm"), Status(STALE, "Pendant"), Status(ERROR, "Motor"))
-    story.at(1)
-    story.raw(Status(STALE, "Motor"))
+    driver = StateDriver(stale_is_critical=stale_is_critical, components=(PENDANT,))
+    driver.raw(Status(STALE, "Arm"), Status(STALE, "Pendant"), Status(ERROR, "Motor"))
+    driver.at(1)
+    driver.raw(Status(STALE, "Motor"))
 
-    shown = robot(story)["components"]
+    shown = robot(driver)["components"]
     assert {each["component"]: each["state"] for each in shown} == states
     assert {each["component"] for each in shown if each["planned_stale"]} == {"Pendant"}
 
 
 def test_a_check_is_short_until_it_finds_what_is_expected():
     motors = Check("motors", (re.compile("Motor"),), expect=2)
-    story = Story(checks=(Check("all"), motors))
-    assert robot(story)["short_checks"] == []  # nothing is expected of a robot that is silent
-    story.raw(Status(OK, "Motor 1"))
-    assert robot(story)["short_checks"] == [{"check": "motors", "found": 1, "expected": 2}]
-    story.raw(Status(ERROR, "Motor 2"))
-    assert robot(story)["short_checks"] == []
+    driver = StateDriver(checks=(Check("all"), motors))
+    assert robot(driver)["short_checks"] == []  # nothing is expected of a robot that is silent
+    driver.raw(Status(OK, "Motor 1"))
+    assert robot(driver)["short_checks"] == [{"check": "motors", "found": 1, "expected": 2}]
+    driver.raw(Status(ERROR, "Motor 2"))
+    assert robot(driver)["short_checks"] == []
 
 
 REPEATED = (
@@ -58,10 +58,10 @@ REPEATED = (
 
 
 def test_each_repeated_key_has_its_own_number_as_it_is_exported():
-    story = Story()
-    story.raw(Status(OK, "Arm", values=REPEATED))
+    driver = StateDriver()
+    driver.raw(Status(OK, "Arm", values=REPEATED))
 
-    (arm,) = robot(story)["components"]
+    (arm,) = robot(driver)["components"]
     assert [(each["key"], each["number"], each["unit"]) for each in arm["values"]] == [
         ("Error", 1.0, ""),
         ("Error#2", 2.0, "V"),
@@ -70,16 +70,16 @@ def test_each_repeated_key_has_its_own_number_as_it_is_exported():
         ("a: ", 5.0, ""),
     ]
     exported = {
-        dict(each)["key"]: value for each, value in story.samples()["component_value"].items()
+        dict(each)["key"]: value for each, value in driver.samples()["component_value"].items()
     }
     assert exported == {"Error": 1, "Error#2": 2, "Error[0]": 3, "Error[1]": 4, "a": 5}
 
 
 def test_performance_data_have_each_repeated_key_with_its_own_number():
-    story = Story()
-    story.raw(Status(OK, "Arm", values=REPEATED))
+    driver = StateDriver()
+    driver.raw(Status(OK, "Arm", values=REPEATED))
 
-    _code, line = check(fleet_snapshot(story.state, story.now), "r", "")
+    _code, line = check(fleet_snapshot(driver.state, driver.now), "r", "")
     assert (
         line.partition(" | ")[2]
         .split("=0;;;0 ")[-1]
@@ -89,9 +89,9 @@ def test_performance_data_have_each_repeated_key_with_its_own_number():
 
 def test_a_number_is_that_of_the_text_beside_it():
     """A STALE status is not read: it may have other texts than the one that was."""
-    story = Story()
-    story.raw(Status(OK, "Arm", values=(("Error", "1"),)))
-    story.raw(Status(STALE, "Arm", values=(("Error", "2"),)))
+    driver = StateDriver()
+    driver.raw(Status(OK, "Arm", values=(("Error", "1"),)))
+    driver.raw(Status(STALE, "Arm", values=(("Error", "2"),)))
 
-    (arm,) = robot(story)["components"]
+    (arm,) = robot(driver)["components"]
     assert [(each["value"], each["number"]) for each in arm["values"]] == [("2", None)]

@@ -27,34 +27,35 @@ from ros_diagnostics_exporter.config.fleet import (
     Shared,
     Source,
 )
-from ros_diagnostics_exporter.model import Array, Instant, Status
-from ros_diagnostics_exporter.state.network import Endpoint, Topic
+from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from ros_diagnostics_exporter.state.robot import Robot as ExporterRobot
 from ros_diagnostics_exporter.state.snapshot import fleet_snapshot, targets
 from ros_diagnostics_exporter.state.storage import MAX_BYTES, Storage
-from support.state_driver import ERROR, OK, STALE, WALL, WARN, Story, tree
+from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
 
 HOT, COOL = Status(ERROR, "Motor", "Hot", "mc-1"), Status(OK, "Motor", "OK", "mc-1")
 LASER = Status(OK, "Laser")
 
 
-def restarted(before: Story, path, *, after: float = 5.0, fleet: Fleet | None = None) -> Story:
+def restarted(
+    before: StateDriver, path, *, after: float = 5.0, fleet: Fleet | None = None
+) -> StateDriver:
     """The state that a new process has which starts ``after`` seconds later."""
-    story = Story(Source.RAW, fleet=fleet or before.state.fleet)
+    driver = StateDriver(Source.RAW, fleet=fleet or before.state.fleet)
     # The monotonic clock of the new process is another one.
-    story.now = Instant(0.0, before.now.wall + after)
-    Storage(path).load(story.state, story.now)
-    return story
+    driver.now = Instant(0.0, before.now.wall + after)
+    Storage(path).load(driver.state, driver.now)
+    return driver
 
 
-def saved(story: Story, path) -> Storage:
+def saved(driver: StateDriver, path) -> Storage:
     storage = Storage(path)
-    storage.save(story.state, story.now)
+    storage.save(driver.state, driver.now)
     return storage
 
 
 def test_what_is_restored_is_stale_until_it_is_heard(tmp_path):
-    before = Story()
+    before = StateDriver()
     before.at(1)
     before.raw(HOT, LASER)
     saved(before, tmp_path / "state")
@@ -69,7 +70,7 @@ def test_what_is_restored_is_stale_until_it_is_heard(tmp_path):
 
 
 def test_a_fault_that_goes_on_began_when_it_began(tmp_path):
-    before = Story()
+    before = StateDriver()
     before.at(1)
     before.raw(HOT)
     before.at(2)
@@ -83,7 +84,7 @@ def test_a_fault_that_goes_on_began_when_it_began(tmp_path):
 
 
 def test_a_fault_that_ended_meanwhile_ends_at_the_first_status(tmp_path):
-    before = Story()
+    before = StateDriver()
     before.raw(HOT)
     saved(before, tmp_path / "state")
     after = restarted(before, tmp_path / "state")
@@ -95,7 +96,7 @@ def test_a_fault_that_ended_meanwhile_ends_at_the_first_status(tmp_path):
 
 
 def test_what_was_ok_is_no_problem_once_it_is_heard_again(tmp_path):
-    before = Story()
+    before = StateDriver()
     before.raw(COOL)
     saved(before, tmp_path / "state")
     after = restarted(before, tmp_path / "state")
@@ -105,8 +106,10 @@ def test_what_was_ok_is_no_problem_once_it_is_heard_again(tmp_path):
     assert (motor.level, motor.problem_since, motor.since, motor.changes) == (OK, None, WALL, 0)
 
 
-def stale_is_ok() -> Story:
-    return Story(components=(ComponentRule(re.compile(""), levels={STALE: OK}),), stale_after=5.0)
+def stale_is_ok() -> StateDriver:
+    return StateDriver(
+        components=(ComponentRule(re.compile(""), levels={STALE: OK}),), stale_after=5.0
+    )
 
 
 def test_a_restart_is_no_problem_where_stale_counts_as_ok(tmp_path):
@@ -141,7 +144,7 @@ def test_a_restart_ends_no_problem_where_stale_counts_as_ok(tmp_path):
     ("status", "stays"), [(HOT, True), (COOL, False), (COOL._replace(level=STALE), True)]
 )
 def test_what_was_not_ok_is_not_forgotten_after_a_restart_either(tmp_path, status, stays):
-    before = Story(forget_after=100.0)
+    before = StateDriver(forget_after=100.0)
     before.raw(COOL)
     before.raw(status)
     saved(before, tmp_path / "state")
@@ -153,20 +156,22 @@ def test_what_was_not_ok_is_not_forgotten_after_a_restart_either(tmp_path, statu
 
 
 def test_a_file_of_a_version_before_is_read(tmp_path):
-    before = Story(forget_after=100.0)
+    before = StateDriver(forget_after=100.0)
     before.raw(HOT, LASER)
     saved(before, tmp_path / "state")
     text = (tmp_path / "state").read_text()
     (tmp_path / "state").write_text(re.sub(r', "was_ok": (true|false)', "", text))
     after = restarted(before, tmp_path / "state")
     after.at(200)
-    assert [each.name for each in after.robot.components.values()] == ["Motor"]
+    assert [each.name for each in after.robot.components] == ["Motor"]
 
 
 def test_a_robot_that_never_published_does_not_survive_a_restart(tmp_path):
     discovery = Discovery(re.compile(r"/(?P<robot>[^/]+)/diagnostics"), "/{robot}/diagnostics")
-    before = Story(fleet=Fleet("f", discoveries=(discovery,)))
-    before.state.graph(0, {f"/{n}/diagnostics": Endpoint(1) for n in ("r", "mute")}, before.now)
+    before = StateDriver(fleet=Fleet("f", discoveries=(discovery,)))
+    before.state.update_graph(
+        0, {f"/{n}/diagnostics": Endpoint(1) for n in ("r", "mute")}, before.now
+    )
     before.at(10)
     before.raw(COOL)
     before.at(20)
@@ -178,7 +183,7 @@ def test_a_robot_that_never_published_does_not_survive_a_restart(tmp_path):
 
 
 def test_two_restarts_in_a_row_lose_nothing(tmp_path):
-    before = Story()
+    before = StateDriver()
     before.raw(HOT)
     saved(before, tmp_path / "state")
     between = restarted(before, tmp_path / "state")
@@ -191,7 +196,7 @@ def test_two_restarts_in_a_row_lose_nothing(tmp_path):
 
 
 def test_a_restless_component_stays_restless(tmp_path):
-    before = Story()
+    before = StateDriver()
     for second in range(8):
         before.at(second)
         before.raw(HOT if second % 2 else COOL)
@@ -204,8 +209,8 @@ def test_a_restless_component_stays_restless(tmp_path):
 def test_a_discovered_robot_that_is_away_is_known_again_if_discovery_still_wants_it(tmp_path):
     pattern = re.compile(r"/(?P<robot>[^/]+)/diagnostics_agg")
     discovery = Discovery(pattern, "/{robot}/diagnostics_agg")
-    before = Story(fleet=Fleet("f", discoveries=(discovery,)))
-    before.state.graph(0, {"/r/diagnostics_agg": Endpoint(1)}, before.now)
+    before = StateDriver(fleet=Fleet("f", discoveries=(discovery,)))
+    before.state.update_graph(0, {"/r/diagnostics_agg": Endpoint(1)}, before.now)
     before.agg(*tree(Motor=[HOT]))
     saved(before, tmp_path / "state")
 
@@ -220,25 +225,25 @@ def test_a_discovered_robot_that_is_away_is_known_again_if_discovery_still_wants
 HOUR = 3600.0
 
 
-def healthy(story: Story, path, topic: Topic, array: Array, *, hours: int) -> None:
+def healthy(driver: StateDriver, path, topic: Topic, array: Array, *, hours: int) -> None:
     """An array every half minute, the same ones all the time, saved as the exporter does."""
     storage = Storage(path)
-    begin = story.now
+    begin = driver.now
     for turn in range(hours * 120 + 1):
-        story.now = Instant(begin.mono + turn * 30.0, begin.wall + turn * 30.0)
-        story.state.receive(topic, array, story.now)
-        storage.save(story.state, story.now)
+        driver.now = Instant(begin.mono + turn * 30.0, begin.wall + turn * 30.0)
+        driver.state.receive(topic, array, driver.now)
+        storage.save(driver.state, driver.now)
     assert storage.successful
 
 
 def test_what_was_fine_for_days_is_not_forgotten_by_a_restart(tmp_path):
-    before = Story()
+    before = StateDriver()
     array = Array(0.0, (COOL, LASER), 100)
     healthy(before, tmp_path / "state", Topic(0, "/r/diagnostics"), array, hours=55)
     after = restarted(before, tmp_path / "state")
     after.at(5)
 
-    assert {each.name for each in after.robot.components.values()} == {"Motor", "Laser"}
+    assert {each.name for each in after.robot.components} == {"Motor", "Laser"}
     seen = after.sample("robot_last_message_timestamp_seconds")
     assert before.now.wall - 60 <= seen <= before.now.wall
 
@@ -246,8 +251,8 @@ def test_what_was_fine_for_days_is_not_forgotten_by_a_restart(tmp_path):
 def test_a_discovered_robot_that_falls_silent_in_a_restart_stays_known(tmp_path):
     pattern = re.compile(r"/(?P<robot>[^/]+)/diagnostics_agg")
     discovery = Discovery(pattern, "/{robot}/diagnostics_agg")
-    before = Story(fleet=Fleet("f", discoveries=(discovery,)))
-    before.state.graph(0, {"/r/diagnostics_agg": Endpoint(1)}, before.now)
+    before = StateDriver(fleet=Fleet("f", discoveries=(discovery,)))
+    before.state.update_graph(0, {"/r/diagnostics_agg": Endpoint(1)}, before.now)
     array = Array(0.0, tree(Motor=[COOL]), 100)
     healthy(before, tmp_path / "state", Topic(0, "/r/diagnostics_agg"), array, hours=55)
     after = restarted(before, tmp_path / "state")
@@ -258,7 +263,7 @@ def test_a_discovered_robot_that_falls_silent_in_a_restart_stays_known(tmp_path)
 
 
 def test_the_last_write_has_what_was_seen_last(tmp_path):
-    before = Story()
+    before = StateDriver()
     before.raw(COOL)
     storage = saved(before, tmp_path / "state")
     before.at(7)
@@ -271,24 +276,24 @@ def test_the_last_write_has_what_was_seen_last(tmp_path):
 
 def test_the_file_is_written_at_most_once_a_second_and_only_for_a_change(tmp_path):
     path = tmp_path / "state"
-    story = Story()
-    story.raw(COOL)
-    storage = saved(story, path)
+    driver = StateDriver()
+    driver.raw(COOL)
+    storage = saved(driver, path)
     first = path.read_text()
 
-    story.at(0.5)
-    story.raw(HOT)
-    storage.save(story.state, story.now)
+    driver.at(0.5)
+    driver.raw(HOT)
+    storage.save(driver.state, driver.now)
     assert path.read_text() == first
 
-    story.at(1.5)
-    storage.save(story.state, story.now)
+    driver.at(1.5)
+    storage.save(driver.state, driver.now)
     second = path.read_text()
     assert second != first
 
-    story.at(4)
-    story.raw(HOT)
-    storage.save(story.state, story.now)
+    driver.at(4)
+    driver.raw(HOT)
+    storage.save(driver.state, driver.now)
     assert path.read_text() == second
 
 
@@ -313,19 +318,19 @@ DAMAGED = {
 def test_a_damaged_file_is_named_kept_aside_and_survived(tmp_path, caplog, content, what):
     path = tmp_path / "state"
     path.write_bytes(content)
-    story = Story()
+    driver = StateDriver()
     with caplog.at_level(logging.ERROR):
         storage = Storage(path)
-        storage.load(story.state, story.now)
+        storage.load(driver.state, driver.now)
 
     assert len(caplog.records) == 1
     assert f"{path} is damaged (" in caplog.text
     assert what in caplog.text
     assert len(caplog.text) < 1000
     assert (tmp_path / "state.damaged-1").read_bytes() == content
-    storage.save(story.state, story.now)
+    storage.save(driver.state, driver.now)
     assert storage.successful
-    assert restarted(story, path).state.robots.keys() == {"r"}
+    assert restarted(driver, path).state.robots.keys() == {"r"}
 
 
 def edited(path, change) -> None:
@@ -353,7 +358,7 @@ def test_robots_that_are_whole_are_restored_from_a_damaged_file(tmp_path, caplog
     robots = tuple(
         Robot(name, topic_raw=f"/{name}/diagnostics", source=Source.RAW) for name in ("r", "s")
     )
-    before = Story(fleet=Fleet("f", robots))
+    before = StateDriver(fleet=Fleet("f", robots))
     before.raw(HOT)
     before.state.receive(Topic(0, "/s/diagnostics"), Array(0.0, (HOT,), 100), before.now)
     path = tmp_path / "state"
@@ -372,9 +377,9 @@ def test_no_damaged_file_overwrites_an_earlier_one_and_ten_are_kept(tmp_path, ca
     path = tmp_path / "state"
     for turn in range(12):
         path.write_text(f"damaged {turn}")
-        storage, story = Storage(path), Story()
-        storage.load(story.state, story.now)
-        storage.save(story.state, story.now)
+        storage, driver = Storage(path), StateDriver()
+        storage.load(driver.state, driver.now)
+        storage.save(driver.state, driver.now)
         assert storage.successful == (turn < 10)
 
     kept = [(tmp_path / f"state.damaged-{turn + 1}").read_text() for turn in range(10)]
@@ -411,12 +416,12 @@ def test_what_cannot_be_read_is_left_alone_and_nothing_is_saved_until_it_has_gon
     path = tmp_path / "state"
     planted(kind, path)
     mode = path.lstat().st_mode
-    story, storage = Story(), Storage(path)
-    storage.load(story.state, story.now)
-    story.raw(HOT)
+    driver, storage = StateDriver(), Storage(path)
+    storage.load(driver.state, driver.now)
+    driver.raw(HOT)
     for second in range(1, 4):
-        story.at(second)
-        storage.save(story.state, story.now, at_once=second == 3)
+        driver.at(second)
+        storage.save(driver.state, driver.now, at_once=second == 3)
     assert not storage.successful
     assert path.lstat().st_mode == mode
     assert (tmp_path / "target").read_text() == "precious"
@@ -424,10 +429,10 @@ def test_what_cannot_be_read_is_left_alone_and_nothing_is_saved_until_it_has_gon
     assert sorted(each.name for each in tmp_path.iterdir()) == ["state", "target"]
 
     path.rename(tmp_path / "moved")
-    story.at(5)
-    storage.save(story.state, story.now)
+    driver.at(5)
+    storage.save(driver.state, driver.now)
     assert storage.successful
-    assert restarted(story, path).component("Motor").before_stale == ERROR
+    assert restarted(driver, path).component("Motor").before_stale == ERROR
 
 
 def test_a_disk_that_fails_to_read_does_not_stop_the_start(tmp_path, monkeypatch, caplog):
@@ -438,9 +443,9 @@ def test_a_disk_that_fails_to_read_does_not_stop_the_start(tmp_path, monkeypatch
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
     monkeypatch.setattr("ros_diagnostics_exporter.state.storage.read_regular", fail)
-    story, storage = Story(), Storage(path)
-    storage.load(story.state, story.now)
-    storage.save(story.state, story.now, at_once=True)
+    driver, storage = StateDriver(), Storage(path)
+    storage.load(driver.state, driver.now)
+    storage.save(driver.state, driver.now, at_once=True)
 
     assert not storage.successful
     assert path.read_text() == "precious"
@@ -451,8 +456,8 @@ def test_a_file_that_is_far_too_large_is_not_read_whole(tmp_path, caplog):
     path = tmp_path / "state"
     with path.open("wb") as file:
         file.truncate(1 << 30)
-    story = Story()
-    Storage(path).load(story.state, story.now)
+    driver = StateDriver()
+    Storage(path).load(driver.state, driver.now)
 
     assert f"it is larger than {MAX_BYTES} bytes" in caplog.text
     assert (tmp_path / "state.damaged-1").stat().st_size == 1 << 30
@@ -460,12 +465,12 @@ def test_a_file_that_is_far_too_large_is_not_read_whole(tmp_path, caplog):
 
 def test_no_more_is_written_than_is_read_again(tmp_path, monkeypatch, caplog):
     path = tmp_path / "state"
-    story = Story()
-    storage = saved(story, path)
+    driver = StateDriver()
+    storage = saved(driver, path)
     monkeypatch.setattr("ros_diagnostics_exporter.state.storage.MAX_BYTES", 200)
-    story.at(2)
-    story.raw(HOT)
-    storage.save(story.state, story.now)
+    driver.at(2)
+    driver.raw(HOT)
+    storage.save(driver.state, driver.now)
 
     assert not storage.successful
     assert "larger than the 200 bytes that are read again" in caplog.text
@@ -476,56 +481,56 @@ def test_a_planted_link_is_not_written_through(tmp_path):
     target = tmp_path / "target"
     target.write_text("precious")
     (tmp_path / "state.new").symlink_to(target)
-    story = Story()
-    story.raw(HOT)
+    driver = StateDriver()
+    driver.raw(HOT)
 
-    assert saved(story, tmp_path / "state").successful
+    assert saved(driver, tmp_path / "state").successful
     assert target.read_text() == "precious"
     assert not (tmp_path / "state").is_symlink()
 
 
 def test_half_of_a_character_makes_no_damaged_file(tmp_path, caplog):
-    story = Story()
-    story.raw(Status(ERROR, "Motor", "Hot \ud800"))
-    saved(story, tmp_path / "state")
+    driver = StateDriver()
+    driver.raw(Status(ERROR, "Motor", "Hot \ud800"))
+    saved(driver, tmp_path / "state")
 
-    assert restarted(story, tmp_path / "state").component("Motor").message == "Hot ?"
+    assert restarted(driver, tmp_path / "state").component("Motor").message == "Hot ?"
     assert not caplog.text
 
 
 def test_a_fault_of_our_own_is_shown_and_the_next_turn_saves(tmp_path, monkeypatch, caplog):
-    story, storage = Story(), Storage(tmp_path / "state")
-    story.raw(HOT)
+    driver, storage = StateDriver(), Storage(tmp_path / "state")
+    driver.raw(HOT)
     with monkeypatch.context() as patch:
-        patch.setattr(ExporterRobot, "remember", lambda *_arguments: 1 / 0)
+        patch.setattr(ExporterRobot, "persist", lambda *_arguments: 1 / 0)
         for second in range(1, 4):
-            story.at(second)
-            storage.save(story.state, story.now)
+            driver.at(second)
+            storage.save(driver.state, driver.now)
     assert not storage.successful
     assert caplog.text.count("ZeroDivisionError") == 1
 
-    story.at(5)
-    storage.save(story.state, story.now)
+    driver.at(5)
+    storage.save(driver.state, driver.now)
     assert storage.successful
-    assert restarted(story, tmp_path / "state").component("Motor").before_stale == ERROR
+    assert restarted(driver, tmp_path / "state").component("Motor").before_stale == ERROR
 
 
 # -- anything at all in the file -------------------------------------------------------------
 
 
-def eventful() -> Story:
+def eventful() -> StateDriver:
     """A state with all that a file may hold: levels, groups, twins, a discovered robot."""
     pattern = re.compile(r"/(?P<robot>[^/]+)/diagnostics_agg")
     discovery = Discovery(pattern, "/{robot}/diagnostics_agg")
     robot = Robot("r", topic_agg="/r/diagnostics_agg", topic_raw="/r/diagnostics")
     shared = Shared("/diagnostics", raw=True)
-    story = Story(fleet=Fleet("f", (robot,), discoveries=(discovery,), shared=(shared,)))
-    story.agg(*tree(Motor=[HOT, Status(STALE, "Fan")], Laser=[LASER]))
-    story.state.graph(0, {"/d/diagnostics_agg": Endpoint(1)}, story.now)
+    driver = StateDriver(fleet=Fleet("f", (robot,), discoveries=(discovery,), shared=(shared,)))
+    driver.agg(*tree(Motor=[HOT, Status(STALE, "Fan")], Laser=[LASER]))
+    driver.state.update_graph(0, {"/d/diagnostics_agg": Endpoint(1)}, driver.now)
     for topic in ("/d/diagnostics_agg", "/diagnostics"):
         statuses = (Status(ERROR, "Twin", "1", "a"), Status(OK, "Twin", "2", "b"))
-        story.state.receive(Topic(0, topic), Array(0.0, statuses, 100), story.now)
-    return story
+        driver.state.receive(Topic(0, topic), Array(0.0, statuses, 100), driver.now)
+    return driver
 
 
 EVENTFUL = eventful()
@@ -604,8 +609,8 @@ def test_any_bytes_in_the_file_neither_stop_the_start_nor_break_what_is_shown(wh
 
 
 def test_a_missing_file_is_the_first_start_and_no_error(tmp_path, caplog):
-    story = Story()
-    Storage(tmp_path / "state").load(story.state, story.now)
+    driver = StateDriver()
+    Storage(tmp_path / "state").load(driver.state, driver.now)
 
     assert not caplog.text
 
@@ -613,32 +618,32 @@ def test_a_missing_file_is_the_first_start_and_no_error(tmp_path, caplog):
 def test_a_folder_that_is_gone_is_said_once_a_minute_and_tried_again(tmp_path, caplog):
     folder = tmp_path / "folder"
     storage = Storage(folder / "state")
-    story = Story()
-    story.raw(HOT)
+    driver = StateDriver()
+    driver.raw(HOT)
     for second in range(1, 11):
-        story.at(second)
-        storage.save(story.state, story.now)
+        driver.at(second)
+        storage.save(driver.state, driver.now)
     assert not storage.successful
     assert caplog.text.count("cannot be written") == 1
 
     folder.mkdir()
-    story.at(12)
-    storage.save(story.state, story.now)
+    driver.at(12)
+    storage.save(driver.state, driver.now)
     assert storage.successful
-    assert restarted(story, folder / "state").component("Motor").before_stale == ERROR
+    assert restarted(driver, folder / "state").component("Motor").before_stale == ERROR
 
 
 def test_every_prefix_of_the_file_is_refused_and_the_whole_is_read(tmp_path):
     """A copy cut off anywhere must not be mistaken for a whole state."""
     path = tmp_path / "state"
-    story = Story()
-    story.raw(HOT, LASER)
-    saved(story, path)
+    driver = StateDriver()
+    driver.raw(HOT, LASER)
+    saved(driver, path)
     whole = path.read_text()
 
     for length in range(0, len(whole.rstrip()) - 1, 7):
         (tmp_path / "cut").write_text(whole[:length])
-        fresh = Story()
+        fresh = StateDriver()
         Storage(tmp_path / "cut").load(fresh.state, fresh.now)
         assert not fresh.robot.components
     assert json.loads(whole)["version"] == 1
@@ -646,17 +651,17 @@ def test_every_prefix_of_the_file_is_refused_and_the_whole_is_read(tmp_path):
 
 def test_a_disk_that_takes_no_more_leaves_the_last_file_whole(tmp_path, caplog):
     path = tmp_path / "state"
-    story = Story()
-    story.raw(HOT)
-    storage = saved(story, path)
+    driver = StateDriver()
+    driver.raw(HOT)
+    storage = saved(driver, path)
     whole = path.read_text()
 
-    story.at(2)
-    story.raw(COOL, *(Status(OK, f"c{number}") for number in range(100)))
+    driver.at(2)
+    driver.raw(COOL, *(Status(OK, f"c{number}") for number in range(100)))
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))  # the real error of a real write
     try:
-        storage.save(story.state, story.now)
+        storage.save(driver.state, driver.now)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
@@ -668,14 +673,14 @@ def test_a_disk_that_takes_no_more_leaves_the_last_file_whole(tmp_path, caplog):
 WRITER = """
 import sys
 from pathlib import Path
-from support.state_driver import ERROR, OK, Story
+from support.state_driver import ERROR, OK, StateDriver
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.state.storage import MAX_BYTES, Storage
 
-story, storage = Story(), Storage(Path(sys.argv[1]))
+driver, storage = StateDriver(), Storage(Path(sys.argv[1]))
 for turn in range(1_000_000):
-    story.raw(*(Status((ERROR, OK)[turn % 2], f"c{n}", "x" * (turn % 50)) for n in range(50)))
-    storage.save(story.state, story.now, at_once=True)
+    driver.raw(*(Status((ERROR, OK)[turn % 2], f"c{n}", "x" * (turn % 50)) for n in range(50)))
+    storage.save(driver.state, driver.now, at_once=True)
     if turn == 3:
         print("writing", flush=True)
 """
@@ -695,6 +700,6 @@ def test_killed_at_any_moment_the_file_is_whole(tmp_path):
             while time.monotonic() < until:
                 pass
             writer.kill()
-        fresh = Story()
+        fresh = StateDriver()
         Storage(path).load(fresh.state, fresh.now)
         assert len(fresh.robot.components) == 50

@@ -6,7 +6,7 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot
 from ros_diagnostics_exporter.state.snapshot import targets
-from support.state_driver import Story
+from support.state_driver import StateDriver
 
 ROBOTS = (
     Robot("a", address="10.0.0.1", labels={"site": "hall"}),
@@ -17,7 +17,7 @@ ROBOTS = (
 
 @pytest.fixture
 def state():
-    return Story(fleet=Fleet("f", ROBOTS)).state
+    return StateDriver(fleet=Fleet("f", ROBOTS)).state
 
 
 @pytest.mark.parametrize(
