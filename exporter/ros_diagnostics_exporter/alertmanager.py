@@ -7,7 +7,6 @@ away, broken or hostile: then what was known holds on, and ``answers`` says that
 
 from __future__ import annotations
 
-import argparse
 import logging
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ from urllib.parse import urlencode
 
 from ros_diagnostics_exporter import acknowledgement
 from ros_diagnostics_exporter.acknowledgement import ESCALATION, Acknowledgement
-from ros_diagnostics_exporter.http_client import UnreachableError, ask
+from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import Instant
 
 log = logging.getLogger(__name__)
@@ -38,13 +37,8 @@ class Alertmanager:
         ca_file: Path | None = None,
     ) -> None:
         self._ways = [
-            argparse.Namespace(
-                url=url,
-                user=user,
-                password_file=password_file,
-                ca_file=ca_file,
-                cert_file=None,
-                timeout=self.TIMEOUT,
+            Client(
+                url, timeout=self.TIMEOUT, user=user, password_file=password_file, ca_file=ca_file
             )
             for url in urls
         ]
@@ -78,11 +72,11 @@ class Alertmanager:
         self._answers = False
 
 
-def _ask(way: argparse.Namespace, fleet: str, size: int) -> list[Acknowledgement] | str:
+def _ask(way: Client, fleet: str, size: int) -> list[Acknowledgement] | str:
     """The acknowledgements, or why there is no answer."""
     wanted = [("filter", f'alertname="{ESCALATION}"'), ("filter", f'fleet="{_escaped(fleet)}"')]
     try:
-        silences = ask(way, f"/api/v2/silences?{urlencode(wanted)}", limit=size)
+        silences = way.get(f"/api/v2/silences?{urlencode(wanted)}", limit=size)
         return acknowledgement.read(silences, fleet)
     except UnreachableError as error:
         return str(error)

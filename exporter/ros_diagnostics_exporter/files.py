@@ -1,4 +1,4 @@
-"""Reads files that others may have put there: what is no regular file is an error, not a wait."""
+"""Reads regular files only: a FIFO or a device is an error and does not block."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 def read_regular(path: Path, most: int, *, follow: bool = True) -> bytes:
     """The first ``most`` bytes of a regular file.
 
-    Opening never waits, as it would at a FIFO whose other end nobody opens.
+    Opening does not block, as it would with a FIFO that has no writer.
 
     Args:
         path: The file.

@@ -1,16 +1,14 @@
-"""Asks a running server of ours: the companions' way in, with the standard library alone.
+"""A small JSON client over HTTP(S), with the standard library alone.
 
-A Nagios check is a new process every time: what is imported here is paid at every check.
+Used by the commands, and by the exporter for Alertmanager. A Nagios check is a new process every
+time, so every import here is paid at every check.
 """
 
 from __future__ import annotations
 
-import argparse
 import base64
-import contextlib
 import http.client
 import json
-import math
 import ssl
 import time
 import urllib.error
@@ -19,137 +17,129 @@ import urllib.request
 from pathlib import Path
 from typing import Any
 
-DEFAULT_URL = "http://127.0.0.1:9877"
-LIMIT = 256 * 1024 * 1024  # bytes of an answer; a fleet of 1,000 robots has some four million
-PART = 64 * 1024  # bytes read at once
+LIMIT = 256 * 1024 * 1024  # bytes of a response; a fleet of 1,000 robots has some four million
+CHUNK = 64 * 1024  # bytes read at once
 
 
 class UnreachableError(Exception):
-    """The server gave no answer that can be used; the text says why and where."""
+    """There is no usable response from the server; the text names the URL and the reason."""
 
 
-def add_arguments(
-    parser: argparse.ArgumentParser, server: str = "exporter", url: str = DEFAULT_URL
-) -> None:
-    """The flags that say where the server is and how it wants to be asked."""
-    where = parser.add_argument_group(server)
-    where.add_argument("-u", "--url", default=url, help=f"of the {server} (default: %(default)s)")
-    where.add_argument("--user", help="for basic auth")
-    where.add_argument(
-        "--password-file", type=Path, metavar="FILE", help="the user's password, in one line"
-    )
-    where.add_argument("--ca-file", type=Path, metavar="FILE", help=f"CA of the {server}'s TLS")
-    where.add_argument(
-        "--cert-file", type=Path, metavar="FILE", help="own certificate, with --key-file"
-    )
-    where.add_argument("--key-file", type=Path, metavar="FILE", help="key of --cert-file")
-    where.add_argument(
-        "-t",
-        "--timeout",
-        type=seconds,
-        default=10.0,
-        metavar="SECONDS",
-        help="how long to wait for an answer (default: %(default)g)",
-    )
+class Client:
+    """Sends requests to one server.
 
-
-def seconds(text: str) -> float:
-    """A flag's time to wait: seconds above 0.
-
-    Raises:
-        argparse.ArgumentTypeError: It is none.
+    Args:
+        url: Of the server; paths are appended to it.
+        timeout: Seconds for a whole response.
+        user: For basic authentication; needs a password_file.
+        password_file: Holds the password in one line; read for each request.
+        ca_file: The CA that signed the server's certificate; None: the system's.
+        cert_file: The client's own certificate.
+        key_file: The key of cert_file.
     """
-    with contextlib.suppress(ValueError):
-        if 0 < (number := float(text)) < math.inf:
-            return number
-    raise argparse.ArgumentTypeError(f"{text!r} is no time to wait; give seconds, as 10 or 0.5")
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        timeout: float = 10.0,
+        user: str | None = None,
+        password_file: Path | None = None,
+        ca_file: Path | None = None,
+        cert_file: Path | None = None,
+        key_file: Path | None = None,
+    ) -> None:
+        self.url = url
+        self._timeout = timeout
+        self._user = user
+        self._password_file = password_file
+        self._ca_file = ca_file
+        self._cert_file = cert_file
+        self._key_file = key_file
+
+    def fleet(self, robots: tuple[str, ...] = ()) -> dict[str, Any]:
+        """The fleet as the exporter's /api/v1/fleet returns it; only ``robots`` if any are named.
+
+        Raises:
+            UnreachableError: No response, or the server is not an exporter.
+        """
+        query = urllib.parse.urlencode([("robot", name) for name in robots])
+        path = "/api/v1/fleet" + (f"?{query}" if query else "")
+        fleet = self.get(path)
+        if not isinstance(fleet, dict) or "robots" not in fleet:
+            raise UnreachableError(f"{self.url}{path} is not a ROS diagnostics exporter")
+        return fleet
+
+    def get(self, path: str, *, limit: int = LIMIT) -> Any:
+        """The JSON at ``path``; None for an empty response.
+
+        Raises:
+            UnreachableError: No response, an HTTP error, more than ``limit`` bytes, or no JSON.
+        """
+        return self._request(path, None, limit)
+
+    def post(self, path: str, body: Any) -> Any:
+        """Post ``body`` as JSON; the JSON of the response, None for an empty one.
+
+        Raises:
+            UnreachableError: As for ``get``.
+        """
+        return self._request(path, body, LIMIT)
+
+    def _request(self, path: str, body: Any, limit: int) -> Any:
+        url = self.url.rstrip("/") + path
+        content = None if body is None else json.dumps(body).encode()
+        try:
+            headers = self._login() | ({} if body is None else {"Content-Type": "application/json"})
+            opener = urllib.request.build_opener(*self._handlers())
+            request = urllib.request.Request(url, content, headers)  # noqa: S310 - the user's
+            with opener.open(request, timeout=self._timeout) as response:
+                text = _read(response, limit, time.monotonic() + self._timeout)
+                return json.loads(text) if text else None
+        except urllib.error.HTTPError as error:
+            raise UnreachableError(f"{url} answered {error.code} {error.reason}") from error
+        except (OSError, ValueError, RecursionError, http.client.HTTPException) as error:
+            # URLError is an OSError, bad JSON a ValueError, deeply nested JSON a RecursionError.
+            raise UnreachableError(f"{url}: {getattr(error, 'reason', None) or error}") from error
+
+    def _handlers(self) -> list[urllib.request.BaseHandler]:
+        # No proxies: the server is near, and those of the environment lead elsewhere.
+        handlers: list[urllib.request.BaseHandler] = [urllib.request.ProxyHandler({})]
+        if self.url.startswith("https:"):  # reading all CAs costs a quarter of a whole check
+            handlers.append(urllib.request.HTTPSHandler(context=self._tls_context()))
+        return handlers
+
+    def _tls_context(self) -> ssl.SSLContext:
+        try:
+            context = ssl.create_default_context(cafile=self._ca_file)
+            if self._cert_file is not None:
+                context.load_cert_chain(self._cert_file, self._key_file)
+        except OSError as error:  # which does not name the file
+            files = filter(None, (self._ca_file, self._cert_file, self._key_file))
+            raise UnreachableError(f"{', '.join(map(str, files))}: {error}") from error
+        return context
+
+    def _login(self) -> dict[str, str]:
+        if self._user is None:
+            return {}
+        if self._password_file is None:
+            raise UnreachableError("--user needs --password-file")
+        password = self._password_file.read_text("utf-8").rstrip("\r\n")
+        encoded = base64.b64encode(f"{self._user}:{password}".encode()).decode()
+        return {"Authorization": f"Basic {encoded}"}
 
 
-def ask_fleet(options: argparse.Namespace, robots: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The fleet as /api/v1/fleet answers it, or of it the named ``robots``.
-
-    Raises:
-        UnreachableError: No answer, or none that is a fleet.
-    """
-    query = urllib.parse.urlencode([("robot", name) for name in robots])
-    path = "/api/v1/fleet" + (f"?{query}" if query else "")
-    fleet = ask(options, path)
-    if not isinstance(fleet, dict) or "robots" not in fleet:
-        raise UnreachableError(f"{options.url}{path} is not a ROS diagnostics exporter")
-    return fleet
-
-
-def ask(
-    options: argparse.Namespace,
-    path: str,
-    body: Any = None,
-    *,
-    method: str = "",
-    limit: int = LIMIT,
-) -> Any:
-    """The JSON that the server answers; a ``body`` is posted as JSON. None for an empty answer.
-
-    Raises:
-        UnreachableError: No answer, a refusal, more than ``limit`` bytes, or no JSON.
-    """
-    url = options.url.rstrip("/") + path
-    content = None if body is None else json.dumps(body).encode()
-    try:
-        headers = _login(options) | ({} if body is None else {"Content-Type": "application/json"})
-        opener = urllib.request.build_opener(*_handlers(options))
-        request = urllib.request.Request(  # noqa: S310 - the user's
-            url, content, headers, method=method or None
-        )
-        with opener.open(request, timeout=options.timeout) as answer:
-            text = _read(answer, limit, time.monotonic() + options.timeout)
-            return json.loads(text) if text else None
-    except urllib.error.HTTPError as error:
-        raise UnreachableError(f"{url} answered {error.code} {error.reason}") from error
-    except (OSError, ValueError, RecursionError, http.client.HTTPException) as error:
-        # URLError is an OSError, bad JSON a ValueError, JSON nested without end a RecursionError.
-        raise UnreachableError(f"{url}: {getattr(error, 'reason', None) or error}") from error
-
-
-def _read(answer: http.client.HTTPResponse, limit: int, deadline: float) -> bytes:
-    """All of the answer: the socket's own timeout lets through what comes byte by byte."""
-    parts: list[bytes] = []
+def _read(response: http.client.HTTPResponse, limit: int, deadline: float) -> bytes:
+    """The whole body. The socket's own timeout does not stop a server that sends byte by byte."""
+    chunks: list[bytes] = []
     size = 0
-    while part := answer.read1(PART):
-        parts.append(part)
-        size += len(part)
+    while chunk := response.read1(CHUNK):
+        chunks.append(chunk)
+        size += len(chunk)
         if size > limit:
             raise ValueError(f"answered more than {limit} bytes")
         if time.monotonic() > deadline:
             raise TimeoutError("timed out")
-    if answer.length:  # what is missing; only read() would have noticed
-        raise http.client.IncompleteRead(b"".join(parts), answer.length)
-    return b"".join(parts)
-
-
-def _handlers(options: argparse.Namespace) -> list[urllib.request.BaseHandler]:
-    # No proxies: the server is near, and those of the environment lead elsewhere.
-    handlers: list[urllib.request.BaseHandler] = [urllib.request.ProxyHandler({})]
-    if options.url.startswith("https:"):  # reading all CAs costs a quarter of a whole check
-        handlers.append(urllib.request.HTTPSHandler(context=_trust(options)))
-    return handlers
-
-
-def _trust(options: argparse.Namespace) -> ssl.SSLContext:
-    try:
-        context = ssl.create_default_context(cafile=options.ca_file)
-        if options.cert_file is not None:
-            context.load_cert_chain(options.cert_file, options.key_file)
-    except OSError as error:  # which does not name the file
-        files = filter(None, (options.ca_file, options.cert_file, options.key_file))
-        raise UnreachableError(f"{', '.join(map(str, files))}: {error}") from error
-    return context
-
-
-def _login(options: argparse.Namespace) -> dict[str, str]:
-    if options.user is None:
-        return {}
-    if options.password_file is None:
-        raise UnreachableError("--user needs --password-file")
-    password = options.password_file.read_text("utf-8").rstrip("\r\n")
-    coded = base64.b64encode(f"{options.user}:{password}".encode()).decode()
-    return {"Authorization": f"Basic {coded}"}
+    if response.length:  # bytes are missing; only read() would have noticed
+        raise http.client.IncompleteRead(b"".join(chunks), response.length)
+    return b"".join(chunks)

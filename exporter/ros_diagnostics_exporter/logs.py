@@ -17,10 +17,10 @@ from typing import TextIO
 from ros_diagnostics_exporter.texts import to_json
 
 FORMATS = ("logfmt", "json")
-LINE_BYTES = 2_000  # of a line that is wrapped; what is longer becomes several records
-DRAIN_SECONDS = 5.0  # at the end, for the lines that are still to be wrapped
+LINE_BYTES = 2_000  # of a wrapped line; a longer one becomes several records
+DRAIN_SECONDS = 5.0  # on exit, for the lines that are not yet wrapped
 _COLOR = re.compile(r"\x1b\[[\d;]*m")
-# The program of the other process: no site packages, only this package from where it stands.
+# The program of the wrapper process: it needs this package only, no site packages.
 _WRAPPER = """
 import sys
 sys.path.append(sys.argv[1])
@@ -30,10 +30,10 @@ logs.wrap_lines()
 
 
 def set_up(level: str, form: str, stream: TextIO | None = None) -> None:
-    """Log from ``level`` (debug, info, warning, error) upwards, in ``form`` (logfmt, json).
+    """Configure the log.
 
     Args:
-        level: The lowest that is written.
+        level: The lowest to write: debug, info, warning, error.
         form: One of FORMATS.
         stream: Where to; None: standard error.
     """
@@ -43,21 +43,21 @@ def set_up(level: str, form: str, stream: TextIO | None = None) -> None:
 
 
 def wrap_output() -> TextIO:
-    """Make JSON records of whatever this process writes to its standard output and error.
+    """Make JSON records of everything this process writes to its standard output and error.
 
-    The middleware (C++) writes lines of its own there, past Python. Another process reads them:
-    a thread could not while the writer holds the interpreter's lock, and would be lost, with the
-    last lines, when the middleware aborts this process.
+    The middleware (C++) writes lines there itself, bypassing Python's logging. A second process
+    wraps them: a thread could not read while the writer holds the interpreter's lock, and would
+    lose the last lines when the middleware aborts this process.
 
     Returns:
         The real standard error, for the log.
 
     Raises:
-        OSError: That process cannot be started.
+        OSError: The wrapper process cannot be started.
     """
     log = os.fdopen(os.dup(2), "w", buffering=1)
     source, sink = os.pipe()
-    # Whatever ends us (Ctrl-C, systemd) goes to the other process too: it ends after us.
+    # Signals to the process group (Ctrl-C, systemd) reach the wrapper too; it must outlive us.
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM, signal.SIGINT, signal.SIGHUP})
     try:
         command = [sys.executable, "-I", "-S", "-c", _WRAPPER, str(Path(__file__).parents[1])]
@@ -72,7 +72,7 @@ def wrap_output() -> TextIO:
 
 
 def _unwrap(log: TextIO, wrapper: subprocess.Popen[bytes]) -> None:
-    """Wait until the last line is wrapped; who holds its pipe open for longer is not waited for."""
+    """Wait until the last line is wrapped, at most DRAIN_SECONDS if the pipe stays open."""
     _redirect(log.fileno())
     try:
         wrapper.wait(DRAIN_SECONDS)
@@ -88,8 +88,8 @@ def _redirect(target: int) -> None:
 
 
 def wrap_lines() -> None:
-    """Write each line of standard input as a record, until its last writer has ended."""
-    logging.raiseExceptions = False  # where nobody reads the log, the pipe is emptied all the same
+    """Write each line of standard input as a record, until its last writer closes it."""
+    logging.raiseExceptions = False  # keep emptying the pipe even if nobody reads the log
     set_up("info", "json")
     output = logging.getLogger("output")
     for line in iter(lambda: sys.stdin.buffer.readline(LINE_BYTES), b""):
@@ -98,7 +98,7 @@ def wrap_lines() -> None:
 
 
 class _Formatter(logging.Formatter):
-    """One line a record, whatever it says: what a robot sends must not forge lines of the log."""
+    """One line per record: a robot's text must not be able to forge log lines."""
 
     def __init__(self, *, as_json: bool) -> None:
         super().__init__()
@@ -115,12 +115,12 @@ class _Formatter(logging.Formatter):
         if record.exc_info:
             fields["error"] = self.formatException(record.exc_info)
         if self._as_json:
-            return json.dumps(fields).replace("\x7f", "\\u007f")  # DEL: all else is ASCII by then
+            return json.dumps(fields).replace("\x7f", "\\u007f")  # json escapes all others
         return " ".join(f"{key}={_quoted(value)}" for key, value in fields.items())
 
 
 def _quoted(value: str) -> str:
-    """As logfmt quotes: only where it has to be, invisible characters escaped."""
+    """A logfmt value: quoted only where needed, unprintable characters escaped."""
     plain = value.isascii() and value.isprintable() and not set(value) & set(' ="\\')
     return value if plain and value else to_json(value)
 

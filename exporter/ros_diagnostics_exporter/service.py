@@ -1,7 +1,6 @@
 """The running exporter: state, listener, texts and state file wired together.
 
-Owns no rule of its own: it hands each room the functions of the others. Together with cli.py the
-only file that knows both ROS and the web's doors.
+Owns no rule of its own: it connects the packages, and is the web server's Backend.
 """
 
 from __future__ import annotations
@@ -9,7 +8,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +19,10 @@ from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import EventLog, Wanted
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.self_metrics import Facts, SelfMetrics
+from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
 from ros_diagnostics_exporter.state import snapshot
 from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.state.storage import Storage
-from ros_diagnostics_exporter.web.backend import Doors
 
 log = logging.getLogger(__name__)
 
@@ -64,12 +62,18 @@ class Service:
         self._alertmanager = alertmanager
         self._asker = threading.Thread(target=self._ask, name="alertmanager", daemon=True)
         self._join_at = now.mono
-        self._distribution, self._rmw = ros.describe_ros()
         self._exposition = Exposition(self.state, self._acknowledged)
-        self._own = SelfMetrics(self._facts)
-        self._scrapes = 0
-        self._scrape_seconds = 0.0
         self._listener = ros.Listener(self.state, ros_arguments=ros_arguments)
+        self._exporter = Exporter(
+            self.state,
+            self._exposition,
+            self._listener,
+            self._reloader,
+            self.storage,
+            alertmanager,
+            ros.describe_ros(),
+        )
+        self._self_metrics = SelfMetrics(self._exporter)
         if self.storage is not None:
             self.storage.load(self.state, now)
 
@@ -119,7 +123,7 @@ class Service:
                 self.events.record(event)
 
     def reload(self, why: str = "POST /-/reload") -> None:
-        """Read the config again and follow it; a bad one is refused and the old one goes on.
+        """Read the config again and follow it; if it is invalid, keep the previous one.
 
         Both are logged, with ``why`` it was read.
 
@@ -149,34 +153,32 @@ class Service:
         elif self.storage is not None:
             self.storage.save(self.state, ros.read_clocks(), at_once=True)
 
-    def doors(self) -> Doors:
-        """What the web is handed."""
-        return Doors(
-            metrics=self.render,
-            fleet=lambda: snapshot.fleet_snapshot(self.state, ros.read_clocks()),
-            events=self._find_events,
-            targets=lambda job, port: snapshot.targets(self.state, job, port),
-            ready=self._ready,
-            reload=self.reload,
-            forget=self._forget,
-        )
+    # -- the web server's Backend --------------------------------------------------------------
 
-    def _find_events(self, wanted: Wanted) -> Iterator[dict[str, Any]]:
-        self._record_events()
-        return self.events.find(wanted)
-
-    def render(self, openmetrics: bool) -> bytes:
+    def render_metrics(self, openmetrics: bool) -> bytes:
         """The whole exposition."""
         begin = time.perf_counter()
         text = self._exposition.render(openmetrics=openmetrics)
-        own = self._own.render(openmetrics=openmetrics)
-        self._scrapes += 1
-        self._scrape_seconds = time.perf_counter() - begin
+        own = self._self_metrics.render(openmetrics=openmetrics)
+        self._exporter.scrapes += 1
+        self._exporter.scrape_seconds = time.perf_counter() - begin
         return text + own
 
-    # -- handed to the web -----------------------------------------------------------------------
+    def fleet_snapshot(self) -> dict[str, Any]:
+        """The fleet as /api/v1/fleet returns it."""
+        return snapshot.fleet_snapshot(self.state, ros.read_clocks())
 
-    def _ready(self) -> str | None:
+    def find_events(self, wanted: Wanted) -> Iterable[dict[str, Any]]:
+        """The events that match the filter, newest first."""
+        self._record_events()
+        return self.events.find(wanted)
+
+    def targets(self, job: str, port: int | None) -> list[dict[str, Any]]:
+        """Prometheus' http_sd list of a job; LookupError or ValueError as Backend says."""
+        return snapshot.targets(self.state, job, port)
+
+    def not_ready_reason(self) -> str | None:
+        """Why the robots' messages are not subscribed to; None when they are."""
         looks = self._listener.last_looks
         if self._listener.joining or not looks or not all(looks.values()):
             return "the ROS graph has not been looked at yet"
@@ -186,38 +188,13 @@ class Service:
             return f"no message was taken for {self.STALLED:.0f} s in DDS domain {domains}"
         return None
 
-    def _forget(self, robot: str, component: str | None) -> int:
+    def forget(self, robot: str, component: str | None) -> int:
+        """Remove a robot or a component; LookupError if there is none of that name."""
         return self.state.forget(robot, component, ros.read_clocks())
+
+    # -- handed to the metrics -----------------------------------------------------------------
 
     def _acknowledged(self) -> list[Acknowledgement]:
         if self._alertmanager is None:
             return []
         return self._alertmanager.known(ros.read_clocks().wall)
-
-    def _facts(self) -> Facts:
-        joined = self._listener.domain_ids
-        domains = {domain_id: domain_id in joined for domain_id in self.state.fleet.domain_ids}
-        storage, alertmanager = self.storage, self._alertmanager
-        return Facts(
-            fleet=self.state.fleet.name,
-            ros_distro=self._distribution,
-            rmw=self._rmw,
-            config_successful=self._reloader.successful,
-            config_time=self._reloader.time,
-            robots=len(self.state.robots),
-            series=dict(self._exposition.series),
-            series_limit=self.state.fleet.limits.series,
-            rejected=dict(self.state.rejected),
-            settled=self.state.settled(ros.read_clocks()),
-            decode_seconds=self._listener.decode_seconds,
-            ingest_seconds=self._listener.ingest_seconds,
-            scrapes=self._scrapes,
-            scrape_seconds=self._scrape_seconds,
-            domains=domains,
-            discovery_times=self._listener.last_looks,
-            storage_successful=None if storage is None else storage.successful,
-            storage_time=0.0 if storage is None else storage.written_at,
-            alertmanager_up=None
-            if alertmanager is None
-            else alertmanager.answers(ros.read_clocks()),
-        )

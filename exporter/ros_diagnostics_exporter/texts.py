@@ -1,10 +1,12 @@
-"""Texts of robots, files and people, made safe to show: one sanitizer for each place.
+"""Makes texts of robots, files and people safe to display: one function for each place.
 
-A name's identity is what was published, and goes to Prometheus and the API as it is; only what a
-person reads is changed here. Characters that control a terminal, turn the direction of writing, or
-take no space (control and format characters, separators, lone surrogates, what Unicode has not
-assigned) become visible escapes: two names that differ look different, and one cannot pose as
-another.
+    printable   error messages and logs of the configuration: exact, in one line
+    one_line    terminals and the landing page: exact but for blanks
+    to_json     logs, the event log and JSON on a terminal
+
+Prometheus and the API get every name as it was published. Here, characters that control a terminal,
+change the direction of writing or take no space (control and format characters, separators, lone
+surrogates, unassigned code points) become visible escapes, so that different names look different.
 """
 
 from __future__ import annotations
@@ -13,37 +15,37 @@ import json
 import re
 from typing import Any
 
-# What a driver may mean as a space: the blanks of all scripts, and line ends and tabs in a text.
+# Drivers use these as a space: the blanks of all scripts, tabs and line ends.
 _SPACES = dict.fromkeys(
     (*b"\t\n\r", 0xA0, 0x1680, *range(0x2000, 0x200B), 0x202F, 0x205F, 0x3000), " "
 )
 
 
 def printable(text: str) -> str:
-    """``text`` in one line with everything invisible escaped, any blank but the space too."""
+    """``text`` in one line; unprintable characters and all blanks but the space escaped."""
     if text.isprintable():
         return text
-    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)
+    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
 
 
-def shown(text: str) -> str:
-    """``text`` in one line as a terminal or a page may show it: blanks are spaces."""
+def one_line(text: str) -> str:
+    """As ``printable``, but blanks, tabs and line ends become spaces."""
     return printable(text.translate(_SPACES))
 
 
 def to_json(content: Any) -> str:
-    """JSON in one line that may be shown on a terminal; letters of all scripts stay readable."""
+    """JSON in one line, safe for a terminal; letters of all scripts stay readable."""
     text = json.dumps(content, ensure_ascii=False)
     if text.isprintable():
         return text
-    return "".join(sign if sign.isprintable() else _json_escape(sign) for sign in text)
+    return "".join(char if char.isprintable() else _json_escape(char) for char in text)
 
 
 def natural(name: str) -> tuple[list[tuple[int, str]], str]:
-    """A key that sorts robot_2 before robot_10, and takes any text.
+    """A sort key that puts robot_2 before robot_10, for any text.
 
-    Texts and ASCII digits take turns in it; other scripts' digits are text. A number's length goes
-    before its digits, so that none has to be made an int, which has a bound.
+    Text and ASCII digits alternate in it; digits of other scripts are text. The length of a number
+    comes before its digits, so none is converted to an int, whose number of digits is limited.
     """
     parts = re.split(r"([0-9]+)", name)
     for index in range(1, len(parts), 2):
@@ -51,11 +53,11 @@ def natural(name: str) -> tuple[list[tuple[int, str]], str]:
     return [(len(part) if index % 2 else 0, part) for index, part in enumerate(parts)], name
 
 
-def _json_escape(sign: str) -> str:
-    """As JSON escapes it; half a surrogate pair is no text, and not every reader takes its escape.
+def _json_escape(char: str) -> str:
+    """The JSON escape; "?" for a lone surrogate, whose escape not every reader accepts.
 
-    DEL is the only one that JSON itself leaves as it is.
+    DEL is the only unprintable character that json.dumps leaves as it is.
     """
-    if "\ud800" <= sign <= "\udfff":
+    if "\ud800" <= char <= "\udfff":
         return "?"
-    return "\\u007f" if sign == "\x7f" else json.dumps(sign)[1:-1]
+    return "\\u007f" if char == "\x7f" else json.dumps(char)[1:-1]

@@ -1,6 +1,6 @@
-"""Clients that ask and do not read, in a process of their own, until it is ended.
+"""Clients that send requests and do not read the responses; a program that runs until stopped.
 
-What the server closes is opened again at once, so that there are always as many.
+Connections that the server closes are opened again at once, so their number stays the same.
 
     python hostile_clients.py PORT NUMBER SOURCE PATH
 """
@@ -16,25 +16,25 @@ REQUESTS = 5  # on each connection
 
 
 def connect(port: int, source: str, path: str) -> socket.socket:
-    """A connection from ``source`` with requests for ``path`` under way."""
+    """A connection from ``source`` with requests for ``path``."""
     sock = socket.socket()
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4_096)
     sock.bind((source, 0))
     sock.settimeout(60)
-    with suppress(OSError):  # closed again already, which poll() tells
+    with suppress(OSError):  # closed again already, which poll() reports
         sock.connect(("127.0.0.1", port))
         sock.sendall(f"GET {path} HTTP/1.1\r\nHost: x\r\n\r\n".encode() * REQUESTS)
     return sock
 
 
-def crowd(port: int, number: int, source: str, path: str) -> None:
-    """Keep ``number`` of them open, for ever."""
+def keep_open(port: int, number: int, source: str, path: str) -> None:
+    """Keep ``number`` connections open, for ever."""
     poll, opened = select.poll(), {}
 
     def add() -> None:
         sock = connect(port, source, path)
         opened[sock.fileno()] = sock
-        poll.register(sock, select.POLLRDHUP)  # that there is data to read is of no interest
+        poll.register(sock, select.POLLRDHUP)  # not POLLIN: nothing is read
 
     for _ in range(number):
         add()
@@ -47,4 +47,4 @@ def crowd(port: int, number: int, source: str, path: str) -> None:
 
 
 if __name__ == "__main__":
-    crowd(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4])
+    keep_open(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4])

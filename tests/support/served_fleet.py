@@ -11,12 +11,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from types import SimpleNamespace
 
 from ros_diagnostics_exporter.acknowledgement import Acknowledgement
 from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.self_metrics import Facts, SelfMetrics
+from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.state.state import State
 from testbed.ports import free_port
@@ -33,9 +34,8 @@ class ServedFleet:
         self._speak = speak
         self.alertmanager: Alertmanager | None = None  # asked for acknowledgements at each scrape
         self._exposition = Exposition(self.state, self._acknowledged)
-        self._own = SelfMetrics(self._facts)
-        self.domains = dict.fromkeys(fleet.domain_ids, True)
-        self._scrapes = 0
+        self.exporter = self._exporter(fleet)
+        self._self_metrics = SelfMetrics(self.exporter)
         self._lock = threading.Lock()
 
     def scrape(self) -> bytes:
@@ -44,31 +44,29 @@ class ServedFleet:
             now = _read_clocks()
             self._speak(self.state, now)
             self.state.tick(now)
-            self._scrapes += 1
+            self.exporter.scrapes += 1
+            self.exporter.alertmanager = self.alertmanager
             if self.alertmanager is not None:
                 self.alertmanager.look(self.state.fleet.name, now)
-            return self._exposition.render() + self._own.render()
+            return self._exposition.render() + self._self_metrics.render()
 
     def _acknowledged(self) -> list[Acknowledgement]:
         alertmanager = self.alertmanager
         return [] if alertmanager is None else alertmanager.known(_read_clocks().wall)
 
-    def _facts(self) -> Facts:
-        return Facts(
-            fleet=self.state.fleet.name,
-            ros_distro="jazzy",
-            rmw="none",
-            config_time=self.started.wall,
-            robots=len(self.state.robots),
-            series=self._exposition.series,
-            series_limit=self.state.fleet.limits.series,
-            rejected=self.state.rejected,
-            scrapes=self._scrapes,
-            domains=self.domains,
-            discovery_times=dict.fromkeys(self.domains, self.started.wall),
-            storage_successful=True,
-            storage_time=self.started.wall,
-            alertmanager_up=self.alertmanager and self.alertmanager.answers(_read_clocks()),
+    def _exporter(self, fleet: Fleet) -> Exporter:
+        """What the exporter's own metrics are read from; what is not here is a stand-in."""
+        at = self.started.wall
+        listener = SimpleNamespace(
+            domain_ids=fleet.domain_ids,
+            last_looks=dict.fromkeys(fleet.domain_ids, at),
+            decode_seconds=0.0,
+            ingest_seconds=0.0,
+        )
+        reloader = SimpleNamespace(successful=True, time=at)
+        storage = SimpleNamespace(successful=True, written_at=at)
+        return Exporter(
+            self.state, self._exposition, listener, reloader, storage, None, ("jazzy", "none")
         )
 
 

@@ -1,4 +1,4 @@
-"""Silences as Alertmanager lists them, made as ros-diagnostics-ack makes them."""
+"""Silences of ros-diagnostics-ack as Alertmanager lists them."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ MOTOR = Acknowledgement(
 )
 
 
-def told(*, robot: str = "r", component: str | None = "Motor 1", since: str = SINCE, **changes):
-    """A silence as Alertmanager lists the one that the command made."""
+def listed(*, robot: str = "r", component: str | None = "Motor 1", since: str = SINCE, **changes):
+    """A silence that the command made, as Alertmanager lists it."""
     labels = {"fleet": "f", "robot": robot}
     if component is not None:
         labels |= {"group": "/Motor", "component": component, "state": "critical"}

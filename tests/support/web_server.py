@@ -1,4 +1,4 @@
-"""A server on simple functions: the web is tested without ROS and without the state."""
+"""A web server on a fake backend: the web is tested without ROS and without the state."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import socket
 import ssl
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,6 @@ import pytest
 import trustme
 
 from ros_diagnostics_exporter.severity import OF_LEVEL
-from ros_diagnostics_exporter.web.backend import Doors
 from ros_diagnostics_exporter.web.server import Server
 
 Serve = Callable[..., Server]
@@ -34,7 +33,7 @@ def component(name: str, level: str, **changed: Any) -> dict[str, Any]:
         "level_before_stale": "OK" if level == "STALE" else None,
         "state": OF_LEVEL[level],
         "planned_stale": False,
-        "message": f"{name} says {level}",
+        "message": f"{name} reports {level}",
         "since": 1_000.0,
         "problem_since": None if level == "OK" else 1_000.0,
         "changes": 3,
@@ -66,7 +65,7 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
 
 
 def fleet(*robots: dict[str, Any]) -> dict[str, Any]:
-    """A fleet as /api/v1/fleet shows it, looked at a minute after Unix time 1,000."""
+    """A fleet as /api/v1/fleet shows it, at Unix time 1,060."""
     return {"fleet": "hall", "time": 1_060.0, "version": "1", "robots": list(robots)}
 
 
@@ -74,25 +73,34 @@ def no_targets(job: str, _port: int | None) -> list[dict[str, Any]]:
     raise LookupError(job)
 
 
-DOORS = Doors(
-    metrics=lambda openmetrics: b"openmetrics\n" if openmetrics else b"text\n",
-    fleet=fleet,
-    events=lambda _wanted: [],
-    targets=no_targets,
-    ready=lambda: None,
-    reload=lambda: None,
-    forget=lambda _robot, _component: 1,
-)
+def render_metrics(openmetrics: bool) -> bytes:
+    return b"openmetrics\n" if openmetrics else b"text\n"
+
+
+@dataclass(frozen=True)
+class FakeBackend:
+    """A Backend made of functions."""
+
+    render_metrics: Callable[[bool], bytes] = render_metrics
+    fleet_snapshot: Callable[[], dict[str, Any]] = fleet
+    find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
+    targets: Callable[[str, int | None], list[dict[str, Any]]] = no_targets
+    not_ready_reason: Callable[[], str | None] = lambda: None
+    reload: Callable[[], None] = lambda: None
+    forget: Callable[[str, str | None], int] = lambda _robot, _component: 1
+
+
+BACKEND_METHODS = {field.name for field in fields(FakeBackend)}
 
 
 @pytest.fixture
 def serve() -> Iterator[Serve]:
-    """Starts servers: the doors' fields to replace, and the server's options as keywords."""
+    """Starts servers; keywords are methods of the backend and options of the server."""
     started = []
 
     def start(listen: str = "127.0.0.1:0", **given: Any) -> Server:
-        options = {name: given.pop(name) for name in list(given) if name not in vars(DOORS)}
-        server = Server(replace(DOORS, **given), listen=[listen], **options)
+        options = {name: given.pop(name) for name in list(given) if name not in BACKEND_METHODS}
+        server = Server(FakeBackend(**given), listen=[listen], **options)
         server.start()
         started.append(server)
         return server
@@ -106,14 +114,14 @@ def wait_until(condition: Callable[[], object], seconds: float = 20.0) -> None:
     """Returns when ``condition`` holds; fails when it does not in time."""
     deadline = time.monotonic() + seconds
     while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
+        assert time.monotonic() < deadline, "timed out"
         threading.Event().wait(0.01)
 
 
 @pytest.fixture(scope="session")
 def plain() -> Iterator[Server]:
-    """A server on the doors as they are, for tests that do not change it."""
-    server = Server(DOORS, listen=["127.0.0.1:0"])
+    """A server on an unchanged FakeBackend, for tests that do not change it."""
+    server = Server(FakeBackend(), listen=["127.0.0.1:0"])
     server.start()
     yield server
     server.stop()
@@ -140,8 +148,8 @@ def tls_config(tmp_path: Path, ca: trustme.CA) -> Path:
     return path
 
 
-class Answer:
-    """What a server said: status, headers and body, read to the end."""
+class Reply:
+    """A response: status, headers and the whole body."""
 
     def __init__(self, response: http.client.HTTPResponse) -> None:
         self.status = response.status
@@ -160,8 +168,8 @@ def ask(
     tls: ssl.SSLContext | None = None,
     source: str = "",
     **headers: str,
-) -> Answer:
-    """One request on a connection of its own, from ``source``; header names with _ for -."""
+) -> Reply:
+    """One request on its own connection, from ``source``; header names with _ for -."""
     host, _, port = server.addresses[0].rpartition(":")
     client: http.client.HTTPConnection
     if tls is None:
@@ -172,10 +180,10 @@ def ask(
         client = http.client.HTTPSConnection(host, int(port), timeout=20, context=tls)
     with closing(client):
         client.request(method, path, headers={k.replace("_", "-"): v for k, v in headers.items()})
-        return Answer(client.getresponse())
+        return Reply(client.getresponse())
 
 
 def connect(server: Server) -> socket.socket:
-    """A bare connection, for clients that misbehave."""
+    """A bare connection, for misbehaving clients."""
     host, _, port = server.addresses[0].rpartition(":")
     return socket.create_connection((host, int(port)), timeout=20)

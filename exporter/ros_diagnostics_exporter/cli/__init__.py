@@ -1,1 +1,1 @@
-"""The commands: the exporter itself, status, check_nagios, ack."""
+"""The commands: the exporter itself, status, check_nagios and ack."""

@@ -1,4 +1,4 @@
-"""``check_ros_diagnostics``: a Nagios plug-in that asks the exporter about one robot's sensors.
+"""``check_ros_diagnostics``: a Nagios plug-in that checks one robot through the exporter.
 
 For sites that keep Nagios. It prints what the plug-in of the 2014 master's thesis printed, which
 polled the robot itself: the sensors by state, the aggregator's parents among them. Its output and
@@ -15,12 +15,13 @@ from itertools import islice
 from typing import Any, NoReturn
 
 from ros_diagnostics_exporter import __version__
-from ros_diagnostics_exporter.http_client import UnreachableError, add_arguments, ask_fleet
+from ros_diagnostics_exporter.cli.connection_flags import add_arguments, make_client
+from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.severity import as_planned
-from ros_diagnostics_exporter.texts import shown
+from ros_diagnostics_exporter.texts import one_line
 
 OK, WARNING, CRITICAL, UNKNOWN = range(4)  # exit codes
-# Level -> the word of its list, worst first; the order of the lists.
+# Level -> the name of its list, in the order of the lists, worst first.
 LISTS = {"ERROR": "CRITICAL", "STALE": "STALE", "WARN": "WARNING", "OK": "OK"}
 MAX_VALUES = 50  # in the performance data: Nagios cuts a plug-in's output at 8 kB
 # Units that the guidelines know for performance data; any other goes into the label.
@@ -29,7 +30,7 @@ UNITS = {"s", "ms", "us", "%", "B", "KB", "MB", "TB", "c"}
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        """A wrong call is UNKNOWN; argparse's own code 2 would be CRITICAL."""
+        """Wrong arguments are UNKNOWN; argparse's own code 2 would be CRITICAL."""
         print(f"UNKNOWN - {_clean(message)}")  # noqa: T201
         sys.exit(UNKNOWN)
 
@@ -40,7 +41,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGALRM, _too_late)
     signal.setitimer(signal.ITIMER_REAL, options.timeout)
     try:
-        code, line = check(ask_fleet(options, (options.robot,)), options.robot, options.name)
+        code, line = check(
+            make_client(options).fleet((options.robot,)), options.robot, options.name
+        )
     except UnreachableError as error:
         code, line = UNKNOWN, f"UNKNOWN - {_clean(str(error))}"
     except _TooLateError:
@@ -68,14 +71,14 @@ def check(fleet: dict[str, Any], name: str, pattern: str) -> tuple[int, str]:
     if not components and not groups:
         return CRITICAL, f"CRITICAL - no sensor matches '{_clean(pattern)}'"
     lists = _lists(groups, components)
-    code = _judge(_lists(groups, [each for each in components if not as_planned(each)]))
+    code = _exit_code(_lists(groups, [each for each in components if not as_planned(each)]))
     word = ("OK", "WARNING", "CRITICAL")[code]
-    told = ", ".join(
+    listed = ", ".join(
         f"{LISTS[level]} sensor(s) list: {', '.join(paths)}"
         for level, paths in lists.items()
         if paths
     )
-    return code, f"{word} - {told} | {' '.join(_performance(lists, components))}"
+    return code, f"{word} - {listed} | {' '.join(_performance(lists, components))}"
 
 
 def _lists(groups: list[dict[str, Any]], components: list[dict[str, Any]]) -> dict[str, list[str]]:
@@ -88,10 +91,10 @@ def _lists(groups: list[dict[str, Any]], components: list[dict[str, Any]]) -> di
     }
 
 
-def _judge(lists: dict[str, list[str]]) -> int:
-    """STALE is CRITICAL, as it was in the thesis: a sensor that says nothing may hide anything.
+def _exit_code(lists: dict[str, list[str]]) -> int:
+    """STALE is CRITICAL, as in the thesis: a sensor that sends nothing may hide any fault.
 
-    Except where fleet.yml plans it: such sensors are listed and not judged.
+    Sensors that fleet.yml plans to be STALE are listed, but are not in ``lists`` here.
     """
     if lists["ERROR"] or lists["STALE"]:
         return CRITICAL
@@ -112,7 +115,7 @@ def _matches(path: str, pattern: str) -> bool:
 
 
 def _performance(lists: dict[str, list[str]], components: list[dict[str, Any]]) -> Iterator[str]:
-    """How many stand in each list, and the sensors' numbers (none that is STALE: it is old)."""
+    """The length of each list and the sensors' numbers, without those of STALE (old) sensors."""
     for level, word in LISTS.items():
         yield f"{word.lower()}={len(lists[level])};;;0"
     numbers = (
@@ -136,12 +139,12 @@ def _datum(component: dict[str, Any], value: dict[str, Any]) -> str:
 
 
 def _clean(text: str) -> str:
-    """Text for one line of output: a bar would begin the performance data."""
-    return shown(text).replace("|", "/")
+    """Text for the one line of output; a bar would start the performance data."""
+    return one_line(text).replace("|", "/")
 
 
 class _TooLateError(Exception):
-    """The time is up, whatever the exporter is doing. Not a TimeoutError: that is an OSError."""
+    """The timeout is over. Not a TimeoutError: that is an OSError, which the client handles."""
 
 
 def _too_late(_number: int, _frame: object) -> NoReturn:
@@ -151,20 +154,20 @@ def _too_late(_number: int, _frame: object) -> NoReturn:
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="check_ros_diagnostics",
-        description="Check a robot's diagnostics, as a ROS diagnostics exporter knows them.",
+        description="Check the diagnostics of a robot that a ROS diagnostics exporter monitors.",
         epilog="Exit codes: 0 OK, 1 WARNING, 2 CRITICAL (also STALE that is not planned, "
         "and no sensor that matches), "
-        "3 UNKNOWN (exporter or robot not reachable, wrong call).",
+        "3 UNKNOWN (exporter or robot not reachable, wrong arguments).",
     )
     parser.add_argument(
-        "-H", "--robot", "--hostname", required=True, help="the robot, as fleet.yml names it"
+        "-H", "--robot", "--hostname", required=True, help="the robot's name in fleet.yml"
     )
     parser.add_argument(
         "-N",
         "--name",
         default="",
-        help="check the sensors whose path (/Group/Sensor) contains this, case ignored; "
-        "without it all",
+        help="check the sensors whose path (/Group/Sensor) contains this, ignoring case "
+        "(default: all)",
     )
     parser.add_argument("-V", "--version", action="version", version=f"%(prog)s {__version__}")
     add_arguments(parser)

@@ -1,4 +1,4 @@
-"""The exporter's flags, in the style of Prometheus' exporters, and a --help that teaches."""
+"""The exporter's flags, named as in Prometheus' own exporters, and its --help."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ The smallest fleet.yml finds every robot that publishes <name>/diagnostics_agg i
   discovery:
     - {topic: "/{robot}/diagnostics_agg", domain_ids: [0]}
 
-Look at it:    ros-diagnostics-exporter --config.file fleet.yml --config.check
+Check it:      ros-diagnostics-exporter --config.file fleet.yml --config.check
 Run it:        ros-diagnostics-exporter --config.file fleet.yml
 See it:        http://localhost:9877/ in a browser, ros-diagnostics-status in a terminal
 Scrape it:     scrape_configs: [{job_name: ros-diagnostics, honor_labels: true,
                  static_configs: [{targets: ["localhost:9877"], labels: {fleet: warehouse}}]}]
 Keep Nagios:   check_ros_diagnostics -H robot_1 -N motor
 
-Exit codes: 0 ended by SIGTERM or SIGINT, 1 it cannot run (port taken, no ROS), 2 a flag or a file
-is wrong. SIGHUP reads fleet.yml again, as does a change of the file.
+The configuration is reloaded when its files change and on SIGHUP.
+Exit codes: 0 stopped by SIGTERM or SIGINT, 1 cannot run (port in use, no ROS), 2 invalid flag or
+configuration file.
 """
 
 
 def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
-    """The flags of the command line, or of ``arguments``; ends the process if they are wrong."""
+    """Parse the command line, or ``arguments``; exits with code 2 if they are invalid."""
     parser = argparse.ArgumentParser(
         prog="ros-diagnostics-exporter",
         description="Exports the diagnostics of a fleet of ROS 2 robots to Prometheus.",
@@ -59,28 +60,29 @@ def _add_fleet(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path("fleet.yml"),
         metavar="FILE",
-        help="the fleet: robots, discovery, profiles (default: %(default)s)",
+        help="the fleet's configuration: robots, discovery, profiles (default: %(default)s)",
     )
     group.add_argument(
         "--config.check",
         dest="config_check",
         action="store_true",
-        help="say what was understood of the config, or all that is wrong with it, and end",
+        help="check the configuration files, print a summary or all errors, and exit",
     )
     group.add_argument(
         "--storage.path",
         dest="storage_path",
         type=Path,
         metavar="FILE",
-        help="keep what is known about the robots in this file over restarts",
+        help="keep the state of the robots in this file across restarts",
     )
     group.add_argument(
         "--events.path",
         dest="events_path",
         type=Path,
         metavar="FILE",
-        help="append every change of a level, silence and change of the config to this file, one "
-        "JSON object a line; at 10 MB it is renamed to FILE.1, and five of those are kept",
+        help="append an event to this file, one JSON object per line, whenever a level changes, a "
+        "robot goes silent or comes back, or the configuration is reloaded; rotated at 10 MB, "
+        "keeping FILE.1 to FILE.5",
     )
 
 
@@ -91,8 +93,8 @@ def _add_web(parser: argparse.ArgumentParser) -> None:
         dest="listen_addresses",
         action="append",
         metavar="HOST:PORT",
-        help="where to serve; may be given more than once; IPv6 as [::1]:9877; without a host on "
-        f"all interfaces (default: {DEFAULT_ADDRESS})",
+        help="address to listen on, repeatable; IPv6 as [::1]:9877; without a host all interfaces "
+        f"(default: {DEFAULT_ADDRESS})",
     )
     group.add_argument(
         "--web.telemetry-path",
@@ -100,36 +102,35 @@ def _add_web(parser: argparse.ArgumentParser) -> None:
         type=_path,
         default="/metrics",
         metavar="PATH",
-        help="where the metrics are (default: %(default)s)",
+        help="path under which to expose metrics (default: %(default)s)",
     )
     group.add_argument(
         "--web.config.file",
         dest="web_config",
         type=Path,
         metavar="FILE",
-        help="TLS, users and limits, in the format of Prometheus' exporter-toolkit; read again "
-        "when it changes",
+        help="TLS, basic authentication and rate limit, in the format of Prometheus' "
+        "exporter-toolkit; reloaded when it changes",
     )
     group.add_argument(
         "--web.enable-lifecycle",
         dest="lifecycle",
         action="store_true",
-        help="let POST /-/reload and /-/forget change something; let nobody reach them whom you "
-        "do not trust",
+        help="enable POST /-/reload and POST /-/forget, which change the state; allow only trusted "
+        "clients to reach the exporter then",
     )
 
 
 def _add_alertmanager(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("Alertmanager, to show which faults are acknowledged")
+    group = parser.add_argument_group("Alertmanager, to export which alerts are acknowledged")
     group.add_argument(
         "--alertmanager.url",
         dest="alertmanager_urls",
         action="append",
         type=_url,
         metavar="URL",
-        help="ask it every few seconds for this fleet's acknowledgements and export them; may be "
-        "given more than once for a pair: the first that answers is believed (default: nobody is "
-        "asked)",
+        help="read this fleet's acknowledgements from it every few seconds and export them; "
+        "repeatable for a cluster, the first that responds is used (default: none)",
     )
     group.add_argument(
         "--alertmanager.user",
@@ -149,25 +150,25 @@ def _add_alertmanager(parser: argparse.ArgumentParser) -> None:
         dest="alertmanager_ca_file",
         type=Path,
         metavar="FILE",
-        help="CA of its TLS (default: the system's)",
+        help="CA of its certificate (default: the system's)",
     )
 
 
 def _add_logs(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("log, on standard error")
+    group = parser.add_argument_group("log (standard error)")
     group.add_argument(
         "--log.level",
         dest="log_level",
         choices=("debug", "info", "warning", "error"),
         default="info",
-        help="(default: %(default)s)",
+        help="lowest level to log (default: %(default)s)",
     )
     group.add_argument(
         "--log.format",
         dest="log_format",
         choices=FORMATS,
         default="logfmt",
-        help='json also wraps what the middleware writes past the log, logger "output" '
+        help='json also wraps lines that the ROS middleware writes itself, with logger "output" '
         "(default: %(default)s)",
     )
 
@@ -175,10 +176,10 @@ def _add_logs(parser: argparse.ArgumentParser) -> None:
 def _url(text: str) -> str:
     found = urlsplit(text)
     if found.scheme not in {"http", "https"} or not found.hostname or found.query or found.fragment:
-        raise argparse.ArgumentTypeError(f"{text!r} is no URL such as http://localhost:9093")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a URL such as http://localhost:9093")
     if "@" in found.netloc:
         raise argparse.ArgumentTypeError(
-            "a URL in a flag is seen by everybody: give the user as --alertmanager.user and the "
+            "every user of the machine can see flags: give the user as --alertmanager.user and the "
             "password in --alertmanager.password-file"
         )
     return text
@@ -186,5 +187,5 @@ def _url(text: str) -> str:
 
 def _path(text: str) -> str:
     if not text.startswith("/") or set(text) & set("{}?#"):
-        raise argparse.ArgumentTypeError(f"{text!r} is no path such as /metrics")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a path such as /metrics")
     return text

@@ -1,4 +1,4 @@
-"""The command: flags, wiring, signals, exit codes. The only file that knows all others."""
+"""``ros-diagnostics-exporter``: flags, start and stop, signals, exit codes."""
 
 from __future__ import annotations
 
@@ -19,19 +19,17 @@ from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.events import EventLog, EventLogError
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.service import Service
-from ros_diagnostics_exporter.web.listen import AddressError, ListenError
-from ros_diagnostics_exporter.web.live_config import Settings
-from ros_diagnostics_exporter.web.server import Server
-from ros_diagnostics_exporter.web.webconfig import WebConfigError
+from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server
+from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
 
 EXIT_FAILURE = 1
-EXIT_USAGE = 2  # also a config that cannot be read, as argparse exits for a wrong flag
+EXIT_USAGE = 2  # also for an invalid configuration; argparse exits so for an invalid flag
 
 log = logging.getLogger("ros_diagnostics_exporter")
 
 
 class WebEndedError(Exception):
-    """The web server has ended by itself; its own log line says why."""
+    """The web server has failed; its own log line has the reason."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -60,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _check(options: argparse.Namespace) -> int:
     print(describe(load(options.config_file)), end="")  # noqa: T201
-    Settings(options.web_config)
+    LiveWebConfig(options.web_config)
     return 0
 
 
@@ -95,7 +93,7 @@ def _alertmanager(options: argparse.Namespace) -> Alertmanager | None:
 
 def _serve(options: argparse.Namespace, service: Service) -> None:
     server = Server(
-        service.doors(),
+        service,
         listen=options.listen_addresses or [flags.DEFAULT_ADDRESS],
         telemetry_path=options.telemetry_path,
         web_config=options.web_config,
@@ -114,7 +112,7 @@ def _serve(options: argparse.Namespace, service: Service) -> None:
         log.info("serving fleet %s on %s", service.state.fleet.name, ", ".join(server.addresses))
         while not stop.is_set():
             if not server.alive:
-                raise WebEndedError  # nobody would see the faults: whoever watches restarts us
+                raise WebEndedError  # without it nobody sees the faults; systemd restarts us
             if reload.is_set():
                 reload.clear()
                 service.request_reload("SIGHUP")

@@ -1,4 +1,4 @@
-"""``ros-diagnostics-status``: the fleet in a terminal, for the person with an ssh session."""
+"""``ros-diagnostics-status``: the fleet in a terminal."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from ros_diagnostics_exporter import __version__
-from ros_diagnostics_exporter.http_client import UnreachableError, add_arguments, ask_fleet, seconds
+from ros_diagnostics_exporter.cli.connection_flags import add_arguments, make_client, seconds
+from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.severity import (
     RANKS,
     ago,
@@ -26,7 +27,7 @@ from ros_diagnostics_exporter.severity import (
     short_told,
     state_of,
 )
-from ros_diagnostics_exporter.texts import natural, printable, shown
+from ros_diagnostics_exporter.texts import natural, one_line, printable
 
 COLOURS = {
     "UNKNOWN": "magenta",
@@ -40,10 +41,11 @@ FAULTS_SHOWN = 3  # of one robot, in the table of robots
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the fleet once, or again and again; 0, or 1 when the exporter gives no answer."""
+    """Print the fleet once, or repeatedly; exit code 0, or 1 if the exporter does not respond."""
     options = _parser().parse_args(arguments)
     try:
-        return _watch(options) if options.watch is not None else _once(options)
+        client = make_client(options)
+        return _watch(client, options) if options.watch is not None else _once(client, options)
     except UnreachableError as error:
         print(f"ros-diagnostics-status: {printable(str(error))}", file=sys.stderr)  # noqa: T201
         return 1
@@ -52,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def choose(fleet: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
-    """The part of the fleet that the filters leave; robots, and with --component components."""
+    """The robots that match the filters; with --component only their matching components."""
     robots = [
         robot
         for robot in fleet["robots"]
@@ -73,60 +75,57 @@ def _named(component: dict[str, Any], wanted: str) -> bool:
     return wanted in f"{component['group']}/{component['component']}".casefold()
 
 
-def _once(options: argparse.Namespace) -> int:
-    fleet = choose(ask_fleet(options), options)
+def _once(client: Client, options: argparse.Namespace) -> int:
+    fleet = choose(client.fleet(), options)
     if options.json:
         json.dump(fleet, sys.stdout, indent=2)
         print()  # noqa: T201
     else:
-        Console().print(view(fleet, options))
+        Console().print(view(fleet, components=options.component is not None))
     return 0
 
 
-def _watch(options: argparse.Namespace) -> int:
+def _watch(client: Client, options: argparse.Namespace) -> int:
     with Live(auto_refresh=False, screen=sys.stdout.isatty()) as live:
         while True:
             try:
-                table: Any = view(choose(ask_fleet(options), options), options)
-            except UnreachableError as error:  # it may come back: that is what is watched for
+                fleet = choose(client.fleet(), options)
+                table: Any = view(fleet, components=options.component is not None)
+            except UnreachableError as error:  # keep watching: it may come back
                 table = Text(printable(str(error)), style="bold red")
             live.update(table, refresh=True)
             time.sleep(options.watch)
 
 
-def view(fleet: dict[str, Any], options: argparse.Namespace) -> Group:
-    """What is printed: a table, worst first, and a line that sums it up."""
+def view(fleet: dict[str, Any], *, components: bool = False) -> Group:
+    """A table of robots, or of their components, worst first, and a summary line."""
     robots = sorted(
         fleet["robots"], key=lambda robot: (-RANKS[state_of(robot)], natural(robot["robot"]))
     )
-    table = (
-        _components(robots, fleet["time"])
-        if options.component is not None
-        else _robots(robots, fleet["time"])
-    )
-    return Group(table, _sum(fleet, Counter(state_of(robot) for robot in robots)))
+    table = _components(robots, fleet["time"]) if components else _robots(robots, fleet["time"])
+    return Group(table, _summary(fleet, Counter(state_of(robot) for robot in robots)))
 
 
 def _robots(robots: list[dict[str, Any]], now: float) -> Table:
-    table = _table("State", "Robot", "Last heard", "Faults")
+    table = _table("State", "Robot", "Last message", "Faults")
     for robot in robots:
-        heard = robot["last_message"]
+        received = robot["last_message"]
         table.add_row(
             _coloured(state_of(robot)),
             _plain(robot["robot"]),
-            "never" if heard is None else f"{max(0.0, now - heard):.0f} s ago",
-            _told(robot, now),
+            "never" if received is None else f"{max(0.0, now - received):.0f} s ago",
+            _faults(robot, now),
         )
     return table
 
 
 def _table(*titles: str) -> Table:
-    """Long texts go on in the next line: what is cut off is what one looks for."""
+    """A table that wraps long texts instead of cutting them off."""
     columns = (Column(title, overflow="fold") for title in titles)
     return Table(*columns, box=None, pad_edge=False)
 
 
-def _told(robot: dict[str, Any], now: float) -> Text:
+def _faults(robot: dict[str, Any], now: float) -> Text:
     parts = [f"silent: {robot['silent_reason']}"] if not robot["up"] else []
     parts += ["in maintenance"] if robot["maintenance"] else []
     parts += short_told(robot)
@@ -155,25 +154,25 @@ def _components(robots: list[dict[str, Any]], now: float) -> Table:
 
 
 def _plain(*lines: str) -> Text:
-    """What a robot said: no markup, and nothing that a terminal obeys."""
-    return Text("\n".join(map(shown, lines)))
+    """Text of a robot without markup and terminal control characters."""
+    return Text("\n".join(map(one_line, lines)))
 
 
 def _coloured(state: str) -> Text:
     return Text(state, style=COLOURS[state])
 
 
-def _sum(fleet: dict[str, Any], count: Counter[str]) -> Text:
-    told = ", ".join(f"{count[state]} {state}" for state in RANKS if count[state])
+def _summary(fleet: dict[str, Any], count: Counter[str]) -> Text:
+    counts = ", ".join(f"{count[state]} {state}" for state in RANKS if count[state])
     moment = time.strftime("%H:%M:%S", time.localtime(fleet["time"]))
-    return _plain("", f"fleet {fleet['fleet']} at {moment}: {told or 'no robot matches'}")
+    return _plain("", f"fleet {fleet['fleet']} at {moment}: {counts or 'no robot matches'}")
 
 
 def _states(text: str) -> frozenset[str]:
     states = frozenset(text.upper().split(","))
     if unknown := states - RANKS.keys():
         raise argparse.ArgumentTypeError(
-            f"{', '.join(sorted(unknown))}: not among {', '.join(RANKS)}"
+            f"{', '.join(sorted(unknown))}: not one of {', '.join(RANKS)}"
         )
     return states
 
@@ -181,19 +180,22 @@ def _states(text: str) -> frozenset[str]:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="ros-diagnostics-status",
-        description="Show the fleet that a ROS diagnostics exporter knows.",
+        description="Show the fleet that a ROS diagnostics exporter monitors.",
         epilog="example: ros-diagnostics-status --state critical,unknown --watch",
     )
     parser.add_argument(
         "--state", type=_states, metavar="STATE[,STATE]", help="only robots in these states"
     )
     parser.add_argument(
-        "--robot", default="*", metavar="PATTERN", help="only these robots; * and ? are wild"
+        "--robot",
+        default="*",
+        metavar="PATTERN",
+        help="only robots whose name matches; * and ? are wildcards",
     )
     parser.add_argument(
         "--component",
         metavar="TEXT",
-        help="show components, those whose /Group/Component contains this, case ignored; "
+        help="show the components whose /Group/Component contains this, ignoring case; "
         "'' shows all",
     )
     form = parser.add_mutually_exclusive_group()
@@ -203,7 +205,7 @@ def _parser() -> argparse.ArgumentParser:
         nargs="?",
         const=2.0,
         metavar="SECONDS",
-        help="show it again and again, every 2 seconds or so many; Ctrl-C ends it",
+        help="refresh every SECONDS (default: 2) until Ctrl-C",
     )
     form.add_argument("--json", action="store_true", help="print JSON for other programs")
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")

@@ -1,4 +1,4 @@
-"""Tells systemd how the service stands (sd_notify(3)); nothing where nobody asked to be told."""
+"""Notifies systemd of the service's state, as sd_notify(3) does."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ _log = logging.getLogger(__name__)
 
 
 def notify(state: str) -> None:
-    """Send ``state``, for example ``READY=1``, to the socket that $NOTIFY_SOCKET names."""
+    """Send ``state``, for example ``READY=1``, to $NOTIFY_SOCKET if it is set."""
     path = os.environ.get("NOTIFY_SOCKET", "")
     if not path:
         return
-    # "@" stands for the first byte of an abstract socket's name, which is zero.
+    # "@" stands for the zero byte with which an abstract socket's name starts.
     address = "\0" + path[1:] if path.startswith("@") else path
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sock:

@@ -1,1 +1,4 @@
-"""fleet.yml read, checked and resolved once into one frozen Fleet; knows no clock, ROS or HTTP."""
+"""Reads fleet.yml and its folders into one frozen Fleet, again when a file changes.
+
+Knows neither ROS nor HTTP, and of the other packages only value types.
+"""

@@ -1,4 +1,4 @@
-"""What was understood of a config, as text for `--config.check`. Reads only the Fleet."""
+"""The text that `--config.check` prints for a valid config."""
 
 from __future__ import annotations
 
@@ -17,10 +17,9 @@ from ros_diagnostics_exporter.config.fleet import (
     Robot,
     Shared,
 )
-from ros_diagnostics_exporter.config.regex import Pattern
-from ros_diagnostics_exporter.config.times import DAY, DAYS
-
-_UNITS = (("w", 604_800_000), ("d", 86_400_000), ("h", 3_600_000), ("m", 60_000), ("s", 1000))
+from ros_diagnostics_exporter.config.scalars import DAY, DAYS
+from ros_diagnostics_exporter.durations import written
+from ros_diagnostics_exporter.regex import Pattern
 
 
 def describe(fleet: Fleet) -> str:
@@ -63,7 +62,7 @@ def _discovery(discovery: Discovery) -> str:
 
 
 def _settings(found: Robot | Discovery) -> tuple[str, str, str]:
-    """What a robot is given, whether it is declared or discovered."""
+    """The settings that declared and discovered robots have in common."""
     address = f"address {found.address}" if found.address else ""
     return f"profile {found.profile.name}", address, _pairs(found.labels)
 
@@ -80,9 +79,9 @@ def _shared(shared: Shared) -> str:
 
 def _profile(profile: Profile) -> str:
     return _joined(
-        f"{profile.name}: stale after {_duration(profile.stale_after)}",
-        f"confirmed after {_duration(profile.confirm_after)}",
-        f"forgotten after {_duration(profile.forget_after)}",
+        f"{profile.name}: stale after {written(profile.stale_after)}",
+        f"confirmed after {written(profile.confirm_after)}",
+        f"forgotten after {written(profile.forget_after)}",
         profile.stale_is_critical and "STALE is CRITICAL",
         f"checks: {', '.join(map(_check, profile.checks))}",
         profile.components and f"rules for components: {len(profile.components)}",
@@ -142,13 +141,3 @@ def _ranges(ids: tuple[int, ...]) -> str:
         else:
             runs.append([each])
     return ", ".join("-".join(map(str, run)) for run in runs)
-
-
-def _duration(seconds: float) -> str:
-    """`1m30s`, as one would write it into fleet.yml."""
-    left = round(seconds * 1000)
-    text = ""
-    for unit, size in _UNITS:
-        count, left = divmod(left, size)
-        text += f"{count}{unit}" if count else ""
-    return text + (f"{left}ms" if left else "") or "0s"

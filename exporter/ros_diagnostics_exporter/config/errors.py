@@ -1,24 +1,37 @@
 """What is wrong with a config: each problem with its place and the way out, all of them at once.
 
-Knows nothing of YAML or pydantic; they are translated before they come here.
+pydantic's errors are put into plain words here.
 """
 
 from __future__ import annotations
 
+import difflib
+import json
+import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails
 
 from ros_diagnostics_exporter.texts import printable
 
 LISTED = 20  # problems, or warnings, that are listed one by one
-MOST = 1000  # problems of entries that are worked out; a wrong file may have any number
-_MOST_SAID = 250  # characters of each part of a problem
+MOST = 1000  # problems that are collected; a file may have any number
+_LONGEST = 250  # characters of each part of a problem
 
 
 def shortened(text: str) -> str:
-    """`text`, or its begin where it is too long for a line of the log."""
-    return text if len(text) <= _MOST_SAID else text[: _MOST_SAID - 3] + "..."
+    """`text`, or its beginning if it is too long for a log line."""
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+
+
+def quoted(value: object) -> str:
+    """A value as an error quotes it: as in the file, on one line, shortened."""
+    found = "nothing" if value is None else json.dumps(value, ensure_ascii=False, default=str)
+    found = printable(found)
+    return found if len(found) <= 60 else found[:57] + "..."
 
 
 class WrongValueError(ValueError):
@@ -48,8 +61,7 @@ class Problem(NamedTuple):
 class ConfigError(ValueError):
     """The config cannot be used; ``str()`` has a line for each of the first ``LISTED`` problems.
 
-    ``sources`` are the files and folders that were looked at, so that a change of any of them
-    can be noticed although they did not make a Fleet.
+    ``sources`` are the files and folders that were read, so that they can be watched for a change.
     """
 
     def __init__(self, problems: Iterable[Problem], sources: Iterable[Path] = ()) -> None:
@@ -63,9 +75,102 @@ class ConfigError(ValueError):
         more = len(self.problems) - listed
         if more > 0:
             least = "at least " if len(self.problems) >= MOST else ""
-            lines.append(f"and {least}{more} more problems, listed once these are mended")
+            lines.append(f"and {least}{more} more problems, listed once these are fixed")
         return "\n".join(lines)
 
 
 def _place(problem: Problem) -> tuple[str, int, str]:
     return (str(problem.file), problem.line or 0, str(problem))
+
+
+Where = tuple[str | int, ...]
+
+_QUOTES = "put it in quotes"
+_PLAIN = "write digits without quotes"
+_PAIRS = "write it as key: value"
+_KINDS = {
+    "string_type": ("text", _QUOTES),
+    "int_type": ("a whole number", _PLAIN),
+    "float_type": ("a number", _PLAIN),
+    "finite_number": ("a finite number", _PLAIN),
+    "bool_type": ("true or false", "write true or false"),
+    "list_type": ("a list", "start each entry with a dash"),
+    "dict_type": ("a mapping", _PAIRS),
+    "model_type": ("a mapping", _PAIRS),
+}
+_LIMITS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
+
+
+class Explanation(NamedTuple):
+    """An error in plain words; ``where`` is relative to the value that was validated."""
+
+    where: Where
+    what: str
+    remedy: str
+
+
+def explanation(error: ErrorDetails, model: type[BaseModel]) -> Explanation:
+    """One error of validating against `model`, explained."""
+    where = tuple(part for part in error["loc"] if part != "[key]")
+    wrong = error.get("ctx", {}).get("error")
+    if isinstance(wrong, WrongValueError):
+        return Explanation(where, wrong.what, wrong.remedy)
+    if error["type"] == "missing":
+        return Explanation(where, "is missing", f"add {where[-1]}: ...")
+    if error["type"] == "extra_forbidden":
+        remedy = suggestion(str(where[-1]), _keys(model, where[:-1]))
+        return Explanation(where, "is not a key", remedy)
+    return Explanation(where, *_about_value(error))
+
+
+def _about_value(error: ErrorDetails) -> tuple[str, str]:
+    kind, value, context = error["type"], quoted(error["input"]), error.get("ctx", {})
+    if kind == "literal_error":
+        allowed = re.findall(r"'([^']+)'", context["expected"])
+        return f"{value} is not allowed", _one_of(allowed)
+    if kind in _KINDS:
+        expected, remedy = _KINDS[kind]
+        return f"{value} is not {expected}", remedy
+    for limit, words in _LIMITS.items():
+        if limit in context:
+            return f"{value} is out of range", f"use {words} {context[limit]}"
+    return f"{value} is not valid", error["msg"][:1].lower() + error["msg"][1:]
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """The remedy for an unknown word: the most similar known one, or a list of all."""
+    words, word = list(known), word[:100]  # the time of a comparison is quadratic
+    close = difflib.get_close_matches(word.lower(), {each.lower(): each for each in words}, n=1)
+    if close:
+        best = next(each for each in words if each.lower() == close[0])
+        return f"did you mean {best}?"
+    return _one_of(words) if words else "remove it"
+
+
+def _one_of(words: list[str]) -> str:
+    return f"use {words[0]}" if len(words) == 1 else f"use one of {', '.join(words)}"
+
+
+def _keys(model: Any, where: Where) -> list[str]:
+    """The keys of the model at `where` inside `model`."""
+    for part in where:
+        model = _model(model)
+        if isinstance(model, type) and issubclass(model, BaseModel):
+            field = model.model_fields.get(str(part))
+            model = field.annotation if field else None
+        else:  # list[item], dict[key, value]
+            model = get_args(model)[-1] if get_args(model) else None
+    model = _model(model)
+    is_model = isinstance(model, type) and issubclass(model, BaseModel)
+    return list(model.model_fields) if is_model else []
+
+
+def _model(annotation: Any) -> Any:
+    """An annotation without `Annotated[...]` and `| None`."""
+    while True:
+        if get_origin(annotation) is Annotated:
+            annotation = get_args(annotation)[0]
+        elif type(None) in get_args(annotation):
+            annotation = next(arg for arg in get_args(annotation) if arg is not type(None))
+        else:
+            return annotation

@@ -1,6 +1,6 @@
-"""What fleet.yml means, resolved: frozen nouns that the rest of the exporter reads.
+"""fleet.yml, resolved: frozen value types that the rest of the exporter reads.
 
-Profiles are already merged and patterns compiled; nobody behind this file sees YAML or pydantic.
+Profiles are merged and patterns compiled; the other packages know neither YAML nor pydantic.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from enum import Enum
 from pathlib import Path
 from types import MappingProxyType
 
-from ros_diagnostics_exporter.config.regex import Pattern
+from ros_diagnostics_exporter.regex import Pattern
 
 
 def _no_labels() -> Mapping[str, str]:
     return MappingProxyType({})
 
 
-AGGREGATED = "_agg"  # what the name of an aggregate's topic ends in, by custom
+AGGREGATED = "_agg"  # the usual suffix of an aggregator's topic
 
 
 class Source(str, Enum):
-    """Which of a robot's topics is the truth about its components."""
+    """Which of a robot's topics its components are read from."""
 
     AGG = "agg"
     RAW = "raw"
@@ -33,7 +33,7 @@ class Source(str, Enum):
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of the state; beyond them only the surplus is refused, and counted."""
+    """Limits of the state; only what is beyond them is rejected, and counted."""
 
     robots: int = 2000
     components: int = 500  # of one robot
@@ -45,7 +45,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Threshold:
-    """A bound for a value, exported as component_value_threshold for the rules to compare with."""
+    """A threshold for a value, exported as component_value_threshold."""
 
     bound: str  # "low" or "high"
     severity: str  # "warning" or "critical"
@@ -54,30 +54,30 @@ class Threshold:
 
 @dataclass(frozen=True)
 class ValueRule:
-    """How one key-value is read; the first rule whose patterns match is the one."""
+    """How one key-value is read; the first rule whose patterns match applies."""
 
     component: Pattern | None = None  # searched in the component's name; None = all
     key: Pattern | None = None  # fullmatch on the key; None = all
     keep: bool = True
     unit: str | None = None  # replaces the unit found in the strings
-    enum: Mapping[str, float] | None = None  # the string as said (case ignored) -> number
+    enum: Mapping[str, float] | None = None  # the string (case ignored) -> number
     scale: float = 1.0  # to the base unit of `metric`
     offset: float = 0.0
-    # promoted: a gauge of this full name instead of component_value (beside it with thresholds)
+    # a gauge of this name in place of component_value (in addition to it with thresholds)
     metric: str | None = None
     thresholds: tuple[Threshold, ...] = ()
 
 
 @dataclass(frozen=True)
 class ComponentRule:
-    """What is special about the components whose name matches; the first match is the one."""
+    """Settings for components whose name matches; the first match applies."""
 
     pattern: Pattern  # searched in the component's name
     ignore: bool = False
     stale_after: float | None = None  # seconds
     confirm_after: float | None = None  # seconds
-    levels: Mapping[int, int] = field(default_factory=dict)  # level said -> level counted
-    planned_stale: bool = False  # its STALE pages nobody
+    levels: Mapping[int, int] = field(default_factory=dict)  # level published -> level counted
+    planned_stale: bool = False  # no notification when it is STALE
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Profile:
-    """How a kind of robot is judged. Times are seconds."""
+    """The settings for a kind of robot. Times are seconds."""
 
     name: str = "default"
     stale_after: float = 10.0
@@ -139,7 +139,7 @@ class Discovery:
 
 @dataclass(frozen=True)
 class Shared:
-    """One topic on which several robots publish, told apart by what a status says of itself."""
+    """One topic on which several robots publish; each status names its robot."""
 
     topic: str
     raw: bool  # partial arrays (/diagnostics) or complete ones (/diagnostics_agg)
@@ -152,7 +152,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class Maintenance:
-    """A planned downtime: which robots, and a window that `config.windows` can judge."""
+    """A planned downtime: which robots, and when."""
 
     name: str
     selector: Mapping[str, tuple[Pattern, ...]]  # label -> any of these, fullmatch
@@ -167,7 +167,7 @@ class Maintenance:
 
 @dataclass(frozen=True)
 class Fleet:
-    """All that fleet.yml and its folders say."""
+    """The content of fleet.yml and its folders."""
 
     name: str
     robots: tuple[Robot, ...] = ()
@@ -176,12 +176,12 @@ class Fleet:
     profiles: Mapping[str, Profile] = field(default_factory=dict)
     maintenance: tuple[Maintenance, ...] = ()
     limits: Limits = Limits()
-    warnings: tuple[str, ...] = field(default=(), compare=False)  # usable, but worth a word
+    warnings: tuple[str, ...] = field(default=(), compare=False)  # allowed, but probably mistakes
     sources: tuple[Path, ...] = field(default=(), compare=False)  # see `load.sources`
 
     @property
     def domain_ids(self) -> tuple[int, ...]:
-        """Every DDS domain that has to be joined, in ascending order."""
+        """Every DDS domain to join, ascending."""
         found = {robot.domain_id for robot in self.robots}
         found.update(domain for each in self.discoveries for domain in each.domain_ids)
         found.update(each.domain_id for each in self.shared)
@@ -191,8 +191,8 @@ class Fleet:
 def topics_of(topic: str, source: Source) -> tuple[str | None, str | None]:
     """The aggregated and the raw topic of a robot of which one is known.
 
-    A source of one kind is taken at its word, whatever the topic is called; else the name tells
-    which of the two it is, and the other is called likewise.
+    With source agg or raw the topic has that kind, whatever its name. Else the name shows which of
+    the two it is, and the other is named after it.
     """
     if source is Source.AGG:
         return topic, None

@@ -1,4 +1,4 @@
-"""What is allowed in a config and yet probably not meant: one line for each, never an error."""
+"""Warnings about a valid config: what is allowed but probably a mistake."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from ros_diagnostics_exporter.config.validate import Checked, Placed
 EPHEMERAL_DOMAINS = range(102, 215)
 
 
-def advice(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
-    """Every warning about `fleet`, which was made of `checked`: place, what, what is better."""
+def lint(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
+    """All warnings about `fleet`, which was made of `checked`, each with its place and remedy."""
     found = [
         *_ephemeral_domains(checked),
         *_units(checked),
@@ -28,12 +28,12 @@ def advice(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
 
 def _ephemeral_domains(checked: Checked) -> Iterator[Problem]:
     remedy = "prefer 0 to 101 (215 to 232 work on Linux, too)"
-    said: list[tuple[Placed[Any], str, tuple[int, ...]]] = [
+    entries: list[tuple[Placed[Any], str, tuple[int, ...]]] = [
         *((each, "domain_id", (each.entry.domain_id or 0,)) for each in checked.robots),
         *((each, "domain_id", (each.entry.domain_id or 0,)) for each in checked.shared),
         *((each, "domain_ids", each.entry.domain_ids or (0,)) for each in checked.discovery),
     ]
-    for placed, key, ids in said:
+    for placed, key, ids in entries:
         shared = [each for each in ids if each in EPHEMERAL_DOMAINS]
         if shared:
             numbers = ", ".join(map(str, shared[:5])) + (", ..." if len(shared) > 5 else "")
@@ -57,7 +57,7 @@ def _units(checked: Checked) -> Iterator[Problem]:
 
 
 def _labels_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Problem]:
-    """A downtime for a label that no robot can have is a slip of the pen: it never holds."""
+    """A downtime that selects by a label that no robot has is never active."""
     known = {"robot", "fleet"}
     known.update(*(each.labels for each in fleet.robots))
     known.update(*(each.labels for each in fleet.discoveries))
@@ -65,7 +65,7 @@ def _labels_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Problem]:
     for placed in checked.maintenance:
         for label in placed.entry.selector:
             if label not in known:
-                what = f"no robot has the label {label}, so this never holds"
+                what = f"no robot has the label {label}, so this downtime is never active"
                 remedy = f"select by one of {', '.join(sorted(known))}"
                 yield placed.problem("selector", label, what=what, remedy=remedy)
 

@@ -1,20 +1,26 @@
-"""Text of fleet.yml that is matched against what robots say -> compiled patterns.
+"""Patterns and templates of fleet.yml -> compiled expressions.
 
-Robots' strings are not trusted: RE2 takes linear time on all of them, and lookups cut what they
-search (see `lookup`).
+`Motor`, `amr_*` and {regex: "..."} for names of components, keys and robots; templates with
+`{robot}` for topics, names, hosts and shared topics.
 """
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any
 
 from pydantic import PlainValidator, WithJsonSchema
 
-from ros_diagnostics_exporter.config.errors import WrongValueError
-from ros_diagnostics_exporter.config.regex import Pattern, RegexError, escape
-from ros_diagnostics_exporter.config.scalars import shown, text
+from ros_diagnostics_exporter.config.errors import WrongValueError, quoted
+from ros_diagnostics_exporter.config.scalars import MAX_NAME, MAX_TOPIC, text
+from ros_diagnostics_exporter.regex import Pattern, RegexError, escape
 
 MAX_PATTERN = 500  # characters
+ROBOT = "{robot}"
+# Every topic; a robot's name is the last part of its namespace.
+INNERMOST = re.compile(r"(?:/[A-Za-z0-9_]+)*/(?P<robot>[A-Za-z0-9_]+)/[A-Za-z0-9_]+")
+_TOPIC = r"(?:/(?:[A-Za-z_][A-Za-z0-9_]*|[A-Za-z0-9_]*\{robot\}[A-Za-z0-9_]*|\*))+"
+_NAME = r"(?:[A-Za-z0-9_.:-]|\{robot\}|\{domain_id\})+"
 
 
 def expression(source: Any) -> Pattern:
@@ -27,8 +33,8 @@ def expression(source: Any) -> Pattern:
         return Pattern(found)
     except RegexError as error:
         raise WrongValueError(
-            f"{shown(found)} is not a regular expression of RE2, Prometheus' dialect ({error})",
-            "mend it (RE2 has no lookaround and no backreferences), "
+            f"{quoted(found)} is not a regular expression of RE2, Prometheus' dialect ({error})",
+            "correct it (RE2 has no lookaround and no backreferences), "
             "or write plain text without regex:",
         ) from None
 
@@ -37,13 +43,13 @@ def _plain_or_expression(value: Any, plain: Any) -> Pattern:
     if isinstance(value, dict):
         if set(value) != {"regex"}:
             raise WrongValueError(
-                f"{shown(value)} is not a pattern", 'write text or {regex: "..."}'
+                f"{quoted(value)} is not a pattern", 'write text or {regex: "..."}'
             )
         return expression(value["regex"])
     found = text(value)
     if not found.strip():
         raise WrongValueError(
-            "is empty text, which would match everything", "leave it out or fill it in"
+            "is empty text, which would match everything", "remove it or fill it in"
         )
     if len(found) > MAX_PATTERN:
         raise WrongValueError(f"the text has {len(found)} characters", f"use at most {MAX_PATTERN}")
@@ -52,14 +58,14 @@ def _plain_or_expression(value: Any, plain: Any) -> Pattern:
 
 
 def word(value: Any) -> Pattern:
-    """A word to be searched anywhere, case ignored; or {regex: ...}, to be searched as it is."""
+    """A word, found anywhere, case ignored; or {regex: ...}, searched as it is."""
     return _plain_or_expression(value, lambda word: Pattern(escape(word), ignore_case=True))
 
 
 def wildcard(value: Any) -> Pattern:
     """A whole text in which `*` stands for anything; or {regex: ...}; both for fullmatch.
 
-    A whole number is taken as it would be written, as for the value of a label.
+    A whole number becomes text, as in the value of a label.
     """
     if isinstance(value, int) and not isinstance(value, bool):
         value = str(value)
@@ -73,7 +79,7 @@ def _from_wildcard(source: str) -> Pattern:
 def _listed(value: Any, one: Any) -> tuple[Pattern, ...]:
     items = value if isinstance(value, list) else [value]
     if not items:
-        raise WrongValueError("is an empty list", "leave it out or fill it in")
+        raise WrongValueError("is an empty list", "remove it or fill it in")
     return tuple(one(item) for item in items)
 
 
@@ -85,6 +91,56 @@ def words(value: Any) -> tuple[Pattern, ...]:
 def wildcards(value: Any) -> tuple[Pattern, ...]:
     """One text with wildcards or a list of them."""
     return _listed(value, wildcard)
+
+
+def topic_template(value: Any) -> str:
+    """A topic in which one part may contain `{robot}`, and `*` is a part of any name."""
+    found = text(value)
+    if len(found) > MAX_TOPIC or not re.fullmatch(_TOPIC, found, re.ASCII):
+        remedy = "write a topic as /{robot}/diagnostics_agg, with * for a part of any name"
+        raise WrongValueError(f"{quoted(found)} is not a pattern for topics", remedy)
+    if found.count(ROBOT) > 1:
+        raise WrongValueError(
+            f"{quoted(found)} has {ROBOT} twice", "keep one and write * for the other"
+        )
+    return found
+
+
+def topic_pattern(template: str) -> re.Pattern[str]:
+    """The pattern (fullmatch on topics) of a valid template; group "robot" if it has {robot}."""
+    source = re.escape(template).replace(re.escape(ROBOT), "(?P<robot>[A-Za-z0-9_]+)")
+    return re.compile(source.replace(r"\*", "[A-Za-z0-9_]+"))
+
+
+def name_template(value: Any) -> str:
+    """A name or a host made of `{robot}` and `{domain_id}`."""
+    found = text(value)
+    if len(found) > MAX_NAME or not re.fullmatch(_NAME, found, re.ASCII):
+        remedy = "use letters, digits, - _ . : and {robot}, {domain_id}"
+        raise WrongValueError(f"{quoted(found)} is not a template for names", remedy)
+    return found
+
+
+def split(value: Any) -> Pattern:
+    """How a status names its robot: a template, or {regex: ...} with a group "robot"."""
+    if isinstance(value, dict) and set(value) == {"regex"}:
+        made = expression(value["regex"])
+        groups = made.groups
+        twice = any(made.pattern.count(f"<{group}>") > 1 for group in groups)
+        if twice or "robot" not in groups or groups - {"robot", "component"}:
+            what = f"{quoted(made.pattern)} does not have the named groups robot and component"
+            raise WrongValueError(
+                what, "name the robot's part (?P<robot>...), the rest (?P<component>...), each once"
+            )
+        return made
+    found = text(value)
+    source = escape(found[: MAX_PATTERN + 1])
+    for group, inner in (("robot", ".+?"), ("component", ".+")):
+        source = source.replace(rf"\{{{group}\}}", f"(?P<{group}>{inner})", 1)
+    if len(found) > MAX_PATTERN or "(?P<robot>" not in source or r"\{" in source:
+        remedy = "write it with {robot} and {component}, each once, as {robot}/{component}"
+        raise WrongValueError(f"{quoted(found)} does not show where the robot's name is", remedy)
+    return Pattern(source, dot_all=True)
 
 
 _REGEX: dict[str, Any] = {
@@ -110,4 +166,27 @@ Wildcards = Annotated[
     tuple[Pattern, ...],
     PlainValidator(wildcards),
     WithJsonSchema({"title": "texts with *", "anyOf": _one_or_more(_TEXT)}),
+]
+TopicTemplate = Annotated[
+    str,
+    PlainValidator(topic_template),
+    WithJsonSchema({"title": "topic with {robot}", "type": "string", "pattern": f"^{_TOPIC}$"}),
+]
+NameTemplate = Annotated[
+    str,
+    PlainValidator(name_template),
+    WithJsonSchema({"title": "text with {robot}", "type": "string", "pattern": f"^{_NAME}$"}),
+]
+Split = Annotated[
+    Pattern,
+    PlainValidator(split),
+    WithJsonSchema(
+        {
+            "title": "text with {robot} and {component}",
+            "anyOf": [
+                {"type": "string", "pattern": r"\{robot\}", "maxLength": MAX_PATTERN},
+                _REGEX,
+            ],
+        }
+    ),
 ]

@@ -8,7 +8,7 @@ from itertools import chain
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from ros_diagnostics_exporter.config.errors import Problem
+from ros_diagnostics_exporter.config.errors import Problem, quoted, suggestion
 from ros_diagnostics_exporter.config.fleet import (
     Check,
     ComponentRule,
@@ -16,13 +16,11 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
-from ros_diagnostics_exporter.config.model_profile import (
+from ros_diagnostics_exporter.config.models import (
     ComponentEntry,
     ProfileEntry,
     ValueEntry,
 )
-from ros_diagnostics_exporter.config.scalars import shown
-from ros_diagnostics_exporter.config.translate import meant
 from ros_diagnostics_exporter.config.validate import Placed
 
 E = TypeVar("E")
@@ -43,18 +41,18 @@ def resolved(
 ) -> dict[str, Profile]:
     """Every profile by name, `default` always among them.
 
-    What cannot be resolved goes to `problems`. `named` are all that the file names, also those
-    of which no entry could be made and which have gone there before.
+    What cannot be resolved is added to `problems`. `named` are all names in the file, also those
+    of invalid profiles, for which there are problems already.
     """
     base = Profile(name=DEFAULT, stale_is_critical=stale_is_critical)
-    family = _Family({str(each.path[-1]): each for each in entries}, named, base, problems)
-    for name in family.entries:
-        family.profile(name)
-    return {DEFAULT: base, **{name: made for name, made in family.made.items() if made}}
+    resolver = _Resolver({str(each.path[-1]): each for each in entries}, named, base, problems)
+    for name in resolver.entries:
+        resolver.profile(name)
+    return {DEFAULT: base, **{name: made for name, made in resolver.made.items() if made}}
 
 
-class _Family:
-    """Profiles in the course of being resolved, each after the one that it extends."""
+class _Resolver:
+    """Resolves profiles, each after the one that it extends."""
 
     def __init__(
         self,
@@ -64,13 +62,13 @@ class _Family:
         problems: list[Problem],
     ) -> None:
         self.entries = entries
-        self.made: dict[str, Profile | None] = {}  # None: cannot be made, and has been told
+        self.made: dict[str, Profile | None] = {}  # None: invalid, with a problem
         self._known = named | {DEFAULT}
         self._base = base
         self._problems = problems
 
     def profile(self, name: str, above: tuple[str, ...] = ()) -> Profile | None:
-        """The profile, resolved; `above` are those that wait for it."""
+        """The resolved profile; `above` are the profiles that extend it."""
         if name not in self.made:
             parent = self._parent(name, self.entries[name], (*above, name))
             self.made[name] = parent and _extended(parent, name, self.entries[name], self._problems)
@@ -82,23 +80,25 @@ class _Family:
         wanted = placed.entry.extends or DEFAULT
         if name == DEFAULT:
             if placed.entry.extends:
-                what = "makes default extend another, but the others extend it"
-                self._tell(placed, what, "remove extends")
+                what = "the profile default cannot extend another"
+                self._problem(placed, what, "remove extends")
             return self._base
         if wanted in above:
             way = " -> ".join((*above[above.index(wanted) :], wanted))
-            self._tell(placed, f"extends in a circle ({way})", "remove one extends")
+            self._problem(placed, f"extends in a circle ({way})", "remove one extends")
             return None
         if wanted in self.entries:
             return self.profile(wanted, above)
         if wanted not in self._known:
-            self._tell(
-                placed, f"there is no profile {shown(wanted)}", meant(wanted, sorted(self._known))
+            self._problem(
+                placed,
+                f"there is no profile {quoted(wanted)}",
+                suggestion(wanted, sorted(self._known)),
             )
             return None
         return self._base if wanted == DEFAULT else None
 
-    def _tell(self, placed: Placed[ProfileEntry], what: str, remedy: str) -> None:
+    def _problem(self, placed: Placed[ProfileEntry], what: str, remedy: str) -> None:
         self._problems.append(placed.problem("extends", what=what, remedy=remedy))
 
 
@@ -106,17 +106,17 @@ def _extended(
     parent: Profile, name: str, placed: Placed[ProfileEntry], problems: list[Problem]
 ) -> Profile:
     entry = placed.entry
-    said: dict[str, Any] = {
+    settings: dict[str, Any] = {
         key: getattr(entry, key) for key in _SETTINGS if getattr(entry, key) is not None
     }
     return replace(
         parent,
         name=name,
         checks=_checks(parent.checks, placed, problems),
-        # Searched from the front: what the nearer profile says goes before.
+        # The first match wins, so the own rules come before the inherited ones.
         components=(*_every(_components, entry.components), *parent.components),
         values=(*_every(_values, entry.values), *parent.values),
-        **said,
+        **settings,
     )
 
 
@@ -132,20 +132,22 @@ def _checks(
     for name, entry in (placed.entry.checks or {}).items():
         where = ("checks", name)
         if name == ALL and (entry is None or entry.match is not None):
-            what = "cannot be removed or narrowed: the check all holds every component"
+            what = "cannot be removed or narrowed: the check all contains all components"
             problems.append(placed.problem(*where, what=what, remedy="use another name"))
         elif entry is not None:
             checks[name] = Check(name, entry.match or (), entry.expect)
         elif checks.pop(name, None) is None:
             what = "is removed (null), but no profile that is extended has it"
-            remedy = meant(name, [each for each in checks if each != ALL])
+            remedy = suggestion(name, [each for each in checks if each != ALL])
             problems.append(placed.problem(*where, what=what, remedy=remedy))
     return tuple(checks.values())
 
 
 def _components(entry: ComponentEntry) -> list[ComponentRule]:
     """One rule for each of the entry's patterns."""
-    levels = {_LEVELS[said]: _LEVELS[counted] for said, counted in (entry.levels or {}).items()}
+    levels = {
+        _LEVELS[published]: _LEVELS[counted] for published, counted in (entry.levels or {}).items()
+    }
     return [
         ComponentRule(
             pattern=pattern,

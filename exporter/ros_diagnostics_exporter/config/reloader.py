@@ -1,6 +1,6 @@
-"""Reads the config again, when asked to and when its files changed, in a thread of its own.
+"""Reloads the config on request and when its files have changed, in a thread of its own.
 
-A file system may hang: then only this thread waits, and whoever asks for a reload gets an error.
+If the file system hangs, only this thread waits, and a request for a reload gets an error.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from pathlib import Path
 from ros_diagnostics_exporter.config.errors import ConfigError, Problem
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.config.watcher import Watch
 from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.file_watcher import FileWatcher
 from ros_diagnostics_exporter.model import Instant
 
 log = logging.getLogger(__name__)
 
-LOOK = 1.0  # seconds between two looks at the files
-ANSWER = 10.0  # seconds after which a read that is under way counts as hanging
+INTERVAL = 1.0  # seconds between two checks of the files
+TIMEOUT = 10.0  # seconds after which a read counts as hanging
 LISTED = 3  # problems in an event
 FILES_CHANGED = "its files changed"
 
 
 class Reloader:
-    """Keeps the config as its files say.
+    """Keeps the config in step with its files.
 
     Args:
         path: fleet.yml.
-        fleet: What was read of it at the start.
+        fleet: The Fleet that was read at the start.
         apply: Called with every Fleet that is read, in the reloader's thread.
         record: Called with an event for every attempt that changes something.
-        clocks: What tells the time.
+        clocks: Returns the time.
     """
 
     def __init__(
@@ -52,9 +52,9 @@ class Reloader:
         self._apply = apply
         self._record = record
         self._clocks = clocks
-        self._watch = Watch(fleet.sources)
+        self._watcher = FileWatcher(fleet.sources)
         self._lock = threading.Lock()  # of the two below
-        self._next: Future[None] | None = None  # the attempt that was asked for
+        self._next: Future[None] | None = None  # the attempt that was requested
         self._why = ""
         self._wake = threading.Event()
         self._stopping = False
@@ -66,7 +66,7 @@ class Reloader:
         self._thread = threading.Thread(target=self._run, name="config", daemon=True)
 
     def start(self) -> None:
-        """Look at the files from now on."""
+        """Start to watch the files."""
         self._thread.start()
 
     def stop(self, seconds: float) -> None:
@@ -83,10 +83,10 @@ class Reloader:
 
     def _hangs(self) -> bool:
         since = self._busy_since
-        return since is not None and self._clocks().mono - since > ANSWER
+        return since is not None and self._clocks().mono - since > TIMEOUT
 
     def request(self, why: str) -> Future[None]:
-        """Have the config read soon, which is logged with ``why``; the attempt."""
+        """Request a reload, logged with the reason ``why``; returns the attempt."""
         with self._lock:
             if self._next is None:
                 self._next, self._why = Future(), why
@@ -94,28 +94,28 @@ class Reloader:
             return self._next
 
     def reload(self, why: str) -> None:
-        """Have the config read, and wait for it.
+        """Reload the config and wait for it.
 
         Raises:
             ConfigError: the config cannot be used, or it takes too long to read.
         """
         attempt = self.request(why)
         try:
-            attempt.result(0 if self._hangs() else ANSWER)
+            attempt.result(0 if self._hangs() else TIMEOUT)
         except FutureTimeoutError:  # in Python 3.10 not the built-in one
-            what = f"has not been read after {ANSWER:.0f} s"
-            remedy = "see whether its disk or network folder answers; the log says how it ends"
+            what = f"has not been read after {TIMEOUT:.0f} s"
+            remedy = "check whether its disk or network folder responds; the result is logged"
             raise ConfigError([Problem(self._path, None, "", what, remedy)]) from None
 
     def tick(self) -> None:
-        """Log once when reading hangs."""
+        """Log once if a read hangs."""
         hangs = self._hangs()
         if hangs and not self._hang_logged:
             log.error(
-                "%s or what belongs to it has not been read after %.0f s: "
-                "the config cannot change until its disk or network folder answers",
+                "%s or a file in its folders has not been read after %.0f s: "
+                "no reload is possible until its disk or network folder responds",
                 self._path,
-                ANSWER,
+                TIMEOUT,
             )
         self._hang_logged = hangs
 
@@ -123,21 +123,21 @@ class Reloader:
 
     def _run(self) -> None:
         while not self._stopping:
-            self._wake.wait(LOOK)
+            self._wake.wait(INTERVAL)
             with self._lock:
                 self._wake.clear()
                 attempt, self._next = self._next, None
                 why = self._why if attempt is not None else FILES_CHANGED
             self._busy_since = self._clocks().mono
             try:
-                if attempt is not None or self._watch.look():
+                if attempt is not None or self._watcher.changed():
                     self._read(why)
             except ConfigError as error:
                 _fail(attempt, error)
             except Exception as error:
-                # Our own fault. It must neither end the thread nor go unseen.
+                # A bug. It must neither end the thread nor go unnoticed.
                 self._successful = False
-                log.exception("reading the config failed")
+                log.exception("reload failed; keeping the previous configuration")
                 _fail(attempt, error)
             else:
                 if attempt is not None:
@@ -145,26 +145,26 @@ class Reloader:
             self._busy_since = None
 
     def _read(self, why: str) -> None:
-        """Read everything and have it applied; only what changes something is worth an event."""
-        asked = why != FILES_CHANGED
-        self._watch.mark()
+        """Read everything and apply it; an event is recorded only if something changed."""
+        requested = why != FILES_CHANGED
+        self._watcher.mark()
         try:
             fleet = load(self._path)
         except ConfigError as error:
-            self._watch.watch(error.sources)
-            self._failed(error, why, again=str(error) == self._error and not asked)
+            self._watcher.watch(error.sources)
+            self._failed(error, why, again=str(error) == self._error and not requested)
             raise
-        self._watch.watch(fleet.sources)
+        self._watcher.watch(fleet.sources)
         if self._stopping:
             return
         same = fleet == self._fleet and self._successful
         self.time = self._clocks().wall
-        if same and not asked:
+        if same and not requested:
             return
         self._apply(fleet)
         self._fleet, self._error, self._successful = fleet, "", True
         self._record(Event(self.time, "config", after="read"))
-        log.info("the config was read again: %s", why)
+        log.info("reloaded the config: %s", why)
         for warning in fleet.warnings:
             log.warning("%s", warning)
 
@@ -174,7 +174,7 @@ class Reloader:
             return
         message = error.text(LISTED)
         self._record(Event(self._clocks().wall, "config", after="refused", message=message))
-        log.error("the config was not taken over (%s), the old one goes on:\n%s", why, error)
+        log.error("reload failed (%s); keeping the previous configuration:\n%s", why, error)
 
 
 def _fail(attempt: Future[None] | None, error: Exception) -> None:

@@ -1,41 +1,47 @@
-"""Checked entries -> the Fleet, with profiles merged, topics named and templates compiled."""
+"""Validated entries -> the Fleet: profiles merged, topics named, templates compiled."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from datetime import datetime
+from itertools import chain
 from types import MappingProxyType
+from zoneinfo import ZoneInfo
 
-from ros_diagnostics_exporter.config.conflicts import refuse_conflicts
-from ros_diagnostics_exporter.config.downtimes import downtimes
-from ros_diagnostics_exporter.config.errors import LISTED, Problem, shortened
+from ros_diagnostics_exporter.config.errors import LISTED, Problem, quoted, shortened, suggestion
 from ros_diagnostics_exporter.config.fleet import (
     AGGREGATED,
     Discovery,
     Fleet,
     Limits,
+    Maintenance,
     Profile,
     Robot,
     Shared,
     Source,
     topics_of,
 )
-from ros_diagnostics_exporter.config.lint import advice
-from ros_diagnostics_exporter.config.model_robot import DiscoveryEntry, RobotEntry, SharedEntry
+from ros_diagnostics_exporter.config.lint import lint
+from ros_diagnostics_exporter.config.models import (
+    DiscoveryEntry,
+    MaintenanceEntry,
+    RobotEntry,
+    SharedEntry,
+)
+from ros_diagnostics_exporter.config.patterns import INNERMOST, ROBOT, topic_pattern
 from ros_diagnostics_exporter.config.profiles import DEFAULT, resolved
-from ros_diagnostics_exporter.config.scalars import shown
-from ros_diagnostics_exporter.config.templates import INNERMOST, ROBOT, topic_pattern
-from ros_diagnostics_exporter.config.translate import meant
-from ros_diagnostics_exporter.config.validate import Checked, Placed
+from ros_diagnostics_exporter.config.validate import Checked, Placed, find_conflicts
 
 RAW_NAME = "diagnostics"
+UTC = "UTC"
 
 
 def resolve(checked: Checked, problems: list[Problem]) -> Fleet | None:
-    """All that the entries mean together; None where fleet.yml's own keys are not usable.
+    """The Fleet that the entries describe; None if fleet.yml's own keys are invalid.
 
-    What is wrong goes to `problems`; then the Fleet is not to be used.
+    What is wrong is added to `problems`; then the Fleet must not be used.
     """
     top = checked.fleet
     named = checked.profile_names()
@@ -45,13 +51,13 @@ def resolve(checked: Checked, problems: list[Problem]) -> Fleet | None:
         stale_is_critical=bool(top and top.stale_is_critical),
         problems=problems,
     )
-    choice = _Choice(profiles, named, problems)
-    shared = tuple(_shared(placed, choice) for placed in checked.shared)
+    lookup = _ProfileLookup(profiles, named, problems)
+    shared = tuple(_shared(placed, lookup) for placed in checked.shared)
     topics = {(each.domain_id, each.topic): each for each in shared}
-    robots = tuple(_robot(placed, choice, topics) for placed in checked.robots)
-    discoveries = tuple(_discovery(placed, choice) for placed in checked.discovery)
-    maintenance = downtimes(checked.maintenance, problems)
-    refuse_conflicts(checked, robots, shared, problems)
+    robots = tuple(_robot(placed, lookup, topics) for placed in checked.robots)
+    discoveries = tuple(_discovery(placed, lookup) for placed in checked.discovery)
+    maintenance = _downtimes(checked.maintenance, problems)
+    find_conflicts(checked, robots, shared, problems)
     if top is None:
         return None
     fleet = Fleet(
@@ -63,15 +69,15 @@ def resolve(checked: Checked, problems: list[Problem]) -> Fleet | None:
         maintenance=maintenance,
         limits=Limits(**top.limits.model_dump(exclude_none=True)) if top.limits else Limits(),
     )
-    warnings = advice(checked, fleet)
+    warnings = lint(checked, fleet)
     if len(warnings) > LISTED:
         more = f"and {len(warnings) - LISTED} more warnings"
         warnings = (*map(shortened, warnings[:LISTED]), more)
     return replace(fleet, warnings=warnings)
 
 
-class _Choice:
-    """The profile for an entry that names one; a name that is nowhere in the file is told."""
+class _ProfileLookup:
+    """Finds the profile that an entry names; an unknown name is a problem."""
 
     def __init__(
         self, profiles: Mapping[str, Profile], named: frozenset[str], problems: list[Problem]
@@ -85,15 +91,18 @@ class _Choice:
     ) -> Profile:
         name = placed.entry.profile or DEFAULT
         if name not in self._known:
-            what, remedy = f"there is no profile {shown(name)}", meant(name, sorted(self._known))
+            what, remedy = (
+                f"there is no profile {quoted(name)}",
+                suggestion(name, sorted(self._known)),
+            )
             self._problems.append(placed.problem("profile", what=what, remedy=remedy))
         return self._profiles.get(name) or self._profiles[DEFAULT]
 
 
 def _robot(
-    placed: Placed[RobotEntry], choice: _Choice, topics: Mapping[tuple[int, str], Shared]
+    placed: Placed[RobotEntry], lookup: _ProfileLookup, topics: Mapping[tuple[int, str], Shared]
 ) -> Robot:
-    """A declared robot; `topics` are the shared ones, of which its own may be one."""
+    """A declared robot; `topics` are the shared ones, which its own may be among."""
     entry = placed.entry
     shared = topics.get((entry.domain_id or 0, entry.topic or ""))
     source = Source(entry.source or "auto")
@@ -110,13 +119,13 @@ def _robot(
         topic_agg=aggregate,
         topic_raw=raw,
         source=source,
-        profile=choice.profile(placed),
+        profile=lookup.profile(placed),
         address=entry.address,
         labels=MappingProxyType(entry.labels or {}),
     )
 
 
-def _discovery(placed: Placed[DiscoveryEntry], choice: _Choice) -> Discovery:
+def _discovery(placed: Placed[DiscoveryEntry], lookup: _ProfileLookup) -> Discovery:
     entry = placed.entry
     source = Source(entry.source or "auto")
     return Discovery(
@@ -126,7 +135,7 @@ def _discovery(placed: Placed[DiscoveryEntry], choice: _Choice) -> Discovery:
         source=source,
         include=entry.include or (),
         exclude=entry.exclude or (),
-        profile=choice.profile(placed),
+        profile=lookup.profile(placed),
         address=entry.address,
         labels=MappingProxyType(entry.labels or {}),
         name=entry.name or ROBOT,
@@ -134,7 +143,7 @@ def _discovery(placed: Placed[DiscoveryEntry], choice: _Choice) -> Discovery:
 
 
 def _pattern(entry: DiscoveryEntry, source: Source) -> re.Pattern[str]:
-    """The topics to look for. Where any name will do, those of the other kind are left out."""
+    """The topics to look for. If any name will do, topics of the other source are excluded."""
     pattern = INNERMOST if entry.topic is None else topic_pattern(entry.topic)
     any_name = entry.topic is None or entry.topic.endswith("/*")
     if not any_name or source not in (Source.AGG, Source.RAW):
@@ -143,7 +152,7 @@ def _pattern(entry: DiscoveryEntry, source: Source) -> re.Pattern[str]:
     return re.compile(f"{pattern.pattern}{wanted}{AGGREGATED})")
 
 
-def _shared(placed: Placed[SharedEntry], choice: _Choice) -> Shared:
+def _shared(placed: Placed[SharedEntry], lookup: _ProfileLookup) -> Shared:
     entry = placed.entry
     aggregated = entry.source == "agg" if entry.source else entry.topic.endswith(AGGREGATED)
     return Shared(
@@ -152,6 +161,40 @@ def _shared(placed: Placed[SharedEntry], choice: _Choice) -> Shared:
         domain_id=entry.domain_id or 0,
         by=entry.by or "hardware_id",
         pattern=entry.pattern,
-        profile=choice.profile(placed),
+        profile=lookup.profile(placed),
         labels=MappingProxyType(entry.labels or {}),
     )
+
+
+def _downtimes(
+    entries: list[Placed[MaintenanceEntry]], problems: list[Problem]
+) -> tuple[Maintenance, ...]:
+    """The downtimes in the order of the files; one that ends before it begins is a problem."""
+    made = []
+    for placed in entries:
+        downtime = _downtime(placed.entry)
+        if None not in (downtime.start, downtime.end) and downtime.end <= downtime.start:  # type: ignore[operator]
+            what = "is not after start"
+            problems.append(placed.problem("end", what=what, remedy="put end after start"))
+        made.append(downtime)
+    return tuple(made)
+
+
+def _downtime(entry: MaintenanceEntry) -> Maintenance:
+    zone = entry.time_zone or UTC
+    return Maintenance(
+        name=entry.name,
+        selector=MappingProxyType(entry.selector),
+        comment=entry.comment,
+        start=_unix(entry.start, zone),
+        end=_unix(entry.end, zone),
+        weekly=tuple(chain.from_iterable(entry.weekly or ())),
+        time_zone=zone,
+    )
+
+
+def _unix(moment: datetime | None, zone: str) -> float | None:
+    if moment is None:
+        return None
+    aware = moment if moment.tzinfo else moment.replace(tzinfo=ZoneInfo(zone))
+    return aware.timestamp()

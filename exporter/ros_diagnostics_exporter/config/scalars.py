@@ -1,20 +1,20 @@
-"""Single values of fleet.yml: durations, domains, names, labels; text in, checked value out.
+"""Single values of fleet.yml: durations, times, domains, names, labels; text in, checked value out.
 
-Each type here pairs a function, which raises `WrongValueError`, with the JSON Schema that tells
-editors the same. Knows nothing of keys or files.
+Each type pairs a function, which raises `WrongValueError`, with the JSON Schema that an editor
+needs to check the same. Knows nothing of keys or files.
 """
 
 from __future__ import annotations
 
-import json
 import re
+import zoneinfo
+from datetime import datetime
 from typing import Annotated, Any
 
 from pydantic import PlainValidator, WithJsonSchema
 
-from ros_diagnostics_exporter.config.errors import WrongValueError
-from ros_diagnostics_exporter.config.reserved import RESERVED_LABEL_PREFIXES, RESERVED_LABELS
-from ros_diagnostics_exporter.texts import printable
+from ros_diagnostics_exporter import durations
+from ros_diagnostics_exporter.config.errors import WrongValueError, quoted
 
 MAX_DOMAIN_ID = 232  # above it, rclpy ends the whole process (ports would exceed 65535)
 MAX_NAME = 128
@@ -22,28 +22,43 @@ MAX_LABEL_VALUE = 256
 MAX_TOPIC = 247  # RMW_TOPIC_MAX_NAME_LENGTH
 TEN_YEARS = 10 * 365 * 86_400.0
 
-_DURATION = r"(?:(\d+)w)?(?:(\d+)d)?(?:(\d+)h)?(?:(\d+)m)?(?:(\d+)s)?(?:(\d+)ms)?"
-_DURATION_UNITS = (604_800.0, 86_400.0, 3_600.0, 60.0, 1.0, 0.001)
 _TOPIC = r"(?:/[A-Za-z_][A-Za-z0-9_]*)+"
 _ADDRESS = r"[A-Za-z0-9_](?:[A-Za-z0-9._:-]*[A-Za-z0-9_])?|::[A-Fa-f0-9:.]*"
 _RANGE = r"(\d{1,3})-(\d{1,3})"
 _LABEL = r"[A-Za-z_][A-Za-z0-9_]*"
 
+# Labels of the exporter, of its rules and of Prometheus. (The table of metrics cannot be imported
+# here, it is built on the config; a test compares the two.)
+RESERVED_LABELS = frozenset(
+    {
+        # identity of what the exporter serves
+        *("fleet", "robot", "group", "component"),
+        # robot_info's own
+        *("ros_namespace", "domain_id", "topic", "profile", "address"),
+        # set by Prometheus on targets, histograms, summaries and alerts
+        *("job", "instance", "le", "quantile", "alertname", "alertstate", "severity"),
+    }
+)
+RESERVED_LABEL_PREFIXES = ("__", "exported_")
 
-def shown(value: object) -> str:
-    """A value as an error quotes it: as in the file, on one line, not too long to take in."""
-    found = "nothing" if value is None else json.dumps(value, ensure_ascii=False, default=str)
-    found = printable(found)
-    return found if len(found) <= 60 else found[:57] + "..."
+DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
+DAY = 24 * 60  # minutes
+_DAY = "(?:Mon|Tue|Wed|Thu|Fri|Sat|Sun)"
+_DAYS = rf"{_DAY}(?:-{_DAY})?(?:,{_DAY}(?:-{_DAY})?)*|daily"
+_CLOCK = r"(?:[01]\d|2[0-3]):[0-5]\d|24:00"
+_WEEKLY = re.compile(rf"({_DAYS}) ({_CLOCK})-({_CLOCK})", re.ASCII)
+_MOMENT = r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d)?(?:Z|[+-]\d\d:\d\d)?)?"
+
+Weekly = tuple[int, int, int]
 
 
 def text(value: Any) -> str:
     """`value` if it is text that can be written as UTF-8."""
     if not isinstance(value, str):
-        raise WrongValueError(f"{shown(value)} is not text", "put it in quotes")
+        raise WrongValueError(f"{quoted(value)} is not text", "put it in quotes")
     if re.search("[\ud800-\udfff]", value):  # PyYAML without libyaml lets them pass
         raise WrongValueError(
-            f"{shown(value)} has half of a character", "remove the escape \\ud..."
+            f"{quoted(value)} has an unpaired surrogate", "remove the escape \\ud..."
         )
     return value
 
@@ -51,19 +66,19 @@ def text(value: Any) -> str:
 def duration(value: Any) -> float:
     """`5s`, `1m30s`, `24h` or plain seconds -> seconds."""
     remedy = "write seconds or a duration such as 5s, 1m30s, 24h"
-    if isinstance(value, str) and value:
-        match = re.fullmatch(_DURATION, value, re.ASCII)
-        if match is None:
-            raise WrongValueError(f"{shown(value)} is not a duration", remedy)
-        parts = zip(match.groups(), _DURATION_UNITS, strict=True)
-        seconds = sum(float(count) * unit for count, unit in parts if count)
-    elif isinstance(value, int | float) and not isinstance(value, bool):
-        seconds = float(value)
-    else:
-        raise WrongValueError(f"{shown(value)} is not a duration", remedy)
+    try:
+        seconds = durations.parse(value) if isinstance(value, str) else _number(value)
+    except ValueError:
+        raise WrongValueError(f"{quoted(value)} is not a duration", remedy) from None
     if not 0 <= seconds <= TEN_YEARS:
-        raise WrongValueError(f"{shown(value)} is not between 0 and ten years", remedy)
+        raise WrongValueError(f"{quoted(value)} is not between 0 and ten years", remedy)
     return seconds
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError("is not a number")  # noqa: TRY004 - of a text
+    return float(value)
 
 
 def positive_duration(value: Any) -> float:
@@ -71,7 +86,7 @@ def positive_duration(value: Any) -> float:
     seconds = duration(value)
     if seconds == 0:
         raise WrongValueError(
-            "is 0, so everything would be stale at once", "use a duration above 0, as 5s"
+            "is 0, so everything would be stale at once", "use a duration above 0, such as 5s"
         )
     return seconds
 
@@ -79,7 +94,7 @@ def positive_duration(value: Any) -> float:
 def domain_id(value: Any) -> int:
     """A DDS domain id that rclpy survives."""
     if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= MAX_DOMAIN_ID:
-        what = f"{shown(value)} is not a DDS domain"
+        what = f"{quoted(value)} is not a DDS domain"
         raise WrongValueError(what, f"use a whole number from 0 to {MAX_DOMAIN_ID}")
     return value
 
@@ -88,7 +103,7 @@ def domain_ids(value: Any) -> tuple[int, ...]:
     """A list of DDS domains and ranges of them (`10-19`) -> every id once, ascending."""
     items = value if isinstance(value, list) else [value]
     if not items:
-        raise WrongValueError("is an empty list", "name at least one DDS domain, as [0]")
+        raise WrongValueError("is an empty list", "name at least one DDS domain, such as [0]")
     found: set[int] = set()
     for item in items:
         limits = re.fullmatch(_RANGE, item, re.ASCII) if isinstance(item, str) else None
@@ -106,11 +121,11 @@ def topic(value: Any) -> str:
     """An absolute ROS name; the rules of rmw's validate_full_topic_name."""
     name = text(value)
     if name and not name.startswith("/"):
-        raise WrongValueError(f"{shown(name)} is not absolute", f"begin it with a slash: /{name}")
+        raise WrongValueError(f"{quoted(name)} is not absolute", f"start it with a slash: /{name}")
     if len(name) > MAX_TOPIC or not re.fullmatch(_TOPIC, name, re.ASCII):
         raise WrongValueError(
-            f"{shown(name)} is not a valid ROS name",
-            "use parts of letters, digits and _ that begin with no digit, as /robot_1/diagnostics",
+            f"{quoted(name)} is not a valid ROS name",
+            "use parts of letters, digits and _, not starting with a digit: /robot_1/diagnostics",
         )
     return name
 
@@ -121,49 +136,51 @@ def namespace(value: Any) -> str:
 
 
 def name(value: Any) -> str:
-    """The name of a robot, a fleet, a profile, a check: a label's value that people read."""
+    """The name of a robot, a fleet, a profile or a check."""
     found = text(value)
     if not is_name(found):
         raise WrongValueError(
-            f"{shown(found)} cannot be a name",
-            f"use 1 to {MAX_NAME} characters without slashes and blanks at the ends",
+            f"{quoted(found)} cannot be a name",
+            f"use 1 to {MAX_NAME} characters, no slashes and no spaces at the ends",
         )
     return found
 
 
 def is_name(found: str) -> bool:
-    """Whether a text, the config's or a robot's, can be the name of a robot."""
+    """Whether a text, from the config or from a robot, can be a robot's name."""
     is_clean = found.isprintable() and found == found.strip() and "/" not in found
     return is_clean and 1 <= len(found) <= MAX_NAME
 
 
 def address(value: Any) -> str:
-    """A host name or an IP address, without port, scheme or blanks."""
+    """A host name or an IP address, without port, scheme or spaces."""
     found = text(value)
     if len(found) > 253 or not re.fullmatch(_ADDRESS, found, re.ASCII):
-        raise WrongValueError(f"{shown(found)} is not a host", "write a host name or an IP address")
+        raise WrongValueError(
+            f"{quoted(found)} is not a host", "write a host name or an IP address"
+        )
     return found
 
 
 def label_name(value: Any) -> str:
-    """A label's name that Prometheus takes and that is not used for something else."""
+    """The name of a label: valid for Prometheus and not reserved."""
     found = text(value)
     if not re.fullmatch(_LABEL, found, re.ASCII) or len(found) > MAX_NAME:
         remedy = "use letters, digits and _, not beginning with a digit"
-        raise WrongValueError(f"{shown(found)} cannot be the name of a label", remedy)
+        raise WrongValueError(f"{quoted(found)} cannot be the name of a label", remedy)
     if found in RESERVED_LABELS or found.startswith(RESERVED_LABEL_PREFIXES):
-        raise WrongValueError(f"the label {shown(found)} is reserved", "choose another name for it")
+        raise WrongValueError(f"the label {quoted(found)} is reserved", "choose another name")
     return found
 
 
 def label_value(value: Any) -> str:
-    """A label's value: text; a whole number is taken as it would be written."""
+    """The value of a label: text, or a whole number, which becomes text."""
     if isinstance(value, int) and not isinstance(value, bool):
         return str(value)
     found = text(value)
     if len(found) > MAX_LABEL_VALUE:
         raise WrongValueError(
-            f"{shown(found)} has {len(found)} characters", f"use at most {MAX_LABEL_VALUE}"
+            f"{quoted(found)} has {len(found)} characters", f"use at most {MAX_LABEL_VALUE}"
         )
     return found
 
@@ -172,7 +189,65 @@ def folder(value: Any) -> str:
     """The path of a folder, relative to fleet.yml or absolute."""
     found = text(value)
     if not found or not found.isprintable():
-        raise WrongValueError(f"{shown(found)} is not a path", "name a folder, as robots.d")
+        raise WrongValueError(f"{quoted(found)} is not a path", "name a folder, such as robots.d")
+    return found
+
+
+def weekly(value: Any) -> tuple[Weekly, ...]:
+    """`Mon-Fri 22:00-06:00` -> (weekday, from, to) in minutes; beyond 1440 is the day after."""
+    found = text(value)
+    match = _WEEKLY.fullmatch(found)
+    if match is None:
+        remedy = (
+            "write days and times like Mon-Fri 22:00-06:00, Sat,Sun 00:00-24:00, daily 12:00-13:00"
+        )
+        raise WrongValueError(f"{quoted(found)} is not a weekly time", remedy)
+    days, start, end = match.groups()
+    first, last = _minutes(start), _minutes(end)
+    if first in (last, DAY):
+        raise WrongValueError(f"{quoted(found)} has no length", "write 00:00-24:00 for a whole day")
+    return tuple((day, first, last if last > first else last + DAY) for day in _days(days))
+
+
+def _days(written: str) -> list[int]:
+    if written == "daily":
+        return list(range(7))
+    found: set[int] = set()
+    for part in written.split(","):
+        first, _, last = part.partition("-")
+        begin, end = DAYS.index(first), DAYS.index(last or first)
+        found.update(day % 7 for day in range(begin, end + 1 if end >= begin else end + 8))
+    return sorted(found)
+
+
+def _minutes(clock: str) -> int:
+    hours, minutes = clock.split(":")
+    return int(hours) * 60 + int(minutes)
+
+
+def moment(value: Any) -> datetime:
+    """A date and time by ISO 8601; without an offset, in the entry's time zone."""
+    remedy = "write it like 2026-03-28T22:00 or 2026-03-28T22:00:00+01:00"
+    found = text(value)
+    if not re.fullmatch(_MOMENT, found, re.ASCII):
+        raise WrongValueError(f"{quoted(found)} is not a date and time", remedy)
+    try:
+        # Python 3.10 does not know "Z".
+        return datetime.fromisoformat(found.replace("Z", "+00:00"))
+    except ValueError:
+        raise WrongValueError(f"{quoted(found)} is not in the calendar", remedy) from None
+
+
+def time_zone(value: Any) -> str:
+    """The IANA name of a time zone that this machine has rules for."""
+    found = text(value)
+    try:
+        zoneinfo.ZoneInfo(found)
+    except (zoneinfo.ZoneInfoNotFoundError, ValueError, OSError):
+        remedy = (
+            "use a name from the IANA list, such as Europe/Berlin (install tzdata if it is missing)"
+        )
+        raise WrongValueError(f"{quoted(found)} is not a time zone known here", remedy) from None
     return found
 
 
@@ -187,7 +262,7 @@ def _whole(regex: str) -> str:
 
 _SECONDS = {"type": "number", "minimum": 0}
 _ID = {"type": "integer", "minimum": 0, "maximum": MAX_DOMAIN_ID}
-_TEXT_DURATION = {"type": "string", "minLength": 2, "pattern": _whole(_DURATION)}
+_TEXT_DURATION = {"type": "string", "minLength": 2, "pattern": _whole(durations.PATTERN)}
 
 Duration = Annotated[
     float, PlainValidator(duration), _schema("duration", anyOf=[_SECONDS, _TEXT_DURATION])
@@ -249,4 +324,19 @@ LabelValue = Annotated[
     str,
     PlainValidator(label_value),
     _schema("label value", type=["string", "integer"], maxLength=MAX_LABEL_VALUE),
+]
+WeeklyTime = Annotated[
+    tuple[Weekly, ...],
+    PlainValidator(weekly),
+    _schema("weekly time", type="string", pattern=f"^{_WEEKLY.pattern}$"),
+]
+Moment = Annotated[
+    datetime,
+    PlainValidator(moment),
+    _schema("date and time", type="string", pattern=f"^{_MOMENT}$"),
+]
+TimeZone = Annotated[
+    str,
+    PlainValidator(time_zone),
+    _schema("time zone", type="string", minLength=1),
 ]

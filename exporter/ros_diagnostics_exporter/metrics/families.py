@@ -252,10 +252,9 @@ FLEET_FAMILIES = (
     ACKNOWLEDGED_SINCE,
 )
 
-FLEET = ("fleet",)
 FAULT = (
-    *FLEET,
-    *("scope", "state", "severity", "site", "robot", "group", "component", "check", "key", "bound"),
+    *("fleet", "scope", "state", "severity", "site"),
+    *("robot", "group", "component", "check", "key", "bound"),
 )
 FAULT_START = _family(
     "fault_start_timestamp_seconds",
@@ -272,110 +271,3 @@ FAULT_INFO = _family(
 )
 
 FAULT_FAMILIES = (FAULT_START, FAULT_INFO)
-
-EXPORTER_BUILD_INFO = _family(
-    "exporter_build_info",
-    "gauge",
-    "1 with the versions of the exporter, Python and the ROS middleware.",
-    (*FLEET, "version", "python_version", "ros_distro", "rmw"),
-)
-EXPORTER_CONFIG_OK = _family(
-    "exporter_config_last_reload_successful",
-    "gauge",
-    "1 if the last attempt to read the config succeeded and none hangs.",
-    FLEET,
-)
-EXPORTER_CONFIG_TIME = _family(
-    "exporter_config_last_reload_success_timestamp_seconds",
-    "gauge",
-    "When the config was last read successfully (Unix time).",
-    FLEET,
-)
-EXPORTER_ROBOTS = _family("exporter_robots", "gauge", "Robots known.", FLEET)
-EXPORTER_SERIES = _family(
-    "exporter_series", "gauge", "Series served at the last scrape, by family.", (*FLEET, "family")
-)
-EXPORTER_SERIES_LIMIT = _family(
-    "exporter_series_limit", "gauge", "The config's bound of all series.", FLEET
-)
-EXPORTER_REJECTED = _family(
-    "exporter_rejected_total",
-    "counter",
-    "What belongs to no known robot and was not taken in, by reason.",
-    (*FLEET, "reason"),
-)
-EXPORTER_SETTLED = _family(
-    "exporter_settled",
-    "gauge",
-    "1 from 30 s after the start on: before, no fault begins for want of data.",
-    FLEET,
-)
-EXPORTER_DECODE = _family(
-    "exporter_decode_seconds_total", "counter", "CPU time spent on decoding messages.", FLEET
-)
-EXPORTER_INGEST = _family(
-    "exporter_ingest_seconds_total",
-    "counter",
-    "CPU time spent on taking decoded messages into the state.",
-    FLEET,
-)
-EXPORTER_SCRAPES = _family("exporter_scrapes_total", "counter", "Scrapes answered.", FLEET)
-EXPORTER_SCRAPE_DURATION = _family(
-    "exporter_last_scrape_duration_seconds",
-    "gauge",
-    "Time that rendering the last scrape before this one took.",
-    FLEET,
-)
-EXPORTER_DOMAIN_UP = _family(
-    "exporter_domain_up",
-    "gauge",
-    "1 where the DDS domain is joined.",
-    (*FLEET, "domain_id"),
-)
-EXPORTER_DISCOVERY_TIME = _family(
-    "exporter_discovery_last_run_timestamp_seconds",
-    "gauge",
-    "When the ROS graph of a joined DDS domain was last looked at (Unix time); 0 = not yet.",
-    (*FLEET, "domain_id"),
-)
-EXPORTER_STORAGE_OK = _family(
-    "exporter_storage_last_write_successful",
-    "gauge",
-    "1 if the last attempt to write the state file succeeded and none that is unreadable is in "
-    "the way; only with --storage.path.",
-    FLEET,
-)
-EXPORTER_STORAGE_TIME = _family(
-    "exporter_storage_last_write_success_timestamp_seconds",
-    "gauge",
-    "When the state file was last written (Unix time); only with --storage.path.",
-    FLEET,
-)
-EXPORTER_ALERTMANAGER_UP = _family(
-    "exporter_alertmanager_up",
-    "gauge",
-    "1 while Alertmanager answers when asked for acknowledgements; only with --alertmanager.url.",
-    FLEET,
-)
-
-EXPORTER_FAMILIES = (
-    EXPORTER_BUILD_INFO,
-    EXPORTER_CONFIG_OK,
-    EXPORTER_CONFIG_TIME,
-    EXPORTER_ROBOTS,
-    EXPORTER_SERIES,
-    EXPORTER_SERIES_LIMIT,
-    EXPORTER_REJECTED,
-    EXPORTER_SETTLED,
-    EXPORTER_DECODE,
-    EXPORTER_INGEST,
-    EXPORTER_SCRAPES,
-    EXPORTER_SCRAPE_DURATION,
-    EXPORTER_DOMAIN_UP,
-    EXPORTER_DISCOVERY_TIME,
-    EXPORTER_STORAGE_OK,
-    EXPORTER_STORAGE_TIME,
-    EXPORTER_ALERTMANAGER_UP,
-)
-
-ALL_FAMILIES = FLEET_FAMILIES + FAULT_FAMILIES + EXPORTER_FAMILIES

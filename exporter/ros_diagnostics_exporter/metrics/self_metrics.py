@@ -1,10 +1,14 @@
-"""The exporter's own families (exporter_*, process_*), served by prometheus_client."""
+"""The exporter's own metrics (exporter_*, process_*), rendered by prometheus_client.
+
+A new one is a row of ``TABLE``: the exposition, docs/metrics.md and the tests read it.
+"""
 
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
 
 from prometheus_client import CollectorRegistry, GCCollector, ProcessCollector
 from prometheus_client.exposition import generate_latest
@@ -13,40 +17,213 @@ from prometheus_client.openmetrics import exposition as openmetrics_exposition
 from prometheus_client.registry import Collector
 
 from ros_diagnostics_exporter import __version__
-from ros_diagnostics_exporter.metrics import families as metrics
-from ros_diagnostics_exporter.metrics.families import Family
+from ros_diagnostics_exporter.alertmanager import Alertmanager
+from ros_diagnostics_exporter.config.reloader import Reloader
+from ros_diagnostics_exporter.ingest.ros import Listener, read_clocks
+from ros_diagnostics_exporter.metrics.exposition import Exposition
+from ros_diagnostics_exporter.metrics.families import (
+    FAULT_FAMILIES,
+    FLEET_FAMILIES,
+    PREFIX,
+    Family,
+)
+from ros_diagnostics_exporter.state.state import State
+from ros_diagnostics_exporter.state.storage import Storage
+
+FLEET = ("fleet",)
+Label = TypeVar("Label", str, int)
+Samples = Sequence[tuple[Sequence[str], float]]  # (labels after ``fleet``, value)
 
 
 @dataclass
-class Facts:
-    """What the exporter knows about itself at one moment; each family reads its field."""
+class Exporter:
+    """The parts of the exporter that its own metrics are read from.
 
-    fleet: str
-    ros_distro: str
-    rmw: str
-    config_successful: bool = True
-    config_time: float = 0.0
-    robots: int = 0
-    series: Mapping[str, int] = field(default_factory=dict)
-    series_limit: int = 0
-    rejected: Mapping[str, int] = field(default_factory=dict)
-    settled: bool = False
-    decode_seconds: float = 0.0
-    ingest_seconds: float = 0.0
+    ``ros`` is (distribution, middleware); ``scrapes`` and ``scrape_seconds`` are those before the
+    current scrape.
+    """
+
+    state: State
+    exposition: Exposition
+    listener: Listener
+    reloader: Reloader
+    storage: Storage | None
+    alertmanager: Alertmanager | None
+    ros: tuple[str, str]
     scrapes: int = 0
     scrape_seconds: float = 0.0
-    domains: Mapping[int, bool] = field(default_factory=dict)
-    discovery_times: Mapping[int, float] = field(default_factory=dict)
-    storage_successful: bool | None = None  # None: no state file is kept
-    storage_time: float = 0.0
-    alertmanager_up: bool | None = None  # None: it is not asked
+
+
+def _family(name: str, kind: str, help_: str, labels: tuple[str, ...]) -> Family:
+    return Family(PREFIX + name, kind, help_, labels)
+
+
+def _one(value: float) -> Samples:
+    return [((), float(value))]
+
+
+def _by_label(values: Mapping[Label, float]) -> Samples:
+    return [((str(label),), float(value)) for label, value in sorted(values.items())]
+
+
+TABLE: tuple[tuple[Family, Callable[[Exporter], Samples]], ...] = (
+    (
+        _family(
+            "exporter_build_info",
+            "gauge",
+            "1 with the versions of the exporter, Python and the ROS middleware.",
+            (*FLEET, "version", "python_version", "ros_distro", "rmw"),
+        ),
+        lambda exporter: [((__version__, platform.python_version(), *exporter.ros), 1)],
+    ),
+    (
+        _family(
+            "exporter_config_last_reload_successful",
+            "gauge",
+            "1 if the last attempt to read the config succeeded and none hangs.",
+            FLEET,
+        ),
+        lambda exporter: _one(exporter.reloader.successful),
+    ),
+    (
+        _family(
+            "exporter_config_last_reload_success_timestamp_seconds",
+            "gauge",
+            "When the config was last read successfully (Unix time).",
+            FLEET,
+        ),
+        lambda exporter: _one(exporter.reloader.time),
+    ),
+    (
+        _family("exporter_robots", "gauge", "Robots known.", FLEET),
+        lambda exporter: _one(len(exporter.state.robots)),
+    ),
+    (
+        _family(
+            "exporter_series",
+            "gauge",
+            "Series served at the last scrape, by family.",
+            (*FLEET, "family"),
+        ),
+        lambda exporter: _by_label(exporter.exposition.series),
+    ),
+    (
+        _family("exporter_series_limit", "gauge", "The config's bound of all series.", FLEET),
+        lambda exporter: _one(exporter.state.fleet.limits.series),
+    ),
+    (
+        _family(
+            "exporter_rejected_total",
+            "counter",
+            "What belongs to no known robot and was not taken in, by reason.",
+            (*FLEET, "reason"),
+        ),
+        lambda exporter: _by_label(exporter.state.rejected),
+    ),
+    (
+        _family(
+            "exporter_settled",
+            "gauge",
+            "1 from 30 s after the start on: before, no fault begins for want of data.",
+            FLEET,
+        ),
+        lambda exporter: _one(exporter.state.settled(read_clocks())),
+    ),
+    (
+        _family(
+            "exporter_decode_seconds_total",
+            "counter",
+            "CPU time spent on decoding messages.",
+            FLEET,
+        ),
+        lambda exporter: _one(exporter.listener.decode_seconds),
+    ),
+    (
+        _family(
+            "exporter_ingest_seconds_total",
+            "counter",
+            "CPU time spent on taking decoded messages into the state.",
+            FLEET,
+        ),
+        lambda exporter: _one(exporter.listener.ingest_seconds),
+    ),
+    (
+        _family("exporter_scrapes_total", "counter", "Scrapes answered.", FLEET),
+        lambda exporter: _one(exporter.scrapes),
+    ),
+    (
+        _family(
+            "exporter_last_scrape_duration_seconds",
+            "gauge",
+            "Time that rendering the last scrape before this one took.",
+            FLEET,
+        ),
+        lambda exporter: _one(exporter.scrape_seconds),
+    ),
+    (
+        _family(
+            "exporter_domain_up",
+            "gauge",
+            "1 where the DDS domain is joined.",
+            (*FLEET, "domain_id"),
+        ),
+        lambda exporter: _by_label(
+            {each: each in exporter.listener.domain_ids for each in exporter.state.fleet.domain_ids}
+        ),
+    ),
+    (
+        _family(
+            "exporter_discovery_last_run_timestamp_seconds",
+            "gauge",
+            "When the ROS graph of a joined DDS domain was last looked at (Unix time); "
+            "0 = not yet.",
+            (*FLEET, "domain_id"),
+        ),
+        lambda exporter: _by_label(exporter.listener.last_looks),
+    ),
+    (
+        _family(
+            "exporter_storage_last_write_successful",
+            "gauge",
+            "1 if the last attempt to write the state file succeeded and none that is unreadable "
+            "is in the way; only with --storage.path.",
+            FLEET,
+        ),
+        lambda exporter: [] if exporter.storage is None else _one(exporter.storage.successful),
+    ),
+    (
+        _family(
+            "exporter_storage_last_write_success_timestamp_seconds",
+            "gauge",
+            "When the state file was last written (Unix time); only with --storage.path.",
+            FLEET,
+        ),
+        lambda exporter: [] if exporter.storage is None else _one(exporter.storage.written_at),
+    ),
+    (
+        _family(
+            "exporter_alertmanager_up",
+            "gauge",
+            "1 while Alertmanager answers when asked for acknowledgements; "
+            "only with --alertmanager.url.",
+            FLEET,
+        ),
+        lambda exporter: (
+            []
+            if exporter.alertmanager is None
+            else _one(exporter.alertmanager.answers(read_clocks()))
+        ),
+    ),
+)
+EXPORTER_FAMILIES = tuple(family for family, _samples in TABLE)
+ALL_FAMILIES = FLEET_FAMILIES + FAULT_FAMILIES + EXPORTER_FAMILIES
 
 
 class SelfMetrics(Collector):
-    """Asks for the facts at each scrape."""
+    """Reads the table at each scrape."""
 
-    def __init__(self, facts: Callable[[], Facts]) -> None:
-        self._facts = facts
+    def __init__(self, exporter: Exporter) -> None:
+        self._exporter = exporter
         self._registry = CollectorRegistry()
         self._registry.register(self)
         ProcessCollector(registry=self._registry)
@@ -60,45 +237,15 @@ class SelfMetrics(Collector):
         return generate_latest(self._registry)
 
     def describe(self) -> Iterable[Metric]:
-        """No family: asking for the facts must wait until everything stands."""
+        """No family, so that registering reads nothing yet."""
         return []
 
     def collect(self) -> Iterable[Metric]:
-        """One family for each row of the table."""
-        facts = self._facts()
-        for family, samples in _samples(facts):
+        """One family for each row of the table that has samples."""
+        fleet = self._exporter.state.fleet.name
+        for family, read in TABLE:
             kind = CounterMetricFamily if family.type == "counter" else GaugeMetricFamily
             metric = kind(family.name, family.help, labels=family.labels)
-            for labels, value in samples:
-                metric.add_metric([facts.fleet, *labels], value)
+            for labels, value in read(self._exporter):
+                metric.add_metric([fleet, *labels], value)
             yield metric
-
-
-def _samples(facts: Facts) -> Iterable[tuple[Family, list[tuple[list[str], float]]]]:
-    """Family -> [(labels after ``fleet``, value)]."""
-    versions = [__version__, platform.python_version(), facts.ros_distro, facts.rmw]
-    yield metrics.EXPORTER_BUILD_INFO, [(versions, 1)]
-    for family, value in (
-        (metrics.EXPORTER_CONFIG_OK, float(facts.config_successful)),
-        (metrics.EXPORTER_CONFIG_TIME, facts.config_time),
-        (metrics.EXPORTER_ROBOTS, facts.robots),
-        (metrics.EXPORTER_SERIES_LIMIT, facts.series_limit),
-        (metrics.EXPORTER_SETTLED, float(facts.settled)),
-        (metrics.EXPORTER_DECODE, facts.decode_seconds),
-        (metrics.EXPORTER_INGEST, facts.ingest_seconds),
-        (metrics.EXPORTER_SCRAPES, facts.scrapes),
-        (metrics.EXPORTER_SCRAPE_DURATION, facts.scrape_seconds),
-    ):
-        yield family, [([], value)]
-    for family, by_label in (
-        (metrics.EXPORTER_SERIES, facts.series),
-        (metrics.EXPORTER_REJECTED, facts.rejected),
-        (metrics.EXPORTER_DOMAIN_UP, facts.domains),
-        (metrics.EXPORTER_DISCOVERY_TIME, facts.discovery_times),
-    ):
-        yield family, [([str(label)], float(value)) for label, value in sorted(by_label.items())]
-    if facts.storage_successful is not None:
-        yield metrics.EXPORTER_STORAGE_OK, [([], float(facts.storage_successful))]
-        yield metrics.EXPORTER_STORAGE_TIME, [([], facts.storage_time)]
-    if facts.alertmanager_up is not None:
-        yield metrics.EXPORTER_ALERTMANAGER_UP, [([], float(facts.alertmanager_up))]

@@ -8,7 +8,7 @@ from ros_diagnostics_exporter.faults.model import Identity, Scope, State
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.robot import Robot
-from ros_diagnostics_exporter.texts import shown
+from ros_diagnostics_exporter.texts import one_line
 
 LENGTH = 512  # characters of the whole
 _TEXT_LENGTH = 160  # of one text of a robot
@@ -89,4 +89,4 @@ def _listed(what: str, texts: Iterable[str]) -> str:
 
 
 def _text(text: str) -> str:
-    return shown(text[:_TEXT_LENGTH])
+    return one_line(text[:_TEXT_LENGTH])

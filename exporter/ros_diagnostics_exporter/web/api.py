@@ -1,4 +1,4 @@
-"""The JSON endpoints: the fleet, what happened, service discovery, and what changes something.
+"""The JSON endpoints: the fleet, events, service discovery, reload and forget.
 
 Every error is a JSON object with one sentence under ``error``.
 """
@@ -17,158 +17,161 @@ from starlette.responses import Response
 
 from ros_diagnostics_exporter.events import KINDS, Wanted
 from ros_diagnostics_exporter.model import Level
-from ros_diagnostics_exporter.web.backend import Doors
-from ros_diagnostics_exporter.web.origin import is_foreign
-from ros_diagnostics_exporter.web.workers import Calls
+from ros_diagnostics_exporter.web.auth import is_cross_site
+from ros_diagnostics_exporter.web.backend import Backend
+from ros_diagnostics_exporter.web.workers import Workers
 
-FLEET_AGE = 1.0  # seconds that one look at the fleet serves all who ask
+SNAPSHOT_AGE = 1.0  # seconds for which a snapshot of the fleet is shared
 MAX_EVENTS = 10_000
-MAX_ID = 2**53  # of an event: the largest number that JSON tells exactly
-PAGE = 4 * 1024 * 1024  # bytes of events in one answer
-CLOSED = "the lifecycle API is not enabled; start the exporter with --web.enable-lifecycle"
-FOREIGN = (
-    "a page of another site may not change anything here, nor may a browser that knows this host "
-    "by a domain name; use its address"
+MAX_ID = 2**53  # of an event: above it, JSON numbers are not exact
+PAGE_BYTES = 4 * 1024 * 1024  # of events in one response
+LIFECYCLE_DISABLED = (
+    "the lifecycle API is not enabled; start the exporter with --web.enable-lifecycle"
+)
+CROSS_SITE = (
+    "requests from pages of another site are rejected, and so are those of a browser that uses a "
+    "domain name for this host; use its address"
 )
 _NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?")
 
 
-class RefusedError(Exception):
-    """A request that is answered with an error: HTTP status and sentence."""
+class ApiError(Exception):
+    """An error response: HTTP status and sentence."""
 
     def __init__(self, status: int, error: str) -> None:
         super().__init__(error)
         self.status = status
 
 
-@dataclass(frozen=True, eq=False)  # compared by identity: what is made of one look is shared
-class Look:
+@dataclass(frozen=True, eq=False)  # compared by identity, as a key of shared results
+class Snapshot:
     """The fleet at one moment."""
 
     fleet: dict[str, Any]
 
 
-def look_at(doors: Doors) -> Look:
+def take_snapshot(backend: Backend) -> Snapshot:
     """The fleet as it is now."""
-    return Look(doors.fleet())
+    return Snapshot(backend.fleet_snapshot())
 
 
 class Api:
-    """Endpoints that answer JSON.
+    """Endpoints that return JSON.
 
     Args:
-        doors: What is asked.
-        calls: How it is asked.
-        lifecycle: Whether what changes something is open.
+        backend: What is served.
+        workers: Where the backend is called.
+        lifecycle: Whether reload and forget are enabled.
     """
 
-    def __init__(self, doors: Doors, calls: Calls, lifecycle: bool) -> None:
-        self._doors = doors
-        self._calls = calls
+    def __init__(self, backend: Backend, workers: Workers, lifecycle: bool) -> None:
+        self._backend = backend
+        self._workers = workers
         self._lifecycle = lifecycle
 
     async def fleet(self, request: Request) -> Response:
-        """The fleet, at most a second old; ``?robot=`` (repeatable) picks robots by name."""
-        _only(request, "robot")
-        look = await self._calls.share(FLEET_AGE, look_at, self._doors)
+        """The fleet, at most a second old; ``?robot=`` (repeatable) selects robots by name."""
+        _allow_only(request, "robot")
+        snapshot = await self._workers.run_shared(SNAPSHOT_AGE, take_snapshot, self._backend)
         names = frozenset(request.query_params.getlist("robot"))
         if names:
-            return _json_bytes(await self._calls.run(_encode_fleet, look, names))
-        return _json_bytes(await self._calls.share(FLEET_AGE, _encode_fleet, look, names))
+            return _json_bytes(await self._workers.run(_encode_fleet, snapshot, names))
+        body = await self._workers.run_shared(SNAPSHOT_AGE, _encode_fleet, snapshot, names)
+        return _json_bytes(body)
 
     async def events(self, request: Request) -> Response:
-        """What happened, newest first, by the filters in the query; ``next`` if there is more."""
-        return _json_bytes(await self._calls.run(self._page, _wanted(request)))
+        """The events that match the query, newest first; ``next`` if there are more."""
+        return _json_bytes(await self._workers.run(self._events_page, _event_filter(request)))
 
-    def _page(self, wanted: Wanted) -> bytes:
-        """The newest of the events that fit on a page, which has one at least."""
-        pieces, size, last = list[bytes](), 0, 0
-        for event in self._doors.events(wanted):
-            piece = _dump(event).encode("utf-8", "replace")
-            size += len(piece) + len(b", ")
-            if pieces and size > PAGE:
-                return b'{"events": [%b], "next": %d}\n' % (b", ".join(pieces), last)
-            pieces.append(piece)
+    def _events_page(self, wanted: Wanted) -> bytes:
+        """The newest events that fit on a page, at least one."""
+        encoded, size, last = list[bytes](), 0, 0
+        for event in self._backend.find_events(wanted):
+            event_json = _dump(event).encode("utf-8", "replace")
+            size += len(event_json) + len(b", ")
+            if encoded and size > PAGE_BYTES:
+                return b'{"events": [%b], "next": %d}\n' % (b", ".join(encoded), last)
+            encoded.append(event_json)
             last = event["id"]
-        return b'{"events": [%b]}\n' % b", ".join(pieces)
+        return b'{"events": [%b]}\n' % b", ".join(encoded)
 
     async def targets(self, request: Request) -> Response:
-        """Prometheus' http_sd list of a job; ``?port=`` for another port than the usual one."""
-        _only(request, "port")
-        job, port = request.path_params["job"], _whole(request.query_params, "port", 65535)
+        """Prometheus' http_sd list of a job; ``?port=`` replaces the job's usual port."""
+        _allow_only(request, "port")
+        job, port = request.path_params["job"], _integer(request.query_params, "port", 65535)
         try:
-            found = await self._calls.run(self._doors.targets, job, port)
+            found = await self._workers.run(self._backend.targets, job, port)
         except LookupError as error:
-            raise RefusedError(404, _text(error)) from error
+            raise ApiError(404, _text(error)) from error
         except ValueError as error:
-            raise RefusedError(400, str(error)) from error
+            raise ApiError(400, str(error)) from error
         return _json(found)
 
     async def reload(self, request: Request) -> Response:
-        """Read the config again; 400 with every error when it is refused."""
-        self._may_change(request)
+        """Reload the configuration; 400 with every error if it is invalid."""
+        self._check_allowed(request)
         try:
-            await self._calls.run(self._doors.reload)
+            await self._workers.run(self._backend.reload)
         except ValueError as error:
-            raise RefusedError(400, str(error)) from error
-        self._calls.renew()
+            raise ApiError(400, str(error)) from error
+        self._workers.invalidate()
         return _json({"reloaded": True})
 
     async def forget(self, request: Request) -> Response:
-        """Take out a robot or one of its components; the answer says how many components went."""
-        self._may_change(request)
-        _only(request, "robot", "component")
+        """Remove a robot or one of its components; returns the number of components removed."""
+        self._check_allowed(request)
+        _allow_only(request, "robot", "component")
         robot = request.query_params.get("robot")
         if not robot:
-            raise RefusedError(400, "the query must name a robot: /-/forget?robot=NAME")
+            raise ApiError(400, "the query must name a robot: /-/forget?robot=NAME")
         component = request.query_params.get("component")
         try:
-            gone = await self._calls.run(self._doors.forget, robot, component)
+            removed = await self._workers.run(self._backend.forget, robot, component)
         except LookupError as error:
-            raise RefusedError(404, _text(error)) from error
-        self._calls.renew()
-        return _json({"forgotten": gone})
+            raise ApiError(404, _text(error)) from error
+        self._workers.invalidate()
+        return _json({"forgotten": removed})
 
-    def _may_change(self, request: Request) -> None:
-        """Refuse where the API is closed, and a request that some other site's page sent."""
+    def _check_allowed(self, request: Request) -> None:
+        """Raise ApiError if the lifecycle API is disabled, or for a cross-site request."""
         if not self._lifecycle:
-            raise RefusedError(403, CLOSED)
-        if is_foreign(request.headers, request.url.scheme):
-            raise RefusedError(403, FOREIGN)
+            raise ApiError(403, LIFECYCLE_DISABLED)
+        if is_cross_site(request.headers, request.url.scheme):
+            raise ApiError(403, CROSS_SITE)
 
 
-async def refuse(_request: Request, error: Exception) -> Response:
-    """The answer to a RefusedError."""
-    status = error.status if isinstance(error, RefusedError) else 500
+async def error_response(_request: Request, error: Exception) -> Response:
+    """The response to an ApiError."""
+    status = error.status if isinstance(error, ApiError) else 500
     return _json({"error": str(error)}, status)
 
 
-def _only(request: Request, *known: str) -> None:
+def _allow_only(request: Request, *known: str) -> None:
     for name in request.query_params:
         if name not in known:
-            raise RefusedError(400, f"unknown parameter {name!r}; known are {', '.join(known)}")
+            raise ApiError(400, f"unknown parameter {name!r}; known are {', '.join(known)}")
 
 
-def _wanted(request: Request) -> Wanted:
-    _only(request, "kind", "robot", "component", "level", "since", "until", "before", "limit")
+def _event_filter(request: Request) -> Wanted:
+    _allow_only(request, "kind", "robot", "component", "level", "since", "until", "before", "limit")
     query = request.query_params
     return Wanted(
-        kind=_word(query, "kind", KINDS),
+        kind=_choice(query, "kind", KINDS),
         robot=query.get("robot"),
         component=query.get("component"),
-        level=_word(query, "level", Level.__members__),
+        level=_choice(query, "level", Level.__members__),
         since=_number(query, "since"),
         until=_number(query, "until"),
-        before=_whole(query, "before", MAX_ID),
-        limit=_whole(query, "limit", MAX_EVENTS) or 100,
+        before=_integer(query, "before", MAX_ID),
+        limit=_integer(query, "limit", MAX_EVENTS) or 100,
     )
 
 
-def _word(query: Mapping[str, str], name: str, known: Collection[str]) -> str | None:
-    word = query.get(name)
-    if word is not None and word not in known:
-        raise RefusedError(400, f"{name} is {word!r}, not one of {', '.join(known)}")
-    return word
+def _choice(query: Mapping[str, str], name: str, known: Collection[str]) -> str | None:
+    value = query.get(name)
+    if value is not None and value not in known:
+        raise ApiError(400, f"{name} is {value!r}, not one of {', '.join(known)}")
+    return value
 
 
 def _number(query: Mapping[str, str], name: str) -> float | None:
@@ -178,23 +181,23 @@ def _number(query: Mapping[str, str], name: str) -> float | None:
     # float() alone would take "1_000", "nan" and digits of other scripts.
     number = float(text) if _NUMBER.fullmatch(text) else math.inf
     if not math.isfinite(number):
-        raise RefusedError(400, f"{name} is {text!r}, not a number")
+        raise ApiError(400, f"{name} is {text!r}, not a number")
     return number
 
 
-def _whole(query: Mapping[str, str], name: str, most: int) -> int | None:
+def _integer(query: Mapping[str, str], name: str, most: int) -> int | None:
     number = _number(query, name)
     if number is not None and not (number.is_integer() and 1 <= number <= most):
-        raise RefusedError(400, f"{name} is {query[name]!r}, not a whole number 1..{most}")
+        raise ApiError(400, f"{name} is {query[name]!r}, not a whole number 1..{most}")
     return None if number is None else int(number)
 
 
-def _encode_fleet(look: Look, names: frozenset[str]) -> bytes:
-    return "".join(_fleet_pieces(look.fleet, names)).encode("utf-8", "replace")
+def _encode_fleet(snapshot: Snapshot, names: frozenset[str]) -> bytes:
+    return "".join(_fleet_json(snapshot.fleet, names)).encode("utf-8", "replace")
 
 
-def _fleet_pieces(fleet: dict[str, Any], names: frozenset[str]) -> Iterator[str]:
-    """The object robot by robot: other threads come to their turn between two robots."""
+def _fleet_json(fleet: dict[str, Any], names: frozenset[str]) -> Iterator[str]:
+    """The object robot by robot, so that other threads can run in between."""
     head = {key: value for key, value in fleet.items() if key != "robots"}
     yield _dump(head)[:-1] + ', "robots": ['
     wanted = (each for each in fleet["robots"] if not names or each["robot"] in names)
@@ -206,7 +209,7 @@ def _fleet_pieces(fleet: dict[str, Any], names: frozenset[str]) -> Iterator[str]
 def _dump(content: Any) -> str:
     try:
         return json.dumps(content, ensure_ascii=False, allow_nan=False)
-    except ValueError:  # a robot said "inf" or "nan", which JSON does not know
+    except ValueError:  # a robot sent "inf" or "nan", which JSON does not have
         return json.dumps(_finite(content), ensure_ascii=False, allow_nan=False)
 
 

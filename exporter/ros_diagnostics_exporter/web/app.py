@@ -1,9 +1,13 @@
-"""The application behind the port: which path is answered by what, and with which headers."""
+"""The web application: its routes, middleware and worker threads."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Any
 
+import yaml
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
@@ -11,62 +15,84 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
-from ros_diagnostics_exporter.web.answers import Answers, Counted, busy
-from ros_diagnostics_exporter.web.api import FLEET_AGE, Api, Look, RefusedError, look_at, refuse
+from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.web.api import (
+    SNAPSHOT_AGE,
+    Api,
+    ApiError,
+    Snapshot,
+    error_response,
+    take_snapshot,
+)
 from ros_diagnostics_exporter.web.auth import Logins
-from ros_diagnostics_exporter.web.backend import Doors
+from ros_diagnostics_exporter.web.backend import Backend
 from ros_diagnostics_exporter.web.connections import Connections
-from ros_diagnostics_exporter.web.live_config import Settings
-from ros_diagnostics_exporter.web.middleware import Gate
-from ros_diagnostics_exporter.web.openapi import describe
+from ros_diagnostics_exporter.web.middleware import AccessControl
 from ros_diagnostics_exporter.web.pages import landing
+from ros_diagnostics_exporter.web.responses import ResponseLimit, ResponseLimiter, busy_response
 from ros_diagnostics_exporter.web.scrape import Scrape
-from ros_diagnostics_exporter.web.workers import BusyError, Calls
+from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
+from ros_diagnostics_exporter.web.workers import BusyError, Workers
+
+
+@cache
+def openapi(telemetry_path: str) -> dict[str, Any]:
+    """openapi.yaml as the description of a server with its metrics at ``telemetry_path``."""
+    text = (resources.files(__package__) / "openapi.yaml").read_text("utf-8")
+    description: dict[str, Any] = yaml.safe_load(text)
+    description["info"]["version"] = __version__
+    paths = description["paths"]
+    metrics = paths.pop("/metrics")
+    if telemetry_path == "/":
+        paths.pop("/")  # there is no landing page then
+    paths[telemetry_path] = metrics
+    return description
 
 
 @dataclass(frozen=True)
 class Pages:
-    """Endpoints for people, and for the supervision of the exporter itself."""
+    """The landing page, the health checks and the API's description."""
 
-    doors: Doors
-    calls: Calls
+    backend: Backend
+    workers: Workers
     telemetry_path: str
 
     async def landing(self, _request: Request) -> Response:
         """The fleet at a glance."""
-        look = await self.calls.share(FLEET_AGE, look_at, self.doors)
-        return HTMLResponse(await self.calls.share(FLEET_AGE, _page, look, self.telemetry_path))
+        snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
+        page = await self.workers.run_shared(SNAPSHOT_AGE, _page, snapshot, self.telemetry_path)
+        return HTMLResponse(page)
 
     async def healthy(self, _request: Request) -> Response:
-        """200 as long as the process answers at all."""
+        """200 as long as the process responds at all."""
         return PlainTextResponse("healthy\n")
 
     async def ready(self, _request: Request) -> Response:
-        """200 when messages are subscribed to, else 503 and why not."""
-        why_not = await self.calls.run(self.doors.ready)
-        if why_not is None:
+        """200 when messages are subscribed to, else 503 with the reason."""
+        reason = await self.workers.run(self.backend.not_ready_reason)
+        if reason is None:
             return PlainTextResponse("ready\n")
-        return PlainTextResponse(f"not ready: {why_not}\n", status_code=503)
+        return PlainTextResponse(f"not ready: {reason}\n", status_code=503)
 
     async def openapi(self, _request: Request) -> Response:
-        """The description of all this."""
-        return JSONResponse(describe(self.telemetry_path))
+        """The OpenAPI description."""
+        return JSONResponse(openapi(self.telemetry_path))
 
 
-def _page(look: Look, telemetry_path: str) -> str:
-    return landing(look.fleet, telemetry_path)
+def _page(snapshot: Snapshot, telemetry_path: str) -> str:
+    return landing(snapshot.fleet, telemetry_path)
 
 
 @dataclass(frozen=True)
 class Threads:
-    """The threads behind the application, of a kind each, so that no kind delays another."""
+    """The worker threads, separate by kind of request, so that none delays another."""
 
-    scrapes: Calls
-    others: Calls
+    scrapes: Workers
+    others: Workers
     logins: Logins
 
     def close(self) -> None:
-        """Wait for the calls under way."""
+        """Wait for the running calls."""
         self.scrapes.close()
         self.others.close()
         self.logins.close()
@@ -74,55 +100,55 @@ class Threads:
 
 def start_threads() -> Threads:
     """Two threads render metrics, two answer everything else, one checks logins."""
-    # Scrapes share four kinds of calls, and connections bound who waits for them.
-    return Threads(Calls("web-scrape", 2, 1_000), Calls("web", 2, 50), Logins())
+    # Scrapes share four kinds of calls; the limit of connections is also one of waiting scrapes.
+    return Threads(Workers("web-scrape", 2, 1_000), Workers("web", 2, 50), Logins())
 
 
 def build(
-    doors: Doors,
+    backend: Backend,
     threads: Threads,
     connections: Connections,
     *,
-    settings: Settings,
+    web_config: LiveWebConfig,
     telemetry_path: str,
     lifecycle: bool,
 ) -> Starlette:
     """The application.
 
     Args:
-        doors: What is served.
-        threads: Where the doors are called, beside the event loop.
+        backend: What is served.
+        threads: Where the backend is called.
         connections: The clients'.
-        settings: Who may ask.
+        web_config: Users, rate limit and headers.
         telemetry_path: Where the metrics are; first, so that it may be "/".
-        lifecycle: Whether /-/reload and /-/forget are open.
+        lifecycle: Whether /-/reload and /-/forget are enabled.
     """
-    pages = Pages(doors, threads.others, telemetry_path)
-    api = Api(doors, threads.others, lifecycle)
-    scrape = Scrape(doors.metrics, threads.scrapes, Answers(connections))
-    changing = ["POST", "PUT"]
+    pages = Pages(backend, threads.others, telemetry_path)
+    api = Api(backend, threads.others, lifecycle)
+    scrape = Scrape(backend, threads.scrapes, ResponseLimit(connections))
+    write_methods = ["POST", "PUT"]
     routes = [
         Route(telemetry_path, scrape, methods=["GET"]),
         Route("/", pages.landing),
         Route("/-/healthy", pages.healthy),
         Route("/-/ready", pages.ready),
-        Route("/-/reload", api.reload, methods=changing),
-        Route("/-/forget", api.forget, methods=changing),
+        Route("/-/reload", api.reload, methods=write_methods),
+        Route("/-/forget", api.forget, methods=write_methods),
         Route("/api/v1/fleet", api.fleet),
         Route("/api/v1/events", api.events),
         Route("/api/v1/openapi.json", pages.openapi),
         Route("/sd/{job}", api.targets),
     ]
-    errors = {RefusedError: refuse, BusyError: _busy, HTTPException: _http_error}
+    errors = {ApiError: error_response, BusyError: _busy, HTTPException: _http_error}
     middleware = [
-        Middleware(Gate, settings=settings, logins=threads.logins),
-        Middleware(Counted, answers=Answers(connections)),
+        Middleware(AccessControl, web_config=web_config, logins=threads.logins),
+        Middleware(ResponseLimiter, limit=ResponseLimit(connections)),
     ]
     return Starlette(routes=routes, exception_handlers=errors, middleware=middleware)
 
 
 async def _busy(_request: Request, _error: Exception) -> Response:
-    return busy()
+    return busy_response()
 
 
 async def _http_error(_request: Request, error: Exception) -> Response:

@@ -1,7 +1,7 @@
-"""Who may ask: basic authentication against bcrypt hashes, and a limit of requests.
+"""Checks of a request's sender: basic authentication, rate limit, cross-site requests.
 
-bcrypt costs a tenth of a second by design, so what was right once is remembered for as long as the
-hash stays the same; what was wrong is computed again each time, in one thread, few waiting.
+bcrypt takes a tenth of a second by design, so valid logins are cached until their hash changes.
+Invalid ones are computed each time, in one thread with a short queue.
 """
 
 from __future__ import annotations
@@ -10,21 +10,24 @@ import base64
 import binascii
 import hashlib
 import hmac
+import ipaddress
 import secrets
+import socket
 from collections import OrderedDict
 from collections.abc import Mapping
+from urllib.parse import urlsplit
 
 import bcrypt
 
-from ros_diagnostics_exporter.web.workers import Calls
+from ros_diagnostics_exporter.web.workers import Workers
 
-REMEMBERED = 100  # logins
-CLIENTS = 1_000  # addresses whose requests are counted
-BCRYPT_BYTES = 72  # bcrypt looks at no more of a password
+CACHED_LOGINS = 100
+MAX_BUCKETS = 1_000  # addresses whose requests are counted
+BCRYPT_BYTES = 72  # bcrypt ignores the rest of a password
 
 
 def parse_basic(header: str) -> tuple[str, bytes] | None:
-    """User and password of an Authorization header, None when it is something else."""
+    """User and password of an Authorization header; None if it is not basic authentication."""
     scheme, _, coded = header.partition(" ")
     if scheme.lower() != "basic":
         return None
@@ -36,45 +39,45 @@ def parse_basic(header: str) -> tuple[str, bytes] | None:
 
 
 class Logins:
-    """Tells right logins from wrong ones, both in the same time for all users, known or not."""
+    """Checks logins, in the same time for known and unknown users."""
 
     def __init__(self) -> None:
-        self._calls = Calls("web-auth", threads=1, waiting=20)
+        self._workers = Workers("web-auth", threads=1, max_pending=20)
         self._secret = secrets.token_bytes(32)
-        self._right: OrderedDict[bytes, None] = OrderedDict()
+        self._valid: OrderedDict[bytes, None] = OrderedDict()
 
     async def allows(self, users: Mapping[str, str], header: str) -> bool:
-        """Whether ``header`` is a login of one of ``users`` (name -> bcrypt hash).
+        """Whether ``header`` is a valid login of one of ``users`` (name -> bcrypt hash).
 
         Raises:
-            BusyError: Too many logins wait to be checked.
+            BusyError: Too many logins are waiting to be checked.
         """
         login = parse_basic(header)
         if login is None:
             return False
         user, password = login
-        hashed = users.get(user) or _nobody(users)
-        mark = self._mark(user, hashed, password)
-        if mark in self._right:
+        hashed = users.get(user) or _dummy_hash(users)
+        digest = self._digest(user, hashed, password)
+        if digest in self._valid:
             return True
-        right = await self._calls.run(_matches, password, hashed) and user in users
-        if right:
-            self._remember(mark)
-        return right
+        valid = await self._workers.run(_matches, password, hashed) and user in users
+        if valid:
+            self._cache(digest)
+        return valid
 
     def close(self) -> None:
         """End the thread."""
-        self._calls.close()
+        self._workers.close()
 
-    def _mark(self, user: str, hashed: str, password: bytes) -> bytes:
-        """What is remembered of a login: nothing that tells the password, of a fixed length."""
+    def _digest(self, user: str, hashed: str, password: bytes) -> bytes:
+        """The cache's key for a login; it has a fixed length and does not reveal the password."""
         parts = (hashlib.sha256(part).digest() for part in (user.encode(), hashed.encode()))
         return hmac.digest(self._secret, b"".join(parts) + password, "sha256")
 
-    def _remember(self, mark: bytes) -> None:
-        self._right[mark] = None
-        if len(self._right) > REMEMBERED:
-            self._right.popitem(last=False)
+    def _cache(self, digest: bytes) -> None:
+        self._valid[digest] = None
+        if len(self._valid) > CACHED_LOGINS:
+            self._valid.popitem(last=False)
 
 
 def _matches(password: bytes, hashed: str) -> bool:
@@ -83,25 +86,25 @@ def _matches(password: bytes, hashed: str) -> bool:
     return bcrypt.checkpw(password[:BCRYPT_BYTES], hashed.encode())
 
 
-def _nobody(users: Mapping[str, str]) -> str:
-    """A hash that no password has, as costly as the users' own: an unknown name takes as long."""
+def _dummy_hash(users: Mapping[str, str]) -> str:
+    """A hash that matches no password and costs as much as those of the users."""
     cost = max((hashed[4:6] for hashed in users.values()), default="10")
     return f"$2b${cost}$" + "." * 53
 
 
 class Bucket:
-    """A token bucket: one request every ``interval`` seconds, and ``burst`` saved up at most."""
+    """A token bucket: one request every ``interval`` seconds, up to ``burst`` at once."""
 
     def __init__(self) -> None:
         self._tokens = float("inf")
-        self._then = 0.0
+        self._last = 0.0
 
     def take(self, interval: float, burst: int, now: float) -> bool:
-        """Whether a request may pass at ``now`` (monotonic seconds); interval 0 lets all pass."""
+        """Whether a request is allowed at ``now`` (monotonic seconds); interval 0 allows all."""
         if interval <= 0:
             return True
-        self._tokens = min(burst, self._tokens + (now - self._then) / interval)
-        self._then = now
+        self._tokens = min(burst, self._tokens + (now - self._last) / interval)
+        self._last = now
         if self._tokens < 1:
             return False
         self._tokens -= 1
@@ -109,7 +112,7 @@ class Bucket:
 
 
 class Buckets:
-    """A bucket for each client's address; of too many, the one that asked longest ago is lost."""
+    """A bucket per client address; above MAX_BUCKETS the least recently used is dropped."""
 
     def __init__(self) -> None:
         self._buckets: OrderedDict[str, Bucket] = OrderedDict()
@@ -120,6 +123,42 @@ class Buckets:
             return True
         bucket = self._buckets.setdefault(address, Bucket())
         self._buckets.move_to_end(address)
-        if len(self._buckets) > CLIENTS:
+        if len(self._buckets) > MAX_BUCKETS:
             self._buckets.popitem(last=False)
         return bucket.take(interval, burst, now)
+
+
+def is_cross_site(headers: Mapping[str, str], scheme: str) -> bool:
+    """Whether a browser sent this request for a page of another site.
+
+    Only browsers send the headers that are examined here, and a page cannot suppress all of them.
+    Requests of tools (curl, Prometheus, scripts) have none and are never cross-site.
+
+    Args:
+        headers: The request's; names in lower case.
+        scheme: That the exporter itself serves, http or https.
+    """
+    # https://www.w3.org/TR/fetch-metadata/#sec-fetch-site-header; not sent over plain HTTP.
+    if headers.get("sec-fetch-site", "none") not in {"none", "same-origin"}:
+        return True
+    page = headers.get("origin", headers.get("referer"))
+    return page is not None and not _same_origin(page, headers.get("host", ""), scheme)
+
+
+def _same_origin(page: str, host: str, scheme: str) -> bool:
+    try:
+        origin, own = urlsplit(page), urlsplit(f"//{host}")
+        same = host != "" and origin.netloc.lower() == own.netloc.lower()
+        # Without TLS here, a proxy in front may still serve https to browsers.
+        return same and origin.scheme in {scheme, "https"} and _is_local_name(own.hostname or "")
+    except ValueError:  # not a URL
+        return False
+
+
+def _is_local_name(host: str) -> bool:
+    """Whether nobody else can register this name and point it here (DNS rebinding)."""
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return "." not in host or host == socket.gethostname().lower()
+    return True

@@ -1,39 +1,49 @@
-"""What the web is handed: callables, and the words in which they answer.
-
-The only thing that the HTTP room knows of the rest of the exporter. Every callable is called from
-a thread of the web's own, up to four at once, and may block.
-"""
+"""What the web server needs of the rest of the exporter."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, Protocol
 
 from ros_diagnostics_exporter.events import Wanted
 
 
-@dataclass(frozen=True)
-class Doors:
-    """Ways into the exporter.
+class Backend(Protocol):
+    """The source of everything that is served.
 
-    Attributes:
-        metrics: The whole exposition; True asks for OpenMetrics, False for the text format 0.0.4.
-        fleet: The fleet as /api/v1/fleet answers it.
-        events: What happened, newest first, each with its ``id``.
-        targets: Prometheus' http_sd list of a job (node, ping, ssh, http, tcp), at a port if one
-            is given; raises LookupError for a job that is unknown, ValueError for a port that is
-            missing or too much.
-        ready: None when messages are subscribed to, else why not.
-        reload: Read the config again; raises ValueError with the text for the person who asked.
-        forget: Take out a robot, or one of its components; how many components went. Raises
-            LookupError when there is none of that name.
+    The methods are called from worker threads, up to four at once, and may block.
     """
 
-    metrics: Callable[[bool], bytes]
-    fleet: Callable[[], dict[str, Any]]
-    events: Callable[[Wanted], Iterable[dict[str, Any]]]
-    targets: Callable[[str, int | None], list[dict[str, Any]]]
-    ready: Callable[[], str | None]
-    reload: Callable[[], None]
-    forget: Callable[[str, str | None], int]
+    def render_metrics(self, openmetrics: bool, /) -> bytes:
+        """The whole exposition, as OpenMetrics or in the text format 0.0.4."""
+
+    def fleet_snapshot(self) -> dict[str, Any]:
+        """The fleet as /api/v1/fleet returns it."""
+
+    def find_events(self, wanted: Wanted, /) -> Iterable[dict[str, Any]]:
+        """The events that match the filter, newest first, each with its ``id``."""
+
+    def targets(self, job: str, port: int | None, /) -> list[dict[str, Any]]:
+        """The http_sd list of a job (node, ping, ssh, http, tcp), at ``port`` if one is given.
+
+        Raises:
+            LookupError: The job is unknown.
+            ValueError: The job needs a port, or takes none.
+        """
+
+    def not_ready_reason(self) -> str | None:
+        """Why the exporter is not ready; None when it subscribes to the robots' messages."""
+
+    def reload(self) -> None:
+        """Reload the configuration.
+
+        Raises:
+            ValueError: The configuration is invalid; the text lists every error.
+        """
+
+    def forget(self, robot: str, component: str | None, /) -> int:
+        """Remove a robot, or one of its components; the number of components removed.
+
+        Raises:
+            LookupError: There is none of that name.
+        """

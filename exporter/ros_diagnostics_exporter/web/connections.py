@@ -1,24 +1,69 @@
-"""Whose connection it is, and whose is closed first when there are too many.
+"""Accepts connections and limits their number.
 
-A client that makes no progress is closed before one that does, one that has not logged in before
-one that has, and where one address has more than its share, its connections are closed before all
-others'. So whoever opens connections without end closes their own.
+When there are too many, a client that makes no progress loses its connection before one that does,
+one without a login before one with, and an address with more than its share before all others. So
+a client that opens connections without end closes its own.
 """
 
 from __future__ import annotations
 
+import asyncio
 import ipaddress
+import logging
+import math
+import resource
+import socket
+import ssl
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 
-from ros_diagnostics_exporter.web.protocol import GuardedProtocol
+from ros_diagnostics_exporter.web.protocol import TIMEOUTS, ClientConnection, Phase
 
-LEAST = 5  # connections, however few files there are
-SHARE = 10  # a client may have a tenth of all connections before its own are closed first
+MAX_CONNECTIONS = 500
+MIN_CONNECTIONS = 20  # however low the limit of open files is
+OWN_FILES = 60  # of the exporter itself: libraries, the state file, logs, listening sockets
+DOMAIN_FILES = 20  # of a DDS domain; measured: eleven
+MIN_AFTER_ERROR = 5  # connections, even if accepting fails
+SHARE = 10  # an address may have a tenth of all connections before its own are closed first
+
+ACCEPT_BATCH = 100  # connections accepted before others are served again
+RETRY_AFTER = 0.1  # seconds until accepting is tried again after an error
+LOG_EVERY = 10.0  # seconds
+# Bytes of a response that the kernel buffers for a client; by default it would be megabytes.
+SEND_BUFFER = 256 * 1024
+
+_log = logging.getLogger(__name__)
 
 
-def address_of(host: str) -> str:
-    """The client that ``host`` (an IP address) counts as: IPv6 by its /64, which one host owns."""
+def connection_limit(domains: int) -> int:
+    """The number of connections that the limit of open files allows; raises that limit first.
+
+    Go's runtime does so for its servers, too. A limit that is too low is logged with the remedy.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft != hard:
+        try:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+            soft = hard
+        except (OSError, ValueError) as error:  # a sandbox may forbid it
+            _log.warning("the limit of open files cannot be raised above %d: %s", soft, error)
+    others = OWN_FILES + DOMAIN_FILES * domains
+    connections = max(MIN_CONNECTIONS, min(MAX_CONNECTIONS, soft - others))
+    if connections < MAX_CONNECTIONS:
+        _log.warning(
+            "only %d files may be open: %d connections are accepted at once instead of %d; raise "
+            "the limit to %d (LimitNOFILE= of a systemd unit, ulimit -n, --ulimit nofile=)",
+            soft,
+            connections,
+            MAX_CONNECTIONS,
+            MAX_CONNECTIONS + others,
+        )
+    return connections
+
+
+def client_address(host: str) -> str:
+    """The address that identifies a client: of IPv6 the /64, all of which one host may use."""
     try:
         address = ipaddress.ip_address(host.partition("%")[0])
     except ValueError:
@@ -35,41 +80,142 @@ class Connections:
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
-        self._open: set[GuardedProtocol] = set()
+        self._open: set[ClientConnection] = set()
 
     def __len__(self) -> int:
         """How many there are."""
         return len(self._open)
 
-    def add(self, connection: GuardedProtocol) -> None:
-        """Count a new connection; if there are too many, another one is closed."""
+    def add(self, connection: ClientConnection) -> None:
+        """Add a new connection; closes others if there are too many."""
         while self._open and len(self._open) >= self.limit:
             self.close_worst()
         self._open.add(connection)
 
-    def discard(self, connection: GuardedProtocol) -> None:
-        """A connection has ended."""
+    def discard(self, connection: ClientConnection) -> None:
+        """Remove a connection that has ended."""
         self._open.discard(connection)
 
-    def shrink(self) -> None:
-        """There are more than the process can hold: from now on allow fewer than now."""
-        self.limit = max(LEAST, len(self._open) - 2)
+    def lower_limit(self) -> None:
+        """Allow fewer connections than there are now: the process cannot have more."""
+        self.limit = max(MIN_AFTER_ERROR, len(self._open) - 2)
         while len(self._open) > self.limit:
             self.close_worst()
 
     def close_worst(self) -> None:
-        """Close the connection that is the last in the order."""
-        worst = max(self._open, key=self.order())
+        """Close the connection that is last in the closing order."""
+        worst = max(self._open, key=self.closing_order())
         self._open.discard(worst)  # now: the loop may accept many more before it closes it
         worst.abort()
 
-    def order(self) -> Callable[[GuardedProtocol], tuple[bool, int, bool, float]]:
-        """A key to sort connections by: the last one is to be closed first."""
+    def closing_order(self) -> Callable[[ClientConnection], tuple[bool, int, bool, float]]:
+        """A sort key for connections; the last one is closed first."""
         number = Counter(each.address for each in self._open)
         share = self.limit // SHARE
         return lambda each: (
-            not each.known,
+            not each.authenticated,
             max(0, number[each.address] - share),
-            each.pipelines,  # of a busy server's clients, who keeps it busy
-            each.waited(),
+            each.pipelines,  # a client that pipelines keeps the server busy
+            each.stalled_for(),
+        )
+
+
+class Acceptor:
+    """Accepts connections on a listening socket until it is closed.
+
+    It takes the place of asyncio's own server, which does not limit connections, and which, when no
+    more files can be opened, tries and logs as often as the backlog is long each second.
+
+    Args:
+        sock: Is listening; the caller closes it.
+        factory: Makes the protocol of a new connection.
+        context: For TLS; None without.
+        connections: Limits their number.
+    """
+
+    def __init__(
+        self,
+        sock: socket.socket,
+        factory: Callable[[], ClientConnection],
+        context: ssl.SSLContext | None,
+        connections: Connections,
+    ) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._sock = sock
+        self._factory = factory
+        self._context = context
+        self._connections = connections
+        self._opening: dict[asyncio.Task[None], ClientConnection] = {}
+        self._retry: asyncio.TimerHandle | None = None
+        self._logged_at = -math.inf
+        sock.setblocking(False)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)  # inherited
+        # asyncio sets it only for sockets that were made with the protocol's number. Without it the
+        # end of a response waits for the client's delayed ACK, 40 ms for each scrape.
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._loop.add_reader(sock, self._accept)
+
+    def close(self) -> None:
+        """Stop accepting, and drop the connections whose handshake is not complete."""
+        self._loop.remove_reader(self._sock)
+        if self._retry is not None:
+            self._retry.cancel()
+        for connection in self._opening.values():
+            connection.abort()
+
+    async def wait_closed(self) -> None:
+        """Wait for the dropped connections to end."""
+        await asyncio.gather(*self._opening, return_exceptions=True)
+
+    def _accept(self) -> None:
+        for _ in range(ACCEPT_BATCH):
+            try:
+                accepted, (host, *_) = self._sock.accept()
+            except (BlockingIOError, InterruptedError, ConnectionAbortedError):
+                return
+            except OSError as error:
+                self._pause(error)
+                return
+            self._start(accepted, client_address(host))
+
+    def _start(self, accepted: socket.socket, address: str) -> None:
+        accepted.setblocking(False)
+        connection = self._factory()
+        connection.accepted(address, accepted, partial(self._connections.discard, connection))
+        self._connections.add(connection)
+        task = self._loop.create_task(self._open(accepted, connection))
+        self._opening[task] = connection
+        task.add_done_callback(self._opening.pop)
+
+    async def _open(self, accepted: socket.socket, connection: ClientConnection) -> None:
+        """Pass the socket to asyncio; returns when the TLS handshake is done."""
+        try:
+            await self._loop.connect_accepted_socket(
+                lambda: connection,
+                accepted,
+                ssl=self._context,
+                ssl_handshake_timeout=None if self._context is None else TIMEOUTS[Phase.REQUEST],
+            )
+        except OSError as error:  # a client that does not speak TLS must not fill the log
+            _log.debug("a TLS handshake failed: %s", error)
+        finally:
+            if connection.transport is None:
+                self._connections.discard(connection)
+
+    def _pause(self, error: OSError) -> None:
+        """Most likely no more files can be opened: close some connections, and retry later."""
+        self._connections.lower_limit()
+        now = self._loop.time()
+        if now >= self._logged_at + LOG_EVERY:
+            self._logged_at = now
+            _log.error(
+                "no connection can be accepted: %s; the limit is now %d connections at once. If "
+                "the limit of open files is low, raise it (LimitNOFILE= of a systemd unit, "
+                "ulimit -n) and restart the exporter",
+                error,
+                self._connections.limit,
+            )
+        self._loop.remove_reader(self._sock)
+        self._retry = self._loop.call_later(
+            RETRY_AFTER, self._loop.add_reader, self._sock, self._accept
         )

@@ -1,4 +1,4 @@
-"""The landing page: the fleet at a glance, readable on a phone, nothing loaded from elsewhere."""
+"""The landing page: an overview of the fleet in one self-contained HTML page, for phones too."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from ros_diagnostics_exporter.severity import (
     short_told,
     state_of,
 )
-from ros_diagnostics_exporter.texts import natural, shown
+from ros_diagnostics_exporter.texts import natural, one_line
 
-MESSAGE = 300  # characters of a component's message
-SHOWN = 200  # robots with problems, and as many components of one; the API has them all
+MAX_MESSAGE = 300  # characters of a component's message
+MAX_LISTED = 200  # robots with problems, and components of one robot; the API has them all
 
 STYLE = """
 :root { color-scheme: light dark; --line: #8884; }
@@ -43,7 +43,7 @@ article ul { margin: .2rem 0; padding-left: 1.1rem; }
 
 
 def landing(fleet: dict[str, Any], telemetry_path: str) -> str:
-    """The page for ``fleet``, which is what /api/v1/fleet answers; all of it is escaped."""
+    """The page for ``fleet``, as /api/v1/fleet returns it; all texts in it are escaped."""
     states = [(state_of(robot), robot) for robot in fleet["robots"]]
     states.sort(key=lambda each: (-RANKS[each[0]], natural(each[1]["robot"])))
     return "".join(_page(fleet, states, telemetry_path))
@@ -59,7 +59,7 @@ def _page(
     yield f"<title>{escape(title)}</title><style>{STYLE}</style></head><body>"
     yield f"<h1>{escape(title)}</h1><p class=dim>ros-diagnostics-exporter {escape(__version__)}, "
     yield f"{_moment(fleet['time'])}</p>"
-    # Relative links: the page may stand behind a proxy that puts a path before it.
+    # Relative links, for proxies that add a path prefix.
     yield f'<nav><a href="{escape(telemetry_path.lstrip("/"))}">Metrics</a> '
     yield '<a href="api/v1/fleet">Fleet (JSON)</a> <a href="api/v1/events">Events (JSON)</a> '
     yield '<a href="-/ready">Ready</a> <a href="api/v1/openapi.json">OpenAPI</a></nav>'
@@ -81,7 +81,7 @@ def _problems(states: list[tuple[str, dict[str, Any]]], fleet: dict[str, Any]) -
     yield f"<h2>Robots with problems: {len(states)}</h2>"
     if not states:
         yield "<p>None.</p>"
-    for state, robot in states[:SHOWN]:
+    for state, robot in states[:MAX_LISTED]:
         yield f'<article class="{state}"><span class=word>{escape(robot["robot"])}</span> {state}'
         if not robot["up"]:
             yield f" ({escape(robot['silent_reason'] or 'silent')})"
@@ -89,7 +89,7 @@ def _problems(states: list[tuple[str, dict[str, Any]]], fleet: dict[str, Any]) -
             yield " <span class=dim>in maintenance</span>"
         yield from _faults(robot, fleet["time"])
         yield "</article>"
-    yield from _rest(len(states) - SHOWN, "robots with problems")
+    yield from _and_more(len(states) - MAX_LISTED, "robots with problems")
 
 
 def _faults(robot: dict[str, Any], now: float) -> Iterator[str]:
@@ -97,14 +97,14 @@ def _faults(robot: dict[str, Any], now: float) -> Iterator[str]:
     yield "<ul>"
     for short in short_told(robot):
         yield f"<li>{escape(short)}</li>"
-    for each in faults[:SHOWN]:
+    for each in faults[:MAX_LISTED]:
         before = each["level_before_stale"]
         was = f" (was {escape(before)})" if before else ""
         yield f"<li>{escape(each['component'])}: <span class=word>{escape(level_told(each))}</span>"
         yield f"{was} {_message(each['message'])} <span class=dim>{ago(each['since'], now)}</span>"
         yield "</li>"
     yield "</ul>"
-    yield from _rest(len(faults) - SHOWN, "components")
+    yield from _and_more(len(faults) - MAX_LISTED, "components")
 
 
 def _all(states: list[tuple[str, dict[str, Any]]]) -> Iterator[str]:
@@ -114,18 +114,18 @@ def _all(states: list[tuple[str, dict[str, Any]]]) -> Iterator[str]:
     yield "</ul>"
 
 
-def _rest(number: int, what: str) -> Iterator[str]:
+def _and_more(number: int, what: str) -> Iterator[str]:
     if number > 0:
         yield f'<p>and {number} more {what}: <a href="api/v1/fleet">Fleet (JSON)</a></p>'
 
 
 def _message(text: str) -> str:
-    return escape(text if len(text) <= MESSAGE else text[:MESSAGE] + "…")
+    return escape(text if len(text) <= MAX_MESSAGE else text[:MAX_MESSAGE] + "…")
 
 
 def escape(text: str) -> str:
-    """Text in the page: neither markup nor what turns the direction of writing or is invisible."""
-    return escape_markup(shown(text))
+    """Text for HTML: markup, invisible and direction-changing characters are escaped."""
+    return escape_markup(one_line(text))
 
 
 def _moment(unix: float) -> str:

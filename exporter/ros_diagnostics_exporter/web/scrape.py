@@ -1,19 +1,19 @@
-"""Answers a scrape: which format, compressed or not, rendered once for all who ask at once."""
+"""The metrics endpoint: content negotiation, compression, one rendering for concurrent scrapes."""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import Receive, Scope, Send
 
-from ros_diagnostics_exporter.web.answers import Answers, send_pieces
-from ros_diagnostics_exporter.web.workers import Calls
+from ros_diagnostics_exporter.web.backend import Backend
+from ros_diagnostics_exporter.web.responses import ResponseLimit, send_chunks
+from ros_diagnostics_exporter.web.workers import Workers
 
 TEXT = "text/plain; version=0.0.4; charset=utf-8"
 OPENMETRICS = "application/openmetrics-text; version=1.0.0; charset=utf-8"
-FIRST_SIZE = 8 * 1024 * 1024  # bytes that are counted for an answer until one was rendered
+FIRST_SIZE = 8 * 1024 * 1024  # bytes reserved for a response until one was rendered
 GZIP_LEVEL = 1  # 29 MB: 55 ms at level 1, 153 ms at level 6, for little less
 
 
@@ -38,62 +38,63 @@ def _quality(parameters: list[str]) -> float:
 
 
 def wants_openmetrics(accept: str) -> bool:
-    """Whether OpenMetrics is named and is liked at least as much as plain text."""
-    liked = parse_accept(accept)
-    openmetrics = liked.get("application/openmetrics-text", 0.0)
-    return openmetrics > 0 and openmetrics >= liked.get("text/plain", 0.0)
+    """Whether OpenMetrics is accepted with at least the quality of plain text."""
+    quality = parse_accept(accept)
+    openmetrics = quality.get("application/openmetrics-text", 0.0)
+    return openmetrics > 0 and openmetrics >= quality.get("text/plain", 0.0)
 
 
 def wants_gzip(accept_encoding: str) -> bool:
-    """Whether the client takes gzip."""
-    liked = parse_accept(accept_encoding)
-    return liked.get("gzip", liked.get("*", 0.0)) > 0
+    """Whether the client accepts gzip."""
+    quality = parse_accept(accept_encoding)
+    return quality.get("gzip", quality.get("*", 0.0)) > 0
 
 
 def compress(body: bytes) -> bytes:
-    """``body`` as gzip; zlib lets other threads run meanwhile."""
-    squeezer = zlib.compressobj(GZIP_LEVEL, wbits=31)
-    return squeezer.compress(body) + squeezer.flush()
+    """``body`` as gzip; zlib releases the interpreter lock."""
+    compressor = zlib.compressobj(GZIP_LEVEL, wbits=31)
+    return compressor.compress(body) + compressor.flush()
 
 
 class Scrape:
-    """The endpoint that Prometheus reads, an ASGI application.
+    """The metrics endpoint, an ASGI application.
 
     Args:
-        metrics: Renders the exposition; True asks for OpenMetrics.
-        calls: How it is asked, and where compressing is done.
-        answers: Counts the answers under way.
+        backend: Renders the exposition.
+        workers: Where it is rendered and compressed.
+        limit: Of the responses' bytes.
     """
 
-    def __init__(self, metrics: Callable[[bool], bytes], calls: Calls, answers: Answers) -> None:
-        self._metrics = metrics
-        self._calls = calls
-        self._answers = answers
-        self._sizes: dict[tuple[bool, bool], int] = {}  # of the last answer of each kind
+    def __init__(self, backend: Backend, workers: Workers, limit: ResponseLimit) -> None:
+        self._backend = backend
+        self._workers = workers
+        self._limit = limit
+        self._sizes: dict[tuple[bool, bool], int] = {}  # of the last response of each kind
 
     async def __call__(self, scope: Scope, _receive: Receive, send: Send) -> None:
-        """Send the exposition; BusyError when it is not this one's turn for too long."""
-        connection, asked = scope["state"]["connection"], Headers(scope=scope)
-        openmetrics = wants_openmetrics(asked.get("accept", ""))
-        gzip = wants_gzip(asked.get("accept-encoding", ""))
-        # Before it is rendered: who waits must not hold an exposition.
-        await self._answers.take_turn(connection, self._sizes.get((openmetrics, gzip), FIRST_SIZE))
+        """Send the exposition; BusyError after waiting too long."""
+        connection, headers = scope["state"]["connection"], Headers(scope=scope)
+        openmetrics = wants_openmetrics(headers.get("accept", ""))
+        gzip = wants_gzip(headers.get("accept-encoding", ""))
+        # Before it is rendered: a waiting request must not hold an exposition.
+        size = self._sizes.get((openmetrics, gzip), FIRST_SIZE)
+        await self._limit.reserve_or_wait(connection, size)
         try:
-            body = await self._calls.share(0, self._render, openmetrics, gzip)
+            body = await self._workers.run_shared(0, self._render, openmetrics, gzip)
             self._sizes[openmetrics, gzip] = len(body)
-            self._answers.resize(connection, len(body))
-            headers = _headers(len(body), openmetrics=openmetrics, gzip=gzip)
-            await send({"type": "http.response.start", "status": 200, "headers": headers.raw})
-            await send_pieces(body, send)
+            self._limit.resize(connection, len(body))
+            raw = _response_headers(len(body), openmetrics=openmetrics, gzip=gzip).raw
+            await send({"type": "http.response.start", "status": 200, "headers": raw})
+            await send_chunks(body, send)
         finally:
-            self._answers.release(connection)
+            self._limit.release(connection)
 
     def _render(self, openmetrics: bool, gzip: bool) -> bytes:
-        body = self._metrics(openmetrics)
+        body = self._backend.render_metrics(openmetrics)
         return compress(body) if gzip else body
 
 
-def _headers(size: int, *, openmetrics: bool, gzip: bool) -> MutableHeaders:
+def _response_headers(size: int, *, openmetrics: bool, gzip: bool) -> MutableHeaders:
     headers = MutableHeaders(
         {
             "Content-Type": OPENMETRICS if openmetrics else TEXT,

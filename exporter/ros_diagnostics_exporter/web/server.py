@@ -1,60 +1,138 @@
-"""The server: sockets, a thread with an event loop of its own, and a clean end.
+"""The web server: listening sockets, a thread with its own event loop, and an orderly shutdown.
 
-Threads are bounded: one for the event loop, and those of app.start_threads. No access log is kept.
+It has one thread for the event loop, and those of app.start_threads. There is no access log.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import socket
 import ssl
 import threading
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
 import uvicorn
 from starlette.applications import Starlette
 
-from ros_diagnostics_exporter.web.accept import Acceptor
 from ros_diagnostics_exporter.web.app import build, start_threads
-from ros_diagnostics_exporter.web.backend import Doors
-from ros_diagnostics_exporter.web.connections import Connections
-from ros_diagnostics_exporter.web.file_limit import allowed_connections
-from ros_diagnostics_exporter.web.listen import BACKLOG, bind_all, name_of
-from ros_diagnostics_exporter.web.live_config import Settings
-from ros_diagnostics_exporter.web.protocol import MAX_HEADER_BYTES, TIMEOUTS, GuardedProtocol, Phase
-from ros_diagnostics_exporter.web.tls import follow
+from ros_diagnostics_exporter.web.backend import Backend
+from ros_diagnostics_exporter.web.connections import Acceptor, Connections, connection_limit
+from ros_diagnostics_exporter.web.protocol import (
+    MAX_HEADER_BYTES,
+    TIMEOUTS,
+    ClientConnection,
+    Phase,
+)
+from ros_diagnostics_exporter.web.tls import reloading_context
+from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
 
-GRACE = 3  # seconds for answers under way when the server stops
+BACKLOG = 1024
+GRACE = 3  # seconds to finish responses when the server stops
 
 _log = logging.getLogger(__name__)
 
 
-class Server:
-    """Serves the doors over HTTP from a thread of its own; started once, stopped once.
+class ListenError(OSError):
+    """Cannot listen on an address; the text names it and the remedy."""
 
-    Args:
-        doors: What is served.
-        listen: Addresses, ``host:port``; without a host all interfaces, port 0 picks a free one.
-        telemetry_path: Where the metrics are.
-        web_config: A file in the format of Prometheus' exporter-toolkit (TLS, basic auth).
-        lifecycle: Whether /-/reload and /-/forget are open.
-        domains: How many DDS domains need files of this process, too.
+
+class AddressError(ListenError):
+    """A listen address is malformed."""
+
+
+def bind_all(addresses: Sequence[str]) -> list[socket.socket]:
+    """Listening sockets for all ``addresses``, or for none.
 
     Raises:
-        WebConfigError: The web_config cannot be used.
+        ListenError: For the first address that fails.
+    """
+    with contextlib.ExitStack() as stack:
+        sockets = [stack.enter_context(bind(address)) for address in addresses]
+        stack.pop_all()
+    return sockets
+
+
+def bind(address: str) -> socket.socket:
+    """A listening socket for ``address``; without a host on all interfaces, IPv6 and IPv4.
+
+    Raises:
+        ListenError: The address is malformed, not of this machine, or in use.
+    """
+    host, port = parse_address(address)
+    try:
+        return _bind_everywhere(port) if host in {"", "::"} else _bind_one(host, port)
+    except (OSError, UnicodeError) as error:  # UnicodeError: not a valid host name
+        why = getattr(error, "strerror", None) or error
+        raise ListenError(
+            f"cannot listen on {address}: {why}; stop the program that uses the port, or choose "
+            "another with --web.listen-address"
+        ) from error
+
+
+def parse_address(address: str) -> tuple[str, int]:
+    """Split ``host:port``, ``:port`` or ``[::1]:port``; the host is without brackets.
+
+    Raises:
+        AddressError: There is no port, or an IPv6 host has no brackets.
+    """
+    host, colon, port = address.rpartition(":")
+    bare = host[1:-1] if host.startswith("[") and host.endswith("]") else host
+    if not colon or not port.isascii() or not port.isdigit() or int(port) > 65535:
+        raise AddressError(
+            f"listen address {address!r} has no port 0..65535; write host:port, :port or [::1]:port"
+        )
+    if ":" in host and bare == host:
+        raise AddressError(f"listen address {address!r} has an IPv6 host; write it as [host]:port")
+    return bare, int(port)
+
+
+def name_of(sock: socket.socket) -> str:
+    """The address that ``sock`` listens on, as ``host:port``."""
+    host, port = sock.getsockname()[:2]
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _bind_everywhere(port: int) -> socket.socket:
+    if socket.has_dualstack_ipv6():
+        return socket.create_server(
+            ("::", port), family=socket.AF_INET6, dualstack_ipv6=True, backlog=BACKLOG
+        )
+    return socket.create_server(("", port), backlog=BACKLOG)
+
+
+def _bind_one(host: str, port: int) -> socket.socket:
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    # For a name with addresses of both families (localhost) take IPv4, as Go does.
+    family, *_, where = min(found, key=lambda each: each[0] != socket.AF_INET)
+    return socket.create_server(where[:2], family=family, backlog=BACKLOG)
+
+
+class Server:
+    """Serves a backend over HTTP from its own thread; started once, stopped once.
+
+    Args:
+        backend: What is served.
+        listen: Addresses, ``host:port``; without a host all interfaces, port 0 is any free port.
+        telemetry_path: Where the metrics are.
+        web_config: A file in the format of Prometheus' exporter-toolkit (TLS, basic auth).
+        lifecycle: Whether /-/reload and /-/forget are enabled.
+        domains: The number of DDS domains, which need open files too.
+
+    Raises:
+        WebConfigError: The web_config is invalid.
 
     Attributes:
-        addresses: What is really listened on, once started.
+        addresses: Those it listens on, once started.
         connections: The clients'.
     """
 
     def __init__(
         self,
-        doors: Doors,
+        backend: Backend,
         listen: Sequence[str],
         *,
         telemetry_path: str = "/metrics",
@@ -64,25 +142,25 @@ class Server:
     ) -> None:
         self.addresses: tuple[str, ...] = ()
         self._listen = tuple(listen)
-        settings = Settings(web_config)
+        live_config = LiveWebConfig(web_config)
         self._threads = start_threads()
-        self.connections = Connections(allowed_connections(domains))
+        self.connections = Connections(connection_limit(domains))
         app = build(
-            doors,
+            backend,
             self._threads,
             self.connections,
-            settings=settings,
+            web_config=live_config,
             telemetry_path=telemetry_path,
             lifecycle=lifecycle,
         )
-        self._uvicorn = _Uvicorn(_configure(app, settings))
+        self._uvicorn = _Uvicorn(_configure(app, live_config))
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Listen on all addresses and serve; returns when requests are answered.
+        """Listen on all addresses; returns when requests are served.
 
         Raises:
-            ListenError: An address cannot be listened on; none is then.
+            ListenError: Cannot listen on an address; then it listens on none.
         """
         sockets = bind_all(self._listen)
         self.addresses = tuple(name_of(each) for each in sockets)
@@ -92,11 +170,11 @@ class Server:
 
     @property
     def alive(self) -> bool:
-        """Whether requests are answered."""
+        """Whether requests are served."""
         return self._thread is not None and self._thread.is_alive()
 
     def stop(self) -> None:
-        """Take no more connections, finish the answers under way (3 s at most) and end."""
+        """Accept no more connections, finish the responses (3 s at most) and end."""
         if self._thread is None:
             return
         self._uvicorn.should_exit = True
@@ -107,8 +185,8 @@ class Server:
         loop = _Loop(self.connections)
         try:
             loop.run_until_complete(self._uvicorn.serve(sockets))
-        except Exception:  # noqa: BLE001 - logged; the owner sees by `alive` that it is over
-            _log.exception("the web server has ended")
+        except Exception:  # noqa: BLE001 - logged; `alive` is False from now on
+            _log.exception("the web server has failed")
         finally:
             for each in sockets:
                 each.close()
@@ -117,7 +195,7 @@ class Server:
 
 
 class _Uvicorn(uvicorn.Server):
-    """Says when it is ready, and leaves no connection behind."""
+    """Sets ``ready`` once it serves, and closes all connections on shutdown."""
 
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
@@ -128,20 +206,20 @@ class _Uvicorn(uvicorn.Server):
         self.ready.set()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        # Before uvicorn's own time is up: it would cancel the answers and log each as an error.
+        # Before uvicorn's own timeout, which would cancel responses and log each as an error.
         timer = asyncio.get_running_loop().call_later(GRACE, self._abort_connections)
         await super().shutdown(sockets)
         timer.cancel()
         self._abort_connections()
-        await asyncio.sleep(0)  # lets the loop close them
+        await asyncio.sleep(0)  # so that the loop closes them
 
     def _abort_connections(self) -> None:
         for connection in list(self.server_state.connections):
-            cast(GuardedProtocol, connection).abort()
+            cast(ClientConnection, connection).abort()
 
 
 class _Loop(asyncio.SelectorEventLoop):
-    """The standard loop with a server that bounds its connections."""
+    """The standard loop with a server that limits its connections."""
 
     def __init__(self, connections: Connections) -> None:
         super().__init__()
@@ -155,12 +233,12 @@ class _Loop(asyncio.SelectorEventLoop):
         return Acceptor(sock, factory, ssl, self._connections)
 
 
-def _configure(app: Starlette, settings: Settings) -> uvicorn.Config:
-    # uvicorn warns of every malformed request; whoever sends those must not fill the log.
+def _configure(app: Starlette, live_config: LiveWebConfig) -> uvicorn.Config:
+    # uvicorn warns of every malformed request; clients must not be able to fill the log.
     logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
     config = uvicorn.Config(
         app,
-        http=GuardedProtocol,
+        http=ClientConnection,
         ws="none",
         lifespan="off",
         log_config=None,
@@ -168,18 +246,11 @@ def _configure(app: Starlette, settings: Settings) -> uvicorn.Config:
         proxy_headers=False,
         server_header=False,
         backlog=BACKLOG,
-        timeout_keep_alive=int(TIMEOUTS[Phase.IDLE]) + 1,  # the guard's own comes before it
+        timeout_keep_alive=int(TIMEOUTS[Phase.IDLE]) + 1,  # ClientConnection's own comes before it
         timeout_graceful_shutdown=GRACE + 5,
         h11_max_incomplete_event_size=MAX_HEADER_BYTES,
     )
     config.load()
-    if settings.context is not None:
-        config.ssl = follow(partial(_current_context, settings))
+    if live_config.context is not None:
+        config.ssl = reloading_context(live_config.current_context)
     return config
-
-
-def _current_context(settings: Settings) -> ssl.SSLContext:
-    settings.refresh()
-    if settings.context is None:
-        raise RuntimeError("TLS cannot be switched off while it is served")
-    return settings.context

@@ -1,7 +1,7 @@
-"""Calls into the exporter, beside the event loop: few threads, few waiting, one for all who ask.
+"""Worker threads for calls into the exporter: few threads, few pending calls, shared results.
 
-A flood of requests must cost a bounded number of threads and of calls; whoever comes when too many
-wait is told to come again.
+A flood of requests must only cost a limited number of threads and calls. Requests above that are
+answered 503.
 """
 
 from __future__ import annotations
@@ -15,69 +15,69 @@ T = TypeVar("T")
 
 
 class BusyError(Exception):
-    """Too many calls are waiting; the HTTP answer is 503."""
+    """Too many calls are pending; the HTTP status is 503."""
 
 
-class Calls:
-    """Runs functions in threads of its own, for one kind of request.
+class Workers:
+    """Runs functions in its own threads, for one kind of request.
 
     Args:
         name: Of the threads.
         threads: How many functions run at once.
-        waiting: How many requests may wait, those included that share a call.
+        max_pending: How many requests may wait, including those that share a call.
     """
 
-    def __init__(self, name: str, threads: int, waiting: int) -> None:
+    def __init__(self, name: str, threads: int, max_pending: int) -> None:
         self._executor = ThreadPoolExecutor(threads, thread_name_prefix=name)
-        self._waiting = waiting
-        self._asked = 0
+        self._max_pending = max_pending
+        self._pending = 0
         self._shared: dict[Hashable, asyncio.Future[Any]] = {}
 
     async def run(self, function: Callable[..., T], *arguments: Any) -> T:
-        """What ``function`` returns or raises; BusyError when too many wait."""
-        return await self._wait(self._begin(function, *arguments))
+        """What ``function`` returns or raises; BusyError when too many requests wait."""
+        return await self._wait(self._submit(function, *arguments))
 
-    async def share(self, seconds: float, function: Callable[..., T], *arguments: Any) -> T:
-        """As ``run``, but one call serves all who ask until it is done and ``seconds`` old.
+    async def run_shared(self, seconds: float, function: Callable[..., T], *arguments: Any) -> T:
+        """As ``run``, but the result is shared until it is ``seconds`` old.
 
-        What it raises is shared only with those who waited for it. ``arguments`` are part of what
-        is remembered, so they must not be a client's to choose.
+        An exception is shared only with the requests that were already waiting. ``arguments`` are
+        part of the cache's key, so clients must not be able to choose them.
         """
         key = (function, arguments)
         if key not in self._shared:
-            call = self._begin(function, *arguments)
+            call = self._submit(function, *arguments)
             self._shared[key] = call
-            call.add_done_callback(lambda done: self._forget_later(key, done, seconds))
+            call.add_done_callback(lambda done: self._expire_later(key, done, seconds))
         return await self._wait(asyncio.shield(self._shared[key]))
 
-    def renew(self) -> None:
-        """Let who asks from now on not share in what was begun before: something has changed."""
+    def invalidate(self) -> None:
+        """Drop the shared results, because something has changed."""
         self._shared.clear()
 
-    def _forget_later(self, key: Hashable, call: asyncio.Future[Any], seconds: float) -> None:
+    def _expire_later(self, key: Hashable, call: asyncio.Future[Any], seconds: float) -> None:
         if call.cancelled() or call.exception() is not None or seconds == 0:
-            self._forget(key, call)
+            self._expire(key, call)
         else:
-            call.get_loop().call_later(seconds, self._forget, key, call)
+            call.get_loop().call_later(seconds, self._expire, key, call)
 
-    def _forget(self, key: Hashable, call: asyncio.Future[Any]) -> None:
+    def _expire(self, key: Hashable, call: asyncio.Future[Any]) -> None:
         if self._shared.get(key) is call:
             del self._shared[key]
 
     def close(self) -> None:
-        """Wait for the calls under way; none may follow."""
+        """Wait for the running calls; none may follow."""
         self._executor.shutdown(cancel_futures=True)
 
-    def _begin(self, function: Callable[..., T], *arguments: Any) -> asyncio.Future[T]:
-        if self._asked >= self._waiting:
+    def _submit(self, function: Callable[..., T], *arguments: Any) -> asyncio.Future[T]:
+        if self._pending >= self._max_pending:
             raise BusyError
         return asyncio.get_running_loop().run_in_executor(self._executor, function, *arguments)
 
     async def _wait(self, call: asyncio.Future[T]) -> T:
-        if self._asked >= self._waiting:
+        if self._pending >= self._max_pending:
             raise BusyError
-        self._asked += 1
+        self._pending += 1
         try:
             return await call
         finally:
-            self._asked -= 1
+            self._pending -= 1

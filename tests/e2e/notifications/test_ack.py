@@ -162,6 +162,6 @@ def test_the_list_says_who_takes_care(running, ack):
 def test_what_is_not_faulty_cannot_be_acknowledged(running, ack):
     running.tell(fault("RobotSilent", fleet="f", robot="r2"))
 
-    assert "no fault of 'r1' is being told; there are faults of f/r2" in ack(
+    assert "no alert is firing for 'r1'; there are alerts for f/r2" in ack(
         "r1", "--comment", "x", code=1
     )

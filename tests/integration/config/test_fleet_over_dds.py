@@ -1,4 +1,4 @@
-"""What fleet.yml says, seen in the metrics of the real command, fed by virtual robots over DDS."""
+"""The settings of fleet.yml in the metrics of the real command, with virtual robots over DDS."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class Running:
 
     def samples(self, name: str) -> dict[tuple[tuple[str, str], ...], float]:
         """Sorted labels -> value of every sample of ros_diagnostics_``name``."""
-        text = self.service.render(openmetrics=False).decode()
+        text = self.service.render_metrics(openmetrics=False).decode()
         return {
             tuple(sorted(sample.labels.items())): sample.value
             for family in text_string_to_metric_families(text)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from argparse import Namespace
 
 import pytest
 from rclpy.serialization import serialize_message
@@ -123,5 +122,5 @@ def test_robots_of_a_shared_topic_with_digits_of_any_script_are_on_the_page(
     assert page.rindex("robot_2") < page.rindex("robot_10")
     console = Console(width=200)
     with console.capture() as captured:
-        console.print(view(fleet, Namespace(component=None)))
+        console.print(view(fleet))
     assert "\u0663robot" in captured.get()

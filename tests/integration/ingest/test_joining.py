@@ -71,7 +71,7 @@ def test_a_domain_whose_join_hangs_stops_nothing_and_is_joined_when_it_goes_on( 
     service.reload()
     assert running.sample("exporter_domain_up", domain_id=str(ros_domain)) == 1
     assert running.sample("exporter_domain_up", domain_id=str(other_domain)) == 0
-    assert service.doors().ready() is not None
+    assert service.not_ready_reason() is not None
     monkeypatch.setattr(service, "_join_at", 0.0)  # half a minute has passed
     running.wait_for("robot_silent_reason", 1, robot="there", reason="domain_unreachable")
 
@@ -82,7 +82,7 @@ def test_a_domain_whose_join_hangs_stops_nothing_and_is_joined_when_it_goes_on( 
         others.wait_for_listeners()
         others.send("/there/diagnostics", COOL)
         running.wait_for("robot_up", 1, robot="there")
-    until(lambda: service.doors().ready() is None, "the exporter is ready")
+    until(lambda: service.not_ready_reason() is None, "the exporter is ready")
 
 
 def test_sigterm_ends_a_program_whose_join_hangs(
@@ -145,7 +145,7 @@ def test_a_domain_whose_thread_stands_still_is_not_ready(
     running = run_exporter(Fleet("f", (robot("here", ros_domain), robot("there", other_domain))))
     service = running.service
     monkeypatch.setattr(service, "STALLED", 2.0)
-    ready = service.doors().ready
+    ready = service.not_ready_reason
     robots.offer("/here/diagnostics")
     robots.wait_for_listeners()
     until(lambda: ready() is None, "the exporter is ready")

@@ -72,7 +72,7 @@ def test_robots_come_and_go_by_files_while_a_fault_is_on(
         assert running.sample("component_level", robot="coming") == 2
         with pytest.raises(ConfigError):
             running.service.reload()
-        assert caplog.text.count("the config was not taken over (POST /-/reload)") == 1
+        assert caplog.text.count("reload failed (POST /-/reload); keeping the previous") == 1
 
         fleet_file(path, ros_domain, "faulty")
         running.wait_for("exporter_config_last_reload_successful", 1)

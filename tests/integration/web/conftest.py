@@ -44,7 +44,7 @@ class Site:
         return Process("exporter", [*command, *address, *flags], self.environment, log)
 
     def run(self, *flags: str | Path) -> subprocess.CompletedProcess[str]:
-        """The exporter, expected to end by itself."""
+        """Run the exporter until it exits."""
         command = [BIN / "ros-diagnostics-exporter", "--config.file", self.fleet_file, *flags]
         return subprocess.run(
             list(map(str, command)), capture_output=True, text=True, timeout=60, check=False
@@ -75,7 +75,7 @@ class Site:
             return json.load(answer)
 
     def up(self, port: int = 0) -> int:
-        """How many robots are heard."""
+        """How many robots are up."""
         return sum(robot["up"] for robot in self.ask("/api/v1/fleet", port=port)["robots"])
 
 
@@ -86,7 +86,7 @@ def site(tmp_path: Path, ros_domain: int) -> Site:
 
 @pytest.fixture
 def ends() -> Iterator[Callable[[Process], Process]]:
-    """Ends the processes that it is given when the test ends."""
+    """Stops the given processes when the test ends."""
     with ExitStack() as stack:
 
         def end(process: Process) -> Process:

@@ -1,4 +1,4 @@
-"""The exporter as a command: its flags, its exit codes, and what it tells the system."""
+"""The exporter as a command: its flags, exit codes and notifications to systemd."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from testbed.polling import until
 pytestmark = pytest.mark.integration
 
 
-def test_a_wrong_web_config_is_named_and_nothing_is_served(site, tmp_path):
+def test_an_invalid_web_config_is_an_error_at_the_start(site, tmp_path):
     web = tmp_path / "web.yml"
     web.write_text("basic_auth_users: {alice: password}")
     for check in ([], ["--config.check"]):
@@ -24,7 +24,7 @@ def test_a_wrong_web_config_is_named_and_nothing_is_served(site, tmp_path):
         assert f"{web}:1: basic_auth_users.alice: is not a bcrypt hash" in ended.stderr
 
 
-def test_a_taken_port_is_named(site, tmp_path):
+def test_a_port_in_use_is_named(site, tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         address = f"127.0.0.1:{taken.getsockname()[1]}"
         events = tmp_path / "events.jsonl"  # its thread must not keep the process alive
@@ -33,13 +33,13 @@ def test_a_taken_port_is_named(site, tmp_path):
     assert f"cannot listen on {address}: Address already in use" in ended.stderr
 
 
-def test_an_event_log_that_cannot_be_opened_is_named(site, tmp_path):
+def test_an_event_log_that_cannot_be_opened_is_an_error(site, tmp_path):
     ended = site.run("--events.path", tmp_path / "missing" / "events")
     assert ended.returncode == 2
     assert f"--events.path: {tmp_path}/missing/events: No such file" in ended.stderr
 
 
-def test_config_check_says_what_was_understood(site):
+def test_config_check_prints_a_summary(site):
     ended = site.run("--config.check")
     assert ended.returncode == 0
     assert "/{robot}/diagnostics_agg" in ended.stdout
@@ -47,14 +47,14 @@ def test_config_check_says_what_was_understood(site):
 
 @pytest.fixture
 def notified(tmp_path: Path) -> Iterator[socket.socket]:
-    """A socket in the place of systemd's."""
+    """A socket in place of systemd's."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sock:
         sock.bind(str(tmp_path / "notify"))
         sock.settimeout(30)
         yield sock
 
 
-def test_a_whole_life_from_ready_to_sigterm(site, ends, notified, tmp_path):
+def test_from_ready_to_sigterm(site, ends, notified, tmp_path):
     second, events = ports.free_port(), tmp_path / "events.jsonl"
     exporter = ends(
         site.exporter(
@@ -70,8 +70,8 @@ def test_a_whole_life_from_ready_to_sigterm(site, ends, notified, tmp_path):
     until(lambda: levels(events)[-1:] == [("OK", "ERROR")], exporter.describe)
     site.fault("ok")
     until(lambda: levels(events)[-1:] == [("ERROR", "OK")], exporter.describe)
-    said = site.ask("/api/v1/events?component=Motor%202&robot=robot_1&limit=2")["events"]
-    assert [event["after"] for event in said] == ["OK", "ERROR"]
+    found = site.ask("/api/v1/events?component=Motor%202&robot=robot_1&limit=2")["events"]
+    assert [event["after"] for event in found] == ["OK", "ERROR"]
 
     robots.stop()
     until(lambda: site.up() == 0, exporter.describe)
@@ -83,7 +83,7 @@ def test_a_whole_life_from_ready_to_sigterm(site, ends, notified, tmp_path):
     assert all(json.loads(line)["logger"] for line in exporter.output().splitlines())
 
 
-def test_with_json_the_middlewares_own_lines_are_records_too(site, ends, tmp_path):
+def test_the_json_log_wraps_the_lines_of_the_middleware(site, ends, tmp_path):
     profiles = tmp_path / "profiles.xml"
     profiles.write_text("<nonsense")
     site.environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(profiles)

@@ -1,4 +1,4 @@
-"""No file harms the exporter: odd ones, hanging ones, restless ones, damaged ones."""
+"""No file harms the exporter: special, hanging, ever-changing and damaged files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def metric(site, name: str) -> float:
     return float(line.rpartition(" ")[2])
 
 
-def test_a_fifo_among_the_files_is_named_and_a_dead_robot_is_found_all_the_same(site, ends):
+def test_a_fifo_among_the_files_is_named_and_silent_robots_are_detected(site, ends):
     exporter = serving(ends(site.exporter()))
     robots = ends(site.robots(2)).start()
     until(lambda: site.up() == 2, exporter.describe)
@@ -52,23 +52,23 @@ def test_a_fifo_among_the_files_is_named_and_a_dead_robot_is_found_all_the_same(
     assert exporter.stop() == 0
 
 
-# The program, on a machine whose disk never answers for files of the name hung.yml.
+# The exporter on a machine whose disk never responds for files named hung.yml.
 HUNG = """
 import sys, threading
 from ros_diagnostics_exporter.cli import main as cli
-from ros_diagnostics_exporter.config import yamlfile
+from ros_diagnostics_exporter.config import yaml_file
 
-read = yamlfile.read_regular
+read = yaml_file.read_regular
 def read_or_hang(path, most):
     if path.name == "hung.yml":
         threading.Event().wait()
     return read(path, most)
-yamlfile.read_regular = read_or_hang
+yaml_file.read_regular = read_or_hang
 sys.exit(cli.main())
 """
 
 
-def test_while_a_file_hangs_robots_scrapes_and_sigterm_do_not(site, ends):
+def test_a_hanging_file_blocks_neither_ingest_nor_scrapes_nor_sigterm(site, ends):
     program = site.exporter("--web.enable-lifecycle")
     command = [sys.executable, "-c", HUNG, *program.argv[1:]]
     exporter = Process("exporter", command, site.environment, site.folder / "hung.log")
@@ -86,12 +86,12 @@ def test_while_a_file_hangs_robots_scrapes_and_sigterm_do_not(site, ends):
     robots.stop()
     until(lambda: site.up() == 0, exporter.describe)
     until(lambda: metric(site, "config_last_reload_successful") == 0, exporter.describe)
-    until(lambda: "the config cannot change until its disk" in exporter.output(), exporter.describe)
+    until(lambda: "no reload is possible until its disk" in exporter.output(), exporter.describe)
 
     assert exporter.stop(30) == 0
 
 
-def test_a_file_that_changes_without_end_keeps_no_other_from_being_read(site, ends):
+def test_an_ever_changing_file_does_not_prevent_reloads(site, ends):
     exporter = serving(ends(site.exporter()))
     stop = threading.Event()
 
@@ -116,7 +116,7 @@ def test_a_file_that_changes_without_end_keeps_no_other_from_being_read(site, en
     assert exporter.stop() == 0
 
 
-def test_problems_without_end_do_not_fill_the_log(site, ends):
+def test_the_number_of_logged_problems_is_limited(site, ends):
     exporter = serving(ends(site.exporter()))
     before = len(exporter.output())
     with site.fleet_file.open("a") as file:
@@ -134,7 +134,7 @@ def test_problems_without_end_do_not_fill_the_log(site, ends):
 
 @pytest.fixture
 def state_file(site, ends):
-    """What an exporter wrote that received two robots, one of them with a fault."""
+    """A state file of an exporter with two robots, one of them with a fault."""
     path = site.folder / "state.json"
     exporter = serving(ends(site.exporter("--storage.path", path)))
     robots = ends(site.robots(2)).start()
@@ -152,7 +152,7 @@ def levels(site, name: str) -> set[str]:
     return {each["level"] for each in robots[name]["components"]}
 
 
-def test_damaged_state_files_are_kept_aside_and_the_exporter_starts(site, ends, state_file):
+def test_damaged_state_files_are_renamed_and_the_exporter_starts(site, ends, state_file):
     whole = state_file.read_text()
     content = json.loads(whole)
     content["robots"]["robot_2"]["components"][0]["level"] = 7
@@ -172,7 +172,7 @@ def test_damaged_state_files_are_kept_aside_and_the_exporter_starts(site, ends, 
     assert set(json.loads(state_file.read_text())["robots"]) == {"robot_1"}
 
 
-def test_a_state_file_that_cannot_be_read_is_left_alone(site, ends, state_file):
+def test_an_unreadable_state_file_is_not_overwritten(site, ends, state_file):
     target = state_file.rename(site.folder / "elsewhere.json")
     whole = target.read_bytes()
     state_file.symlink_to(target)

@@ -1,4 +1,4 @@
-"""What SECURITY.md says of forged diagnostics: they are believed, and they show."""
+"""Forged diagnostics, as SECURITY.md describes them: accepted, and visible in the metrics."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def sample(port: int, name: str, **labels: str) -> float | None:
     return found[0] if found else None
 
 
-def test_a_second_publisher_that_denies_a_fault_shows_and_does_not_end_it(site, ends):
+def test_a_second_publisher_that_denies_a_fault_is_visible_and_does_not_resolve_it(site, ends):
     exporter = ends(site.exporter()).start()
     ends(site.robots(1)).start()
     motor = {"robot": "robot_1", "component": "Motor 2"}
@@ -56,7 +56,7 @@ def test_a_second_publisher_that_denies_a_fault_shows_and_does_not_end_it(site, 
         forger.wait_for_listeners()
         becomes(honest + 1, "robot_publishers", robot="robot_1")
         forger.send(TOPIC, *ALL_IS_WELL)
-        # The robot goes on saying ERROR once a second: to OK and back are two changes.
+        # The robot keeps sending ERROR once a second: to OK and back are two changes.
         until(
             lambda: (sample(site.port, "component_changes_total", **motor) or 0) >= changes + 2,
             lambda: f"two changes, are {sample(site.port, 'component_changes_total', **motor)}",

@@ -1,6 +1,6 @@
-"""Clients that ask without end and do not read, against the real exporter, from a crowd of sockets.
+"""Hundreds of clients that send requests and do not read, against the real exporter.
 
-They open again what is closed. Each process stays below 1,024 open files.
+They reconnect when they are closed. Each process stays below 1,024 open files.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ MEGABYTE = 1_000_000
 
 @pytest.fixture
 def attack(site, ends) -> Callable[..., Process]:
-    """A function: so many clients from an address ask for a path and do not read."""
+    """Starts a number of clients at an address that request a path and do not read."""
 
     def start(number: int, source: str, path: str) -> Process:
         options = map(str, (site.port, number, source, path))
@@ -48,7 +48,7 @@ def attack(site, ends) -> Callable[..., Process]:
 
 
 def scrape(port: int, authorization: str = "") -> bytes:
-    """The exposition, asked for as Prometheus does."""
+    """The exposition, scraped as by Prometheus."""
     headers = {"Accept-Encoding": "gzip", "Authorization": authorization}
     request = urllib.request.Request(f"http://127.0.0.1:{port}/metrics", headers=headers)
     with urllib.request.urlopen(request, timeout=30) as answer:
@@ -80,7 +80,7 @@ def declare(site, robots: int) -> None:
 
 @pytest.mark.parametrize("source", ["127.0.0.1", "127.0.0.2"])
 @pytest.mark.parametrize("path", ["/metrics", "/api/v1/fleet"])
-def test_clients_that_do_not_read_do_not_lock_prometheus_out(site, ends, attack, source, path):
+def test_clients_that_do_not_read_do_not_block_prometheus(site, ends, attack, source, path):
     declare(site, ROBOTS)
     exporter = ends(site.exporter()).start()
     exporter.wait_for_output("serving fleet", seconds=60)
@@ -93,7 +93,7 @@ def test_clients_that_do_not_read_do_not_lock_prometheus_out(site, ends, attack,
     assert "Traceback" not in exporter.output()
 
 
-def test_clients_without_a_password_do_not_lock_prometheus_out(site, ends, attack, tmp_path):
+def test_clients_without_a_password_do_not_block_prometheus(site, ends, attack, tmp_path):
     web, login = tmp_path / "web.yml", base64.b64encode(b"prometheus:x").decode()
     hashed = bcrypt.hashpw(b"x", bcrypt.gensalt(rounds=10)).decode()
     web.write_text(f"basic_auth_users: {{prometheus: {hashed}}}")
@@ -104,7 +104,7 @@ def test_clients_without_a_password_do_not_lock_prometheus_out(site, ends, attac
         assert b"ros_diagnostics_exporter_robots" in scrape(site.port, f"Basic {login}")
 
 
-def test_events_that_are_not_read_take_a_bounded_part_of_the_memory(site, ends, attack):
+def test_the_memory_of_unread_events_is_limited(site, ends, attack):
     exporter = ends(site.exporter()).start()
     exporter.wait_for_output("serving fleet", seconds=60)
     with publisher(site.domain_id) as robot:
@@ -114,7 +114,7 @@ def test_events_that_are_not_read_take_a_bounded_part_of_the_memory(site, ends, 
         levels = cycle((Level.ERROR, Level.OK))
 
         def change() -> bool:
-            """Whether the levels have changed as often as events are remembered."""
+            """Whether there were as many changes as events are kept."""
             level, message = next(levels), f"{time.monotonic()} " + "\N{ROBOT FACE}" * 4_000
             arms = [Status(level, f"/Arm/Arm {number}", message) for number in range(100)]
             robot.send("/robot_1/diagnostics_agg", Status(level, "/Arm", ""), *arms)
@@ -128,7 +128,7 @@ def test_events_that_are_not_read_take_a_bounded_part_of_the_memory(site, ends, 
     assert memory(exporter) - before < 300 * MEGABYTE
 
 
-def test_a_low_limit_of_open_files_is_named_and_survived(site, ends, attack):
+def test_a_low_limit_of_open_files_is_logged_and_survived(site, ends, attack):
     exporter = site.exporter()
     exporter.argv = ["prlimit", "--nofile=38:38", *exporter.argv]  # it has 22 before any client
     ends(exporter).start()

@@ -1,4 +1,4 @@
-"""A robot that sends too much, robots that send nothing, and a fleet that is renamed.
+"""A robot that sends too much, robots that send nothing, and a renamed fleet.
 
 Each against the real exporter, over real DDS and HTTP.
 """
@@ -95,7 +95,7 @@ def sending(
         thread.join()
 
 
-def test_equal_keys_without_end_take_no_other_robot_down(site):
+def test_a_robot_with_too_many_series_harms_no_other(site):
     site.fleet_file.write_text(site.fleet_file.read_text() + LIMITS)
     with publisher(site.domain_id) as robots, publisher(site.domain_id) as bad:
         for name in SMALL:
@@ -121,7 +121,7 @@ def _hostile_arrays(site) -> float:
     return values(site, "robot_messages_total", "robot")["hostile"]
 
 
-def test_robots_that_only_announce_themselves_are_forgotten_and_do_not_survive_a_restart(site):
+def test_robots_that_never_publish_are_forgotten_and_not_persisted(site):
     text = site.fleet_file.read_text().replace("{stale_after", "{forget_after: 3s, stale_after")
     site.fleet_file.write_text(text + "limits: {robots: 3}\n")
     storage = ("--storage.path", str(site.folder / "state"))
@@ -143,7 +143,7 @@ def test_robots_that_only_announce_themselves_are_forgotten_and_do_not_survive_a
                         values(site, "robot_silent_reason", "robot", reason="limit")
                         == {"newcomer": 1}
                     ),
-                    "the newcomer is kept out, and named",
+                    "the newcomer is rejected, and named",
                 )
                 assert values(site, "exporter_rejected_total", "reason")["robot_limit"] == 1
         with running(site, *storage):  # the mute ones have gone meanwhile
@@ -156,7 +156,7 @@ def test_robots_that_only_announce_themselves_are_forgotten_and_do_not_survive_a
             )
 
 
-def test_a_fleet_that_is_renamed_over_http_is_renamed_in_every_sample(site):
+def test_a_reload_renames_the_fleet_in_every_sample(site):
     with publisher(site.domain_id) as robots:
         robots.offer(topic("r1"))
         with running(site, "--web.enable-lifecycle"), sending(robots, "r1"):

@@ -10,7 +10,7 @@ from ros_diagnostics_exporter.cli.ack import main
 
 
 @pytest.mark.parametrize("days", ["-1", "0", "nan", "1e9", "long"])
-def test_a_number_of_days_that_no_silence_can_last_is_refused(days, capsys):
+def test_an_invalid_number_of_days_is_rejected(days, capsys):
     with pytest.raises(SystemExit) as ended:
         main(["robot_1", "--comment", "on it", "--days", days])
     assert ended.value.code == 2
@@ -31,8 +31,8 @@ sys.exit(main())
 """
 
 
-def as_nobody_known(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run the command as a UID that passwd does not know; only root can become one."""
+def run_without_passwd_entry(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the command as a UID without an entry in passwd; only root can switch to one."""
     environment = {name: value for name, value in os.environ.items() if name not in NAMES}
     return subprocess.run(
         [sys.executable, "-c", WITHOUT_ENTRY, *arguments],
@@ -44,20 +44,20 @@ def as_nobody_known(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_help_and_list_need_no_name_of_the_user():
-    done = as_nobody_known("--help")
+def test_help_and_list_work_without_a_user_name():
+    done = run_without_passwd_entry("--help")
     assert (done.returncode, done.stderr) == (0, "")
     assert "--author" in done.stdout
-    done = as_nobody_known("--list", "--url", "http://127.0.0.1:1")
+    done = run_without_passwd_entry("--list", "--url", "http://127.0.0.1:1")
     assert done.returncode == 1
     assert done.stderr.startswith("ros-diagnostics-ack: http://127.0.0.1:1/")
 
 
-def test_an_acknowledgement_without_a_name_says_how_to_give_one():
-    done = as_nobody_known("robot_1", "--comment", "on it")
+def test_an_acknowledgement_without_a_user_name_asks_for_author():
+    done = run_without_passwd_entry("robot_1", "--comment", "on it")
     assert done.returncode == 2
-    assert "say with --author who takes care" in done.stderr
-    done = as_nobody_known(
+    assert "give your name with --author" in done.stderr
+    done = run_without_passwd_entry(
         "robot_1", "--comment", "on it", "--author", "me", "-u", "http://[::1]:1"
     )
     assert done.returncode == 1

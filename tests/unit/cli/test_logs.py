@@ -12,13 +12,13 @@ import pytest
 
 from ros_diagnostics_exporter import logs
 
-LOG = logging.getLogger("some.room")
+LOG = logging.getLogger("some.module")
 FORGED = 'ok\nts=1 level=error msg="forged" \x1b[2J\x9b'
 
 
 @pytest.fixture
 def written(capsys):
-    """What was logged since the last look, in the form that ``set_up`` was told."""
+    """Returns what was logged since the last call; restores the root logger."""
     root = logging.getLogger()
     before, level = list(root.handlers), root.level
     yield lambda: capsys.readouterr().err
@@ -26,7 +26,7 @@ def written(capsys):
     root.setLevel(level)
 
 
-def test_logfmt_is_one_line_a_record_whatever_it_says(written):
+def test_logfmt_is_one_line_per_record_for_any_message(written):
     logs.set_up("info", "logfmt")
     LOG.warning("robot %s", FORGED)
     LOG.debug("not shown")
@@ -34,19 +34,23 @@ def test_logfmt_is_one_line_a_record_whatever_it_says(written):
     assert text.count("\n") == 1
     assert not set(text) & set("\x1b\x9b")
     assert re.match(
-        r"ts=\d{4}-\d\d-\d\dT[\d:]{8}\.\d{3}Z level=warning logger=some\.room msg=\"", text
+        r"ts=\d{4}-\d\d-\d\dT[\d:]{8}\.\d{3}Z level=warning logger=some\.module msg=\"", text
     )
 
 
-def test_json_is_one_object_a_record_with_its_error(written):
+def test_json_is_one_object_per_record_with_its_error(written):
     logs.set_up("info", "json")
     LOG.error("went wrong", exc_info=ValueError(FORGED))
-    said = json.loads(written())
-    assert (said["level"], said["logger"], said["msg"]) == ("error", "some.room", "went wrong")
-    assert f"ValueError: {FORGED}" in said["error"]
+    record = json.loads(written())
+    assert (record["level"], record["logger"], record["msg"]) == (
+        "error",
+        "some.module",
+        "went wrong",
+    )
+    assert f"ValueError: {FORGED}" in record["error"]
 
 
-def test_words_that_need_no_quotes_have_none(written):
+def test_logfmt_quotes_only_where_needed(written):
     logs.set_up("info", "logfmt")
     LOG.info("plain")
     LOG.info("a=b c")
@@ -56,7 +60,7 @@ def test_words_that_need_no_quotes_have_none(written):
 
 
 def records_of(program: str, returncode: int = 0) -> list[dict[str, str]]:
-    """What a program that wraps its output writes to standard error, record by record."""
+    """The records on standard error of a program that wraps its output."""
     start = "import ctypes, logging, os, signal, sys\nfrom ros_diagnostics_exporter import logs\n"
     start += "logs.set_up('info', 'json', logs.wrap_output())\n"
     done = subprocess.run(
@@ -71,7 +75,7 @@ def records_of(program: str, returncode: int = 0) -> list[dict[str, str]]:
     return [json.loads(line) for line in done.stderr.splitlines()]
 
 
-def test_what_bypasses_the_log_becomes_records_between_those_of_the_log():
+def test_output_that_bypasses_the_log_becomes_records():
     found = records_of("""
         os.write(1, b"\\x1b[31;1mby the middleware\\x1b[m\\n")
         os.write(2, b"half a ")
@@ -87,7 +91,7 @@ def test_what_bypasses_the_log_becomes_records_between_those_of_the_log():
     }
 
 
-def test_the_last_words_before_an_abort_are_not_lost():
+def test_the_last_lines_before_an_abort_are_kept():
     found = records_of(
         """
         logging.getLogger("own").info("first")
@@ -99,12 +103,12 @@ def test_the_last_words_before_an_abort_are_not_lost():
     assert found[-1]["msg"].startswith("terminate called")
 
 
-def test_an_exception_that_nobody_catches_is_in_records_too():
+def test_an_uncaught_exception_becomes_records():
     found = records_of("raise ValueError('nobody catches this')", 1)
     assert found[-1]["msg"] == "ValueError: nobody catches this"
 
 
-def test_a_flood_by_one_that_holds_the_interpreters_lock_is_not_waited_for_in_vain():
+def test_output_written_with_the_interpreter_lock_held_does_not_deadlock():
     found = records_of("""
         libc = ctypes.PyDLL(None)  # calls hold the lock
         for _ in range(40):
@@ -115,7 +119,7 @@ def test_a_flood_by_one_that_holds_the_interpreters_lock_is_not_waited_for_in_va
     assert max(len(each["msg"]) for each in found) == logs.LINE_BYTES
 
 
-def test_a_signal_to_all_processes_does_not_cost_the_last_lines():
+def test_a_signal_to_the_process_group_does_not_lose_the_last_lines():
     found = records_of("""
         signal.signal(signal.SIGTERM, lambda *_: os.write(2, b"asked to end\\n"))
         os.killpg(0, signal.SIGTERM)

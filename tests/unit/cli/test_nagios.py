@@ -25,18 +25,18 @@ BROKEN = robot(
 )
 
 
-def said(name: str = "", *robots) -> tuple[int, str]:
-    """Exit code and text, the performance data cut off."""
+def checked(name: str = "", *robots) -> tuple[int, str]:
+    """Exit code and text without the performance data."""
     code, line = check(fleet(*(robots or (BROKEN,))), "robot_1", name)
     return code, line.partition(" | ")[0]
 
 
 def test_all_sensors_ok():
-    assert said("Laser") == (0, "OK - OK sensor(s) list: /Laser, /Laser/Laser 1")
+    assert checked("Laser") == (0, "OK - OK sensor(s) list: /Laser, /Laser/Laser 1")
 
 
-def test_all_states_worst_first_with_the_parents():
-    code, text = said()
+def test_states_are_listed_worst_first_with_parents():
+    code, text = checked()
     assert code == 2
     assert text.removeprefix("CRITICAL - ").split(" sensor(s) list: ") == [
         "CRITICAL",
@@ -47,53 +47,53 @@ def test_all_states_worst_first_with_the_parents():
 
 
 def test_a_warning_alone():
-    assert said("battery") == (1, "WARNING - WARNING sensor(s) list: /Power/Robot Battery")
+    assert checked("battery") == (1, "WARNING - WARNING sensor(s) list: /Power/Robot Battery")
 
 
 @pytest.mark.parametrize("name", ["motor 2", "MOTOR 2", "Motor 2"])
 def test_case_does_not_matter(name):
-    assert said(name) == (2, "CRITICAL - CRITICAL sensor(s) list: /Motor/Motor 2")
+    assert checked(name) == (2, "CRITICAL - CRITICAL sensor(s) list: /Motor/Motor 2")
 
 
-def test_what_is_stale_by_plan_is_listed_and_not_judged():
+def test_a_planned_stale_sensor_is_listed_and_does_not_count():
     planned = component("Pendant", "STALE", group="", planned_stale=True, **NO_VALUES)
     failed = {**planned, "state": "CRITICAL", "level_before_stale": "ERROR"}
     listed = "STALE sensor(s) list: Pendant"
-    assert said("pendant", robot("robot_1", planned)) == (0, f"OK - {listed}")
-    assert said("pendant", robot("robot_1", failed)) == (2, f"CRITICAL - {listed}")
+    assert checked("pendant", robot("robot_1", planned)) == (0, f"OK - {listed}")
+    assert checked("pendant", robot("robot_1", failed)) == (2, f"CRITICAL - {listed}")
 
 
-def test_stale_sensors_have_a_list_of_their_own_and_are_critical():
+def test_stale_sensors_have_their_own_list_and_are_critical():
     stale = robot("robot_1", component("Motor 1", "STALE"), component("Motor 2", "OK"), groups=[])
-    assert said("", stale) == (
+    assert checked("", stale) == (
         2,
         "CRITICAL - STALE sensor(s) list: /Motor/Motor 1, OK sensor(s) list: /Motor/Motor 2",
     )
 
 
-def test_no_sensor_that_matches_is_critical():
-    assert said("Gripper") == (2, "CRITICAL - no sensor matches 'Gripper'")
+def test_no_matching_sensor_is_critical():
+    assert checked("Gripper") == (2, "CRITICAL - no sensor matches 'Gripper'")
 
 
 def test_a_silent_or_unknown_robot_is_unknown():
     silent = {**BROKEN, "up": False, "silent_reason": "publisher_gone"}
-    assert said("", silent) == (3, "UNKNOWN - robot robot_1 is silent: publisher_gone")
-    assert said("", robot("other")) == (3, "UNKNOWN - the exporter knows no robot 'robot_1'")
+    assert checked("", silent) == (3, "UNKNOWN - robot robot_1 is silent: publisher_gone")
+    assert checked("", robot("other")) == (3, "UNKNOWN - the exporter knows no robot 'robot_1'")
 
 
-def test_performance_data_counts_the_lists_and_gives_the_numbers():
+def test_performance_data_has_the_counts_and_the_numbers():
     _, line = check(fleet(BROKEN), "robot_1", "")
     assert line.partition(" | ")[2] == (
         "critical=2;;;0 stale=0;;;0 warning=2;;;0 ok=3;;;0 'Robot Battery Level [V]'=12.3"
     )
 
 
-def test_a_number_of_a_stale_sensor_is_old_and_left_out():
+def test_numbers_of_stale_sensors_are_left_out():
     stale = robot("robot_1", component("Robot Battery", "STALE"))
     assert "Battery" not in check(fleet(stale), "robot_1", "")[1].partition(" | ")[2]
 
 
-def test_what_a_robot_says_cannot_break_the_line():
+def test_a_robots_text_cannot_break_the_line():
     values = [{"key": "a'b=c|d", "value": "1%", "number": 1.0, "unit": "%"}]
     odd = robot("robot_1", component("Mot|or\n1\x1b", "OK", values=values), groups=[])
     _, line = check(fleet(odd), "robot_1", "")
@@ -103,7 +103,7 @@ def test_what_a_robot_says_cannot_break_the_line():
 
 
 def test_the_command_asks_the_exporter(serve, capsys):
-    server = serve(fleet=lambda: fleet(BROKEN, robot("robot_2")))
+    server = serve(fleet_snapshot=lambda: fleet(BROKEN, robot("robot_2")))
     url = f"http://{server.addresses[0]}"
     assert main(["-H", "robot_1", "-N", "laser", "--url", url]) == 0
     assert capsys.readouterr().out.startswith("OK - OK sensor(s) list: /Laser, /Laser/Laser 1 | ")
@@ -111,14 +111,14 @@ def test_the_command_asks_the_exporter(serve, capsys):
 
 
 @pytest.mark.parametrize("call", [["-N", "Motor"], ["-H", "a", "-t", "-1"], ["-H", "a", "-t", "x"]])
-def test_a_wrong_call_is_unknown_and_not_critical(call, capsys):
+def test_wrong_arguments_are_unknown_and_not_critical(call, capsys):
     with pytest.raises(SystemExit) as ended:
         main(call)
     assert ended.value.code == 3
     assert capsys.readouterr().out.startswith("UNKNOWN - ")
 
 
-def test_an_exporter_that_is_not_there_is_unknown(capsys):
+def test_an_unreachable_exporter_is_unknown(capsys):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
     assert main(["-H", "robot_1", "--url", f"http://127.0.0.1:{port}"]) == 3
@@ -141,8 +141,8 @@ def test_a_wrong_url_is_unknown(url, complaint, capsys):
     assert complaint in capsys.readouterr().out
 
 
-def test_another_server_or_an_error_is_unknown(serve, capsys):
-    server = serve(fleet=lambda: 1 / 0)
+def test_another_server_or_an_http_error_is_unknown(serve, capsys):
+    server = serve(fleet_snapshot=lambda: 1 / 0)
     url = f"http://{server.addresses[0]}"
     assert main(["-H", "robot_1", "--url", url]) == 3
     assert "answered 500" in capsys.readouterr().out
@@ -151,13 +151,13 @@ def test_another_server_or_an_error_is_unknown(serve, capsys):
     assert "--password-file" in capsys.readouterr().out
 
 
-def test_an_answer_in_another_form_is_unknown_and_not_a_warning(serve, capsys):
-    server = serve(fleet=lambda: fleet({"robot": "robot_1"}))
+def test_an_unexpected_response_is_unknown_and_not_a_warning(serve, capsys):
+    server = serve(fleet_snapshot=lambda: fleet({"robot": "robot_1"}))
     assert main(["-H", "robot_1", "--url", f"http://{server.addresses[0]}"]) == 3
     assert capsys.readouterr().out == "UNKNOWN - KeyError: 'up'\n"
 
 
-def test_an_exporter_that_answers_byte_by_byte_is_not_waited_for(capsys):
+def test_a_response_that_drips_in_byte_by_byte_times_out(capsys):
     stop = threading.Event()
     with socket.create_server(("127.0.0.1", 0)) as listening:
 
@@ -176,12 +176,12 @@ def test_an_exporter_that_answers_byte_by_byte_is_not_waited_for(capsys):
     assert "no answer" in capsys.readouterr().out
 
 
-def test_tls_and_basic_auth_are_spoken(serve, ca, tls_config, tmp_path, capsys):
+def test_tls_and_basic_auth(serve, ca, tls_config, tmp_path, capsys):
     hashed = bcrypt.hashpw(b"secret", bcrypt.gensalt(4)).decode()
     tls_config.write_text(f"{tls_config.read_text()}\nbasic_auth_users: {{nagios: {hashed}}}")
     ca.cert_pem.write_to_path(tmp_path / "ca.crt")
     (tmp_path / "password").write_text("secret\n")
-    server = serve(web_config=tls_config, fleet=lambda: fleet(BROKEN))
+    server = serve(web_config=tls_config, fleet_snapshot=lambda: fleet(BROKEN))
     call = ["-H", "robot_1", "-N", "laser", "--url", f"https://{server.addresses[0]}"]
     login = ["--user", "nagios", "--password-file", str(tmp_path / "password")]
     assert main([*call, *login, "--ca-file", str(tmp_path / "ca.crt")]) == 0

@@ -18,7 +18,7 @@ FLEET = fleet(
 )
 
 
-# What is started in the background by a shell ignores Ctrl-C, and so does what it starts.
+# A shell starts background jobs with Ctrl-C ignored, and their children inherit that.
 WATCH = """
 import signal, sys
 from ros_diagnostics_exporter.cli.status import main
@@ -29,8 +29,8 @@ sys.exit(main())
 
 @pytest.fixture
 def show(serve, capsys):
-    """Runs the command against a server that has ``FLEET``; returns what it printed."""
-    server = serve(fleet=lambda: FLEET)
+    """Runs the command against a server with ``FLEET``; returns its output."""
+    server = serve(fleet_snapshot=lambda: FLEET)
 
     def run(*arguments: str) -> str:
         assert main([*arguments, "--url", f"http://{server.addresses[0]}"]) == 0
@@ -74,10 +74,12 @@ def test_components_are_shown_with_message_and_values(show):
     assert "Level=12.3 V" in text
 
 
-def test_what_a_robot_says_does_not_reach_the_terminal_as_a_command(serve, capsys, monkeypatch):
+def test_a_robots_text_cannot_control_the_terminal(serve, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     evil = "\x1b]0;\x07\x9b[bold]x"
-    server = serve(fleet=lambda: fleet(robot(evil, component(evil, "ERROR", message=evil))))
+    server = serve(
+        fleet_snapshot=lambda: fleet(robot(evil, component(evil, "ERROR", message=evil)))
+    )
     for more in ([], ["--component", ""], ["--json"]):
         assert main(["--url", f"http://{server.addresses[0]}", *more]) == 0
         text = capsys.readouterr().out
@@ -85,42 +87,43 @@ def test_what_a_robot_says_does_not_reach_the_terminal_as_a_command(serve, capsy
         assert "[bold]" in "".join(text.split())
 
 
-def test_states_are_those_of_the_rules(serve, capsys):
+def test_states_are_those_of_the_recording_rules(serve, capsys):
     short = {"check": "motors", "found": 1, "expected": 2}
     stale = component("Arm", "STALE", state="CRITICAL")
     planned = component("Pendant", "STALE", planned_stale=True)
     robots = (robot("a", stale), robot("b", planned), robot("c", short_checks=[short]))
-    server = serve(fleet=lambda: fleet(*robots))
+    server = serve(fleet_snapshot=lambda: fleet(*robots))
     assert main(["--url", f"http://{server.addresses[0]}"]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert "Arm STALE, counts as CRITICAL: Arm says STALE" in text
+    assert "Arm STALE, counts as CRITICAL: Arm reports STALE" in text
     assert "check motors finds 1 of 2" in text
     assert "2 CRITICAL, 1 OK" in text
 
 
-def test_an_unknown_state_is_refused(capsys):
+def test_an_unknown_state_is_rejected(capsys):
     with pytest.raises(SystemExit) as ended:
         main(["--state", "bad"])
     assert ended.value.code == 2
-    assert "BAD: not among UNKNOWN, CRITICAL" in capsys.readouterr().err
+    assert "BAD: not one of UNKNOWN, CRITICAL" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("flag", ["--watch", "--timeout"])
 @pytest.mark.parametrize("time", ["-3", "0", "nan", "inf", "soon"])
-def test_a_time_that_is_none_is_refused(flag, time, capsys):
+def test_an_invalid_duration_is_rejected(flag, time, capsys):
     with pytest.raises(SystemExit) as ended:
         main([flag, time])
     assert ended.value.code == 2
-    assert f"argument {flag}" in (said := capsys.readouterr().err) or f"/{flag}" in said
-    assert f"'{time}' is no time to wait" in said
+    stderr = capsys.readouterr().err
+    assert f"argument {flag}" in stderr or f"/{flag}" in stderr
+    assert f"'{time}' is not a duration" in stderr
 
 
-def test_no_exporter_is_an_error_with_its_address(capsys):
+def test_an_unreachable_exporter_is_an_error_with_its_address(capsys):
     assert main(["--url", "http://127.0.0.1:1"]) == 1
     assert "ros-diagnostics-status: http://127.0.0.1:1/" in capsys.readouterr().err
 
 
-def test_watching_goes_on_over_an_outage_until_ctrl_c(serve, tmp_path):
+def test_watch_continues_after_an_outage_until_ctrl_c(serve, tmp_path):
     looks = []
 
     def look():
@@ -129,7 +132,7 @@ def test_watching_goes_on_over_an_outage_until_ctrl_c(serve, tmp_path):
             raise RuntimeError
         return FLEET
 
-    server = serve(fleet=look)
+    server = serve(fleet_snapshot=look)
     arguments = ["--watch", "1.1", "--url", f"http://{server.addresses[0]}"]
     with subprocess.Popen([sys.executable, "-c", WATCH, *arguments], stdout=subprocess.PIPE) as it:
         try:

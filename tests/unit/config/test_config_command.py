@@ -12,7 +12,7 @@ EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "one-robot.yml"
 BAD = Path(__file__).parents[2] / "data/configs" / "bad-domain-id.yml"
 
 
-def test_check_tells_what_was_understood(capsys):
+def test_check_describes_the_config(capsys):
     assert main(["--config.check", "--config.file", str(EXAMPLE)]) == 0
     assert capsys.readouterr().out == describe(load(EXAMPLE))
 
@@ -26,7 +26,7 @@ def test_all_that_is_wrong_goes_to_stderr_and_the_exit_code_is_2(capsys, monkeyp
 
 
 @pytest.mark.parametrize("address", ["nonsense", ":99999", "::1:9877"])
-def test_an_address_that_is_none_is_wrong_usage_and_not_tried_again(capsys, address):
+def test_an_invalid_address_is_wrong_usage_and_not_retried(capsys, address):
     """Systemd starts the exporter again at exit code 1, when the port is taken."""
     assert main(["--config.file", str(EXAMPLE), "--web.listen-address", address]) == 2
     assert f"listen address '{address}' has" in capsys.readouterr().err

@@ -7,12 +7,12 @@ from ros_diagnostics_exporter.config.scalars import topic as checked_topic
 from ros_diagnostics_exporter.state.discovery import found_robot, shared_identity
 
 
-def discovery(fleet_of, said):
-    return fleet_of(f"fleet: demo\ndiscovery: [{{{said}}}]").discoveries[0]
+def discovery(fleet_of, keys):
+    return fleet_of(f"fleet: demo\ndiscovery: [{{{keys}}}]").discoveries[0]
 
 
 @pytest.mark.parametrize(
-    ("said", "topic", "robot"),
+    ("keys", "topic", "robot"),
     [
         ('topic: "/{robot}/diagnostics"', "/r1/diagnostics", "r1"),
         ('topic: "/{robot}/diagnostics"', "/r1/diagnostics_agg", None),
@@ -30,8 +30,8 @@ def discovery(fleet_of, said):
         ('source: agg, topic: "/{robot}/health"', "/r1/health", "r1"),
     ],
 )
-def test_topic_tells_the_name_of_the_robot(fleet_of, said, topic, robot):
-    match = discovery(fleet_of, said).pattern.fullmatch(topic)
+def test_topic_contains_the_name_of_the_robot(fleet_of, keys, topic, robot):
+    match = discovery(fleet_of, keys).pattern.fullmatch(topic)
     assert (match and match["robot"]) == robot
 
 
@@ -43,7 +43,7 @@ def test_topic_tells_the_name_of_the_robot(fleet_of, said, topic, robot):
         (Source.AUTO, ("/r1/health_agg", "/r1/health")),
     ],
 )
-def test_discovered_topic_of_another_name_is_what_its_source_says(fleet_of, source, topics):
+def test_discovered_topic_of_another_name_is_of_the_kind_of_its_source(fleet_of, source, topics):
     found = discovery(fleet_of, f'topic: "/{{robot}}/health", source: {source.value}')
     robot = found_robot(found, "r1", "/r1/health", 0)
     assert (robot.topic_agg, robot.topic_raw) == topics
@@ -82,31 +82,29 @@ def test_discovered_robots_have_profile_address_and_labels(fleet_of):
     assert (found.address, dict(found.labels)) == ("{robot}.lan", {"site": "hall", "floor": "3"})
 
 
-SAYS = ("husky-0849", "r1/arm: left")  # hardware_id and name of a status
+STATUS = ("husky-0849", "r1/arm: left")  # hardware_id and name of a status
 
 
 @pytest.mark.parametrize(
-    ("said", "status", "robot", "component"),
+    ("keys", "status", "robot", "component"),
     [
-        ("by: hardware_id", SAYS, "husky-0849", "r1/arm: left"),
-        ("pattern: 'husky-{robot}'", SAYS, "0849", "r1/arm: left"),
-        ("pattern: {regex: '[a-z]+-0*(?P<robot>\\d+)'}", SAYS, "849", "r1/arm: left"),
-        ("by: name, pattern: '{robot}/{component}'", SAYS, "r1", "arm: left"),
+        ("by: hardware_id", STATUS, "husky-0849", "r1/arm: left"),
+        ("pattern: 'husky-{robot}'", STATUS, "0849", "r1/arm: left"),
+        ("pattern: {regex: '[a-z]+-0*(?P<robot>\\d+)'}", STATUS, "849", "r1/arm: left"),
+        ("by: name, pattern: '{robot}/{component}'", STATUS, "r1", "arm: left"),
         ("by: name, pattern: '{robot}/{component}'", ("", "r1/a/b"), "r1", "a/b"),
         ("by: name, pattern: '{component} of {robot}'", ("", "laser of r1"), "r1", "laser"),
-        ("by: name, pattern: {regex: '(?P<robot>r\\d+).*'}", SAYS, "r1", "r1/arm: left"),
+        ("by: name, pattern: {regex: '(?P<robot>r\\d+).*'}", STATUS, "r1", "r1/arm: left"),
         ("by: name, pattern: {regex: '(?P<robot>r\\d)(?P<component>x)?'}", ("", "r1"), "r1", "r1"),
     ],
 )
-def test_status_on_a_shared_topic_says_of_which_robot_it_is(
-    fleet_of, said, status, robot, component
-):
-    shared = fleet_of(f"fleet: demo\nshared: [{{topic: /diagnostics, {said}}}]").shared[0]
+def test_status_on_a_shared_topic_names_its_robot(fleet_of, keys, status, robot, component):
+    shared = fleet_of(f"fleet: demo\nshared: [{{topic: /diagnostics, {keys}}}]").shared[0]
     assert shared_identity(shared, *status) == (robot, component)
 
 
 @pytest.mark.parametrize(
-    ("said", "status"),
+    ("keys", "status"),
     [
         *[("by: hardware_id", (bad, "x")) for bad in ("", " ", "a/b", "a\n", "x" * 129)],
         ("pattern: 'husky-{robot}'", ("jackal-1", "x")),
@@ -116,13 +114,13 @@ def test_status_on_a_shared_topic_says_of_which_robot_it_is(
         ("by: name, pattern: {regex: '(?P<robot>r1)?.*'}", ("", "x")),
     ],
 )
-def test_status_that_does_not_say_is_of_no_robot(fleet_of, said, status):
-    shared = fleet_of(f"fleet: demo\nshared: [{{topic: /diagnostics, {said}}}]").shared[0]
+def test_status_without_a_robots_name_is_rejected(fleet_of, keys, status):
+    shared = fleet_of(f"fleet: demo\nshared: [{{topic: /diagnostics, {keys}}}]").shared[0]
     assert shared_identity(shared, *status) is None
 
 
 @pytest.mark.parametrize(
-    ("said", "raw"),
+    ("keys", "raw"),
     [
         ("topic: /diagnostics", True),
         ("topic: /diagnostics_agg", False),
@@ -130,11 +128,11 @@ def test_status_that_does_not_say_is_of_no_robot(fleet_of, said, status):
         ("topic: /lab/health, source: agg", False),
     ],
 )
-def test_shared_topic_is_raw_or_aggregated(fleet_of, said, raw):
-    assert fleet_of(f"fleet: demo\nshared: [{{{said}}}]").shared[0].raw is raw
+def test_shared_topic_is_raw_or_aggregated(fleet_of, keys, raw):
+    assert fleet_of(f"fleet: demo\nshared: [{{{keys}}}]").shared[0].raw is raw
 
 
-def test_declared_robot_on_a_shared_topic_is_as_the_topic_is(fleet_of):
+def test_declared_robot_on_a_shared_topic_has_the_source_of_the_topic(fleet_of):
     fleet = fleet_of("""
         fleet: demo
         shared: [{topic: /diagnostics}, {topic: /lab/all, source: agg, domain_id: 2}]
@@ -160,7 +158,7 @@ def test_declared_robot_on_a_shared_topic_is_as_the_topic_is(fleet_of):
         "/" + "a" * 247,
     ],
 )
-def test_topic_names_are_those_that_ros_takes(name):
+def test_topic_names_are_those_that_ros_accepts(name):
     validate = pytest.importorskip("rclpy.validate_full_topic_name", reason="no ROS 2 here")
     exceptions = pytest.importorskip("rclpy.exceptions")
     try:

@@ -8,7 +8,7 @@ import pytest
 from jsonschema import Draft7Validator
 
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.config.yamlfile import read
+from ros_diagnostics_exporter.config.yaml_file import read
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
 FILES = sorted(EXAMPLES.rglob("*.yml"))

@@ -1,6 +1,6 @@
-"""robots.d and maintenance.d: robots and downtimes as files that come and go."""
+"""robots.d and maintenance.d: robots and downtimes as files of their own."""
 
-from ros_diagnostics_exporter.config import yamlfile
+from ros_diagnostics_exporter.config import yaml_file
 from ros_diagnostics_exporter.config.load import load, sources
 from ros_diagnostics_exporter.state.maintenance import in_maintenance
 
@@ -18,7 +18,7 @@ def test_files_of_a_folder_hold_one_robot_or_several(fleet_of):
     assert [robot.name for robot in fleet.robots] == ["a", "b", "c", "d"]
 
 
-def test_other_and_hidden_files_are_left_alone(fleet_of):
+def test_other_and_hidden_files_are_ignored(fleet_of):
     others = ("robots.d/.b.yml", "robots.d/b.yml~", "robots.d/README.md", "robots.d/b.yml.swp")
     fleet = fleet_of(A, **dict.fromkeys(others, "{name: b"))
     assert [robot.name for robot in fleet.robots] == ["a"]
@@ -42,7 +42,7 @@ def test_robot_that_leaves_while_the_folder_is_read_is_gone(fleet_of, monkeypatc
     def read_late(path):
         if path.name == "b.yml":
             path.unlink()
-        return yamlfile.read(path)
+        return yaml_file.read(path)
 
     monkeypatch.setattr("ros_diagnostics_exporter.config.load.read", read_late)
     fleet = fleet_of(A, **{"robots.d/b.yml": "{name: b, domain_id: 2}"})
@@ -50,7 +50,7 @@ def test_robot_that_leaves_while_the_folder_is_read_is_gone(fleet_of, monkeypatc
     assert tmp_path / "robots.d/b.yml" not in fleet.sources
 
 
-def test_link_that_leads_nowhere_is_told(errors_of, tmp_path):
+def test_broken_link_is_an_error(errors_of, tmp_path):
     (tmp_path / "robots.d").mkdir()
     (tmp_path / "robots.d/b.yml").symlink_to("nowhere")
     assert errors_of(A) == [
@@ -66,7 +66,7 @@ def test_another_folder_may_be_named(fleet_of):
     assert [robot.name for robot in fleet.robots] == ["a", "b"]
 
 
-def test_downtimes_of_the_folder_hold(fleet_of):
+def test_downtimes_of_the_folder_are_active(fleet_of):
     fleet = fleet_of(
         A,
         **{
@@ -97,7 +97,7 @@ def test_errors_name_the_file_of_the_folder(errors_of):
         "maintenance.d/a.yml:1: selector: is missing; add selector: ...",
         'robots.d/b.yml:3: profile: there is no profile "none"; use default',
         (
-            'robots.d/c.yml:1: [a].name: the name "a" is taken by the robot in fleet.yml:2; '
+            'robots.d/c.yml:1: [a].name: the name "a" is already used by the robot in fleet.yml:2; '
             "give each robot a name of its own"
         ),
         (
@@ -109,14 +109,14 @@ def test_errors_name_the_file_of_the_folder(errors_of):
         "robots.d/c.yml:4: [2].name: is missing; add name: ...",
         (
             "robots.d/d.yml:1: is not valid YAML (expected the node content, "
-            "but found '<stream end>'); indent with blanks, and put text with special signs "
+            "but found '<stream end>'); indent with spaces, and put text with special characters "
             "in quotes"
         ),
         "robots.d/e.yml:1: nothing is not a mapping; write it as key: value",
     ]
 
 
-def test_folder_that_is_a_file_is_told(errors_of):
+def test_folder_that_is_a_file_is_an_error(errors_of):
     assert errors_of(A, **{"robots.d": "x"}) == [
         "robots.d: cannot be read (Not a directory); let this user read the folder"
     ]

@@ -9,15 +9,19 @@ from hypothesis import strategies as st
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.config.model import FleetFile, LimitsEntry, MaintenanceEntry
-from ros_diagnostics_exporter.config.model_profile import (
+from ros_diagnostics_exporter.config.models import (
     CheckEntry,
     ComponentEntry,
+    DiscoveryEntry,
+    FleetFile,
+    LimitsEntry,
+    MaintenanceEntry,
     ProfileEntry,
+    RobotEntry,
+    SharedEntry,
     ThresholdsEntry,
     ValueEntry,
 )
-from ros_diagnostics_exporter.config.model_robot import DiscoveryEntry, RobotEntry, SharedEntry
 
 MODELS = (
     *(FleetFile, LimitsEntry, MaintenanceEntry, DiscoveryEntry, RobotEntry, SharedEntry),

@@ -1,4 +1,4 @@
-"""What a good fleet.yml becomes."""
+"""The Fleet of a valid fleet.yml."""
 
 import os
 import socket
@@ -41,7 +41,7 @@ def test_robot_has_its_topics_profile_and_labels(fleet_of):
 
 
 @pytest.mark.parametrize(
-    ("said", "agg", "raw", "namespace"),
+    ("keys", "agg", "raw", "namespace"),
     [
         ("", "/diagnostics_agg", "/diagnostics", ""),
         ("namespace: /", "/diagnostics_agg", "/diagnostics", ""),
@@ -54,8 +54,8 @@ def test_robot_has_its_topics_profile_and_labels(fleet_of):
         ("topic: /a/health_agg, source: raw", None, "/a/health_agg", "/a"),
     ],
 )
-def test_topics_follow_from_namespace_topic_and_source(fleet_of, said, agg, raw, namespace):
-    robot = fleet_of(f"fleet: demo\nrobots: [{{name: r, {said}}}]").robots[0]
+def test_topics_follow_from_namespace_topic_and_source(fleet_of, keys, agg, raw, namespace):
+    robot = fleet_of(f"fleet: demo\nrobots: [{{name: r, {keys}}}]").robots[0]
     assert (robot.topic_agg, robot.topic_raw, robot.namespace) == (agg, raw, namespace)
 
 
@@ -67,7 +67,7 @@ def test_discovery_matches_topics_and_names_the_robot(fleet_of):
     assert (discovery.domain_ids, discovery.source) == ((7,), Source.AUTO)
 
 
-def test_domains_of_all_entries_are_joined(fleet_of):
+def test_domains_of_all_entries_are_collected(fleet_of):
     fleet = fleet_of("""
         fleet: demo
         robots: [{name: a, domain_id: 9}]
@@ -103,7 +103,7 @@ def test_robots_of_another_profile_stay_equal_when_one_changes(fleet_of):
     assert before.robots[1] == after.robots[1]
 
 
-def test_missing_file_is_told(tmp_path):
+def test_missing_file_is_an_error(tmp_path):
     with pytest.raises(ConfigError) as caught:
         load(tmp_path / "fleet.yml")
     assert str(caught.value) == (
@@ -112,7 +112,7 @@ def test_missing_file_is_told(tmp_path):
     )
 
 
-def test_folder_in_place_of_the_file_is_told(tmp_path):
+def test_folder_in_place_of_the_file_is_an_error(tmp_path):
     with pytest.raises(ConfigError, match=r"cannot be read \(Is a directory\)"):
         load(tmp_path)
 
@@ -130,12 +130,12 @@ def unreadable(tmp_path):
     os.seteuid(user)
 
 
-def test_unreadable_file_is_told(unreadable):
+def test_unreadable_file_is_an_error(unreadable):
     with pytest.raises(ConfigError, match=r"cannot be read \(Permission denied\)"):
         load(unreadable)
 
 
-def test_huge_file_is_refused_before_it_is_parsed(tmp_path):
+def test_huge_file_is_rejected_before_it_is_parsed(tmp_path):
     path = tmp_path / "fleet.yml"
     path.write_bytes(b"#" * 9_000_000)
     with pytest.raises(ConfigError, match="is larger than 8388608 bytes"):
@@ -143,7 +143,7 @@ def test_huge_file_is_refused_before_it_is_parsed(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["fifo", "socket", "device"])
-def test_what_is_no_regular_file_is_an_error_and_holds_nobody_up(fleet_of, tmp_path, kind):
+def test_what_is_not_a_regular_file_is_an_error_and_does_not_block(fleet_of, tmp_path, kind):
     """A FIFO that nobody writes to would be opened, and a terminal read, for ever."""
     (tmp_path / "robots.d").mkdir()
     odd = tmp_path / "robots.d" / "odd.yml"
@@ -162,17 +162,17 @@ def test_what_is_no_regular_file_is_an_error_and_holds_nobody_up(fleet_of, tmp_p
 MANY = 60_000
 
 
-def test_what_is_wrong_without_end_is_shown_in_part():
+def test_a_list_of_many_problems_is_cut():
     keys = "".join(f"key_{number}: 1\n" for number in range(MANY))
     assert_bounded("fleet: demo\n" + keys, "and at least 980 more problems")
 
 
-def test_entries_that_are_wrong_without_end_are_shown_in_part():
+def test_a_list_of_many_wrong_entries_is_cut():
     entries = "".join(f"  - {{nam: r{number}}}\n" for number in range(2_000))
     assert_bounded("fleet: demo\nrobots:\n" + entries, "and at least 9")
 
 
-def test_a_key_without_end_is_shown_in_part(fleet_of):
+def test_a_long_key_is_shortened(fleet_of):
     with pytest.raises(ConfigError) as caught:
         fleet_of(f"fleet: demo\n? {'k' * 1_000_000}\n: 1\n")
     (line,) = str(caught.value).splitlines()
@@ -189,12 +189,12 @@ def assert_bounded(text, more):
     lines = str(caught.value).splitlines()
     assert len(lines) == 21
     assert lines[-1].startswith(more)
-    assert lines[-1].endswith("more problems, listed once these are mended")
+    assert lines[-1].endswith("more problems, listed once these are fixed")
     assert len(str(caught.value)) < 20_000
     assert len(caught.value.text(3).splitlines()) == 4
 
 
-def test_warnings_without_end_are_shown_in_part(fleet_of):
+def test_a_list_of_many_warnings_is_cut(fleet_of):
     robots = "".join(f"- {{name: r{number}, domain_id: {100 + number}}}\n" for number in range(60))
     fleet = fleet_of("fleet: demo\nrobots:\n" + robots)
     assert len(fleet.warnings) == 21

@@ -29,7 +29,7 @@ def test_expression_is_searched_as_it_is(source, found, not_found):
         *("((a{1,9}){1,9}){1,9}!", "(a|a|a)*!"),
     ],
 )
-def test_expression_that_holds_a_backtracking_search_up_is_harmless(source):
+def test_expression_that_is_slow_in_a_backtracking_engine_is_harmless(source):
     """Python's re takes seconds for 20 characters of the first: the test would time out."""
     hostile = "a" * 256
     assert not expression(source + "b").search(hostile)
@@ -54,7 +54,7 @@ def test_expression_that_holds_a_backtracking_search_up_is_harmless(source):
 def test_invalid_expression_is_rejected_with_the_reason(source, text, capfd):
     with pytest.raises(ValueError, match=text):
         expression(source)
-    assert capfd.readouterr().err == ""  # RE2 logs there by itself unless it is kept from that
+    assert capfd.readouterr().err == ""  # where RE2 would log it
 
 
 def test_word_ignores_case_and_means_itself():
@@ -67,13 +67,13 @@ def test_wildcard_is_anything_however_many_there_are():
     assert wildcard("a*b*c*d*e").fullmatch("a1b2c3d4ef") is None
 
 
-def test_half_of_a_character_is_searched_as_well():
+def test_unpaired_surrogates_are_searched_as_well():
     assert expression("Motor").search("Motor \ud800")
     assert expression("Motor .").fullmatch("Motor \ud800")
 
 
 def test_patterns_of_two_reads_of_a_config_are_equal():
-    """Or a reload would judge every robot anew."""
+    """Or a reload would treat every robot as changed."""
     assert expression("a+") == expression("a+")
     assert word("a") == word("a") != word("b")
     assert word("a") != expression("a")

@@ -29,14 +29,14 @@ FAMILY = """
 """
 
 
-def test_what_is_not_said_comes_from_the_profile_that_is_extended(fleet_of):
+def test_missing_keys_come_from_the_profile_that_is_extended(fleet_of):
     profile = fleet_of(FAMILY).profiles["turtlebot4"]
     assert profile.name == "turtlebot4"
     assert (profile.stale_after, profile.confirm_after, profile.forget_after) == (5.0, 0.0, 3600.0)
     assert not profile.stale_is_critical
 
 
-def test_fleet_wide_stale_is_critical_reaches_profiles_that_do_not_say(fleet_of):
+def test_fleet_wide_stale_is_critical_applies_to_profiles_that_do_not_set_it(fleet_of):
     fleet = fleet_of(FAMILY)
     assert fleet.profiles["default"].stale_is_critical
     assert fleet_of("fleet: demo\nstale_is_critical: true").profiles["default"].stale_is_critical
@@ -75,7 +75,7 @@ def test_check_all_may_expect_a_number(fleet_of):
         ("arms", "/Arm/left", "Joint 1", False),
     ],
 )
-def test_check_holds_components_whose_group_or_name_has_a_word(
+def test_check_contains_components_whose_group_or_name_has_a_word(
     fleet_of, check, group, component, matches
 ):
     checks = {each.name: each for each in fleet_of(FAMILY).profiles["wheeled"].checks}
@@ -91,7 +91,7 @@ def test_check_holds_components_whose_group_or_name_has_a_word(
         ("Motor 1", None, 60.0, False),
     ],
 )
-def test_first_component_rule_is_the_one_and_the_nearer_profile_goes_before(
+def test_first_component_rule_applies_and_own_rules_come_before_inherited_ones(
     fleet_of, name, stale_after, confirm_after, ignore
 ):
     rule = component_rule(fleet_of(FAMILY).profiles["turtlebot4"], name)
@@ -104,7 +104,7 @@ def test_component_without_a_rule_has_none(fleet_of):
     assert component_rule(fleet_of(FAMILY).profiles["turtlebot4"], "webcam: stream") is None
 
 
-def test_levels_are_counted_as_the_rule_says(fleet_of):
+def test_levels_are_mapped_by_the_rule(fleet_of):
     rule = (
         fleet_of("""
         fleet: demo
@@ -139,7 +139,7 @@ VALUES = """
 """
 
 
-def test_value_rule_says_all_about_the_number(fleet_of):
+def test_value_rule_has_all_settings(fleet_of):
     rule = value_rule(fleet_of(VALUES).profiles["default"], "Robot battery", "Voltage (V)")
     assert (rule.unit, rule.scale, rule.offset, rule.metric) == (
         *("V", 0.001, 0.0, "ros_battery_voltage_volts"),
@@ -179,7 +179,7 @@ def test_values_can_be_dropped_by_key_and_by_component(fleet_of):
     assert value_rule(profile, "any", "whatever") is None
 
 
-def test_what_a_robot_says_is_cut_before_it_is_searched(fleet_of):
+def test_text_of_a_robot_is_cut_before_it_is_searched(fleet_of):
     profile = fleet_of("""
         fleet: demo
         profiles: {default: {components: [{match: {regex: ".*.*.*x"}, ignore: true}]}}

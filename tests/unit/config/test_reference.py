@@ -1,25 +1,25 @@
-"""docs/configuration.md says what the models say."""
+"""docs/configuration.md agrees with the models."""
 
 import re
 from pathlib import Path
 
 import pytest
 
-from ros_diagnostics_exporter.config import patterns, scalars, yamlfile, yamltree
-from ros_diagnostics_exporter.config.reference import main, renewed
-from ros_diagnostics_exporter.config.reserved import RESERVED_LABEL_PREFIXES, RESERVED_LABELS
+from config_reference import main, updated
+from ros_diagnostics_exporter.config import patterns, scalars, yaml_file
+from ros_diagnostics_exporter.config.scalars import RESERVED_LABEL_PREFIXES, RESERVED_LABELS
 from ros_diagnostics_exporter.state.rules import SEARCHED
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "configuration.md"
 
 
-def test_tables_are_what_the_models_say():
-    """If not: python -m ros_diagnostics_exporter.config.reference docs/configuration.md."""
+def test_tables_agree_with_the_models():
+    """If not, run: python tools/config_reference.py docs/configuration.md."""
     text = DOCUMENT.read_text(encoding="utf-8")
-    assert renewed(text) == text
+    assert updated(text) == text
 
 
-def test_command_renews_a_document(tmp_path):
+def test_command_updates_a_document(tmp_path):
     path = tmp_path / "configuration.md"
     text = DOCUMENT.read_text(encoding="utf-8")
     path.write_text(re.sub(r"^\| `stale_after` .*\n", "", text, flags=re.MULTILINE))
@@ -27,9 +27,9 @@ def test_command_renews_a_document(tmp_path):
     assert path.read_text(encoding="utf-8") == text
 
 
-def test_document_without_a_table_is_refused():
+def test_document_without_a_table_is_rejected():
     with pytest.raises(ValueError, match=r"the document has tables for .*, not for .*'Robot'"):
-        renewed("<!-- keys of Rocket -->\n<!-- end -->")
+        updated("<!-- keys of Rocket -->\n<!-- end -->")
 
 
 def test_links_lead_to_headings_and_files():
@@ -42,11 +42,11 @@ def test_links_lead_to_headings_and_files():
     assert all((DOCUMENT.parent / name).is_file() for name in files)
 
 
-def test_prose_names_the_bounds_and_reserved_labels_that_hold():
+def test_prose_names_the_limits_and_reserved_labels():
     text = " ".join(DOCUMENT.read_text(encoding="utf-8").split())
-    assert f"a file may have {yamlfile.MAX_BYTES // 2**20} mib" in text.lower()
-    assert f"{yamltree.MAX_VALUES:,} values" in text
-    assert f"{yamltree.MAX_DEPTH} levels" in text
+    assert f"a file may have {yaml_file.MAX_BYTES // 2**20} mib" in text.lower()
+    assert f"{yaml_file.MAX_VALUES:,} values" in text
+    assert f"{yaml_file.MAX_DEPTH} levels" in text
     assert f"up to {patterns.MAX_PATTERN} characters" in text
     assert f"first {SEARCHED} characters" in text
     assert f"0 to {scalars.MAX_DOMAIN_ID}" in text

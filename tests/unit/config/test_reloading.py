@@ -1,4 +1,4 @@
-"""The config is read in a thread of its own: what hangs or changes without end harms nobody."""
+"""The config is read in a thread of its own, so a file that hangs delays nothing else."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ros_diagnostics_exporter.config import reloader as reloading
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.config.reloader import Reloader
-from ros_diagnostics_exporter.config.watcher import RESTLESS, Watch
+from ros_diagnostics_exporter.file_watcher import MAX_UNSTABLE, FileWatcher
 from ros_diagnostics_exporter.model import Instant
 from testbed.polling import until
 
@@ -46,7 +46,7 @@ class Site:
 
 @pytest.fixture
 def site(tmp_path, monkeypatch):
-    monkeypatch.setattr(reloading, "LOOK", 0.02)
+    monkeypatch.setattr(reloading, "INTERVAL", 0.02)
     made = Site(tmp_path / "fleet.yml")
     made.reloader.start()
     yield made
@@ -75,20 +75,20 @@ def test_a_change_is_applied(site):
     assert site.reloader.successful
 
 
-def test_a_reload_that_was_asked_for_is_done_when_it_returns(site):
+def test_a_requested_reload_is_done_when_it_returns(site):
     site.write("r2")
-    site.reloader.reload("somebody asked")
+    site.reloader.reload("a request")
     assert site.names[-1] == "r2"
 
 
-def test_a_wrong_config_is_raised_and_is_one_event_and_the_next_right_one_is_applied(site, caplog):
+def test_an_invalid_config_is_an_error_and_an_event_and_the_next_valid_one_is_applied(site, caplog):
     site.path.write_text("fleet: f\n" + "".join(f"k{number}: 1\n" for number in range(30)))
     with pytest.raises(ConfigError, match="is not a key"):
-        site.reloader.reload("somebody asked")
+        site.reloader.reload("a request")
     assert not site.reloader.successful
-    refused = [event for event in site.events if event.after == "refused"]
-    assert refused
-    assert all(len(event.message.splitlines()) == 4 for event in refused)
+    rejected = [event for event in site.events if event.after == "refused"]
+    assert rejected
+    assert all(len(event.message.splitlines()) == 4 for event in rejected)
     assert "and 10 more problems" in caplog.text
 
     site.write("r2")
@@ -96,20 +96,18 @@ def test_a_wrong_config_is_raised_and_is_one_event_and_the_next_right_one_is_app
     assert site.reloader.successful
 
 
-def test_while_the_files_hang_a_reload_is_an_error_and_later_it_is_done(
-    site, hanging, caplog, monkeypatch
-):
-    monkeypatch.setattr(reloading, "ANSWER", 0.2)
+def test_a_reload_fails_while_files_hang_and_succeeds_later(site, hanging, caplog, monkeypatch):
+    monkeypatch.setattr(reloading, "TIMEOUT", 0.2)
     site.write("r2")
-    with pytest.raises(ConfigError, match=r"fleet.yml: has not been read after 0 s; see whether"):
-        site.reloader.reload("somebody asked")
+    with pytest.raises(ConfigError, match=r"fleet.yml: has not been read after 0 s; check whether"):
+        site.reloader.reload("a request")
     until(lambda: not site.reloader.successful, "a reload that hangs is no success")
     for _ in range(3):
         site.reloader.tick()
-    assert caplog.text.count("the config cannot change until its disk") == 1
+    assert caplog.text.count("no reload is possible until its disk") == 1
     for _ in range(100):  # they do not wait any more
         with pytest.raises(ConfigError, match="has not been read"):
-            site.reloader.reload("somebody asked")
+            site.reloader.reload("a request")
     assert not site.fleets
 
     hanging.set()
@@ -118,7 +116,7 @@ def test_while_the_files_hang_a_reload_is_an_error_and_later_it_is_done(
 
 
 def test_nothing_is_applied_once_it_is_stopped(site, hanging):
-    site.reloader.request("somebody asked")
+    site.reloader.request("a request")
     until(lambda: site.reloader._busy_since is not None and site.reloader._next is None, "it reads")
     site.reloader.stop(0)
     hanging.set()
@@ -126,34 +124,34 @@ def test_nothing_is_applied_once_it_is_stopped(site, hanging):
     assert not site.fleets
 
 
-def test_a_fault_of_our_own_is_logged_and_the_next_reload_works(site, monkeypatch, caplog):
+def test_a_bug_is_logged_and_the_next_reload_works(site, monkeypatch, caplog):
     with monkeypatch.context() as patch, caplog.at_level(logging.ERROR):
         patch.setattr(reloading, "load", lambda _path: 1 / 0)
         with pytest.raises(ZeroDivisionError):
-            site.reloader.reload("somebody asked")
+            site.reloader.reload("a request")
     assert not site.reloader.successful
-    assert "reading the config failed" in caplog.text
+    assert "reload failed; keeping the previous configuration" in caplog.text
 
-    site.reloader.reload("somebody asked")
+    site.reloader.reload("a request")
     assert site.reloader.successful
 
 
-def test_a_file_that_changes_without_end_keeps_no_other_from_being_read(tmp_path):
-    restless, other = tmp_path / "a.yml", tmp_path / "b.yml"
-    for path in (restless, other):
+def test_a_file_that_never_stops_changing_does_not_hide_other_changes(tmp_path):
+    unstable, other = tmp_path / "a.yml", tmp_path / "b.yml"
+    for path in (unstable, other):
         path.write_text("")
-    watch = Watch((restless, other))
+    watcher = FileWatcher((unstable, other))
     other.write_text("changed")
 
-    told = []
-    for turn in range(3 * RESTLESS):
-        restless.write_text("x" * turn)
-        told.append(watch.look())
-    assert sum(told) == 3
-    assert told.index(True) < RESTLESS
+    reported = []
+    for turn in range(3 * MAX_UNSTABLE):
+        unstable.write_text("x" * turn)
+        reported.append(watcher.changed())
+    assert sum(reported) == 3
+    assert reported.index(True) < MAX_UNSTABLE
 
 
-def test_reading_again_what_means_the_same_is_no_event(site):
+def test_a_reload_without_a_change_is_no_event(site):
     mean_same = CONFIG.format("r1")
     for turn in range(5):
         whole = site.path.with_suffix(".new")  # or it could be read before it is written

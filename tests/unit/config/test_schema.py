@@ -1,4 +1,4 @@
-"""The JSON Schema for editors: it is what the models say, and never stricter than the loader."""
+"""The JSON Schema for editors agrees with the models and is never stricter than the loader."""
 
 import json
 from pathlib import Path
@@ -8,18 +8,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft7Validator
 
-from ros_diagnostics_exporter.config import schema as module
+from config_schema import SCHEMAS, main, schema
+from ros_diagnostics_exporter import config
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.config.model import FleetFile
-from ros_diagnostics_exporter.config.schema import SCHEMAS, main, schema
-from ros_diagnostics_exporter.config.yamlfile import read
+from ros_diagnostics_exporter.config.models import FleetFile
+from ros_diagnostics_exporter.config.yaml_file import read
 
 CONFIGS = Path(__file__).parents[2] / "data/configs"
 FLEET = schema(FleetFile)
 VALIDATOR = Draft7Validator(FLEET)
 
-# The least that each kind of entry needs, and where it stands in fleet.yml.
+# The required keys of each kind of entry, and its place in fleet.yml.
 PROFILE = {"default": {}, "turtlebot4": {}, "wheeled": {}, "arm": {}}
 WHOLE = {
     "FleetFile": lambda entry: entry,
@@ -78,9 +78,9 @@ def load_data(tmp_path):
 
 
 @pytest.mark.parametrize("name", SCHEMAS)
-def test_shipped_schema_is_what_the_models_say(name):
-    """If not: python -m ros_diagnostics_exporter.config.schema FOLDER writes it anew."""
-    shipped = json.loads((Path(module.__file__).parent / name).read_text(encoding="utf-8"))
+def test_shipped_schema_agrees_with_the_models(name):
+    """If not, run: python tools/config_schema.py exporter/ros_diagnostics_exporter/config."""
+    shipped = json.loads((Path(config.__file__).parent / name).read_text(encoding="utf-8"))
     assert shipped == schema(SCHEMAS[name])
 
 
@@ -98,27 +98,27 @@ def test_command_prints_the_schema_of_fleet_yml_and_writes_all(capsys, tmp_path)
 
 @pytest.mark.parametrize(("name", "key"), PROPERTIES)
 def test_every_key_has_a_description_and_an_example_that_loads(load_data, name, key):
-    told = DEFINITIONS[name]["properties"][key]
-    assert told["description"].endswith(".")
-    for example in told["examples"]:
+    described = DEFINITIONS[name]["properties"][key]
+    assert described["description"].endswith(".")
+    for example in described["examples"]:
         data = whole(name, {key: example})
         VALIDATOR.validate(data)
         load_data(data)
 
 
 @pytest.mark.parametrize("name", DEFINITIONS)
-def test_default_in_the_schema_is_what_holds_where_nothing_is_said(load_data, name):
-    told = DEFINITIONS[name]["properties"]
-    defaults = {key: each["default"] for key, each in told.items() if "default" in each}
+def test_default_in_the_schema_applies_to_a_missing_key(load_data, name):
+    keys = DEFINITIONS[name]["properties"]
+    defaults = {key: each["default"] for key, each in keys.items() if "default" in each}
     assert load_data(whole(name, defaults)) == load_data(whole(name, {}))
 
 
-# What is wrong only for one who knows the rest of the file.
+# Wrong only together with the rest of the file.
 BETWEEN_ENTRIES = {"one-topic", "duplicate-robots", "profiles", "limits"}
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("bad-*.yml")), ids=lambda path: path.stem)
-def test_bad_file_is_red_in_an_editor_unless_its_fault_lies_between_entries(path):
+def test_bad_file_is_invalid_in_an_editor_unless_the_problem_is_between_entries(path):
     document, problems = read(path)
     if not problems:  # else YAML itself is wrong
         between = path.stem.removeprefix("bad-") in BETWEEN_ENTRIES

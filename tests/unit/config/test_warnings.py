@@ -1,4 +1,4 @@
-"""What a config may say, and what is said about it."""
+"""Warnings about what a config may contain but probably should not."""
 
 import pytest
 
@@ -29,8 +29,8 @@ maintenance: [{name: m, comment: c, start: 2026-01-01, selector: {sitte: x, robo
                     "unit of Prometheus; call it ..._ratio and convert with scale"
                 ),
                 (
-                    "4: maintenance[m].selector.sitte: no robot has the label sitte, so this never "
-                    "holds; select by one of fleet, robot, site"
+                    "4: maintenance[m].selector.sitte: no robot has the label sitte, so this "
+                    "downtime is never active; select by one of fleet, robot, site"
                 ),
             ],
         ),
@@ -54,5 +54,5 @@ profiles:
 def test_warnings_name_the_place(fleet_of, tmp_path, text, warnings):
     found = fleet_of("fleet: demo\n" + text.removeprefix("{}")).warnings
     assert len(found) == len(warnings)
-    for said, begin in zip(found, warnings, strict=True):
-        assert said.startswith(f"{tmp_path}/fleet.yml:{begin}")
+    for warning, begin in zip(found, warnings, strict=True):
+        assert warning.startswith(f"{tmp_path}/fleet.yml:{begin}")

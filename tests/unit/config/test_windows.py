@@ -1,4 +1,4 @@
-"""Planned downtimes: who and when, across midnight and changes of the clock."""
+"""Planned downtimes: which robots and when, across midnight and clock changes."""
 
 from datetime import datetime
 from zoneinfo import ZoneInfo
@@ -18,7 +18,7 @@ def unix(text, zone=BERLIN, fold=0):
 def during(fleet_of):
     """Whether a robot is in maintenance at a time, by one entry's times."""
 
-    def holds(times, at, **labels):
+    def active(times, at, **labels):
         fleet = fleet_of(f"""
             fleet: demo
             maintenance:
@@ -26,11 +26,11 @@ def during(fleet_of):
         """)
         return in_maintenance(fleet, {"robot": "r", "fleet": "demo", **labels}, at)
 
-    return holds
+    return active
 
 
 @pytest.mark.parametrize(
-    ("at", "holds"),
+    ("at", "active"),
     [
         ("2026-03-02T21:59:59", False),
         ("2026-03-02T22:00", True),
@@ -48,18 +48,18 @@ def during(fleet_of):
         "weekly: [daily 22:00-06:00], start: 2026-03-02, end: 2026-03-04, time_zone: Europe/Berlin",
     ],
 )
-def test_downtime_holds_from_its_begin_to_just_before_its_end(during, times, at, holds):
-    assert during(times, unix(at)) is holds
+def test_downtime_is_active_from_its_start_to_just_before_its_end(during, times, at, active):
+    assert during(times, unix(at)) is active
 
 
-def test_downtime_without_an_end_goes_on_and_one_without_a_start_has_begun(during):
+def test_downtime_may_have_no_start_or_no_end(during):
     assert during("start: 2026-01-01", unix("2036-01-02T00:00"))
     assert not during("start: 2026-01-01", unix("2025-12-31T00:00"))
     assert during("end: 2026-01-01", unix("1999-01-01T00:00"))
 
 
 @pytest.mark.parametrize(
-    ("weekly", "at", "holds"),
+    ("weekly", "at", "active"),
     [
         ("Mon-Fri 22:00-06:00", "2026-03-07T05:00", True),  # Saturday morning, Friday's window
         ("Mon-Fri 22:00-06:00", "2026-03-07T23:00", False),
@@ -72,9 +72,9 @@ def test_downtime_without_an_end_goes_on_and_one_without_a_start_has_begun(durin
         ("daily 12:30-13:00", "2026-03-04T12:29", False),
     ],
 )
-def test_weekly_times_follow_the_local_week(during, weekly, at, holds):
+def test_weekly_times_follow_the_local_week(during, weekly, at, active):
     times = f"weekly: ['{weekly}'], time_zone: Europe/Berlin"
-    assert during(times, unix(at)) is holds
+    assert during(times, unix(at)) is active
 
 
 def test_window_over_a_change_of_the_clock_ends_by_the_local_clock(during):

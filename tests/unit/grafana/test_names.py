@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from ros_diagnostics_exporter.metrics.families import ALL_FAMILIES
+from ros_diagnostics_exporter.metrics.self_metrics import ALL_FAMILIES
 from support.committed_dashboards import BOARDS, ROOT, Question, filled, questions
 
 QUESTIONS = list(questions())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given, settings
@@ -25,8 +26,8 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.self_metrics import Facts, SelfMetrics
-from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.metrics.self_metrics import EXPORTER_FAMILIES, Exporter, SelfMetrics
+from ros_diagnostics_exporter.model import Status, Topic
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
 HOSTILE = [
@@ -128,7 +129,7 @@ def test_names_that_look_alike_as_labels_stay_two_series():
     assert levels == {"a?": 0, "a?~2": 2, "(unnamed)": 0, "(unnamed)~2": 0}
 
 
-def full_story() -> StateDriver:
+def full_scenario() -> StateDriver:
     """A robot with something in every family."""
     profile = Profile(
         stale_after=5.0,
@@ -161,7 +162,7 @@ def full_story() -> StateDriver:
 
 
 def test_every_family_but_those_of_absent_things_is_served_with_its_labels():
-    driver = full_story()
+    driver = full_scenario()
     samples = driver.samples()
     absent = {"check_expected_components", "robot_clock_offset_seconds", "robot_silent_reason"}
     absent |= {"acknowledged_timestamp_seconds", "acknowledged_since_timestamp_seconds"}
@@ -176,7 +177,7 @@ def test_every_family_but_those_of_absent_things_is_served_with_its_labels():
 
 
 def test_a_promoted_value_has_a_family_of_its_own_and_its_base_unit():
-    driver = full_story()
+    driver = full_scenario()
 
     text = driver.exposition.render().decode()
     (family,) = (
@@ -209,7 +210,7 @@ def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
 
 
 def test_rules_find_when_a_component_turned_error_by_itself():
-    driver = full_story()
+    driver = full_scenario()
 
     [(labels, since)] = driver.samples()["component_error_since_timestamp_seconds"].items()
     assert dict(labels)["component"] == "Laser"
@@ -217,7 +218,7 @@ def test_rules_find_when_a_component_turned_error_by_itself():
 
 
 def test_a_threshold_stands_beside_its_value():
-    driver = full_story()
+    driver = full_scenario()
 
     value = driver.sample("component_value", component="Battery", key="Voltage", unit="V")
     bound = driver.sample("component_value_threshold", component="Battery", unit="V", bound="low")
@@ -238,7 +239,7 @@ def test_rules_find_the_values_with_thresholds_by_themselves():
 
 
 def test_values_of_a_stale_component_are_not_shown():
-    driver = full_story()
+    driver = full_scenario()
     driver.at(10)
 
     assert driver.sample("component_level", component="Battery") == STALE
@@ -280,7 +281,7 @@ def test_a_unit_is_fixed_at_first_sight_and_another_one_is_counted_not_shown():
 
 
 def test_what_did_not_change_is_not_rendered_again():
-    driver = full_story()
+    driver = full_scenario()
     driver.exposition.render()
     (text,) = driver.exposition._texts.values()
     before = dict(text.chunks)
@@ -301,7 +302,7 @@ def test_what_did_not_change_is_not_rendered_again():
 
 
 def test_the_series_of_the_last_scrape_are_counted_by_family():
-    driver = full_story()
+    driver = full_scenario()
     text = driver.exposition.render()
 
     counted = sum(driver.exposition.series.values())
@@ -309,10 +310,18 @@ def test_the_series_of_the_last_scrape_are_counted_by_family():
 
 
 def test_the_exporters_own_families_are_those_of_the_table():
-    facts = Facts("f", "jazzy", "rmw_fastrtps_cpp", storage_successful=True, alertmanager_up=True)
-    facts.series, facts.rejected, facts.domains = {"x": 1}, {"robot_limit": 2}, {0: True, 1: False}
-    facts.discovery_times = {0: 1.0}
-    own = SelfMetrics(lambda: facts)
+    driver = full_scenario()
+    driver.exposition.render()
+    topic = Topic(0, "/shared")
+    driver.state._registry.rejections.reject_robot(topic, "x", "robot_limit", driver.now)
+    part = SimpleNamespace(successful=True, time=1.0, written_at=1.0, answers=lambda _now: True)
+    listener = SimpleNamespace(
+        domain_ids=(0,), last_looks={0: 1.0}, decode_seconds=1.0, ingest_seconds=1.0
+    )
+    exporter = Exporter(
+        driver.state, driver.exposition, listener, part, part, part, ("jazzy", "rmw_fastrtps_cpp")
+    )
+    own = SelfMetrics(exporter)
 
     for text, parse in (
         (own.render(), text_string_to_metric_families),
@@ -324,7 +333,7 @@ def test_the_exporters_own_families_are_those_of_the_table():
             for sample in family.samples
             if sample.name.startswith(metrics.PREFIX)
         }
-        assert families == {each.name: set(each.labels) for each in metrics.EXPORTER_FAMILIES}
+        assert families == {each.name: set(each.labels) for each in EXPORTER_FAMILIES}
 
 
 def test_two_fleets_do_not_share_a_text():

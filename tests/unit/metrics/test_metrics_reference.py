@@ -1,4 +1,4 @@
-"""docs/metrics.md says what metrics.py and the state say."""
+"""docs/metrics.md agrees with the families and with the reasons of the state."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import get_args
 
 import pytest
 
-from ros_diagnostics_exporter.metrics.families import ALL_FAMILIES, ROBOT_SILENT_REASON
-from ros_diagnostics_exporter.metrics_reference import main, renewed
+from metrics_reference import main, updated
+from ros_diagnostics_exporter.metrics.families import ROBOT_SILENT_REASON
+from ros_diagnostics_exporter.metrics.self_metrics import ALL_FAMILIES
 from ros_diagnostics_exporter.state.rejections import (
     OVER_LIMIT,
     FleetRejectionReason,
@@ -20,14 +21,14 @@ from ros_diagnostics_exporter.state.rejections import (
 DOCUMENT = Path(__file__).parents[3] / "docs" / "metrics.md"
 
 
-def test_the_tables_are_what_the_code_says():
-    """If not: python -m ros_diagnostics_exporter.metrics_reference docs/metrics.md."""
+def test_the_tables_agree_with_the_code():
+    """If not, run: python tools/metrics_reference.py docs/metrics.md."""
     text = DOCUMENT.read_text("utf-8")
-    assert renewed(text) == text
+    assert updated(text) == text
     assert all(f"| `{family.name}` |" in text for family in ALL_FAMILIES)
 
 
-def test_the_command_renews_a_document(tmp_path):
+def test_the_command_updates_a_document(tmp_path):
     path = tmp_path / "metrics.md"
     text = DOCUMENT.read_text("utf-8")
     path.write_text(re.sub(r"^\| `ros_diagnostics_robot_up` .*\n", "", text, flags=re.MULTILINE))
@@ -35,9 +36,9 @@ def test_the_command_renews_a_document(tmp_path):
     assert path.read_text("utf-8") == text
 
 
-def test_a_document_without_a_table_is_refused():
+def test_a_document_without_a_table_is_rejected():
     with pytest.raises(ValueError, match="not for"):
-        renewed("<!-- families of rockets -->\n<!-- end -->")
+        updated("<!-- families of rockets -->\n<!-- end -->")
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from ros_diagnostics_exporter.cli import ack
-from ros_diagnostics_exporter.metrics import families as metrics
+from ros_diagnostics_exporter.metrics.self_metrics import ALL_FAMILIES
 from support.shipped_rules import PROMETHEUS, ROOT, RULE_FILES, STORY_FILES, alerts, rules, run_tool
 
 PAGES = {page.stem: page for page in (ROOT / "docs" / "alerts").glob("*.md")}
@@ -123,7 +123,7 @@ def test_the_working_hours_in_the_comment_of_the_settings(moment: str, told: boo
 
 
 def test_rules_read_only_families_that_the_exporter_serves():
-    families = {family.name for family in metrics.ALL_FAMILIES}
+    families = {family.name for family in ALL_FAMILIES}
     read = {
         name
         for file in RULE_FILES

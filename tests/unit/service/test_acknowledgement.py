@@ -14,16 +14,16 @@ from ros_diagnostics_exporter import acknowledgement
 from ros_diagnostics_exporter.acknowledgement import clean, moment, read
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Status
-from support.silences import BEGAN, MOTOR, told
+from support.silences import BEGAN, MOTOR, listed
 from support.state_driver import ERROR, StateDriver
 
 
 def test_what_the_command_makes_is_read():
-    assert read([told()], "f") == [MOTOR]
+    assert read([listed()], "f") == [MOTOR]
 
 
 def test_a_silent_robot_has_no_component():
-    (found,) = read([told(component=None)], "f")
+    (found,) = read([listed(component=None)], "f")
 
     assert (found.robot, found.group, found.component, found.state) == ("r", "", "", "")
     assert found.since == BEGAN
@@ -32,20 +32,20 @@ def test_a_silent_robot_has_no_component():
 @pytest.mark.parametrize(
     "other",
     [
-        told(labels={"fleet": "g"}),
-        told(status={"state": "expired"}),
-        told(status={"state": "pending"}),
-        told(since="yesterday"),
-        told(robot="r" * 2000),
-        told(component="\ud800"),
-        told(startsAt="soon"),
-        told(matchers=[{"name": "robot", "value": "r", "isRegex": False, "isEqual": True}]),
-        told(matchers=[each for each in told()["matchers"] if each["name"] != "since"]),
-        told(matchers=[each | {"isRegex": True} for each in told()["matchers"]]),
-        told(matchers=[each | {"isEqual": False} for each in told()["matchers"]]),
-        told(
+        listed(labels={"fleet": "g"}),
+        listed(status={"state": "expired"}),
+        listed(status={"state": "pending"}),
+        listed(since="yesterday"),
+        listed(robot="r" * 2000),
+        listed(component="\ud800"),
+        listed(startsAt="soon"),
+        listed(matchers=[{"name": "robot", "value": "r", "isRegex": False, "isEqual": True}]),
+        listed(matchers=[each for each in listed()["matchers"] if each["name"] != "since"]),
+        listed(matchers=[each | {"isRegex": True} for each in listed()["matchers"]]),
+        listed(matchers=[each | {"isEqual": False} for each in listed()["matchers"]]),
+        listed(
             matchers=[
-                *told()["matchers"],
+                *listed()["matchers"],
                 {"name": "step", "value": "1", "isRegex": False, "isEqual": True},
             ]
         ),
@@ -53,20 +53,20 @@ def test_a_silent_robot_has_no_component():
     ids=str,
 )
 def test_other_silences_are_passed_over(other):
-    assert read([other, told()], "f") == [MOTOR]
+    assert read([other, listed()], "f") == [MOTOR]
 
 
 def test_of_several_for_one_component_the_newest_holds():
     """The old one is for an earlier fault; it goes on being in force for days."""
-    old = told(since="2025-12-01 10:00:00 +0000 UTC", startsAt="2025-12-01T10:05:00.250Z")
+    old = listed(since="2025-12-01 10:00:00 +0000 UTC", startsAt="2025-12-01T10:05:00.250Z")
 
-    assert read([told(), old], "f") == read([old, told()], "f") == [MOTOR]
+    assert read([listed(), old], "f") == read([old, listed()], "f") == [MOTOR]
 
 
 def test_no_more_are_kept_than_a_fleet_can_have(monkeypatch):
     monkeypatch.setattr(acknowledgement, "MOST", 3)
     many = [
-        told(component=f"Motor {number}", startsAt=f"2026-01-01T10:{number:02}:00.000Z")
+        listed(component=f"Motor {number}", startsAt=f"2026-01-01T10:{number:02}:00.000Z")
         for number in range(10)
     ]
 
@@ -88,11 +88,11 @@ JSON = st.recursive(
 
 @given(st.data())
 def test_whatever_stands_in_a_silence_hurts_nobody(data):
-    broken = copy.deepcopy(told())
+    broken = copy.deepcopy(listed())
     where = data.draw(st.sampled_from(sorted(broken)))
     broken[where] = data.draw(JSON)
 
-    found = read([broken, data.draw(JSON), told()], "f")
+    found = read([broken, data.draw(JSON), listed()], "f")
 
     assert MOTOR in found or where in {"createdBy", "comment", "startsAt", "endsAt"}
 

@@ -13,7 +13,7 @@ import pytest
 
 from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.model import Instant
-from support.silences import MOTOR, told
+from support.silences import MOTOR, listed
 
 NOW = Instant(100.0, MOTOR.at + 60)
 Reply = Callable[[BaseHTTPRequestHandler], None]
@@ -34,7 +34,7 @@ def server() -> Iterator[ThreadingHTTPServer]:
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     server.daemon_threads = True
     server.asked = []
-    server.reply = say(json.dumps([told()]).encode())
+    server.reply = say(json.dumps([listed()]).encode())
     thread = threading.Thread(target=server.serve_forever, args=(0.05,))
     thread.start()
     yield server

@@ -1,4 +1,4 @@
-"""Texts of robots where people see them: nothing raises, nothing invisible is left."""
+"""Any text of a robot can be displayed everywhere, without unprintable characters."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import logging
 import shutil
 import subprocess
-from argparse import Namespace
 from pathlib import Path
 
 import pytest
@@ -17,8 +16,9 @@ from rich.console import Console
 from ros_diagnostics_exporter.cli import ack
 from ros_diagnostics_exporter.cli.check_nagios import check
 from ros_diagnostics_exporter.cli.status import view
+from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.logs import set_up
-from ros_diagnostics_exporter.texts import natural, printable, shown, to_json
+from ros_diagnostics_exporter.texts import natural, one_line, printable, to_json
 from ros_diagnostics_exporter.web.pages import landing
 
 CHECKOUT = Path(__file__).parents[3]
@@ -28,7 +28,6 @@ AWKWARD = (
     "\u200b\u200e\u200f\u2028\u2029\u202e\u2066\u2069\ufeff"
 )
 TEXTS = st.text(st.characters(exclude_categories=()) | st.sampled_from(AWKWARD + "01|<[%='"))
-OPTIONS = Namespace(component=None)
 
 
 def fleet(name: str, text: str) -> dict:
@@ -59,21 +58,21 @@ def fleet(name: str, text: str) -> dict:
 
 
 @given(TEXTS, TEXTS)
-def test_the_page_shows_any_text_and_no_text_turns_it_round(name, text):
+def test_the_landing_page_has_only_printable_text(name, text):
     page = landing(fleet(name, text), "/metrics")
     assert page.replace("\n", "").isprintable()
 
 
-@given(TEXTS, TEXTS, st.sampled_from([None, ""]))
-def test_the_status_command_prints_any_text_and_no_terminal_obeys_it(name, text, component):
+@given(TEXTS, TEXTS, st.booleans())
+def test_the_status_command_prints_only_printable_text(name, text, components):
     console = Console(width=10_000, force_terminal=False)
     with console.capture() as captured:
-        console.print(view(fleet(name, text), Namespace(component=component)))
+        console.print(view(fleet(name, text), components=components))
     assert captured.get().replace("\n", "").isprintable()
 
 
 @given(TEXTS, TEXTS)
-def test_the_nagios_plug_in_prints_one_line_of_any_text(name, text):
+def test_the_nagios_plug_in_prints_one_printable_line(name, text):
     _, line = check(fleet(name, text), name, "")
     assert line.isprintable()
     assert line.count("|") == 1
@@ -81,7 +80,7 @@ def test_the_nagios_plug_in_prints_one_line_of_any_text(name, text):
 
 @given(TEXTS)
 @pytest.mark.parametrize("form", ["logfmt", "json"])
-def test_a_log_line_shows_any_text(form, text):
+def test_a_log_line_is_printable(form, text):
     root = logging.getLogger()
     before, level = list(root.handlers), root.level
     set_up("info", form)
@@ -94,28 +93,28 @@ def test_a_log_line_shows_any_text(form, text):
 
 
 @given(TEXTS)
-def test_json_for_a_file_is_the_same_text(text):
+def test_to_json_is_one_printable_line_that_decodes_to_the_text(text):
     line = to_json(text)
     assert line.isprintable()
     assert json.loads(line) == text.encode(errors="replace").decode()
 
 
-def test_what_is_invisible_is_shown_as_an_escape():
-    assert shown("a\u202eb\u2066c\u200fd\u200be\u2028f\x1bg") == (
+def test_invisible_characters_become_escapes():
+    assert one_line("a\u202eb\u2066c\u200fd\u200be\u2028f\x1bg") == (
         r"a\u202eb\u2066c\u200fd\u200be\u2028f\x1bg"
     )
-    assert shown("12\u202f°C\n\ttwo") == "12 °C  two"
+    assert one_line("12\u202f°C\n\ttwo") == "12 °C  two"
     assert printable("12\u202f°C\n") == r"12\u202f°C\n"
-    assert shown("Größe 電池 🤖") == "Größe 電池 🤖"
+    assert one_line("Größe 電池 🤖") == "Größe 電池 🤖"
 
 
 @given(st.lists(TEXTS))
-def test_any_names_sort_and_always_in_the_same_way(names):
+def test_natural_sorts_any_names_in_one_order(names):
     other_way = names[::-1]
     assert sorted(names, key=natural) == sorted(other_way, key=natural)
 
 
-def test_numbers_sort_as_numbers():
+def test_natural_sorts_numbers_by_value():
     names = ["robot", "robot_1", "robot_2", "robot_010", "robot_10", "robot_10a", "robot_10b2"]
     other_way = names[::-1]
     assert sorted(other_way, key=natural) == names
@@ -136,19 +135,20 @@ ALERT = {
 
 
 @pytest.mark.parametrize("arguments", [["--list"], ["r\u202e\x1b[2J", "--comment", "x"]])
-def test_an_acknowledgement_prints_no_text_that_a_terminal_obeys(monkeypatch, capsys, arguments):
-    def answer(_options, path, _body=None):
+def test_the_ack_command_prints_only_printable_text(monkeypatch, capsys, arguments):
+    def get(_client, path):
         return [ALERT] if path.startswith("/api/v2/alerts") else []
 
-    monkeypatch.setattr(ack, "ask", answer)
+    monkeypatch.setattr(Client, "get", get)
+    monkeypatch.setattr(Client, "post", lambda *_: None)
     assert ack.main([*arguments, "--author", "me"]) == 0
     out = capsys.readouterr().out
     assert out.replace("\n", "").isprintable()
     assert "[/bold]" in out
 
 
-def test_the_documented_line_for_the_event_log_shows_escapes(tmp_path):
-    """Of docs/deployment.md, run as it stands there."""
+def test_the_documented_jq_line_prints_only_printable_text(tmp_path):
+    """The line is run as docs/deployment.md has it."""
     if shutil.which("jq") is None:
         pytest.skip("needs jq")
     (line,) = [

@@ -19,7 +19,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Source,
     ValueRule,
 )
-from ros_diagnostics_exporter.config.watcher import Watch
+from ros_diagnostics_exporter.file_watcher import FileWatcher
 from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
@@ -238,8 +238,8 @@ def test_a_change_of_a_file_or_folder_is_told_once_and_after_it_came_to_rest(tmp
     file, folder = tmp_path / "fleet.yml", tmp_path / "robots.d"
     file.write_text("a")
     folder.mkdir()
-    watch = Watch((file, folder))
-    assert not watch.look()
+    watch = FileWatcher((file, folder))
+    assert not watch.changed()
 
     if change == "write":
         file.write_text("longer")
@@ -251,16 +251,16 @@ def test_a_change_of_a_file_or_folder_is_told_once_and_after_it_came_to_rest(tmp
     else:
         file.unlink()
 
-    assert [watch.look() for _ in range(4)] == [False, True, False, False]
+    assert [watch.changed() for _ in range(4)] == [False, True, False, False]
 
 
 def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path):
     file, other = tmp_path / "fleet.yml", tmp_path / "robots.yml"
     for path in (file, other):
         path.write_text("a")
-    watch = Watch((file,))
+    watch = FileWatcher((file,))
     watch.mark()
     file.write_text("longer, and written after the exporter has read it")
     watch.watch((file, other))
 
-    assert [watch.look() for _ in range(3)] == [True, False, False]
+    assert [watch.changed() for _ in range(3)] == [True, False, False]

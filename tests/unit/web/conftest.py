@@ -1,4 +1,4 @@
-"""The fixtures of a server on simple functions."""
+"""The fixtures of a web server on a fake backend."""
 
 from support.web_server import ca, plain, serve, tls_config
 

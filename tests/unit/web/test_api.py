@@ -12,16 +12,15 @@ from support.web_server import ask, component, fleet, robot
 MOTOR = component("Motor 1", "ERROR")
 
 
-def test_the_fleet_is_what_the_door_says(serve):
-    said = fleet(robot("robot_1", MOTOR), robot("robot_2"))
-    answer = ask(serve(fleet=lambda: said), "/api/v1/fleet")
+def test_the_fleet_is_the_backends_snapshot(serve):
+    expected = fleet(robot("robot_1", MOTOR), robot("robot_2"))
+    answer = ask(serve(fleet_snapshot=lambda: expected), "/api/v1/fleet")
     assert answer.headers["Content-Type"] == "application/json"
-    assert json.loads(answer.body) == said
+    assert json.loads(answer.body) == expected
 
 
-def test_the_fleet_can_be_asked_for_some_robots(serve):
-    said = fleet(robot("a"), robot("b"), robot("c d"))
-    server = serve(fleet=lambda: said)
+def test_the_fleet_can_be_filtered_by_robot(serve):
+    server = serve(fleet_snapshot=lambda: fleet(robot("a"), robot("b"), robot("c d")))
     wanted = {"robot=b": ["b"], "robot=a&robot=c%20d": ["a", "c d"], "robot=x": []}
     for query, names in wanted.items():
         found = json.loads(ask(server, f"/api/v1/fleet?{query}").body)
@@ -29,38 +28,38 @@ def test_the_fleet_can_be_asked_for_some_robots(serve):
         assert found["fleet"] == "hall"
 
 
-def test_numbers_that_json_does_not_know_are_null_and_strings_of_any_kind_arrive(serve):
+def test_numbers_that_json_does_not_have_are_null_and_any_string_is_encoded(serve):
     odd = component("Übermotor\n\ud800", "OK", flap_ratio=float("nan"))
     odd["values"] = [{"key": "R", "value": "inf", "number": float("inf"), "unit": None}]
-    answer = ask(serve(fleet=lambda: fleet(robot("r", odd))), "/api/v1/fleet")
+    answer = ask(serve(fleet_snapshot=lambda: fleet(robot("r", odd))), "/api/v1/fleet")
     found = json.loads(answer.body)["robots"][0]["components"][0]
     assert (found["component"], found["flap_ratio"]) == ("Übermotor\n?", None)
     assert found["values"][0]["number"] is None
 
 
-def test_a_look_at_the_fleet_serves_all_who_ask_within_a_second(serve):
-    looks = []
+def test_a_snapshot_of_the_fleet_is_shared_for_a_second(serve):
+    snapshots = []
 
-    def look():
-        looks.append(1)
+    def snapshot():
+        snapshots.append(1)
         return fleet(robot("a"))
 
-    server = serve(fleet=look)
+    server = serve(fleet_snapshot=snapshot)
     for path in ("/api/v1/fleet", "/api/v1/fleet?robot=a", "/"):
         assert ask(server, path).status == 200
-    assert len(looks) <= 2  # one, or two if this took longer than a second
+    assert len(snapshots) <= 2  # one, or two if this took longer than a second
 
 
-def test_a_look_that_failed_is_not_kept(serve):
-    looks = iter([RuntimeError("no"), fleet()])
+def test_a_failed_snapshot_is_not_shared(serve):
+    results = iter([RuntimeError("no"), fleet()])
 
-    def look():
-        found = next(looks)
-        if isinstance(found, Exception):
-            raise found
-        return found
+    def snapshot():
+        result = next(results)
+        if isinstance(result, Exception):
+            raise result
+        return result
 
-    server = serve(fleet=look)
+    server = serve(fleet_snapshot=snapshot)
     assert ask(server, "/api/v1/fleet").status == 500
     assert ask(server, "/api/v1/fleet").status == 200
 
@@ -70,7 +69,7 @@ def test_events_are_filtered_and_newest_first(serve):
     log.record(Event(1.0, "level", "a", "/Motor", "Motor 1", "OK", "ERROR", "hot"))
     log.record(Event(2.0, "robot", "b", after="silent"))
     log.record(Event(3.0, "level", "a", "/Motor", "Motor 1", "ERROR", "OK", "fine"))
-    server = serve(events=log.find)
+    server = serve(find_events=log.find)
 
     def times(query: str) -> list[float]:
         answer = ask(server, f"/api/v1/events{query}")
@@ -85,14 +84,14 @@ def test_events_are_filtered_and_newest_first(serve):
     assert times("?before=3&limit=1") == [2.0]
 
 
-def test_events_come_in_pages_of_bounded_size(serve, monkeypatch):
-    monkeypatch.setattr(api, "PAGE", 10_000)
+def test_pages_of_events_have_a_size_limit(serve, monkeypatch):
+    monkeypatch.setattr(api, "PAGE_BYTES", 10_000)
     log = EventLog()
     for number in range(50):
         log.record(
             Event(float(number), "level", "a", message="é" * (6_000 if number == 7 else 500))
         )
-    server, before, times = serve(events=log.find), "", []
+    server, before, times = serve(find_events=log.find), "", []
     while True:
         answer = ask(server, f"/api/v1/events?limit=10000{before}")
         page = json.loads(answer.body)
@@ -108,20 +107,20 @@ def test_events_come_in_pages_of_bounded_size(serve, monkeypatch):
     "query",
     ["kind=x", "level=warn", "since=now", "until=nan", "limit=0", "limit=1.5", "limit=1_0", "x=1"],
 )
-def test_a_wrong_filter_is_refused_by_name(plain, query):
+def test_an_invalid_filter_is_rejected_by_name(plain, query):
     answer = ask(plain, f"/api/v1/events?{query}")
     assert answer.status == 400
     assert query.split("=")[0] in json.loads(answer.body)["error"]
 
 
-def test_targets_of_a_job_are_passed_on_and_an_unknown_job_is_not_found(serve):
+def test_targets_are_the_backends_and_an_unknown_job_is_404(serve):
     group = {"targets": ["10.0.0.1:9100"], "labels": {"robot": "a"}}
 
     def targets(job: str, port: int | None):
         if job != "node":
             raise LookupError(f"no job {job}")
         if port == 1:
-            raise ValueError("that one is not to be asked")
+            raise ValueError("that port is not allowed")
         return [group | {"port": port}]
 
     server = serve(targets=targets)
@@ -130,14 +129,14 @@ def test_targets_of_a_job_are_passed_on_and_an_unknown_job_is_not_found(serve):
     answer = ask(server, "/sd/node?port=1")
     assert (answer.status, json.loads(answer.body)) == (
         400,
-        {"error": "that one is not to be asked"},
+        {"error": "that port is not allowed"},
     )
     assert ask(server, "/sd/node").headers["Content-Type"] == "application/json"
     answer = ask(server, "/sd/nodes")
     assert (answer.status, json.loads(answer.body)) == (404, {"error": "no job nodes"})
 
 
-def test_nothing_changes_the_state_unless_the_lifecycle_is_enabled(serve):
+def test_reload_and_forget_are_forbidden_unless_the_lifecycle_api_is_enabled(serve):
     called = []
     server = serve(reload=lambda: called.append("reload"), forget=lambda *a: called.append(a))
     for path in ("/-/reload", "/-/forget?robot=a"):
@@ -146,38 +145,40 @@ def test_nothing_changes_the_state_unless_the_lifecycle_is_enabled(serve):
     assert called == []
 
 
-def test_reload_says_every_error_of_the_config(serve):
-    def refuse():
+def test_a_failed_reload_returns_every_error(serve):
+    def fail():
         raise ValueError("fleet.yml:3: robots[0].name: missing\nfleet.yml:9: x: unknown key")
 
-    server = serve(reload=refuse, lifecycle=True)
+    server = serve(reload=fail, lifecycle=True)
     answer = ask(server, "/-/reload", "POST")
     assert answer.status == 400
     assert json.loads(answer.body)["error"].count("fleet.yml:") == 2
     assert ask(serve(lifecycle=True), "/-/reload", "PUT").status == 200
 
 
-def test_forget_names_what_goes(serve):
-    gone = []
+def test_forget_removes_a_robot_or_a_component(serve):
+    removed = []
 
     def forget(name, part):
         if name != "a":
             raise KeyError(f"no robot {name!r}")
-        gone.append((name, part))
+        removed.append((name, part))
         return 10
 
     server = serve(forget=forget, lifecycle=True)
     answer = ask(server, "/-/forget?robot=a&component=Motor%201", "POST")
     assert json.loads(answer.body) == {"forgotten": 10}
     assert ask(server, "/-/forget?robot=a", "POST").status == 200
-    assert gone == [("a", "Motor 1"), ("a", None)]
+    assert removed == [("a", "Motor 1"), ("a", None)]
     assert json.loads(ask(server, "/-/forget?robot=x", "POST").body) == {"error": "no robot 'x'"}
     assert ask(server, "/-/forget", "POST").status == 400
 
 
-def test_who_changed_something_sees_it_at_once(serve):
+def test_a_change_is_visible_at_once(serve):
     known = [robot("a")]
-    server = serve(fleet=lambda: fleet(*known), forget=lambda *_: known.pop() and 1, lifecycle=True)
+    server = serve(
+        fleet_snapshot=lambda: fleet(*known), forget=lambda *_: known.pop() and 1, lifecycle=True
+    )
     assert b'"a"' in ask(server, "/api/v1/fleet").body
     assert ask(server, "/-/forget?robot=a", "POST").status == 200
     assert b'"a"' not in ask(server, "/api/v1/fleet").body
@@ -210,7 +211,7 @@ def test_a_page_of_another_site_cannot_reload(serve, site, status):
         {"Host": "evil.example:9877", "Referer": "http://evil.example:9877/page"},
     ],
 )  # fmt: skip
-def test_a_browser_on_plain_http_cannot_change_anything_for_another_site(serve, path, headers):
+def test_a_page_of_another_site_cannot_change_anything_over_plain_http(serve, path, headers):
     called = []
     server = serve(
         reload=lambda: called.append("reload"),
@@ -230,15 +231,15 @@ def test_a_browser_on_plain_http_cannot_change_anything_for_another_site(serve, 
         {"Host": "10.0.0.5:9877", "Origin": "http://10.0.0.5:9877"},
         {"Host": "[fd00::1]:9877", "Referer": "http://[FD00::1]:9877/"},
         {"Host": "localhost:9877", "Origin": "http://localhost:9877"},
-        {"Host": "Exporter", "Origin": "https://exporter"},  # a proxy with TLS before it
+        {"Host": "Exporter", "Origin": "https://exporter"},  # a proxy with TLS in front
         {"Host": f"{socket.gethostname()}:80", "Origin": f"http://{socket.gethostname()}:80"},
     ],
 )
-def test_tools_and_pages_of_its_own_may_change_something(serve, headers):
+def test_tools_and_the_exporters_own_pages_can_reload(serve, headers):
     assert ask(serve(lifecycle=True), "/-/reload", "POST", **headers).status == 200
 
 
-def test_unknown_paths_and_methods_are_answered_as_json(serve):
+def test_errors_for_unknown_paths_and_methods_are_json(serve):
     server = serve()
     answer = ask(server, "/nothing/here")
     assert (answer.status, json.loads(answer.body)) == (404, {"error": "Not Found"})
@@ -246,7 +247,7 @@ def test_unknown_paths_and_methods_are_answered_as_json(serve):
 
 
 @pytest.mark.parametrize("port", ["0", "65536", "ssh", "1.5", ""])
-def test_a_port_that_is_none_is_refused(plain, port):
+def test_an_invalid_port_is_rejected(plain, port):
     answer = ask(plain, f"/sd/node?port={port}")
     assert answer.status == 400
     assert "port" in json.loads(answer.body)["error"]

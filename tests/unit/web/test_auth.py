@@ -9,7 +9,7 @@ import pytest
 from ros_diagnostics_exporter.web import auth
 from ros_diagnostics_exporter.web.auth import Bucket, Buckets
 from ros_diagnostics_exporter.web.server import Server
-from support.web_server import DOORS, ask, wait_until
+from support.web_server import FakeBackend, ask, wait_until
 
 PASSWORD = "häslo: with colon"
 
@@ -30,11 +30,11 @@ def web_config(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def closed(tmp_path_factory):
-    """A server that wants alice's password."""
-    path = tmp_path_factory.mktemp("closed") / "web.yml"
+def protected(tmp_path_factory):
+    """A server that requires alice's password."""
+    path = tmp_path_factory.mktemp("protected") / "web.yml"
     path.write_text(f"basic_auth_users: {{alice: {hashed(PASSWORD)}}}")
-    server = Server(DOORS, listen=["127.0.0.1:0"], web_config=path)
+    server = Server(FakeBackend(), listen=["127.0.0.1:0"], web_config=path)
     server.start()
     yield server
     server.stop()
@@ -55,15 +55,15 @@ def closed(tmp_path_factory):
         "Basic " + base64.b64encode(b"alice").decode(),
     ],
 )
-def test_without_the_right_login_no_path_is_answered(closed, header):
+def test_every_path_needs_a_valid_login(protected, header):
     for path in ("/metrics", "/", "/-/healthy", "/no/such/path"):
-        answer = ask(closed, path, Authorization=header)
+        answer = ask(protected, path, Authorization=header)
         assert answer.status == 401
         assert answer.headers["WWW-Authenticate"].startswith("Basic realm=")
         assert answer.body == b"Unauthorized\n"
 
 
-def test_the_right_login_is_let_in_and_computed_once(serve, web_config, monkeypatch):
+def test_a_valid_login_is_computed_once(serve, web_config, monkeypatch):
     computed = []
     real = bcrypt.checkpw
 
@@ -81,13 +81,13 @@ def test_the_right_login_is_let_in_and_computed_once(serve, web_config, monkeypa
     assert len(computed) == 3
 
 
-def test_an_unknown_name_costs_as_much_as_a_known_one():
+def test_an_unknown_user_costs_as_much_as_a_known_one():
     known = {"alice": bcrypt.hashpw(b"x", bcrypt.gensalt(rounds=5)).decode()}
-    assert auth._nobody(known)[:7] == "$2b$05$"
-    assert bcrypt.checkpw(b"anything", auth._nobody(known).encode()) is False
+    assert auth._dummy_hash(known)[:7] == "$2b$05$"
+    assert bcrypt.checkpw(b"anything", auth._dummy_hash(known).encode()) is False
 
 
-def test_a_long_password_is_compared_as_bcrypt_does(serve, tmp_path):
+def test_a_password_is_compared_up_to_72_bytes(serve, tmp_path):
     path = tmp_path / "web.yml"
     path.write_text(f"basic_auth_users: {{alice: {hashed('x' * 72)}}}")
     server = serve(web_config=path)
@@ -95,7 +95,7 @@ def test_a_long_password_is_compared_as_bcrypt_does(serve, tmp_path):
     assert ask(server, "/", Authorization=basic("alice", "x" * 71)).status == 401
 
 
-def test_a_changed_password_holds_at_once_and_a_broken_file_changes_nothing(
+def test_a_changed_password_applies_at_once_and_an_invalid_file_changes_nothing(
     serve, web_config, caplog
 ):
     server = serve(web_config=web_config)
@@ -111,15 +111,15 @@ def test_a_changed_password_holds_at_once_and_a_broken_file_changes_nothing(
     assert ask(server, "/", Authorization=old).status == 401
     assert caplog.text.count("is not a bcrypt hash") == 1
 
-    web_config.write_text("")  # as while somebody writes it anew
+    web_config.write_text("")  # as while it is being written
     assert ask(server, "/").status == 401
-    assert "basic_auth_users cannot be taken away" in caplog.text
+    assert "basic_auth_users cannot be removed" in caplog.text
 
     web_config.unlink()
     assert ask(server, "/").status == 401
 
 
-def test_a_flood_of_wrong_logins_is_bounded_and_a_known_client_is_not_delayed(
+def test_a_flood_of_invalid_logins_is_limited_and_does_not_delay_a_valid_one(
     serve, web_config, monkeypatch
 ):
     release, entered = threading.Event(), threading.Event()
@@ -154,7 +154,7 @@ def test_a_flood_of_wrong_logins_is_bounded_and_a_known_client_is_not_delayed(
     assert sorted(statuses) == [401] * 20 + [503] * 10
 
 
-def test_headers_of_the_file_take_the_place_of_the_defaults(serve, tmp_path):
+def test_configured_headers_replace_the_defaults(serve, tmp_path):
     path = tmp_path / "web.yml"
     path.write_text(
         "http_server_config: {headers: {X-Frame-Options: sameorigin,"
@@ -166,14 +166,14 @@ def test_headers_of_the_file_take_the_place_of_the_defaults(serve, tmp_path):
     assert headers["X-Content-Type-Options"] == "nosniff"
 
 
-def test_a_rate_limit_refuses_what_is_above_it(serve, tmp_path):
+def test_requests_above_the_rate_limit_are_rejected(serve, tmp_path):
     path = tmp_path / "web.yml"
     path.write_text("rate_limit: {interval: 1h, burst: 2}")
     server = serve(web_config=path)
     assert [ask(server, "/-/healthy").status for _ in range(4)] == [200, 200, 429, 429]
 
 
-def test_a_client_uses_up_its_own_rate_limit_only(serve, tmp_path):
+def test_the_rate_limit_is_per_client(serve, tmp_path):
     path = tmp_path / "web.yml"
     path.write_text(
         f"rate_limit: {{interval: 1h, burst: 2}}\nbasic_auth_users: {{alice: {hashed(PASSWORD)}}}"
@@ -184,15 +184,15 @@ def test_a_client_uses_up_its_own_rate_limit_only(serve, tmp_path):
     assert ask(server, "/metrics", Authorization=basic("alice", PASSWORD)).status == 200
 
 
-def test_clients_beyond_number_are_not_counted_for_ever():
+def test_the_number_of_rate_limited_clients_is_limited():
     buckets = Buckets()
-    for number in range(auth.CLIENTS + 10):
+    for number in range(auth.MAX_BUCKETS + 10):
         assert buckets.take(str(number), 3600.0, 1, 100.0)
     assert not buckets.take("900", 3600.0, 1, 100.0)
-    assert len(buckets._buckets) == auth.CLIENTS
+    assert len(buckets._buckets) == auth.MAX_BUCKETS
 
 
-def test_a_bucket_fills_again_up_to_its_burst():
+def test_a_bucket_refills_up_to_its_burst():
     bucket = Bucket()
     assert [bucket.take(1.0, 2, 100.0) for _ in range(3)] == [True, True, False]
     assert [bucket.take(1.0, 2, 101.0) for _ in range(2)] == [True, False]

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from schemathesis import GenerationMode
 
 from ros_diagnostics_exporter.events import Event, EventLog
-from ros_diagnostics_exporter.web.openapi import describe
+from ros_diagnostics_exporter.web.app import openapi
 from ros_diagnostics_exporter.web.server import Server
-from support.web_server import DOORS, component, fleet, robot
+from support.web_server import FakeBackend, component, fleet, robot
 
 LOG = EventLog()
 LOG.record(Event(1.0, "level", "a", "/Motor", "Motor 1", "OK", "ERROR", "hot"))
@@ -27,35 +27,33 @@ def _targets(job: str, port: int | None) -> list[dict]:
 
 @pytest.fixture(scope="module")
 def server():
-    doors = {
-        **vars(DOORS),
-        "fleet": lambda: fleet(
+    backend = FakeBackend(
+        fleet_snapshot=lambda: fleet(
             robot("a", component("Motor 1", "STALE"), component("Cam 1", "OK")),
             robot("b", **SILENT),
         ),
-        "events": LOG.find,
-        "targets": _targets,
-    }
-    server = Server(type(DOORS)(**doors), listen=["127.0.0.1:0"], lifecycle=True)
+        find_events=LOG.find,
+        targets=_targets,
+    )
+    server = Server(backend, listen=["127.0.0.1:0"], lifecycle=True)
     server.start()
     yield server
     server.stop()
 
 
 OPERATIONS = [
-    found.ok()
-    for found in schemathesis.openapi.from_dict(describe("/metrics")).get_all_operations()
+    found.ok() for found in schemathesis.openapi.from_dict(openapi("/metrics")).get_all_operations()
 ]
 
 
 @pytest.mark.parametrize("operation", OPERATIONS, ids=lambda each: each.label)
-def test_the_server_does_what_its_description_says(operation, server):
-    """Right and wrong requests are made from the description; statuses and bodies must fit it."""
-    wrong_and_right = st.one_of(
+def test_the_server_conforms_to_its_description(operation, server):
+    """Requests, valid and invalid, are generated from the description."""
+    valid_and_invalid = st.one_of(
         operation.as_strategy(generation_mode=mode) for mode in GenerationMode
     )
 
-    @given(case=wrong_and_right)
+    @given(case=valid_and_invalid)
     @settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
     def check(case):
         case.call_and_validate(base_url=f"http://{server.addresses[0]}")
@@ -64,6 +62,6 @@ def test_the_server_does_what_its_description_says(operation, server):
 
 
 def test_the_description_follows_the_telemetry_path():
-    assert "/m" in describe("/m")["paths"]
-    assert "/metrics" not in describe("/m")["paths"]
-    assert describe("/")["paths"]["/"]["get"]["operationId"] == "metrics"
+    assert "/m" in openapi("/m")["paths"]
+    assert "/metrics" not in openapi("/m")["paths"]
+    assert openapi("/")["paths"]["/"]["get"]["operationId"] == "metrics"

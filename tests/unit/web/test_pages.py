@@ -29,21 +29,21 @@ def read(page: str) -> _Reader:
     return reader
 
 
-def test_everything_that_robots_say_is_escaped():
+def test_all_texts_of_robots_are_escaped():
     evil = robot(
         EVIL,
         component(EVIL, "ERROR", message=EVIL, group=EVIL, hardware_id=EVIL),
         silent_reason=EVIL,
     )
-    said = {**fleet(evil, {**evil, "up": False}), "fleet": EVIL, "version": EVIL}
-    page = read(landing(said, "/metrics"))
+    given = {**fleet(evil, {**evil, "up": False}), "fleet": EVIL, "version": EVIL}
+    page = read(landing(given, "/metrics"))
     assert not {tag for tag, _ in page.tags} & {"script", "img"}
     assert all(not name.startswith("on") for _, attrs in page.tags for name in attrs)
     assert page.text.count(EVIL) >= 5
 
 
-def test_the_page_loads_nothing_and_the_browser_is_told_so(serve):
-    answer = ask(serve(fleet=lambda: fleet(robot("a"))), "/")
+def test_the_page_loads_nothing_and_its_policy_forbids_it(serve):
+    answer = ask(serve(fleet_snapshot=lambda: fleet(robot("a"))), "/")
     page = read(answer.text)
     assert not {tag for tag, _ in page.tags} & {"script", "img", "link", "iframe"}
     assert not any("src" in attrs for _, attrs in page.tags)
@@ -52,8 +52,8 @@ def test_the_page_loads_nothing_and_the_browser_is_told_so(serve):
     assert "unsafe" not in policy
 
 
-def test_all_links_of_the_page_lead_somewhere(serve):
-    server = serve(telemetry_path="/m", fleet=lambda: fleet(robot("a")))
+def test_all_links_of_the_page_work(serve):
+    server = serve(telemetry_path="/m", fleet_snapshot=lambda: fleet(robot("a")))
     links = [attrs["href"] for tag, attrs in read(ask(server, "/").text).tags if tag == "a"]
     assert len(links) >= 5
     assert {ask(server, f"/{link}").status for link in links} == {200}
@@ -71,14 +71,14 @@ def test_a_silent_robot_is_unknown_and_one_never_seen_is_pending():
     assert state_of(robot("a")) == "OK"
 
 
-def test_the_worst_robots_come_first_and_fine_ones_only_in_the_list():
-    said = fleet(
+def test_problems_are_listed_worst_first_and_ok_robots_only_in_the_full_list():
+    given = fleet(
         robot("fine", component("Motor 1", "OK")),
         robot("warned", component("Motor 2", "WARN")),
         robot("silent", component("Motor 3", "STALE"), **SILENT),
         robot("broken", component("Motor 4", "ERROR", message="Over temperature")),
     )
-    text = read(landing(said, "/metrics")).text
+    text = read(landing(given, "/metrics")).text
     problems, _, everything = text.partition("All robots: 4")
     order = [problems.index(name) for name in ("silent", "broken", "warned")]
     assert order == sorted(order)
@@ -88,12 +88,12 @@ def test_the_worst_robots_come_first_and_fine_ones_only_in_the_list():
     assert "Motor 3" not in problems  # of a silent robot everything is stale
 
 
-def test_a_fault_of_a_robot_that_fell_silent_is_still_shown():
-    said = fleet(robot("a", component("Motor 1", "STALE", level_before_stale="ERROR"), **SILENT))
-    assert "Motor 1: STALE (was ERROR)" in read(landing(said, "/metrics")).text
+def test_a_silent_robots_earlier_fault_is_still_shown():
+    given = fleet(robot("a", component("Motor 1", "STALE", level_before_stale="ERROR"), **SILENT))
+    assert "Motor 1: STALE (was ERROR)" in read(landing(given, "/metrics")).text
 
 
-def test_a_thousand_robots_make_a_page_that_a_phone_can_show():
+def test_the_size_of_the_page_is_limited():
     long = component("Motor 1", "ERROR", message="&" * 100_000)
     broken = [robot(f"robot_{n}", long) for n in range(1_000)]
     page = landing(fleet(*broken), "/metrics")
@@ -101,7 +101,7 @@ def test_a_thousand_robots_make_a_page_that_a_phone_can_show():
     assert len(page) < 500_000
 
 
-def test_stale_counts_as_what_fleet_yml_says():
+def test_stale_counts_as_configured_in_fleet_yml():
     critical = component("Arm", "STALE", state="CRITICAL")
     planned = component("Pendant", "STALE", planned_stale=True)
     text = read(landing(fleet(robot("a", critical, planned), robot("b", planned)), "/m")).text
@@ -111,8 +111,8 @@ def test_stale_counts_as_what_fleet_yml_says():
     assert "Pendant" not in text
 
 
-def test_a_check_that_finds_too_few_is_critical_and_says_how_few():
+def test_a_failed_check_is_critical_and_shows_the_numbers():
     short = {"check": "motors", "found": 1, "expected": 2}
-    said = robot("a", component("Motor 1", "OK"), short_checks=[short])
-    assert state_of(said) == "CRITICAL"
-    assert "check motors finds 1 of 2" in read(landing(fleet(said), "/m")).text
+    given = robot("a", component("Motor 1", "OK"), short_checks=[short])
+    assert state_of(given) == "CRITICAL"
+    assert "check motors finds 1 of 2" in read(landing(fleet(given), "/m")).text

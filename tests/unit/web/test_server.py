@@ -6,9 +6,8 @@ import threading
 
 import pytest
 
-from ros_diagnostics_exporter.web.listen import ListenError, parse_address
-from ros_diagnostics_exporter.web.server import Server
-from support.web_server import DOORS, ask, wait_until
+from ros_diagnostics_exporter.web.server import ListenError, Server, parse_address
+from support.web_server import FakeBackend, ask, wait_until
 
 PROMETHEUS = (
     "application/openmetrics-text;version=1.0.0;q=0.5,"
@@ -39,55 +38,55 @@ PROMETHEUS = (
         ("text/html;q=nonsense", "text/plain; version=0.0.4; charset=utf-8", b"text\n"),
     ],
 )
-def test_the_format_is_the_one_the_client_likes_best(plain, accept, kind, body):
+def test_the_format_follows_the_accept_header(plain, accept, kind, body):
     answer = ask(plain, "/metrics", Accept=accept)
     assert (answer.status, answer.headers["Content-Type"], answer.body) == (200, kind, body)
 
 
 @pytest.mark.parametrize(
-    ("accepted", "packed"),
+    ("accepted", "gzipped"),
     [("gzip", True), ("br, gzip;q=0.5", True), ("*", True), ("gzip;q=0", False), ("br", False)],
 )
-def test_the_exposition_is_gzipped_for_clients_that_take_it(plain, accepted, packed):
+def test_the_exposition_is_gzipped_for_clients_that_accept_it(plain, accepted, gzipped):
     answer = ask(plain, "/metrics", Accept_Encoding=accepted)
-    assert (answer.headers["Content-Encoding"] == "gzip") is packed
-    assert (gzip.decompress(answer.body) if packed else answer.body) == b"text\n"
+    assert (answer.headers["Content-Encoding"] == "gzip") is gzipped
+    assert (gzip.decompress(answer.body) if gzipped else answer.body) == b"text\n"
     assert "Accept-Encoding" in answer.headers["Vary"]
 
 
-def test_head_says_what_get_would_without_the_body(plain):
+def test_head_returns_the_headers_of_get(plain):
     answer = ask(plain, "/metrics", "HEAD")
     assert (answer.status, answer.body, answer.headers["Content-Length"]) == (200, b"", "5")
 
 
-def test_the_metrics_can_be_moved_to_another_path(serve):
+def test_the_telemetry_path_can_be_changed(serve):
     server = serve(telemetry_path="/probe")
     assert ask(server, "/probe").body == b"text\n"
     assert ask(server, "/metrics").status == 404
 
 
-def test_metrics_at_the_root_leave_no_room_for_the_landing_page(serve):
+def test_metrics_at_the_root_replace_the_landing_page(serve):
     assert ask(serve(telemetry_path="/"), "/").body == b"text\n"
 
 
-def test_not_ready_says_why(serve):
+def test_not_ready_returns_the_reason(serve):
     assert ask(serve(), "/-/ready").status == 200
-    answer = ask(serve(ready=lambda: "domain 7 is not joined"), "/-/ready")
+    answer = ask(serve(not_ready_reason=lambda: "domain 7 is not joined"), "/-/ready")
     assert (answer.status, answer.text) == (503, "not ready: domain 7 is not joined\n")
-    assert ask(serve(ready=lambda: "not yet"), "/-/healthy").status == 200
+    assert ask(serve(not_ready_reason=lambda: "not yet"), "/-/healthy").status == 200
 
 
-def test_an_error_in_a_door_is_answered_500_and_logged(serve, caplog):
+def test_an_error_in_the_backend_is_a_500_and_logged(serve, caplog):
     def broken(openmetrics: bool) -> bytes:
         raise RuntimeError("the state is on fire")
 
-    server = serve(metrics=broken)
+    server = serve(render_metrics=broken)
     assert ask(server, "/metrics").status == 500
     wait_until(lambda: "the state is on fire" in caplog.text)
     assert ask(server, "/-/healthy").status == 200
 
 
-def test_scrapes_at_the_same_time_share_one_rendering(serve):
+def test_concurrent_scrapes_share_one_rendering(serve):
     entered, release, calls = threading.Event(), threading.Event(), []
 
     def slow(openmetrics: bool) -> bytes:
@@ -96,7 +95,7 @@ def test_scrapes_at_the_same_time_share_one_rendering(serve):
         assert release.wait(20)
         return b"slow\n"
 
-    server = serve(metrics=slow)
+    server = serve(render_metrics=slow)
     answers = []
     clients = [
         threading.Thread(target=lambda: answers.append(ask(server, "/metrics").body))
@@ -105,7 +104,7 @@ def test_scrapes_at_the_same_time_share_one_rendering(serve):
     for client in clients:
         client.start()
     assert entered.wait(20)
-    # All eight are connected and asked before the rendering is let go.
+    # All eight requests have arrived before the rendering may end.
     wait_until(lambda: len(server._uvicorn.server_state.tasks) == len(clients))
     release.set()
     for client in clients:
@@ -114,26 +113,26 @@ def test_scrapes_at_the_same_time_share_one_rendering(serve):
     assert calls == [False]
 
 
-def test_a_taken_port_is_named_with_the_way_out(serve):
+def test_a_port_in_use_is_named_with_the_remedy(serve):
     taken = serve().addresses[0]
     with pytest.raises(ListenError, match=f"cannot listen on {taken}: Address already in use") as e:
-        Server(DOORS, listen=["127.0.0.1:0", taken]).start()
+        Server(FakeBackend(), listen=["127.0.0.1:0", taken]).start()
     assert "--web.listen-address" in str(e.value)
 
 
 @pytest.mark.parametrize("host", ["no-such-host.invalid", "x" * 70 + ".example", "a..b"])
 def test_an_unknown_host_is_named(host):
     with pytest.raises(ListenError, match=f"cannot listen on {host}:0: "):
-        Server(DOORS, listen=[f"{host}:0"]).start()
+        Server(FakeBackend(), listen=[f"{host}:0"]).start()
 
 
 @pytest.mark.parametrize("address", ["9100", "localhost", "localhost:", "a:http", ":65536", ":-1"])
-def test_an_address_without_a_port_is_refused(address):
+def test_an_address_without_a_port_is_rejected(address):
     with pytest.raises(ListenError, match="no port"):
         parse_address(address)
 
 
-def test_an_ipv6_host_needs_its_brackets():
+def test_an_ipv6_host_needs_brackets():
     assert parse_address("[::1]:9100") == ("::1", 9100)
     assert parse_address(":9100") == ("", 9100)
     with pytest.raises(ListenError, match=r"\[host\]:port"):
@@ -141,13 +140,13 @@ def test_an_ipv6_host_needs_its_brackets():
 
 
 @pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="no IPv6 on this machine")
-def test_without_a_host_both_families_are_listened_on(serve):
+def test_without_a_host_it_listens_on_ipv4_and_ipv6(serve):
     port = serve(":0").addresses[0].rpartition(":")[2]
     for host in ("127.0.0.1", "::1"):
         socket.create_connection((host, int(port)), timeout=20).close()
 
 
-def test_a_server_that_ends_by_itself_says_so(serve, caplog, monkeypatch):
+def test_a_server_that_fails_is_not_alive_and_logs_the_error(serve, caplog, monkeypatch):
     server = serve()
     assert server.alive
 
@@ -156,11 +155,11 @@ def test_a_server_that_ends_by_itself_says_so(serve, caplog, monkeypatch):
 
     monkeypatch.setattr(server._uvicorn, "on_tick", broken)
     wait_until(lambda: not server.alive)
-    assert "the web server has ended" in caplog.text
+    assert "the web server has failed" in caplog.text
     assert "no more time" in caplog.text
 
 
-def test_a_stopped_server_gives_its_port_back_and_leaves_no_thread(serve):
+def test_a_stopped_server_releases_its_port_and_threads(serve):
     before = set(threading.enumerate())
     server = serve()
     ask(server, "/metrics")

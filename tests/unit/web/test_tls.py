@@ -5,14 +5,13 @@ import ssl
 import pytest
 import trustme
 
-from ros_diagnostics_exporter.web.live_config import Settings
-from ros_diagnostics_exporter.web.webconfig import WebConfigError
+from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
 from support.web_server import ask, connect, renew
 
 
 @pytest.fixture
 def web_config(tmp_path, ca):
-    """Writes a web config with TLS; a server certificate for 127.0.0.1 lies beside it."""
+    """Writes a web config with TLS and a server certificate for 127.0.0.1 beside it."""
 
     def write(*more: str):
         renew(ca, tmp_path)
@@ -41,8 +40,8 @@ def serial(server, context) -> str:
         return sock.getpeercert()["serialNumber"]
 
 
-def refused(server, context) -> bool:
-    """Whether the server ends the connection; with TLS 1.3 the client sees that when it reads."""
+def rejected(server, context) -> bool:
+    """Whether the server ends the connection; with TLS 1.3 the client notices when it reads."""
     try:
         ask(server, "/metrics", tls=context)
     except (ssl.SSLError, ConnectionError):
@@ -59,34 +58,34 @@ def test_metrics_are_served_over_tls_and_plain_http_is_not(serve, web_config, ca
     plain.close()
 
 
-def test_a_client_that_does_not_know_the_ca_goes_away(serve, web_config):
+def test_a_client_without_the_ca_rejects_the_server(serve, web_config):
     with pytest.raises(ssl.SSLCertVerificationError):
         ask(serve(web_config=web_config()), "/metrics", tls=ssl.create_default_context())
 
 
-def test_the_minimum_version_is_kept(serve, web_config, ca):
+def test_the_minimum_version_is_enforced(serve, web_config, ca):
     server = serve(web_config=web_config("min_version: TLS13"))
     old = client(ca)
     old.maximum_version = ssl.TLSVersion.TLSv1_2
-    assert refused(server, old)
-    assert not refused(server, client(ca))
+    assert rejected(server, old)
+    assert not rejected(server, client(ca))
 
 
-def test_only_clients_with_a_certificate_of_the_ca_are_let_in(serve, web_config, ca):
+def test_only_clients_with_a_certificate_of_the_ca_are_accepted(serve, web_config, ca):
     server = serve(web_config=web_config(*CLIENTS))
-    assert refused(server, client(ca))
-    assert refused(server, client(ca, trustme.CA().issue_cert("stranger")))
-    assert not refused(server, client(ca, ca.issue_cert("prometheus.example")))
+    assert rejected(server, client(ca))
+    assert rejected(server, client(ca, trustme.CA().issue_cert("stranger")))
+    assert not rejected(server, client(ca, ca.issue_cert("prometheus.example")))
 
 
-def test_only_clients_with_an_allowed_name_are_let_in(serve, web_config, ca):
+def test_only_clients_with_an_allowed_name_are_accepted(serve, web_config, ca):
     names = "client_allowed_sans: [prometheus.example]"
     server = serve(web_config=web_config(*CLIENTS, names))
-    assert refused(server, client(ca, ca.issue_cert("grafana.example")))
-    assert not refused(server, client(ca, ca.issue_cert("prometheus.example")))
+    assert rejected(server, client(ca, ca.issue_cert("grafana.example")))
+    assert not rejected(server, client(ca, ca.issue_cert("prometheus.example")))
 
 
-def test_a_renewed_certificate_is_served_to_the_next_client(serve, web_config, ca, caplog):
+def test_a_renewed_certificate_is_used_for_the_next_client(serve, web_config, ca, caplog):
     path = web_config()
     server = serve(web_config=path)
     before = serial(server, client(ca))
@@ -100,35 +99,35 @@ def test_a_renewed_certificate_is_served_to_the_next_client(serve, web_config, c
     assert caplog.text.count("server.key") == 1
 
 
-def test_tls_cannot_be_switched_off_while_it_is_served(serve, web_config, ca, caplog):
+def test_tls_cannot_be_switched_off_while_running(serve, web_config, ca, caplog):
     path = web_config()
     server = serve(web_config=path)
     path.write_text("")
     assert ask(server, "/metrics", tls=client(ca)).status == 200
-    assert "tls_server_config cannot be taken away" in caplog.text
+    assert "tls_server_config cannot be removed" in caplog.text
 
 
-def test_a_half_written_file_lets_nobody_in(serve, web_config, ca, caplog):
+def test_an_incomplete_file_does_not_weaken_authentication(serve, web_config, ca, caplog):
     path = web_config(*CLIENTS, "client_allowed_sans: [prometheus.example]")
     whole = path.read_text().splitlines(keepends=True)
     server = serve(web_config=path)
     for lines in range(len(whole)):
         path.write_text("".join(whole[:lines]))
-        assert refused(server, client(ca))
-        assert refused(server, client(ca, ca.issue_cert("grafana.example")))
-        assert not refused(server, client(ca, ca.issue_cert("prometheus.example")))
-    assert "client_allowed_sans cannot be taken away" in caplog.text
+        assert rejected(server, client(ca))
+        assert rejected(server, client(ca, ca.issue_cert("grafana.example")))
+        assert not rejected(server, client(ca, ca.issue_cert("prometheus.example")))
+    assert "client_allowed_sans cannot be removed" in caplog.text
 
 
 @pytest.mark.parametrize("missing", ["server.crt", "server.key", "ca.crt"])
-def test_a_file_that_is_not_there_is_named_at_the_start(web_config, missing):
+def test_a_missing_file_is_named_at_the_start(web_config, missing):
     path = web_config(*CLIENTS)
     (path.parent / missing).unlink()
     with pytest.raises(WebConfigError, match=missing):
-        Settings(path)
+        LiveWebConfig(path)
 
 
-def test_an_encrypted_key_is_refused_instead_of_asking_on_the_terminal(web_config, ca):
+def test_an_encrypted_key_is_rejected_without_a_prompt(web_config, ca):
     from cryptography.hazmat.primitives import serialization as s
 
     path = web_config()
@@ -137,10 +136,10 @@ def test_an_encrypted_key_is_refused_instead_of_asking_on_the_terminal(web_confi
     pem = key.private_bytes(s.Encoding.PEM, s.PrivateFormat.PKCS8, secret)
     (path.parent / "server.key").write_bytes(pem)
     with pytest.raises(WebConfigError, match="the key is encrypted"):
-        Settings(path)
+        LiveWebConfig(path)
 
 
-def test_the_listed_cipher_is_the_one_that_is_used(serve, web_config, ca):
+def test_the_configured_cipher_suite_is_used(serve, web_config, ca):
     server = serve(
         web_config=web_config(
             "max_version: TLS12", "cipher_suites: [TLS_ECDHE_ECDSA_WITH_AES_256_GCM_SHA384]"

@@ -1,7 +1,7 @@
-"""The tables of docs/metrics.md, from the table in metrics.py.
+"""The tables of docs/metrics.md, from metrics/families.py.
 
-`python -m ros_diagnostics_exporter.metrics_reference docs/metrics.md` renews what stands between
-`<!-- families of robots -->` and `<!-- end -->`; the prose around it is written by hand.
+`python tools/metrics_reference.py docs/metrics.md` rewrites what is between
+`<!-- families of robots -->` and `<!-- end -->`; the text around it is written by hand.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from pathlib import Path
 
 from ros_diagnostics_exporter.metrics.families import (
     COMPONENT,
-    EXPORTER_FAMILIES,
     FAULT_FAMILIES,
     FLEET_FAMILIES,
     ROBOT,
     Family,
 )
+from ros_diagnostics_exporter.metrics.self_metrics import EXPORTER_FAMILIES
 
 _BLOCK = re.compile(r"(<!-- families of (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
-def renewed(document: str) -> str:
-    """The document with every table as metrics.py has it.
+def updated(document: str) -> str:
+    """The document with up-to-date tables.
 
     Raises:
-        ValueError: a table is missing, or there is one too many.
+        ValueError: A table is missing, or there is one too many.
     """
     components = tuple(each for each in FLEET_FAMILIES if _starts(each, COMPONENT))
     robots = tuple(each for each in FLEET_FAMILIES if each not in components)
@@ -58,9 +58,9 @@ def _table(families: Iterable[Family], common: Sequence[str]) -> str:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Renew the document that is named."""
+    """Rewrite the tables of a document."""
     path = Path(arguments[0])
-    path.write_text(renewed(path.read_text(encoding="utf-8")), encoding="utf-8")
+    path.write_text(updated(path.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 if __name__ == "__main__":

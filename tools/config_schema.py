@@ -1,7 +1,7 @@
-"""The models as JSON Schema, for editors: `python -m ros_diagnostics_exporter.config.schema`.
+"""The models of fleet.yml as JSON Schema, for editors: `python tools/config_schema.py FOLDER`.
 
-The schema is looser than `load`: it knows a file's shape, not what is wrong between entries. It
-keeps to draft 7, which yaml-language-server reads, and is shipped as files beside this module.
+The schema is looser than the loader: it describes the shape of a file, not the relations between
+entries. It is of draft 7, which yaml-language-server reads, and shipped in the package's config/.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from pydantic import TypeAdapter
 from pydantic.json_schema import DEFAULT_REF_TEMPLATE, GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from ros_diagnostics_exporter.config.model import FleetFile, MaintenanceEntry
-from ros_diagnostics_exporter.config.model_robot import RobotEntry
+from ros_diagnostics_exporter.config.models import FleetFile, MaintenanceEntry, RobotEntry
 
 # file name -> what it describes: fleet.yml, and the files of the two folders
 SCHEMAS: dict[str, Any] = {
@@ -38,7 +37,7 @@ class _Draft7(GenerateJsonSchema):
         return False
 
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
-        # None is the models' word for "not given"; what holds then stands in json_schema_extra.
+        # None means "not given"; the default that then applies is in json_schema_extra.
         if "default" in schema and schema["default"] is None:
             return self.generate_inner(schema["schema"])
         return super().default_schema(schema)
@@ -73,12 +72,12 @@ def schema(model: Any) -> dict[str, Any]:
 
 
 def rendered(model: Any) -> str:
-    """The content of a shipped file."""
+    """The content of a schema file."""
     return json.dumps(schema(model), ensure_ascii=False, indent=2) + "\n"
 
 
 def main(arguments: list[str]) -> None:
-    """Print the schema of fleet.yml, or write all of them into the folder that is named."""
+    """Print the schema of fleet.yml, or write all schemas into a folder."""
     if not arguments:
         sys.stdout.write(rendered(FleetFile))
     for name, model in SCHEMAS.items() if arguments else ():

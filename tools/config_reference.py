@@ -1,7 +1,7 @@
 """The tables of docs/configuration.md, from the models.
 
-`python -m ros_diagnostics_exporter.config.reference docs/configuration.md` renews what stands
-between `<!-- keys of Robot -->` and `<!-- end -->`; the prose around it is written by hand.
+`python tools/config_reference.py docs/configuration.md` rewrites what is between
+`<!-- keys of Robot -->` and `<!-- end -->`; the text around it is written by hand.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ros_diagnostics_exporter.config.model import FleetFile
-from ros_diagnostics_exporter.config.schema import schema
+from config_schema import schema
+from ros_diagnostics_exporter.config.models import FleetFile
 
 _BLOCK = re.compile(r"(<!-- keys of (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _TYPES = {"boolean": "`true` or `false`", "integer": "whole number", "number": "number"}
 
 
-def renewed(document: str) -> str:
-    """The document with every table as the models have it.
+def updated(document: str) -> str:
+    """The document with up-to-date tables.
 
     Raises:
-        ValueError: a part of fleet.yml has no table, or a table no part.
+        ValueError: A part of fleet.yml has no table, or a table no part.
     """
     tables = _tables()
     named = [match[2] for match in _BLOCK.finditer(document)]
@@ -40,44 +40,45 @@ def _tables() -> dict[str, str]:
 
 def _table(part: dict[str, Any]) -> str:
     rows = ["| key | value | default | meaning |", "|---|---|---|---|"]
-    for key, told in part["properties"].items():
-        default = _yaml(told["default"]) if "default" in told else ""
+    for key, described in part["properties"].items():
+        default = _yaml(described["default"]) if "default" in described else ""
         if key in part.get("required", ()):
             default = "*required*"
-        example = " ".join(_yaml(each) for each in told["examples"])
-        meaning = f"{told['description']} Example: {example}"
-        cells = (f"`{key}`", _type(told), default, meaning)
+        example = " ".join(_yaml(each) for each in described["examples"])
+        meaning = f"{described['description']} Example: {example}"
+        cells = (f"`{key}`", _type(described), default, meaning)
         rows.append("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
     return "\n".join(rows) + "\n"
 
 
-def _type(told: dict[str, Any]) -> str:
+def _type(described: dict[str, Any]) -> str:
     """What kind of value a key takes, in words."""
-    if "$ref" in told:
-        name = told["$ref"].rpartition("/")[2].removesuffix("Entry")
+    if "$ref" in described:
+        name = described["$ref"].rpartition("/")[2].removesuffix("Entry")
         return f"[{name}](#{name.lower()})"
-    if "enum" in told:
-        return ", ".join(f"`{word}`" for word in told["enum"] if word is not None)
-    if "title" in told:
-        return str(told["title"])
-    if "anyOf" in told:
-        return " or ".join(_type(each) for each in told["anyOf"] if each.get("type") != "null")
-    return _type_by_form(told)
+    if "enum" in described:
+        return ", ".join(f"`{word}`" for word in described["enum"] if word is not None)
+    if "title" in described:
+        return str(described["title"])
+    if "anyOf" in described:
+        return " or ".join(_type(each) for each in described["anyOf"] if each.get("type") != "null")
+    return _type_by_form(described)
 
 
-def _type_by_form(told: dict[str, Any]) -> str:
-    kind = next(each for each in _listed(told["type"]) if each != "null")
+def _type_by_form(described: dict[str, Any]) -> str:
+    kind = next(each for each in _listed(described["type"]) if each != "null")
     if kind == "array":
-        return f"list: {_type(told['items'])}"
+        return f"list: {_type(described['items'])}"
     if kind == "object":
-        return f"mapping: {_type(told['propertyNames'])} → {_type(told['additionalProperties'])}"
-    return _TYPES.get(kind, "text") + _range(told)
+        key, value = described["propertyNames"], described["additionalProperties"]
+        return f"mapping: {_type(key)} → {_type(value)}"
+    return _TYPES.get(kind, "text") + _range(described)
 
 
-def _range(told: dict[str, Any]) -> str:
-    if "minimum" not in told:
+def _range(described: dict[str, Any]) -> str:
+    if "minimum" not in described:
         return ""
-    return f", {told['minimum']} to {told['maximum']}"
+    return f", {described['minimum']} to {described['maximum']}"
 
 
 def _listed(types: str | list[str]) -> list[str]:
@@ -100,10 +101,10 @@ def _flow(value: Any) -> str:
 
 
 def main(arguments: list[str]) -> None:
-    """Renew the tables of the documents that are named."""
+    """Rewrite the tables of documents."""
     for name in arguments:
         path = Path(name)
-        path.write_text(renewed(path.read_text(encoding="utf-8")), encoding="utf-8")
+        path.write_text(updated(path.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""Regular expressions that run on robots' text: RE2, which takes linear time on every text.
+"""Regular expressions for robots' text, which is not trusted: RE2 takes linear time on all of it.
 
-Knows nothing of fleet.yml. RE2 is also the dialect of Prometheus and Alertmanager.
+RE2 is also the dialect of Prometheus and Alertmanager.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 import re2
 
 MAX_MEMORY = 1 << 20  # bytes of one expression, compiled and while it runs; RE2's default is 8 MiB
-CACHED = 4096  # texts; a shared topic asks for the same names with every array
+CACHED = 4096  # texts; each array of a shared topic has the same names
 
 
 class RegexError(ValueError):
@@ -77,5 +77,5 @@ def _fullmatch(compiled: Any, text: str) -> Any:
 
 
 def _encodable(text: str) -> str:
-    """RE2 works on UTF-8, for which half of a character has no form."""
+    """RE2 works on UTF-8, which cannot encode unpaired surrogates."""
     return text if text.isascii() else text.encode("utf-8", "replace").decode()

@@ -1,4 +1,4 @@
-"""Clients that are slow or hostile, with a legitimate scrape going on beside them."""
+"""Slow and hostile clients, with a legitimate scrape beside them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ import time
 import bcrypt
 import pytest
 
-from ros_diagnostics_exporter.web import answers, scrape
-from ros_diagnostics_exporter.web import protocol as guard
+from ros_diagnostics_exporter.web import protocol, responses, scrape
 from ros_diagnostics_exporter.web.protocol import Phase
 from support.web_server import ask, component, connect, fleet, robot, wait_until
 
@@ -24,18 +23,18 @@ BIG = b"x" * 30_000_000  # 1,000 robots
 
 @pytest.fixture
 def short(monkeypatch):
-    """Sets a time-out, in seconds; all others are too long for the test to end by them."""
+    """Sets a time-out, in seconds; all others are longer than the test."""
     for phase in Phase:
-        monkeypatch.setitem(guard.TIMEOUTS, phase, 1_000.0)
+        monkeypatch.setitem(protocol.TIMEOUTS, phase, 1_000.0)
 
     def shorten(phase: Phase, seconds: float = 0.3) -> None:
-        monkeypatch.setitem(guard.TIMEOUTS, phase, seconds)
+        monkeypatch.setitem(protocol.TIMEOUTS, phase, seconds)
 
     return shorten
 
 
-def whole(sock: socket.socket) -> bytes:
-    """One answer with the metrics, to its end."""
+def read_metrics(sock: socket.socket) -> bytes:
+    """One whole response with the metrics."""
     received = b""
     while not received.endswith(b"text\n"):
         part = sock.recv(1_000)
@@ -45,7 +44,7 @@ def whole(sock: socket.socket) -> bytes:
 
 
 def ended(sock: socket.socket) -> bool:
-    """Whether the server ends the connection; False if it does nothing for a while."""
+    """Whether the server ends the connection within 10 s."""
     sock.settimeout(10)
     try:
         while sock.recv(1_000_000):
@@ -68,14 +67,14 @@ def drip(sock: socket.socket, data: bytes, pause: float = 0.0) -> bool:
     return False
 
 
-def test_a_request_that_arrives_byte_by_byte_is_cut_off(serve, short):
+def test_a_request_that_arrives_byte_by_byte_times_out(serve, short):
     short(Phase.REQUEST)
     server = serve()
     with connect(server) as sock:
         assert drip(sock, b"GET /metrics HTTP/1.1\r\nX: " + b"a" * 1_000, pause=0.05)
 
 
-def test_the_next_request_on_a_connection_may_not_take_longer_than_the_first(serve, short):
+def test_the_second_request_on_a_connection_times_out_too(serve, short):
     short(Phase.REQUEST)
     server = serve()
     with connect(server) as sock:
@@ -84,16 +83,16 @@ def test_the_next_request_on_a_connection_may_not_take_longer_than_the_first(ser
         assert drip(sock, b"GET /metrics HTTP/1.1\r\nX: " + b"a" * 1_000, pause=0.05)
 
 
-@pytest.mark.parametrize("said", [b"", b"\r\n", b"GET / HT"])
-def test_a_connection_that_says_too_little_is_closed(serve, short, said):
+@pytest.mark.parametrize("sent", [b"", b"\r\n", b"GET / HT"])
+def test_a_connection_without_a_complete_request_times_out(serve, short, sent):
     short(Phase.REQUEST)
     server = serve()
     with connect(server) as sock:
-        sock.sendall(said)
+        sock.sendall(sent)
         assert ended(sock)
 
 
-def test_a_kept_alive_connection_is_reused_and_closed_when_it_stays_idle(serve, short):
+def test_a_kept_alive_connection_is_reused_and_closed_when_idle(serve, short):
     short(Phase.IDLE)
     server = serve()
     with connect(server) as sock:
@@ -105,7 +104,7 @@ def test_a_kept_alive_connection_is_reused_and_closed_when_it_stays_idle(serve, 
         assert ended(sock)
 
 
-def test_hundreds_of_idle_connections_do_not_keep_a_scrape_out(serve, short):
+def test_hundreds_of_idle_connections_do_not_block_a_scrape(serve, short):
     server = serve()
     server.connections.limit = 300  # both ends of each are here: an ordinary user has 1,024 files
     with contextlib.ExitStack() as crowd:
@@ -113,12 +112,12 @@ def test_hundreds_of_idle_connections_do_not_keep_a_scrape_out(serve, short):
         assert ask(server, "/metrics").status == 200
         connections = server._uvicorn.server_state.connections
         wait_until(lambda: len(connections) <= 300)
-        assert ended(idle[0])  # who waited longest had to go
+        assert ended(idle[0])  # the one that was idle longest is closed
         assert len(connections) > 290
         assert ask(server, "/metrics").status == 200
 
 
-def test_hundreds_of_dripping_connections_do_not_keep_a_scrape_out(serve, short):
+def test_hundreds_of_dripping_connections_do_not_block_a_scrape(serve, short):
     short(Phase.REQUEST, 2.0)
     server = serve()
     with contextlib.ExitStack() as crowd:
@@ -133,7 +132,7 @@ def test_hundreds_of_dripping_connections_do_not_keep_a_scrape_out(serve, short)
         assert answered > 0
 
 
-def test_large_headers_are_refused_and_the_connection_closed(serve, short):
+def test_large_headers_are_rejected_and_the_connection_closed(serve, short):
     server = serve()
     with connect(server) as sock:
         sock.sendall(b"GET / HTTP/1.1\r\nX: " + b"a" * 20_000)
@@ -151,7 +150,7 @@ def test_large_headers_are_refused_and_the_connection_closed(serve, short):
         (b"GET /" + b"a" * 100_000 + b" HTTP/1.1\r\nHost: x", {414, 400}),
     ],
 )
-def test_what_is_large_is_rejected_also_when_it_arrives_at_once(serve, short, request_, statuses):
+def test_large_requests_are_rejected_also_in_one_piece(serve, short, request_, statuses):
     server = serve()
     with connect(server) as sock:
         sock.sendall(request_ + b"\r\n\r\n")
@@ -161,7 +160,7 @@ def test_what_is_large_is_rejected_also_when_it_arrives_at_once(serve, short, re
     assert answer.status == 200
 
 
-def test_many_headers_are_refused_and_the_connection_closed(serve, short):
+def test_too_many_headers_are_rejected_and_the_connection_closed(serve, short):
     server = serve()
     with connect(server) as sock:
         with contextlib.suppress(ConnectionError):
@@ -171,7 +170,7 @@ def test_many_headers_are_refused_and_the_connection_closed(serve, short):
 
 
 @pytest.mark.parametrize("path", [b"/-/reload", b"/metrics", b"/nothing"])
-def test_a_body_without_end_is_neither_read_nor_waited_for(serve, short, path):
+def test_an_endless_body_is_not_read(serve, short, path):
     short(Phase.REQUEST)
     server = serve()
     with connect(server) as sock:
@@ -182,7 +181,7 @@ def test_a_body_without_end_is_neither_read_nor_waited_for(serve, short, path):
         assert drip(sock, b"x" * 10_000, pause=0.01)
 
 
-def test_garbage_is_refused(serve, short):
+def test_garbage_is_rejected(serve, short):
     server = serve()
     for garbage in (
         b"\x16\x03\x01\x02\x00\x01\x00",
@@ -196,7 +195,7 @@ def test_garbage_is_refused(serve, short):
     assert ask(server, "/metrics").status == 200
 
 
-def test_pipelined_requests_are_answered_one_after_the_other(serve, short):
+def test_pipelined_requests_are_answered_in_order(serve, short):
     server = serve()
     with connect(server) as sock:
         sock.sendall(GET * 99 + GET.replace(b"Host", b"Connection: close\r\nHost"))
@@ -207,17 +206,17 @@ def test_pipelined_requests_are_answered_one_after_the_other(serve, short):
     assert received.count(b"\r\n\r\ntext\n") == 100
 
 
-def test_a_client_that_does_not_read_its_answer_is_cut_off(serve, short):
+def test_a_client_that_does_not_read_its_response_times_out(serve, short):
     short(Phase.READING)
-    short(Phase.ANSWER)
-    server = serve(metrics=lambda _: BIG)
+    short(Phase.RESPONSE)
+    server = serve(render_metrics=lambda _: BIG)
     with connect(server) as sock:
         sock.sendall(GET)
         wait_until(lambda: not server._uvicorn.server_state.connections)
 
 
-def test_clients_that_do_not_read_do_not_keep_a_scrape_out(serve, short):
-    server = serve(metrics=lambda _: BIG)
+def test_clients_that_do_not_read_do_not_block_a_scrape(serve, short):
+    server = serve(render_metrics=lambda _: BIG)
     with contextlib.ExitStack() as crowd:
         for _ in range(20):
             crowd.enter_context(connect(server)).sendall(GET)
@@ -225,8 +224,8 @@ def test_clients_that_do_not_read_do_not_keep_a_scrape_out(serve, short):
             assert ask(server, "/metrics").body == BIG
 
 
-def test_a_scrape_that_waits_too_long_for_its_turn_is_told_to_come_again(serve, short, monkeypatch):
-    monkeypatch.setattr(answers, "PATIENCE", 0.0)
+def test_a_scrape_that_waits_too_long_gets_503(serve, short, monkeypatch):
+    monkeypatch.setattr(responses, "MAX_WAIT", 0.0)
     release, entered = threading.Event(), threading.Event()
 
     def slow(_openmetrics):
@@ -234,20 +233,20 @@ def test_a_scrape_that_waits_too_long_for_its_turn_is_told_to_come_again(serve, 
         assert release.wait(20)
         return b"slow\n"
 
-    server = serve(metrics=slow)
+    server = serve(render_metrics=slow)
     with contextlib.ExitStack() as crowd:
-        under_way = answers.MAX_BYTES // scrape.FIRST_SIZE
-        for _ in range(under_way):
+        in_flight = responses.MAX_BYTES // scrape.FIRST_SIZE
+        for _ in range(in_flight):
             crowd.enter_context(connect(server)).sendall(GET)
         assert entered.wait(20)
-        wait_until(lambda: len(server._uvicorn.server_state.tasks) == under_way)
+        wait_until(lambda: len(server._uvicorn.server_state.tasks) == in_flight)
         answer = ask(server, "/metrics")
         assert (answer.status, answer.headers["Retry-After"]) == (503, "1")
         release.set()
     wait_until(lambda: ask(server, "/metrics").status == 200)
 
 
-def test_a_flood_of_slow_questions_does_not_delay_a_scrape(serve, short):
+def test_a_flood_of_slow_requests_does_not_delay_a_scrape(serve, short):
     release, entered = threading.Event(), threading.Event()
 
     def slow(_wanted):
@@ -255,20 +254,20 @@ def test_a_flood_of_slow_questions_does_not_delay_a_scrape(serve, short):
         assert release.wait(20)
         return []
 
-    server = serve(events=slow)
+    server = serve(find_events=slow)
     with contextlib.ExitStack() as crowd:
         for _ in range(200):
             sock = crowd.enter_context(connect(server))
             sock.sendall(GET.replace(b"/metrics", b"/api/v1/events"))
         assert entered.wait(20)
         assert ask(server, "/metrics").status == 200
-        # The next ones are told to come again instead of waiting for ever.
+        # Further ones are rejected instead of waiting for ever.
         wait_until(lambda: ask(server, "/api/v1/events").status == 503)
         release.set()
     wait_until(lambda: ask(server, "/api/v1/events").status == 200)
 
 
-def test_a_tls_handshake_that_does_not_go_on_is_cut_off(serve, short, tls_config):
+def test_an_incomplete_tls_handshake_times_out(serve, short, tls_config):
     short(Phase.REQUEST)
     server = serve(web_config=tls_config)
     with connect(server) as sock:
@@ -279,17 +278,17 @@ def test_a_tls_handshake_that_does_not_go_on_is_cut_off(serve, short, tls_config
 def test_stopping_does_not_wait_for_clients(serve, short, monkeypatch, caplog):
     monkeypatch.setattr("ros_diagnostics_exporter.web.server.GRACE", 1)
     before = set(threading.enumerate())
-    server = serve(metrics=lambda _: BIG)
+    server = serve(render_metrics=lambda _: BIG)
     with connect(server) as reader, connect(server):
         reader.sendall(GET)
         assert reader.recv(1_000).startswith(b"HTTP/1.1 200")
         server.stop()
     assert set(threading.enumerate()) <= before
-    assert not caplog.records  # that somebody did not read is no error of ours
+    assert not caplog.records  # a client that does not read is not an error
 
 
-def stuck(server, number: int, source: str, path: bytes = b"/metrics") -> list[socket.socket]:
-    """Connections that ask for something and do not read it."""
+def unread(server, number: int, source: str, path: bytes = b"/metrics") -> list[socket.socket]:
+    """Connections that request ``path`` and do not read the response."""
     host, _, port = server.addresses[0].rpartition(":")
     made = []
     for _ in range(number):
@@ -303,9 +302,9 @@ def stuck(server, number: int, source: str, path: bytes = b"/metrics") -> list[s
     return made
 
 
-def test_who_reads_is_not_cut_while_others_do_not(serve, short):
-    """One that is served again and again on one connection, from the attackers' own address."""
-    server = serve(metrics=lambda _: b"x" * 2_000_000)
+def test_a_client_that_reads_keeps_its_connection(serve, short):
+    """It scrapes repeatedly on one connection, from the attackers' own address."""
+    server = serve(render_metrics=lambda _: b"x" * 2_000_000)
     server.connections.limit = 50
     host, _, port = server.addresses[0].rpartition(":")
     reader = http.client.HTTPConnection(host, int(port), timeout=20)
@@ -314,7 +313,7 @@ def test_who_reads_is_not_cut_while_others_do_not(serve, short):
         reader.connect()
         own = reader.sock
         for _ in range(10):
-            for sock in stuck(server, 10, "127.0.0.1"):
+            for sock in unread(server, 10, "127.0.0.1"):
                 crowd.enter_context(sock)
             reader.request("GET", "/metrics")
             assert len(reader.getresponse().read()) == 2_000_000
@@ -322,13 +321,13 @@ def test_who_reads_is_not_cut_while_others_do_not(serve, short):
         assert len(server.connections) <= 50
 
 
-def test_the_address_with_too_many_connections_loses_its_own(serve, short):
+def test_an_address_with_too_many_connections_loses_its_own(serve, short):
     server = serve()
     server.connections.limit = 50
     with contextlib.ExitStack() as crowd:
-        idle = [crowd.enter_context(connect(server)) for _ in range(5)]  # they wait longest
+        idle = [crowd.enter_context(connect(server)) for _ in range(5)]  # idle longest
         wait_until(lambda: len(server.connections) == 5)
-        for sock in stuck(server, 100, "127.0.0.2", b"/-/healthy"):
+        for sock in unread(server, 100, "127.0.0.2", b"/-/healthy"):
             crowd.enter_context(sock)
         assert ask(server, "/metrics").status == 200
         for sock in idle:
@@ -336,7 +335,7 @@ def test_the_address_with_too_many_connections_loses_its_own(serve, short):
             assert sock.recv(1_000).startswith(b"HTTP/1.1 200")
 
 
-def test_who_has_not_logged_in_goes_before_who_has(serve, short, tmp_path):
+def test_unauthenticated_connections_are_closed_first(serve, short, tmp_path):
     path = tmp_path / "web.yml"
     path.write_text(
         f"basic_auth_users: {{alice: {bcrypt.hashpw(b'x', bcrypt.gensalt(4)).decode()}}}"
@@ -347,15 +346,15 @@ def test_who_has_not_logged_in_goes_before_who_has(serve, short, tmp_path):
     with contextlib.ExitStack() as crowd:
         known = crowd.enter_context(connect(server))
         known.sendall(GET.replace(b"Host: x", b"Host: x\r\n" + login))
-        assert whole(known).startswith(b"HTTP/1.1 200")
-        for sock in stuck(server, 50, "127.0.0.1"):
+        assert read_metrics(known).startswith(b"HTTP/1.1 200")
+        for sock in unread(server, 50, "127.0.0.1"):
             crowd.enter_context(sock)
         wait_until(lambda: len(server.connections) <= 20)
         known.sendall(GET.replace(b"Host: x", b"Host: x\r\n" + login))
-        assert whole(known).startswith(b"HTTP/1.1 200")
+        assert read_metrics(known).startswith(b"HTTP/1.1 200")
 
 
-def test_tls_handshakes_that_do_not_go_on_do_not_keep_others_out(serve, short, tls_config, ca):
+def test_incomplete_tls_handshakes_do_not_block_others(serve, short, tls_config, ca):
     server = serve(web_config=tls_config)
     server.connections.limit = 20
     context = ssl.create_default_context()
@@ -368,22 +367,20 @@ def test_tls_handshakes_that_do_not_go_on_do_not_keep_others_out(serve, short, t
 
 
 @pytest.mark.parametrize("path", ["/api/v1/fleet", "/", "/api/v1/events?limit=10000", "/sd/node"])
-def test_answers_that_are_not_read_take_a_bounded_part_of_the_memory(
-    serve, short, monkeypatch, path
-):
-    monkeypatch.setattr(answers, "MAX_BYTES", 10_000_000)
-    monkeypatch.setattr(answers, "UNREAD", 1_000.0)  # they all count as readers
+def test_the_memory_of_unread_responses_is_limited(serve, short, monkeypatch, path):
+    monkeypatch.setattr(responses, "MAX_BYTES", 10_000_000)
+    monkeypatch.setattr(responses, "STALLED_AFTER", 1_000.0)  # none of them counts as stalled
     large = robot("r" * 2_000_000, component("m" * 2_000_000, "ERROR"), up=False)
     server = serve(
-        fleet=lambda: fleet(large),
-        events=lambda _: [{"id": 1, "message": "x" * 4_000_000}],
+        fleet_snapshot=lambda: fleet(large),
+        find_events=lambda _: [{"id": 1, "message": "x" * 4_000_000}],
         targets=lambda _job, _port: [{"targets": ["x" * 4_000_000], "labels": {}}],
     )
     with contextlib.ExitStack() as crowd:
-        for sock in stuck(server, 10, "127.0.0.1", path.encode()):
+        for sock in unread(server, 10, "127.0.0.1", path.encode()):
             crowd.enter_context(sock)
         wait_until(lambda: ask(server, path).status == 503)
         assert ask(server, path).headers["Retry-After"] == "1"
         assert ask(server, "/metrics").status == 200
-        monkeypatch.setattr(answers, "UNREAD", 0.0)  # now they do not
+        monkeypatch.setattr(responses, "STALLED_AFTER", 0.0)  # now all do
         assert ask(server, path).status == 200

@@ -1,0 +1,147 @@
+"""Limits the memory of responses that clients have not read yet.
+
+A response that is not read stays in memory until it times out. So the bytes of all large responses
+are counted. When there are too many, a client that has stopped reading loses its connection; when
+all are reading, a new scrape waits and any other request is answered 503. Scrapes have a limit of
+their own, so other requests cannot use it up.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from dataclasses import dataclass
+
+from starlette.responses import JSONResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from ros_diagnostics_exporter.web.connections import Connections
+from ros_diagnostics_exporter.web.protocol import ClientConnection
+from ros_diagnostics_exporter.web.workers import BusyError
+
+MAX_BYTES = 128 * 1024 * 1024  # of responses to scrapes, and as many of all others
+CHUNK = 256 * 1024  # bytes passed to a connection at once; smaller responses are not counted
+STALLED_AFTER = 0.5  # seconds without progress after which a client may lose its response
+MAX_WAIT = 10.0  # seconds that a scrape waits: Prometheus' own default timeout
+
+
+class ResponseLimit:
+    """Counts the bytes of the responses being sent."""
+
+    def __init__(self, connections: Connections) -> None:
+        self._connections = connections
+        self._sizes: dict[ClientConnection, int] = {}
+        self._waiting: dict[asyncio.Future[None], ClientConnection] = {}
+
+    def reserve(self, connection: ClientConnection, size: int) -> None:
+        """Count a response of ``size`` bytes; clients that have stalled may lose theirs.
+
+        A single response may have any size.
+
+        Raises:
+            BusyError: There are too many bytes, and all clients are reading.
+        """
+        while self._sizes and sum(self._sizes.values()) + size > MAX_BYTES:
+            stalled = [each for each in self._sizes if each.stalled_for() > STALLED_AFTER]
+            if not stalled:
+                raise BusyError
+            worst = max(stalled, key=self._connections.closing_order())
+            del self._sizes[worst]
+            worst.abort()
+        self._sizes[connection] = size
+
+    async def reserve_or_wait(self, connection: ClientConnection, size: int) -> None:
+        """As ``reserve``, but wait for up to MAX_WAIT seconds."""
+        give_up = time.monotonic() + MAX_WAIT
+        while True:
+            with contextlib.suppress(BusyError):
+                return self.reserve(connection, size)
+            if time.monotonic() >= give_up or connection.closed:
+                raise BusyError
+            await self._wait(connection)
+
+    def resize(self, connection: ClientConnection, size: int) -> None:
+        """Correct the size of a response, unless it has been lost since."""
+        if connection in self._sizes:
+            self._sizes[connection] = size
+
+    def release(self, connection: ClientConnection) -> None:
+        """The response has been read, or is lost; wake up one that waits."""
+        self._sizes.pop(connection, None)
+        # The newest first: an old one may have given up already, and a flood has filled the queue.
+        waiting = [each for each in reversed(self._waiting) if not each.done()]
+        if waiting:
+            order = self._connections.closing_order()
+            min(waiting, key=lambda each: order(self._waiting[each])).set_result(None)
+
+    async def _wait(self, connection: ClientConnection) -> None:
+        turn = asyncio.get_running_loop().create_future()
+        self._waiting[turn] = connection
+        try:
+            # Not for longer: another client may have stalled by then.
+            await asyncio.wait([turn], timeout=STALLED_AFTER)
+        finally:
+            del self._waiting[turn]
+
+
+async def send_chunks(body: bytes, send: Send) -> None:
+    """Send ``body`` in chunks, each when the client has read most of the previous one."""
+    for start in range(0, len(body), CHUNK):
+        chunk = body[start : start + CHUNK]
+        await send({"type": "http.response.body", "body": chunk, "more_body": True})
+    await send({"type": "http.response.body"})
+
+
+def busy_response() -> Response:
+    """503 with Retry-After."""
+    return JSONResponse({"error": "too many requests are waiting"}, 503, {"Retry-After": "1"})
+
+
+class ResponseLimiter:
+    """ASGI middleware: sends large responses in chunks, or 503 if there are too many."""
+
+    def __init__(self, app: ASGIApp, limit: ResponseLimit) -> None:
+        self._app = app
+        self._limit = limit
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on, and limit its response."""
+        await self._app(scope, receive, _LimitedSend(self._limit, scope, receive, send))
+
+
+@dataclass
+class _LimitedSend:
+    """The ``send`` of one request."""
+
+    limit: ResponseLimit
+    scope: Scope
+    receive: Receive
+    send: Send
+    start: Message | None = None  # held back: a 503 may take its place
+
+    async def __call__(self, message: Message) -> None:
+        if message["type"] == "http.response.start":
+            self.start = message
+            return
+        start, self.start = self.start, None
+        body = message.get("body", b"")
+        if start is not None and len(body) > CHUNK:
+            await self._send_large(start, body)
+            return
+        if start is not None:
+            await self.send(start)
+        await self.send(message)  # also every chunk of a body that already comes in chunks
+
+    async def _send_large(self, start: Message, body: bytes) -> None:
+        connection = self.scope["state"]["connection"]
+        try:
+            self.limit.reserve(connection, len(body))
+        except BusyError:
+            await busy_response()(self.scope, self.receive, self.send)
+            return
+        try:
+            await self.send(start)
+            await send_chunks(body, self.send)
+        finally:
+            self.limit.release(connection)
