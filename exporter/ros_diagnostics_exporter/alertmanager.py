@@ -1,31 +1,144 @@
-"""Asks Alertmanager for the acknowledgements of a fleet, again and again.
+"""Acknowledgements: silences in Alertmanager of one fault's escalation, read every few seconds.
 
-Prometheus does not know of silences; what is found here is exported for it. Alertmanager may be
-away, broken or hostile: then what was known holds on, and ``answers`` says that it is not fresh.
-``look`` may block for a while and belongs into a thread of its own; all else answers at once.
+Prometheus does not know silences; what is read here is exported for it. An acknowledgement names
+since when the fault has been, so it belongs to that fault and to no later one. The labels are those
+of prometheus/rules/escalation.yml; the silences as in
+https://github.com/prometheus/alertmanager/blob/v0.25.0/api/v2/openapi.yaml.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
+from typing import Any, NamedTuple
 from urllib.parse import urlencode
 
-from ros_diagnostics_exporter import acknowledgement
-from ros_diagnostics_exporter.acknowledgement import ESCALATION, Acknowledgement
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.texts import escape
 
 log = logging.getLogger(__name__)
 
+ESCALATION = "RosDiagnosticsUnacknowledged"
+# What identifies a fault; `since` distinguishes it from the next one of the same component.
+IDENTITY = ("fleet", "robot", "group", "component", "state")
+ALL = {"alertname", "since", "of", *IDENTITY}
+
+# Anybody who reaches Alertmanager may have written these texts.
+AUTHOR_LENGTH = 64
+COMMENT_LENGTH = 200
+NAME_LENGTH = 1024  # of a robot or a component
+MOST = 1000  # acknowledgements; the newest are kept
+
+# 2026-01-01 10:00:00.123 +0000 UTC as rules print it, 2026-01-01T10:00:00.123Z as Alertmanager does
+_MOMENT = re.compile(
+    r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(?: \+0000 UTC|Z|([+-]\d\d:\d\d))"
+)
+
+
+class Acknowledgement(NamedTuple):
+    """Somebody takes care of one fault; times are Unix times.
+
+    ``group``, ``component`` and ``state`` are empty where a whole robot is silent. ``since`` is
+    when the fault began, ``at`` when it was acknowledged, ``until`` when that ends at the latest.
+    """
+
+    robot: str
+    group: str
+    component: str
+    state: str
+    since: float
+    author: str
+    comment: str
+    at: float
+    until: float
+
+
+def read(silences: Any, fleet: str) -> list[Acknowledgement]:
+    """The acknowledgements of a fleet among Alertmanager's silences, for each fault the newest.
+
+    Other silences, those of other fleets and invalid ones are skipped: anybody who reaches
+    Alertmanager may have made them.
+
+    Raises:
+        ValueError: The response is no list of silences.
+    """
+    if not isinstance(silences, list):
+        raise ValueError("it answered no list of silences")  # noqa: TRY004 - no bug of the caller
+    found = [each for silence in silences if (each := _one(silence, fleet)) is not None]
+    found.sort(key=lambda each: each.at)
+    newest = {(each.robot, each.group, each.component, each.state): each for each in found[-MOST:]}
+    return list(newest.values())
+
+
+def _one(silence: Any, fleet: str) -> Acknowledgement | None:
+    try:
+        if silence["status"]["state"] != "active":
+            return None
+        named = _matched(silence["matchers"])
+        if named is None or (named["alertname"], named["fleet"]) != (ESCALATION, fleet):
+            return None
+        whole_robot = named.get("of") == "robot"
+        if whole_robot == ("component" in named):
+            return None
+        return Acknowledgement(
+            named["robot"],
+            named.get("group", ""),
+            named.get("component", ""),
+            named.get("state", ""),
+            since=moment(named["since"]),
+            author=clean(silence["createdBy"], AUTHOR_LENGTH) or "?",
+            comment=clean(silence["comment"], COMMENT_LENGTH),
+            at=moment(silence["startsAt"]),
+            until=moment(silence["endsAt"]),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
+        return None  # no silence as Alertmanager makes them
+
+
+def _matched(matchers: Iterable[Mapping[str, Any]]) -> dict[str, str] | None:
+    """Label -> value where a silence asks for just these values; None where it asks otherwise."""
+    named: dict[str, str] = {}
+    for each in matchers:
+        name, value = each["name"], each["value"]
+        if each["isRegex"] or not each.get("isEqual", True) or name not in ALL:
+            return None
+        if not isinstance(value, str) or len(value) > NAME_LENGTH:
+            return None
+        value.encode()  # lone surrogates, which two names could share when shown, raise an error
+        named[name] = value
+    return named
+
+
+def moment(text: str) -> float:
+    """Unix time of a moment as Prometheus' rules or Alertmanager write it.
+
+    Raises:
+        ValueError: It is none.
+    """
+    found = _MOMENT.fullmatch(text)
+    if found is None:
+        raise ValueError(f"{text!r} is no moment")
+    date, time, fraction, offset = found.groups()
+    fraction = ((fraction or "") + "000000")[:6]
+    return datetime.fromisoformat(f"{date}T{time}.{fraction}{offset or '+00:00'}").timestamp()
+
+
+def clean(words: str, length: int) -> str:
+    """One line of what a person wrote: nothing unprintable, no longer than ``length``."""
+    line = " ".join("".join(each if each.isprintable() else " " for each in words).split())
+    return line if len(line) <= length else f"{line[: length - 1]}…"
+
 
 class Alertmanager:
-    """One Alertmanager, or the halves of a pair, of which the first that answers is believed."""
+    """One Alertmanager, or a cluster, of which the first that answers is used."""
 
-    INTERVAL = 5.0  # seconds between two looks
+    INTERVAL = 5.0  # seconds between two requests
     TIMEOUT = 5.0  # seconds that an answer may take
-    FRESH = 20.0  # seconds after which an answer is old: a look that hangs is no answer
+    FRESH = 20.0  # seconds after which an answer is old, as when a request hangs
     SIZE = 4 * 1024 * 1024  # bytes; some thousand silences
 
     def __init__(
@@ -36,7 +149,7 @@ class Alertmanager:
         password_file: Path | None = None,
         ca_file: Path | None = None,
     ) -> None:
-        self._ways = [
+        self._clients = [
             Client(
                 url, timeout=self.TIMEOUT, user=user, password_file=password_file, ca_file=ca_file
             )
@@ -47,23 +160,23 @@ class Alertmanager:
         self._answers: bool | None = None  # None: has not been asked
 
     def known(self, wall: float) -> list[Acknowledgement]:
-        """The acknowledgements that hold at this Unix time, as far as is known."""
+        """The acknowledgements in force at this Unix time."""
         return [each for each in self._acknowledgements if each.at <= wall < each.until]
 
     def answers(self, now: Instant) -> bool:
-        """Whether what is known is fresh."""
+        """Whether the last successful request is fresh."""
         return bool(self._answers) and now.mono - self._answered_at < self.FRESH
 
-    def look(self, fleet: str, now: Instant) -> None:
-        """Ask once; log when it stops and when it begins to answer."""
+    def update(self, fleet: str, now: Instant) -> None:
+        """Request the silences once; log when Alertmanager stops and starts to answer."""
         whys: list[str] = []
-        for way in self._ways:
-            answer = _ask(way, fleet, self.SIZE)
+        for client in self._clients:
+            answer = _ask(client, fleet, self.SIZE)
             if isinstance(answer, str):
                 whys.append(answer)
                 continue
             if not self._answers:
-                log.info("acknowledgements are read from Alertmanager at %s", way.url)
+                log.info("acknowledgements are read from Alertmanager at %s", client.url)
             self._acknowledgements = answer
             self._answers, self._answered_at = True, now.mono
             return
@@ -72,17 +185,13 @@ class Alertmanager:
         self._answers = False
 
 
-def _ask(way: Client, fleet: str, size: int) -> list[Acknowledgement] | str:
+def _ask(client: Client, fleet: str, size: int) -> list[Acknowledgement] | str:
     """The acknowledgements, or why there is no answer."""
-    wanted = [("filter", f'alertname="{ESCALATION}"'), ("filter", f'fleet="{_escaped(fleet)}"')]
+    wanted = [("filter", f'alertname="{ESCALATION}"'), ("filter", f'fleet="{escape(fleet)}"')]
     try:
-        silences = way.get(f"/api/v2/silences?{urlencode(wanted)}", limit=size)
-        return acknowledgement.read(silences, fleet)
+        silences = client.get(f"/api/v2/silences?{urlencode(wanted)}", limit=size)
+        return read(silences, fleet)
     except UnreachableError as error:
         return str(error)
     except ValueError as error:
-        return f"{way.url} is not an Alertmanager: {error}"
-
-
-def _escaped(value: str) -> str:
-    return value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+        return f"{client.url} is not an Alertmanager: {error}"

@@ -1,7 +1,6 @@
-"""What happened: levels changed, robots fell silent, the config was read; kept for a while.
+"""Events: levels changed, robots became silent, the config was read.
 
-Owns the shape of an event, the bounded memory behind /api/v1/events and, if asked for, the log of
-JSON lines on disk. Knows no clock: whoever reports an event says when it was.
+The last ones are kept in memory for /api/v1/events; a log file of JSON lines is optional.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ from typing import Any
 from ros_diagnostics_exporter.texts import to_json
 
 KINDS = ("level", "robot", "config")
-REMEMBERED = 10_000  # events in memory; some 5 MB
+MAX_EVENTS = 10_000  # events in memory; some 5 MB
 BYTES = 32 * 1024 * 1024  # of their texts, where messages are long
 MESSAGE = 4_096  # characters of a message in memory
-WAITING = 10_000  # lines that may wait for the disk
+MAX_QUEUED = 10_000  # lines that are not written yet
 
 _log = logging.getLogger(__name__)
 
@@ -33,8 +32,8 @@ _log = logging.getLogger(__name__)
 class Event:
     """One thing that happened, at Unix time ``time``.
 
-    ``kind`` is ``level`` (a component changed), ``robot`` (one came, went, fell silent or was heard
-    again) or ``config`` (read, or refused). ``before`` and ``after`` are the words of levels, OK,
+    ``kind`` is ``level`` (a component changed), ``robot`` (known, forgotten, silent or back) or
+    ``config`` (read or rejected). ``before`` and ``after`` are the words of levels, OK,
     WARN, ERROR, STALE; ``after`` may also be heard, silent, known, forgotten, read or refused. A
     field that does not apply is "".
     """
@@ -103,7 +102,7 @@ class EventLog:
         self._file = None if path is None else _Writer(path, max_bytes, backups)
 
     def record(self, event: Event) -> None:
-        """Remember the event; a disk that refuses its line is logged, and costs no more."""
+        """Record the event; a failed write to the log file is logged and costs no more."""
         short = event
         if len(event.message) > MESSAGE:  # a config may have any number of errors
             short = replace(event, message=event.message[:MESSAGE] + "…")
@@ -111,7 +110,7 @@ class EventLog:
             self._events.append(short)
             self._recorded += 1
             self._bytes += _size(short)
-            while len(self._events) > REMEMBERED or self._bytes > BYTES:
+            while len(self._events) > MAX_EVENTS or self._bytes > BYTES:
                 self._bytes -= _size(self._events.popleft())
         if self._file is not None:
             self._file.write(to_json(_filled(event)))
@@ -126,7 +125,7 @@ class EventLog:
         return islice(_newest(events, last, wanted), wanted.limit)
 
     def close(self) -> None:
-        """Write what waits and close the log on disk."""
+        """Write the queue and close the log file."""
         if self._file is not None:
             self._file.close()
 
@@ -148,14 +147,14 @@ def _filled(event: Event) -> dict[str, Any]:
 
 
 class _Writer:
-    """Writes lines in a thread of its own, so that a slow disk delays nobody who reports."""
+    """Writes lines in its own thread, so that a slow disk delays no caller of record."""
 
     def __init__(self, path: Path, max_bytes: int, backups: int) -> None:
         try:
             self._file = _Lines(path, max_bytes, backups)
         except OSError as error:
             raise EventLogError(f"{path}: {error.strerror}") from error
-        self._queue: queue.Queue[str | None] = queue.Queue(WAITING)
+        self._queue: queue.Queue[str | None] = queue.Queue(MAX_QUEUED)
         self._dropped = 0
         self._thread = threading.Thread(target=self._run, name="event-log")
         self._thread.start()
@@ -172,12 +171,12 @@ class _Writer:
         self._file.close()
 
     def _run(self) -> None:
-        told = 0
+        logged = 0
         while (line := self._queue.get()) is not None:
             self._file.write(line)
-            if self._dropped > told and self._queue.empty():
-                told = self._dropped
-                _log.error("the event log's disk is too slow; %d lines are lost so far", told)
+            if self._dropped > logged and self._queue.empty():
+                logged = self._dropped
+                _log.error("the event log's disk is too slow; %d lines are lost so far", logged)
 
 
 class _Lines(logging.handlers.RotatingFileHandler):
@@ -188,7 +187,7 @@ class _Lines(logging.handlers.RotatingFileHandler):
             path, maxBytes=max_bytes, backupCount=backups, encoding="utf-8", errors="replace"
         )
         self._failed = False
-        self._failing = False  # told once, until a line succeeds again
+        self._failing = False  # logged once, until a write succeeds again
 
     def write(self, line: str) -> None:
         self.handle(logging.LogRecord(__name__, logging.INFO, __file__, 0, line, None, None))

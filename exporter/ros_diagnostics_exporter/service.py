@@ -8,12 +8,11 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from ros_diagnostics_exporter.acknowledgement import Acknowledgement
-from ros_diagnostics_exporter.alertmanager import Alertmanager
+from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import EventLog, Wanted
@@ -58,9 +57,13 @@ class Service:
             clocks=ros.read_clocks,
         )
         self._stopping = threading.Event()
-        self._keeper = threading.Thread(target=self._keep, name="state-file", daemon=True)
+        self._storage_thread = threading.Thread(
+            target=self._save_state, name="state-file", daemon=True
+        )
         self._alertmanager = alertmanager
-        self._asker = threading.Thread(target=self._ask, name="alertmanager", daemon=True)
+        self._alertmanager_thread = threading.Thread(
+            target=self._read_silences, name="alertmanager", daemon=True
+        )
         self._join_at = now.mono
         self._exposition = Exposition(self.state, self._acknowledged)
         self._listener = ros.Listener(self.state, ros_arguments=ros_arguments)
@@ -80,25 +83,25 @@ class Service:
     def start(self) -> None:
         """Join the fleet's domains and listen."""
         self.join()
-        self._keeper.start()
-        self._asker.start()
+        self._storage_thread.start()
+        self._alertmanager_thread.start()
         self._reloader.start()
 
-    def _keep(self) -> None:
-        """Write the state file again and again; in a thread, for a disk may hang."""
+    def _save_state(self) -> None:
+        """Write the state file regularly; in its own thread, because a disk may hang."""
         while self.storage is not None and not self._stopping.wait(self.TICK):
             self.storage.save(self.state, ros.read_clocks())
 
-    def _ask(self) -> None:
-        """Ask Alertmanager again and again; in a thread, for it may hang."""
+    def _read_silences(self) -> None:
+        """Read the silences regularly; in its own thread, because Alertmanager may hang."""
         while self._alertmanager is not None and not self._stopping.is_set():
-            self._alertmanager.look(self.state.fleet.name, ros.read_clocks())
+            self._alertmanager.update(self.state.fleet.name, ros.read_clocks())
             self._stopping.wait(self._alertmanager.INTERVAL)
 
     def join(self) -> None:
-        """Be in the fleet's domains; what cannot be joined is tried again every half minute.
+        """Join the fleet's domains; one that cannot be joined is retried every half minute.
 
-        It waits for none that is joined, and for those that are left at most some seconds.
+        Does not wait until they are joined, and at most some seconds until others are left.
         """
         self._join_at = ros.read_clocks().mono + self.JOIN
         self._listener.join(self.state.fleet.domain_ids)
@@ -146,10 +149,10 @@ class Service:
         self._listener.stop()
         self._record_events()
         self._stopping.set()
-        if self._keeper.is_alive():
-            self._keeper.join(self.GRACE)
-        if self._keeper.is_alive():
-            log.error("the state file is not written a last time: its disk does not answer")
+        if self._storage_thread.is_alive():
+            self._storage_thread.join(self.GRACE)
+        if self._storage_thread.is_alive():
+            log.error("the state file is not written a last time: its disk hangs")
         elif self.storage is not None:
             self.storage.save(self.state, ros.read_clocks(), at_once=True)
 
@@ -198,3 +201,7 @@ class Service:
         if self._alertmanager is None:
             return []
         return self._alertmanager.known(ros.read_clocks().wall)
+
+
+def _thread(name: str, target: Callable[[], None]) -> threading.Thread:
+    return threading.Thread(target=target, name=name, daemon=True)

@@ -1,16 +1,16 @@
-"""What the states of robots and components are called for people, and which is the worse.
+"""The states of robots and components in words, and which is worse.
 
-Words, ranks and judgement are those of the recording rules: STALE has the number 3 as a level, and
-is milder than an ERROR all the same, unless fleet.yml says that it is not. Robots and components
-are given as /api/v1/fleet shows them.
+Words and severities are those of the recording rules: STALE has the level 3, but is less severe
+than ERROR unless fleet.yml configures otherwise. Robots and components are given as /api/v1/fleet
+returns them.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-RANKS = {"UNKNOWN": 4, "CRITICAL": 3, "STALE": 2, "WARNING": 1, "OK": 0, "PENDING": -1}
-OF_LEVEL = {"OK": "OK", "WARN": "WARNING", "ERROR": "CRITICAL", "STALE": "STALE"}
+SEVERITIES = {"UNKNOWN": 4, "CRITICAL": 3, "STALE": 2, "WARNING": 1, "OK": 0, "PENDING": -1}
+STATE_OF_LEVEL = {"OK": "OK", "WARN": "WARNING", "ERROR": "CRITICAL", "STALE": "STALE"}
 
 
 def component_state(level: str, before_stale: str | None, *, stale_is_critical: bool) -> str:
@@ -20,7 +20,7 @@ def component_state(level: str, before_stale: str | None, *, stale_is_critical: 
     """
     if level == "STALE" and (stale_is_critical or before_stale == "ERROR"):
         return "CRITICAL"
-    return OF_LEVEL[level]
+    return STATE_OF_LEVEL[level]
 
 
 def state_of(robot: dict[str, Any]) -> str:
@@ -29,21 +29,21 @@ def state_of(robot: dict[str, Any]) -> str:
         return "PENDING" if robot["silent_reason"] == "never_seen" else "UNKNOWN"
     words = [each["state"] for each in robot["components"] if not as_planned(each)]
     words += ["CRITICAL" for _short in robot["short_checks"]]
-    return max(words, key=RANKS.__getitem__, default="OK")
+    return max(words, key=SEVERITIES.__getitem__, default="OK")
 
 
 def as_planned(component: dict[str, Any]) -> bool:
-    """Whether the component is STALE because fleet.yml plans it: that worries nobody."""
+    """Whether the component is STALE because fleet.yml plans it."""
     return bool(component["planned_stale"]) and component["state"] == "STALE"
 
 
-def level_told(component: dict[str, Any]) -> str:
+def level_text(component: dict[str, Any]) -> str:
     """The component's level, and what it counts as where that is another."""
     level, state = component["level"], component["state"]
-    return f"{level}, counts as {state}" if state != OF_LEVEL[level] else str(level)
+    return f"{level}, counts as {state}" if state != STATE_OF_LEVEL[level] else str(level)
 
 
-def short_told(robot: dict[str, Any]) -> list[str]:
+def short_check_texts(robot: dict[str, Any]) -> list[str]:
     """The robot's checks that find too few components, as "check motors finds 1 of 2"."""
     return [
         f"check {each['check']} finds {each['found']} of {each['expected']}"
@@ -54,15 +54,15 @@ def short_told(robot: dict[str, Any]) -> list[str]:
 def faults_of(robot: dict[str, Any]) -> list[dict[str, Any]]:
     """The robot's components that are not OK, and not by plan, worst first.
 
-    All of a silent robot is STALE, which says no more than that it is silent: of its components
-    only those count that were in a fault before.
+    All components of a silent robot are STALE because of that: only those count that were not OK
+    before.
     """
     faults = [
         each for each in robot["components"] if each["level"] != "OK" and not as_planned(each)
     ]
     if not robot["up"]:
         faults = [each for each in faults if each["level_before_stale"] in {"WARN", "ERROR"}]
-    return sorted(faults, key=lambda each: (-RANKS[each["state"]], each["component"]))
+    return sorted(faults, key=lambda each: (-SEVERITIES[each["state"]], each["component"]))
 
 
 def ago(since: float | None, now: float) -> str:

@@ -19,6 +19,8 @@ from typing import Any
 _SPACES = dict.fromkeys(
     (*b"\t\n\r", 0xA0, 0x1680, *range(0x2000, 0x200B), 0x202F, 0x205F, 0x3000), " "
 )
+_TO_ESCAPE = re.compile(r'[\\"\n]')
+_ESCAPES = {"\\": r"\\", '"': r"\"", "\n": r"\n"}
 
 
 def printable(text: str) -> str:
@@ -31,6 +33,13 @@ def printable(text: str) -> str:
 def one_line(text: str) -> str:
     """As ``printable``, but blanks, tabs and line ends become spaces."""
     return printable(text.translate(_SPACES))
+
+
+def escape(text: str) -> str:
+    """``text`` between the quotes of a label value or matcher; invalid Unicode is replaced."""
+    if not text.isascii():
+        text = text.encode("utf-8", "replace").decode()
+    return _TO_ESCAPE.sub(lambda match: _ESCAPES[match[0]], text)
 
 
 def to_json(content: Any) -> str:

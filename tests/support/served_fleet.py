@@ -13,8 +13,7 @@ from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import SimpleNamespace
 
-from ros_diagnostics_exporter.acknowledgement import Acknowledgement
-from ros_diagnostics_exporter.alertmanager import Alertmanager
+from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
@@ -47,7 +46,7 @@ class ServedFleet:
             self.exporter.scrapes += 1
             self.exporter.alertmanager = self.alertmanager
             if self.alertmanager is not None:
-                self.alertmanager.look(self.state.fleet.name, now)
+                self.alertmanager.update(self.state.fleet.name, now)
             return self._exposition.render() + self._self_metrics.render()
 
     def _acknowledged(self) -> list[Acknowledgement]:

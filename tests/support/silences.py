@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime, timezone
 
-from ros_diagnostics_exporter.acknowledgement import Acknowledgement
+from ros_diagnostics_exporter.alertmanager import Acknowledgement
 from ros_diagnostics_exporter.cli.ack import silence
 
 SINCE = "2026-01-01 10:00:00.123 +0000 UTC"

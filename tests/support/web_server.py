@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 import trustme
 
-from ros_diagnostics_exporter.severity import OF_LEVEL
+from ros_diagnostics_exporter.severity import STATE_OF_LEVEL
 from ros_diagnostics_exporter.web.server import Server
 
 Serve = Callable[..., Server]
@@ -31,7 +31,7 @@ def component(name: str, level: str, **changed: Any) -> dict[str, Any]:
         "level": level,
         "reported_level": level,
         "level_before_stale": "OK" if level == "STALE" else None,
-        "state": OF_LEVEL[level],
+        "state": STATE_OF_LEVEL[level],
         "planned_stale": False,
         "message": f"{name} reports {level}",
         "since": 1_000.0,

@@ -25,7 +25,7 @@ TREES = {
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
         ("model", "durations", "file_watcher", "files", "regex", "texts"),
-        ("acknowledgement", "events", "http_client", "logs", "severity"),
+        ("events", "http_client", "logs", "severity"),
         ("ingest",),
         ("config",),
         ("alertmanager", "faults"),

@@ -24,7 +24,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ros_diagnostics_exporter import __version__
-from ros_diagnostics_exporter.acknowledgement import ESCALATION, IDENTITY
+from ros_diagnostics_exporter.alertmanager import ESCALATION, IDENTITY
 from ros_diagnostics_exporter.cli.connection_flags import add_arguments, make_client
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.texts import one_line, printable

@@ -20,11 +20,11 @@ from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.cli.connection_flags import add_arguments, make_client, seconds
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.severity import (
-    RANKS,
+    SEVERITIES,
     ago,
     faults_of,
-    level_told,
-    short_told,
+    level_text,
+    short_check_texts,
     state_of,
 )
 from ros_diagnostics_exporter.texts import natural, one_line, printable
@@ -100,7 +100,7 @@ def _watch(client: Client, options: argparse.Namespace) -> int:
 def view(fleet: dict[str, Any], *, components: bool = False) -> Group:
     """A table of robots, or of their components, worst first, and a summary line."""
     robots = sorted(
-        fleet["robots"], key=lambda robot: (-RANKS[state_of(robot)], natural(robot["robot"]))
+        fleet["robots"], key=lambda robot: (-SEVERITIES[state_of(robot)], natural(robot["robot"]))
     )
     table = _components(robots, fleet["time"]) if components else _robots(robots, fleet["time"])
     return Group(table, _summary(fleet, Counter(state_of(robot) for robot in robots)))
@@ -128,10 +128,10 @@ def _table(*titles: str) -> Table:
 def _faults(robot: dict[str, Any], now: float) -> Text:
     parts = [f"silent: {robot['silent_reason']}"] if not robot["up"] else []
     parts += ["in maintenance"] if robot["maintenance"] else []
-    parts += short_told(robot)
+    parts += short_check_texts(robot)
     faults = faults_of(robot)
     parts += [
-        f"{each['component']} {level_told(each)}: {each['message']} {ago(each['since'], now)}"
+        f"{each['component']} {level_text(each)}: {each['message']} {ago(each['since'], now)}"
         for each in faults[:FAULTS_SHOWN]
     ]
     if len(faults) > FAULTS_SHOWN:
@@ -163,16 +163,16 @@ def _coloured(state: str) -> Text:
 
 
 def _summary(fleet: dict[str, Any], count: Counter[str]) -> Text:
-    counts = ", ".join(f"{count[state]} {state}" for state in RANKS if count[state])
+    counts = ", ".join(f"{count[state]} {state}" for state in SEVERITIES if count[state])
     moment = time.strftime("%H:%M:%S", time.localtime(fleet["time"]))
     return _plain("", f"fleet {fleet['fleet']} at {moment}: {counts or 'no robot matches'}")
 
 
 def _states(text: str) -> frozenset[str]:
     states = frozenset(text.upper().split(","))
-    if unknown := states - RANKS.keys():
+    if unknown := states - SEVERITIES.keys():
         raise argparse.ArgumentTypeError(
-            f"{', '.join(sorted(unknown))}: not one of {', '.join(RANKS)}"
+            f"{', '.join(sorted(unknown))}: not one of {', '.join(SEVERITIES)}"
         )
     return states
 

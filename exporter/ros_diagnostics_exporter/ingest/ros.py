@@ -34,7 +34,7 @@ try:
     from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
     from rclpy.serialization import deserialize_message
     from rclpy.subscription import Subscription
-except ImportError as error:  # said by check_ros with the way out, before anything is started
+except ImportError as error:  # raised by check_ros before anything is started
     _IMPORT_ERROR: ImportError | None = error
 else:
     _IMPORT_ERROR = None
@@ -303,7 +303,7 @@ class _Domain:
         """Wait until the domain is left, at most so many seconds."""
         self._thread.join(seconds)
         if self.alive:
-            log.warning("DDS domain %d is not left yet: it goes on in its thread", self._domain_id)
+            log.warning("DDS domain %d is not left yet: its thread still runs", self._domain_id)
 
     def _live(self) -> None:
         context = Context()
@@ -326,7 +326,7 @@ class _Domain:
             context.try_shutdown()
 
     def _join(self, context: Context) -> Node:
-        """A guest that leaves few traces: no parameter or type description services, no /rosout."""
+        """A node without parameter and type description services and without /rosout."""
         arguments = list(self._listener.ros_arguments)
         rclpy.init(args=arguments, context=context, domain_id=self._domain_id)
         return rclpy.create_node(
@@ -340,25 +340,25 @@ class _Domain:
     def _run(self, node: Node) -> None:
         """Look at the graph when that is due, and take what has arrived, again and again.
 
-        Instead of rclpy's executors: they tell the middleware about every subscription before
+        Instead of rclpy's executors: they pass every subscription to the middleware before
         each single message, which for 100 robots costs more than all else together.
         """
         while not self._stopping.is_set():
-            self._guarded(partial(self._look_on, node))
+            self._run_safely(partial(self._look_on, node))
             for name, topic in list(self._topics.items()):
                 if self._stopping.is_set():
                     return
-                self._guarded(partial(self._drain, node, name, topic))
+                self._run_safely(partial(self._drain, node, name, topic))
             self._decode_waiting()
             self.last_turn = time.monotonic()
             self._stopping.wait(TAKE_INTERVAL)
 
-    def _guarded(self, work: Callable[[], None]) -> None:
-        """Do one piece of work; a fault of ours with one robot must not silence the domain."""
+    def _run_safely(self, work: Callable[[], None]) -> None:
+        """Run one piece of work; a bug with one robot's messages must not stop the domain."""
         try:
             work()
         except Exception as error:
-            self._log_seldom("", "error", "domain %d%s: going on after an error of ours: %s", error)
+            self._log_seldom("", "error", "domain %d%s: internal error: %s", error)
             log.debug("domain %d", self._domain_id, exc_info=True)
 
     # -- the graph ---------------------------------------------------------------------------
@@ -377,7 +377,7 @@ class _Domain:
         self._look = None
 
     def _looking(self, node: Node) -> Iterator[None]:
-        """Tell what the graph shows, and subscribe what is wanted; in small pieces."""
+        """Report what the graph shows, and subscribe what is wanted; in small pieces."""
         now = read_clocks()
         self._looks += 1
         types = {
@@ -517,7 +517,7 @@ class _Domain:
             while topic.queue.is_due(now := time.monotonic()):
                 if self._stopping.is_set() or now - begin >= DECODE_TIME:
                     break
-                self._guarded(partial(self._receive, name, topic.queue, spent))
+                self._run_safely(partial(self._receive, name, topic.queue, spent))
         self._listener.count(spent.decode, spent.ingest)
 
     def _receive(self, name: str, queue: TopicQueue, spent: _Spent) -> None:

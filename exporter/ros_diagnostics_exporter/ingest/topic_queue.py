@@ -1,8 +1,8 @@
-"""What has arrived on one topic and is not decoded yet: bounded, and served by what it has cost.
+"""The messages of one topic that are not decoded yet: limited in size and in CPU time.
 
-Taking a message's bytes is cheap, decoding them is expensive. So a topic's messages wait as bytes,
-of which the oldest are dropped beyond a limit, and a topic that has used its share of CPU time
-waits. Pure: knows no ROS and no clock.
+Taking a message's bytes is cheap, decoding them is expensive. So a topic's messages are queued
+as bytes, of which the oldest are dropped beyond a limit, and a topic that has used its share of CPU
+time is decoded later. Pure: knows no ROS and no clock.
 """
 
 from __future__ import annotations

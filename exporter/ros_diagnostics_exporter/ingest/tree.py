@@ -4,7 +4,7 @@ Owns the reading of diagnostic_aggregator's flat list of rows. The list names a 
 group's path and an altered name ("/" became " ", prefixes may be cut off), but the header row that
 a GenericAnalyzer puts before its components names them again, unaltered, as the keys of its values
 (diagnostic_aggregator, generic_analyzer_base.hpp and analyzer_group.cpp). Knows no time and keeps
-no level: only which row is what.
+no level.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _HEADER_MESSAGE = re.compile(
     r'|Unanalyzed items found in "Other"|No items found, expected \d+|Expected \d+, found \d+'
 )
 
-# No aggregator has this many groups; who invents names without end is not remembered further.
+# No aggregator has this many groups; further names are not stored.
 _MAX_GROUPS = 4096
 # Nor so many levels; a name that is nothing but slashes must not cost its square.
 _MAX_LEVELS = 64
@@ -32,7 +32,7 @@ class Leaf(NamedTuple):
     """One component of an aggregated array.
 
     ``rows`` are the indices of its statuses: several where several groups list it, then ``group``
-    is the first of them in byte order. ``exact`` tells whether ``component`` is the name as
+    is the first of them in byte order. ``exact``: whether ``component`` is the name as
     published; otherwise it is the row's name without the group's path, and the group belongs to
     the component's identity.
     """
@@ -51,7 +51,7 @@ class Structure(NamedTuple):
 
 
 class TreeReader:
-    """Reads the arrays of one robot's aggregator, remembering which names proved to be groups.
+    """Reads the arrays of one robot's aggregator, storing which names proved to be groups.
 
     The structure of the last array is kept: as long as the names stay, reading is a comparison.
     """
@@ -107,10 +107,10 @@ class TreeReader:
         return Structure(_merge(found), groups)
 
     def _is_leaf(self, status: Status, earlier: set[str], *, keyed: bool) -> bool:
-        """Judge a row that no header's keys name.
+        """Whether a row that no header's keys name is a component.
 
         ``earlier`` are the names before it in the array: a GenericAnalyzer's header stands before
-        its components, an AnalyzerGroup's after them. ``keyed`` tells that this aggregator
+        its components, an AnalyzerGroup's after them. ``keyed``: this aggregator
         publishes values, so that a header would have named it.
         """
         if status.name in self.groups:

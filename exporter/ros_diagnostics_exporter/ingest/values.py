@@ -2,7 +2,7 @@
 
 Owns the one question "is this string a number, and in which unit?". All strings come from drivers,
 so whatever could be something else than a measurement (a date, an address, a version, a serial
-number, 1,234) is refused rather than misread. Knows no robot and keeps nothing.
+number, 1,234) is rejected rather than misread.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def parse_numbers(key: str, text: str) -> tuple[Number, ...]:
     return _elements(name, key_unit, brackets[1])
 
 
-_MAX_CACHED_KEY = 256  # characters of a key that is remembered, so that what is kept is bounded
+_MAX_CACHED_KEY = 256  # characters of a key that is cached, which limits the cache
 
 
 @lru_cache(maxsize=65_536)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from math import isfinite
 
@@ -14,18 +13,10 @@ from ros_diagnostics_exporter.state.component import Component, Value
 from ros_diagnostics_exporter.state.limits import unique_name
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.versions import Versions
+from ros_diagnostics_exporter.texts import escape
 
-_TO_ESCAPE = re.compile(r'[\\"\n]')
-_ESCAPES = {"\\": r"\\", '"': r"\"", "\n": r"\n"}
 _VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_GUARDED_VALUE.name}
 _WORDS = tuple(level.name.lower() for level in Level)
-
-
-def escape(text: str) -> str:
-    """A label value as both formats want it; what is no valid Unicode is replaced."""
-    if not text.isascii():
-        text = text.encode("utf-8", "replace").decode()
-    return _TO_ESCAPE.sub(lambda match: _ESCAPES[match[0]], text)
 
 
 def number(value: float) -> str:
@@ -47,7 +38,7 @@ class RobotText:
         self._seen: Versions | None = None
         self._labels: list[tuple[Component, str]] = []  # group and component, rendered
         self._values: dict[str, list[tuple[str, Value]]] = {}
-        self._reasons: set[str] = set()  # every reason of silence that ever held
+        self._reasons: set[str] = set()  # every reason that ever applied
 
     def update(self) -> None:
         """Render what changed since the last call."""
@@ -74,7 +65,7 @@ class RobotText:
     def _one(self, family: Family, value: float, labels: str = "") -> str:
         return f"{family.name}{{{self._base}{labels}}} {number(value)}\n"
 
-    # -- what there is -------------------------------------------------------------------------
+    # -- series -------------------------------------------------------------------------
 
     def _rename(self) -> None:
         """Render the labels of every component and the prefixes of every value anew."""
@@ -94,11 +85,11 @@ class RobotText:
                     name = value.metric
                     self._values.setdefault(name, []).append((f"{name}{key}}} ", value))
                 key += f',unit="{escape(value.unit)}"}} '
-                guarded = bool(value.rule and value.rule.thresholds)
-                if value.metric is None or guarded:
+                monitored = bool(value.rule and value.rule.thresholds)
+                if value.metric is None or monitored:
                     name = metrics.COMPONENT_VALUE.name
                     self._values.setdefault(name, []).append((name + key, value))
-                if guarded:
+                if monitored:
                     name = metrics.COMPONENT_GUARDED_VALUE.name
                     self._values.setdefault(name, []).append((name + key, value))
         for name in self.promoted:
@@ -116,7 +107,7 @@ class RobotText:
         self._render_rules()
 
     def _render_rules(self) -> None:
-        """What the config says of single components."""
+        """The config of single components."""
         profile = self.robot.settings.profile
         for family, find in (
             (metrics.COMPONENT_STALE_AFTER, _own_stale_after),
@@ -175,7 +166,7 @@ class RobotText:
             ),
         )
 
-    # -- what goes on ------------------------------------------------------------------------
+    # -- values ------------------------------------------------------------------------
 
     def _render_receipt(self) -> None:
         robot = self.robot
@@ -204,7 +195,7 @@ class RobotText:
 
     def _render_levels(self) -> None:
         shown = [(each, labels) for each, labels in self._labels if each.level >= 0]
-        for family, ask in (
+        for family, read in (
             (metrics.COMPONENT_LEVEL, _level),
             (metrics.COMPONENT_PROBLEM_LEVEL, _problem_level),
             (metrics.COMPONENT_BEFORE_STALE, _before_stale),
@@ -220,7 +211,7 @@ class RobotText:
                 [
                     f"{name}{labels}}} {value!r}\n"
                     for component, labels in shown
-                    if (value := ask(component)) is not None
+                    if (value := read(component)) is not None
                 ],
             )
         name = metrics.COMPONENT_MESSAGE.name

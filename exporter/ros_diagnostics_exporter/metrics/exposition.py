@@ -12,14 +12,15 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterable
 
-from ros_diagnostics_exporter.acknowledgement import Acknowledgement
+from ros_diagnostics_exporter.alertmanager import Acknowledgement
 from ros_diagnostics_exporter.metrics import families as metrics
-from ros_diagnostics_exporter.metrics.cache import RobotText, escape, number
+from ros_diagnostics_exporter.metrics.cache import RobotText, number
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.metrics.fault_text import FaultText
 from ros_diagnostics_exporter.state.rejections import OVER_LIMIT
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.state import State
+from ros_diagnostics_exporter.texts import escape
 
 
 class Exposition:

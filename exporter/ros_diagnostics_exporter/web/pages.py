@@ -10,11 +10,11 @@ from typing import Any
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.severity import (
-    RANKS,
+    SEVERITIES,
     ago,
     faults_of,
-    level_told,
-    short_told,
+    level_text,
+    short_check_texts,
     state_of,
 )
 from ros_diagnostics_exporter.texts import natural, one_line
@@ -45,7 +45,7 @@ article ul { margin: .2rem 0; padding-left: 1.1rem; }
 def landing(fleet: dict[str, Any], telemetry_path: str) -> str:
     """The page for ``fleet``, as /api/v1/fleet returns it; all texts in it are escaped."""
     states = [(state_of(robot), robot) for robot in fleet["robots"]]
-    states.sort(key=lambda each: (-RANKS[each[0]], natural(each[1]["robot"])))
+    states.sort(key=lambda each: (-SEVERITIES[each[0]], natural(each[1]["robot"])))
     return "".join(_page(fleet, states, telemetry_path))
 
 
@@ -71,7 +71,7 @@ def _page(
 
 def _summary(count: Counter[str]) -> Iterator[str]:
     yield "<ul class=sum>"
-    for state in RANKS:
+    for state in SEVERITIES:
         if count[state] or state == "OK":
             yield f"<li><b>{count[state]}</b>{state}</li>"
     yield "</ul>"
@@ -95,12 +95,12 @@ def _problems(states: list[tuple[str, dict[str, Any]]], fleet: dict[str, Any]) -
 def _faults(robot: dict[str, Any], now: float) -> Iterator[str]:
     faults = faults_of(robot)
     yield "<ul>"
-    for short in short_told(robot):
+    for short in short_check_texts(robot):
         yield f"<li>{escape(short)}</li>"
     for each in faults[:MAX_LISTED]:
         before = each["level_before_stale"]
         was = f" (was {escape(before)})" if before else ""
-        yield f"<li>{escape(each['component'])}: <span class=word>{escape(level_told(each))}</span>"
+        yield f"<li>{escape(each['component'])}: <span class=word>{escape(level_text(each))}</span>"
         yield f"{was} {_message(each['message'])} <span class=dim>{ago(each['since'], now)}</span>"
         yield "</li>"
     yield "</ul>"

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from prometheus_client.parser import text_string_to_metric_families
 
-from ros_diagnostics_exporter import acknowledgement
-from ros_diagnostics_exporter.acknowledgement import clean, moment, read
+from ros_diagnostics_exporter import alertmanager
+from ros_diagnostics_exporter.alertmanager import clean, moment, read
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Status
 from support.silences import BEGAN, MOTOR, listed
@@ -64,7 +64,7 @@ def test_of_several_for_one_component_the_newest_holds():
 
 
 def test_no_more_are_kept_than_a_fleet_can_have(monkeypatch):
-    monkeypatch.setattr(acknowledgement, "MOST", 3)
+    monkeypatch.setattr(alertmanager, "MOST", 3)
     many = [
         listed(component=f"Motor {number}", startsAt=f"2026-01-01T10:{number:02}:00.000Z")
         for number in range(10)

@@ -59,7 +59,7 @@ def test_the_log_is_rotated_by_size_and_old_files_go(tmp_path):
 
 
 def test_off_by_default_nothing_is_written_and_the_last_events_are_remembered(monkeypatch):
-    monkeypatch.setattr(events, "REMEMBERED", 3)
+    monkeypatch.setattr(events, "MAX_EVENTS", 3)
     log = EventLog()
     for number in range(5):
         log.record(level(float(number)))
@@ -68,7 +68,7 @@ def test_off_by_default_nothing_is_written_and_the_last_events_are_remembered(mo
 
 
 def test_each_event_has_an_id_from_which_older_ones_are_found(monkeypatch):
-    monkeypatch.setattr(events, "REMEMBERED", 4)
+    monkeypatch.setattr(events, "MAX_EVENTS", 4)
     log = EventLog()
     for number in range(6):
         log.record(level(float(number)))

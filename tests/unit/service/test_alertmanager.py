@@ -83,7 +83,7 @@ def test_it_asks_for_its_own_fleet_and_believes_the_answer(server):
     alertmanager = Alertmanager([url(server)])
     assert (alertmanager.known(NOW.wall), alertmanager.answers(NOW)) == ([], False)
 
-    alertmanager.look("f", NOW)
+    alertmanager.update("f", NOW)
 
     assert alertmanager.known(NOW.wall) == [MOTOR]
     assert alertmanager.answers(NOW)
@@ -96,7 +96,7 @@ def test_it_asks_for_its_own_fleet_and_believes_the_answer(server):
 
 def test_an_acknowledgement_is_known_only_while_it_is_in_force(server):
     alertmanager = Alertmanager([url(server)])
-    alertmanager.look("f", NOW)
+    alertmanager.update("f", NOW)
 
     assert alertmanager.known(MOTOR.at - 1) == alertmanager.known(MOTOR.until) == []
     assert alertmanager.known(MOTOR.until - 1) == [MOTOR]
@@ -134,10 +134,10 @@ def test_an_acknowledgement_is_known_only_while_it_is_in_force(server):
 def test_what_was_known_outlives_an_answer_that_cannot_be_used(server, monkeypatch, reply):
     monkeypatch.setattr(Alertmanager, "TIMEOUT", 0.3)
     alertmanager = Alertmanager([url(server)])
-    alertmanager.look("f", NOW)
+    alertmanager.update("f", NOW)
     server.reply = reply
 
-    alertmanager.look("f", NOW)
+    alertmanager.update("f", NOW)
 
     assert not alertmanager.answers(NOW)
     assert alertmanager.known(NOW.wall) == [MOTOR]
@@ -158,7 +158,7 @@ def test_it_says_once_that_it_is_not_answered_and_once_that_it_is(server, caplog
     good, bad = server.reply, say(b"", 503)
     for reply in (bad, bad, good, good, bad, bad, good):
         server.reply = reply
-        alertmanager.look("f", NOW)
+        alertmanager.update("f", NOW)
 
     levels = [record.levelname for record in caplog.records]
     assert levels == ["ERROR", "INFO", "ERROR", "INFO"]
@@ -168,7 +168,7 @@ def test_it_says_once_that_it_is_not_answered_and_once_that_it_is(server, caplog
 
 def test_of_a_pair_the_half_that_answers_is_believed(server):
     alertmanager = Alertmanager(["http://127.0.0.1:1", url(server)])
-    alertmanager.look("f", NOW)
+    alertmanager.update("f", NOW)
 
     assert alertmanager.known(NOW.wall) == [MOTOR]
 
@@ -177,10 +177,10 @@ def test_the_password_is_read_from_its_file_at_each_look(server, tmp_path):
     file = tmp_path / "password"
     alertmanager = Alertmanager([url(server)], user="ann", password_file=file)
 
-    alertmanager.look("f", NOW)  # before the file is there
+    alertmanager.update("f", NOW)  # before the file is there
     assert not alertmanager.answers(NOW)
 
     file.write_text("secret\n")
-    alertmanager.look("f", NOW)
+    alertmanager.update("f", NOW)
     assert server.asked[-1][1]["Authorization"] == "Basic YW5uOnNlY3JldA=="
     assert alertmanager.answers(NOW)
