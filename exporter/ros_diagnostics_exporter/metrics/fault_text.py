@@ -6,7 +6,8 @@ from collections.abc import Iterable
 
 from ros_diagnostics_exporter.faults.model import Fault, Identity
 from ros_diagnostics_exporter.metrics import families as metrics
-from ros_diagnostics_exporter.metrics.cache import escape, number
+from ros_diagnostics_exporter.metrics.cache import number
+from ros_diagnostics_exporter.texts import escape
 
 # A robot's own labels by these names are left out: they would be read as the fault's identity.
 _IDENTITY = {*metrics.FAULT_START.labels, *metrics.FAULT_INFO.labels} - {"site"}
