@@ -13,6 +13,7 @@ from pathlib import Path
 
 from ros_diagnostics_exporter.metrics.families import (
     COMPONENT,
+    FAULT_FAMILIES,
     FLEET_FAMILIES,
     ROBOT,
     Family,
@@ -33,6 +34,7 @@ def updated(document: str) -> str:
     tables = {
         "robots": _table(robots, ROBOT),
         "components": _table(components, COMPONENT),
+        "faults": _table(FAULT_FAMILIES, ("fleet",)),
         "exporter": _table(EXPORTER_FAMILIES, ("fleet",)),
     }
     named = [match[2] for match in _BLOCK.finditer(document)]

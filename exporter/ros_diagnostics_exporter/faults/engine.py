@@ -259,6 +259,10 @@ class Faults:
                 well=well,
             )
 
+    def identities(self, robot: str) -> Iterator[Identity]:
+        """Which problems a robot and its parts have."""
+        return (problem.identity for problem in self._robot(robot).all_problems())
+
     def in_trouble(self, robot: str, name: ComponentName | None = None) -> bool:
         """Whether a component, or a robot or any part of it, has a problem: not to be forgotten."""
         known = self._robot(robot)

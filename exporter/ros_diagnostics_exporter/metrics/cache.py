@@ -197,6 +197,7 @@ class RobotText:
         shown = [(each, labels) for each, labels in self._labels if each.level >= 0]
         for family, read in (
             (metrics.COMPONENT_LEVEL, _level),
+            (metrics.COMPONENT_PROBLEM_LEVEL, _problem_level),
             (metrics.COMPONENT_BEFORE_STALE, _before_stale),
             (metrics.COMPONENT_SINCE, _since),
             (metrics.COMPONENT_ERROR_SINCE, _error_since),
@@ -257,6 +258,10 @@ class RobotText:
 
 def _level(component: Component) -> int:
     return component.level
+
+
+def _problem_level(component: Component) -> int | None:
+    return component.level or None
 
 
 def _before_stale(component: Component) -> int | None:

@@ -16,6 +16,7 @@ from ros_diagnostics_exporter.alertmanager import Acknowledgement
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import RobotText, number
 from ros_diagnostics_exporter.metrics.families import Family
+from ros_diagnostics_exporter.metrics.fault_text import FaultText
 from ros_diagnostics_exporter.state.rejections import OVER_LIMIT
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.state import State
@@ -34,6 +35,7 @@ class Exposition:
         self._state = state
         self._acknowledged = acknowledged
         self._texts: dict[str, RobotText] = {}
+        self._faults = FaultText()
         self._lock = threading.Lock()
         self.series: Counter[str] = Counter()  # by family, at the last scrape
 
@@ -42,12 +44,14 @@ class Exposition:
         with self._lock:
             texts = self._update()
             promoted = sorted({name for text in texts for name in text.promoted})
-            families = (*metrics.FLEET_FAMILIES, *map(_promoted_family, promoted))
+            ours = metrics.FLEET_FAMILIES + metrics.FAULT_FAMILIES
+            families = (*ours, *map(_promoted_family, promoted))
             parts: list[bytes] = []
             series: Counter[str] = Counter()
             more = {
                 metrics.ROBOT_SILENT_REASON.name: self._over_limit(),
                 **self._acknowledgements(),
+                **self._faults.render(self._state.fleet.name, self._state.faults()),
             }
             for family in families:
                 chunks = [chunk for text in texts if (chunk := text.chunks.get(family.name))]

@@ -110,6 +110,12 @@ COMPONENT_LEVEL = _family(
     "0 OK, 1 WARN, 2 ERROR, 3 STALE, after the config's overrides; leaves only.",
     COMPONENT,
 )
+COMPONENT_PROBLEM_LEVEL = _family(
+    "component_problem_level",
+    "gauge",
+    "component_level where it is not OK; absent otherwise.",
+    COMPONENT,
+)
 COMPONENT_BEFORE_STALE = _family(
     "component_level_before_stale",
     "gauge",
@@ -226,6 +232,7 @@ FLEET_FAMILIES = (
     CHECK_COMPONENTS,
     CHECK_EXPECTED,
     COMPONENT_LEVEL,
+    COMPONENT_PROBLEM_LEVEL,
     COMPONENT_BEFORE_STALE,
     COMPONENT_SINCE,
     COMPONENT_ERROR_SINCE,
@@ -244,3 +251,23 @@ FLEET_FAMILIES = (
     ACKNOWLEDGED,
     ACKNOWLEDGED_SINCE,
 )
+
+FAULT = (
+    *("fleet", "scope", "state", "severity", "site"),
+    *("robot", "group", "component", "check", "key", "bound"),
+)
+FAULT_START = _family(
+    "fault_start_timestamp_seconds",
+    "gauge",
+    "When the trouble of a fault began (Unix time); present from its confirmation to its end.",
+    FAULT,
+    open=True,
+)
+FAULT_INFO = _family(
+    "fault_info",
+    "gauge",
+    "1 for every fault, with what was known when it was confirmed, at most 512 characters.",
+    (*FAULT, "evidence"),
+)
+
+FAULT_FAMILIES = (FAULT_START, FAULT_INFO)

@@ -21,7 +21,12 @@ from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.ingest.ros import Listener, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.families import FLEET_FAMILIES, PREFIX, Family
+from ros_diagnostics_exporter.metrics.families import (
+    FAULT_FAMILIES,
+    FLEET_FAMILIES,
+    PREFIX,
+    Family,
+)
 from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.state.storage import Storage
 
@@ -118,6 +123,15 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
     ),
     (
         _family(
+            "exporter_settled",
+            "gauge",
+            "1 from 30 s after the start on: before, no fault begins for want of data.",
+            FLEET,
+        ),
+        lambda exporter: _one(exporter.state.settled(read_clocks())),
+    ),
+    (
+        _family(
             "exporter_decode_seconds_total",
             "counter",
             "CPU time spent on decoding messages.",
@@ -203,7 +217,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
     ),
 )
 EXPORTER_FAMILIES = tuple(family for family, _samples in TABLE)
-ALL_FAMILIES = FLEET_FAMILIES + EXPORTER_FAMILIES
+ALL_FAMILIES = FLEET_FAMILIES + FAULT_FAMILIES + EXPORTER_FAMILIES
 
 
 class SelfMetrics(Collector):

@@ -55,6 +55,10 @@ class Components:
         self._versions = versions
         self._reject = reject
         self._changed = changed
+        # What the judgement of faults has yet to take: emptied by it.
+        self.level_changes: dict[Component, None] = {}
+        self.value_changes: dict[Component, None] = {}
+        self.names_version = 0  # raised when a component is added, removed or has another label
         self._flapping: set[Identity] = set()
         self._deadline = inf  # when the next component may be late, monotonic
         self._checked: list[tuple[str, list[Component]]] = []
@@ -91,6 +95,7 @@ class Components:
         component = Component(identity, self._label(identity), rule, values, now)
         self.by_identity[identity] = component
         self._versions.structure += 1
+        self.names_version += 1
         self.regroup(component, group)
         return component
 
@@ -114,6 +119,7 @@ class Components:
         if component.group != label:
             component.group = label
             self._versions.structure += 1
+            self.names_version += 1
 
     def split_by_hardware_id(self, name: str) -> None:
         """Add its hardware_id to the identity of a component whose name is not unique."""
@@ -123,6 +129,7 @@ class Components:
             component.name = self._label(component.identity)
             self.by_identity[component.identity] = component
             self._versions.structure += 1
+            self.names_version += 1
 
     def remove(self, component: Component) -> None:
         """Remove one component, with all that is known about it."""
@@ -132,6 +139,7 @@ class Components:
         del self.by_identity[component.identity]
         self._flapping.discard(component.identity)
         self.removals += 1
+        self.names_version += 1
         self._versions.structure += 1
         self._versions.levels += 1
 
@@ -189,6 +197,8 @@ class Components:
             numbers, structure = component.values.update(status.values)
             self._versions.values += numbers
             self._versions.structure += structure
+            if numbers or structure:
+                self.value_changes[component] = None
 
     def _within_limits(self, component: Component, status: Status) -> Status:
         """The status with no more key-values than one component, and one robot, may have."""
@@ -227,9 +237,11 @@ class Components:
         changed = component.set_reported(reported, now, self._profile.flap_interval)
         if was_stale != component.is_stale:  # the numbers of a stale component are not exported
             self._versions.structure += 1
+            self.value_changes[component] = None
             self._expect(component, now)
         if changed:
             self._versions.levels += 1
+            self.level_changes[component] = None
             if component.flaps is not None and component.flaps.ratio > 0:
                 self._flapping.add(component.identity)
             if notify:

@@ -13,6 +13,7 @@ from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Endpoint, Instant, Topic
 from ros_diagnostics_exporter.state.discovery import SharedTopic, found_robot, robot_name
+from ros_diagnostics_exporter.state.fault_reports import FaultReports
 from ros_diagnostics_exporter.state.limits import SeriesLimit, truncate
 from ros_diagnostics_exporter.state.rejections import FleetRejectionReason, FleetRejections
 from ros_diagnostics_exporter.state.robot import Robot, accepts
@@ -28,13 +29,16 @@ MAX_REPLACED = 10_000  # topics of replaced robots, so that these are tried agai
 class RobotRegistry:
     """The robots by name, and their topics. What happens to them is appended to ``events``."""
 
-    def __init__(self, fleet: config.Fleet, now: Instant, events: deque[Event]) -> None:
+    def __init__(
+        self, fleet: config.Fleet, now: Instant, events: deque[Event], faults: FaultReports
+    ) -> None:
         self.robots: dict[str, Robot] = {}
         self.bindings: dict[Topic, list[tuple[Robot, bool]]] = {}  # robot, is the topic raw
         self.shared_topics: dict[Topic, SharedTopic] = {}
         self.series = SeriesLimit(fleet.limits.series)
         self._fleet = fleet
         self._events = events
+        self._faults = faults
         self.rejections = FleetRejections()
         # Discovered, and nothing received from them yet; the longest known first.
         self._not_publishing: OrderedDict[str, Robot] = OrderedDict()
@@ -106,11 +110,13 @@ class RobotRegistry:
         self._bind(robot)
         robot.update_maintenance(self._fleet, now)  # no scrape may show it without its downtime
         robot.record("known", now)
+        self._faults.add(robot, now)
         return robot
 
     def drop(self, robot: Robot, now: Instant) -> None:
         """Remove a robot, with all that is known about it."""
         robot.record("forgotten", now)
+        self._faults.remove(robot, now)
         self._unbind(robot)
         robot.components.remove_all()
         self.series.remove(SERIES_OF_ROBOT)
@@ -118,9 +124,9 @@ class RobotRegistry:
         del self.robots[robot.settings.name]
 
     def forget_absent(self, robot: Robot, now: Instant) -> None:
-        """Forget what is long absent and was OK: components, then the robot."""
-        robot.forget_absent_components(now)
-        if robot.is_forgettable(now):
+        """Forget what is long absent, was OK and has no problem: components, then the robot."""
+        robot.forget_absent_components(now, lambda each: self._faults.keeps(robot, each))
+        if robot.is_forgettable(now) and not self._faults.keeps(robot):
             self.drop(robot, now)
 
     def mark_publishing(self, robot: Robot) -> None:

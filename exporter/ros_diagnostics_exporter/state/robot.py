@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
@@ -197,10 +197,13 @@ class Robot:
         self._record_level(component, component.level, "forgotten", now)
         self.components.remove(component)
 
-    def forget_absent_components(self, now: Instant) -> None:
-        """Remove the components that are long absent and were OK."""
+    def forget_absent_components(
+        self, now: Instant, has_problem: Callable[[Component], bool]
+    ) -> None:
+        """Remove the components that are long absent, were OK and have no problem."""
         for component in list(self.components.forgettable(now)):
-            self.forget(component, now)
+            if not has_problem(component):
+                self.forget(component, now)
 
     def is_forgettable(self, now: Instant) -> bool:
         """Whether it was discovered, is long absent, and nothing of it was not OK.

@@ -5,13 +5,15 @@ from __future__ import annotations
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TypeVar
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.faults.model import Fault, ProblemView, Row
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Topic
 from ros_diagnostics_exporter.state.discovery import SharedTopic
+from ros_diagnostics_exporter.state.fault_reports import FaultReports
 from ros_diagnostics_exporter.state.limits import truncate_array
 from ros_diagnostics_exporter.state.registry import RobotRegistry
 from ros_diagnostics_exporter.state.robot import Robot
@@ -33,7 +35,8 @@ class State:
         self._lock = threading.RLock()
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._slow_tick_at = now.mono
-        self._registry = RobotRegistry(fleet, now, self._events)
+        self._faults = FaultReports(now)
+        self._registry = RobotRegistry(fleet, now, self._events, self._faults)
 
     # -- from ROS: what `ingest.ros.Receiver` asks for ----------------------------------------
 
@@ -55,6 +58,7 @@ class State:
         if not robot.up:
             self._registry.mark_publishing(robot)
         robot.receive(array, now, raw=raw)
+        self._faults.update(robot, now)
 
     def _receive_shared(
         self, topic: Topic, shared: SharedTopic, array: Array, now: Instant
@@ -127,15 +131,21 @@ class State:
         for robot in self._sorted_robots():
             with self._lock:
                 robot.tick(now)
-                if slow and self._registry.robots.get(robot.settings.name) is robot:
+                if self._registry.robots.get(robot.settings.name) is not robot:
+                    continue  # dropped meanwhile
+                self._faults.update(robot, now)
+                if slow:
                     robot.update_maintenance(self.fleet, now)
                     self._registry.forget_absent(robot, now)
+        with self._lock:
+            self._faults.tick(now, slow=slow)
 
     def configure(self, fleet: config.Fleet, now: Instant) -> None:
         """Apply another config; robots that it leaves unchanged keep all that is known."""
         with self._lock:
             self.fleet = fleet
             self._registry.configure(fleet, now)
+            self._faults.configure(now)
             self._slow_tick_at = float("-inf")
 
     def forget(self, name: str, component: str | None, now: Instant) -> int:
@@ -155,6 +165,8 @@ class State:
                 robot.forget(each, now)
             if component is None and not robot.declared:
                 self._registry.drop(robot, now)
+            else:
+                self._faults.update(robot, now)
             return len(found)
 
     def restore(self, persisted: Mapping[str, PersistedRobot], now: Instant) -> None:
@@ -164,6 +176,16 @@ class State:
                 robot = self._registry.find_again(name, known, now)
                 if robot is not None:
                     robot.restore(known, now)
+
+    def restore_faults(self, rows: Iterable[Row], now: Instant) -> None:
+        """Go on from the `fault_rows` of an earlier process; to be called after `restore`.
+
+        Raises:
+            LookupError: the rows refer to what is not among them; nothing is restored.
+            TypeError, ValueError: they are not rows of faults; nothing is restored.
+        """
+        with self._lock:
+            self._faults.restore(rows, now)
 
     # -- queries -----------------------------------------------------------------------------
 
@@ -180,6 +202,30 @@ class State:
     def _sorted_robots(self) -> list[Robot]:
         with self._lock:
             return [robot for _name, robot in sorted(self._registry.robots.items())]
+
+    def faults(self) -> list[Fault]:
+        """All faults that last."""
+        with self._lock:
+            return self._faults.all()
+
+    def problems(self, now: Instant, robot: str | None = None) -> list[ProblemView]:
+        """All problems of the fleet or of one robot, those not confirmed among them.
+
+        Raises:
+            LookupError: there is no such robot.
+        """
+        with self._lock:
+            return self._faults.problems(now, robot)
+
+    def fault_rows(self, now: Instant) -> list[Row]:
+        """What `restore_faults` needs."""
+        with self._lock:
+            return self._faults.rows(now)
+
+    def settled(self, now: Instant) -> bool:
+        """Whether restart_grace is over."""
+        with self._lock:
+            return self._faults.settled(now)
 
     def take_events(self) -> list[Event]:
         """The events since the last call, in the order in which they happened."""

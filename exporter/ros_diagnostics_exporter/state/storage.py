@@ -17,8 +17,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 import pydantic_core
 from pydantic import Field, TypeAdapter, ValidationError
 
+from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.state import fault_rows
 from ros_diagnostics_exporter.state.flapping import SLOTS
 from ros_diagnostics_exporter.state.limits import MAX_TEXT
 
@@ -94,6 +96,7 @@ class Storage:
         self._tried_at = float("-inf")
         self._logged_at = float("-inf")
         self._robots: dict[str, tuple[_Key, str]] = {}
+        self._fault_rows: list[Row] = []
 
     def load(self, state: State, now: Instant) -> None:
         """Restore what an earlier process knew.
@@ -109,10 +112,15 @@ class Storage:
         except OSError as error:
             self._block(f"cannot be read ({error.strerror}): starting without it")
             return
-        robots, wrong = _parse(raw)
+        robots, rows, wrong = _parse(raw)
+        state.restore(robots, now)
+        try:
+            state.restore_faults(rows, now)
+        except (LookupError, TypeError, ValueError) as error:
+            wrong = f"{wrong}; " if wrong else ""
+            wrong += f"its faults do not belong together: {error!r:.80}; none is restored"
         if wrong:
             self._set_aside(wrong, len(robots))
-        state.restore(robots, now)
 
     def _block(self, what: str) -> None:
         self._blocked, self.successful = True, False
@@ -167,6 +175,8 @@ class Storage:
         if at_once:
             self._robots = {}  # the last time: "last seen" to the second
         changed = self._encode(state, now)
+        rows = state.fault_rows(now)
+        changed, self._fault_rows = changed or rows != self._fault_rows, rows
         if changed or at_once or now.wall - self.written_at >= LAST_SEEN_INTERVAL:
             self._write(now)
             self.successful = True
@@ -198,7 +208,11 @@ class Storage:
             f"{json.dumps(name, ensure_ascii=False)}:{text}"
             for name, (_key, text) in self._robots.items()
         )
-        text = f'{{"version":{VERSION},"written":{now.wall!r},"robots":{{\n{robots}\n}}}}\n'
+        rows = ",\n".join(json.dumps(row, ensure_ascii=False) for row in self._fault_rows)
+        text = (
+            f'{{"version":{VERSION},"written":{now.wall!r},"robots":{{\n{robots}\n}},'
+            f'"faults":[\n{rows}\n]}}\n'
+        )
         raw = text.encode("utf-8", "replace")
         if len(raw) > MAX_BYTES:
             raise OSError(f"it would be larger than the {MAX_BYTES} bytes that are read again")
@@ -218,20 +232,22 @@ def _key(robot: Robot) -> _Key:
     return id(robot), robot.versions.structure, robot.versions.levels, minute
 
 
-def _parse(raw: bytes) -> tuple[dict[str, PersistedRobot], str]:
-    """The robots that are whole, and what is wrong with the file; "" for nothing."""
+def _parse(raw: bytes) -> tuple[dict[str, PersistedRobot], list[Row], str]:
+    """The robots and rows of faults that are valid, and what is wrong with the file; or ""."""
     if len(raw) > MAX_BYTES:
-        return {}, f"it is larger than {MAX_BYTES} bytes"
+        return {}, [], f"it is larger than {MAX_BYTES} bytes"
     try:
         content = pydantic_core.from_json(raw, allow_inf_nan=False)
     except ValueError as error:
-        return {}, f"it is not JSON: {error}"
+        return {}, [], f"it is not JSON: {error}"
     version = content.get("version") if isinstance(content, dict) else None
     if version != VERSION:
-        return {}, f"its version is {version!r:.40}, not {VERSION}"
+        return {}, [], f"its version is {version!r:.40}, not {VERSION}"
     if not isinstance(content.get("robots"), dict):
-        return {}, "it has no robots by name"
-    return _robots(content["robots"])
+        return {}, [], "it has no robots by name"
+    robots, wrong = _robots(content["robots"])
+    rows, wrong_rows = fault_rows.parse(content.get("faults", []))  # version 0.1 wrote none
+    return robots, rows, "; ".join(filter(None, (wrong, wrong_rows)))
 
 
 def _robots(found: dict[str, Any]) -> tuple[dict[str, PersistedRobot], str]:

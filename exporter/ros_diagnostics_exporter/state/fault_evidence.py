@@ -1,0 +1,92 @@
+"""What was known of a fault when it began, in one line of text for people."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from ros_diagnostics_exporter.faults.model import Identity, Scope, State
+from ros_diagnostics_exporter.model import Level
+from ros_diagnostics_exporter.state.component import Component
+from ros_diagnostics_exporter.state.robot import Robot
+from ros_diagnostics_exporter.texts import one_line
+
+LENGTH = 512  # characters of the whole
+_TEXT_LENGTH = 160  # of one text of a robot
+_MOST_NAMED = 5  # of values, components or robots
+
+Find = Callable[[Identity], "tuple[Robot, Component | None] | None"]
+
+
+def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> str:
+    """The evidence of a fault, printable and at most `LENGTH` characters.
+
+    Args:
+        identity: Which fault it is.
+        find: The robot and the component that a fault is about, if they are known.
+        robots: Those that a site's or a common fault counts.
+    """
+    found = find(identity)
+    if identity.scope in (Scope.SITE, Scope.COMMON):
+        parts = [_listed("robots", robots)]
+    elif found is None:
+        parts = []
+    elif found[1] is not None:
+        parts = list(_of_component(identity, found[1], found[0]))
+    else:
+        parts = list(_of_robot(identity, found[0]))
+    return "; ".join(filter(None, parts))[:LENGTH]
+
+
+def _of_component(identity: Identity, component: Component, robot: Robot) -> Iterator[str]:
+    if identity.scope is Scope.VALUE:
+        yield from _monitored(identity, component)
+    yield _text(component.message)
+    if component.last is not None and identity.scope is not Scope.VALUE:
+        pairs = (f"{_text(key)}: {_text(text)}" for key, text in component.last.values)
+        yield _listed("values", pairs)
+    others = (each for each in _troubled(robot) if each is not component)
+    yield _listed("also", map(_with_level, others))
+
+
+def _monitored(identity: Identity, component: Component) -> Iterator[str]:
+    """The number and the threshold that it is beyond."""
+    for value in component.values.all:
+        if value.key == identity.key and value.rule is not None:
+            for each in value.rule.thresholds:
+                if (each.bound, each.severity) == (identity.bound, identity.state.value):
+                    unit = f" {_text(value.unit)}" if value.unit else ""
+                    yield f"{value.number:g}{unit}, {each.bound} threshold {each.value:g}"
+
+
+def _of_robot(identity: Identity, robot: Robot) -> Iterator[str]:
+    if identity.scope is Scope.CHECK:
+        expected = {check.name: check.expect for check in robot.settings.profile.checks}
+        found = {name: sum(counts) for name, counts in robot.components.count_checks()}
+        if identity.check in found:
+            yield f"{found[identity.check]} of {expected[identity.check]} components"
+    elif identity.state is State.MANY:
+        yield _listed("components", map(_with_level, _troubled(robot)))
+    elif robot.silent_reason is not None:
+        yield robot.silent_reason
+
+
+def _troubled(robot: Robot) -> Iterator[Component]:
+    return (each for each in robot.components if each.level > Level.OK)
+
+
+def _with_level(component: Component) -> str:
+    return f"{_text(component.name)} {Level(component.level).name}"
+
+
+def _listed(what: str, texts: Iterable[str]) -> str:
+    """The first few of them, and how many more there are."""
+    found = list(texts)
+    if not found:
+        return ""
+    more = len(found) - _MOST_NAMED
+    rest = f" and {more} more" if more > 0 else ""
+    return f"{what}: {', '.join(found[:_MOST_NAMED])}{rest}"
+
+
+def _text(text: str) -> str:
+    return one_line(text[:_TEXT_LENGTH])

@@ -1,0 +1,469 @@
+"""What the state reports to the judgement of faults: what changed since it last did.
+
+Nothing here is called back from. The state calls `update` after each array and tick of a robot,
+which compares the robot with what was reported of it; every call is made under the state's lock.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from math import inf
+from typing import Literal
+
+from ros_diagnostics_exporter.config.fleet import Profile, Source, Threshold
+from ros_diagnostics_exporter.faults.engine import Faults
+from ros_diagnostics_exporter.faults.model import (
+    Change,
+    ComponentName,
+    ComponentReport,
+    Fault,
+    Identity,
+    ProblemView,
+    Row,
+    Scope,
+    ValueReport,
+)
+from ros_diagnostics_exporter.faults.settings import (
+    ComponentSettings,
+    FleetSettings,
+    RobotSettings,
+)
+from ros_diagnostics_exporter.model import Instant, Level
+from ros_diagnostics_exporter.state.component import Component
+from ros_diagnostics_exporter.state.fault_evidence import evidence
+from ros_diagnostics_exporter.state.limits import unique_name
+from ros_diagnostics_exporter.state.robot import Robot
+from ros_diagnostics_exporter.state.rules import value_rule
+
+_Presence = Literal["up", "silent", "pending"]
+_NUMBERED = re.compile(r"(#[0-9]+|\[[0-9]+\])+")  # what a key is given beside the published one
+
+
+class FaultReports:
+    """The faults of the fleet, and of each robot what was reported of it.
+
+    Called only under the lock of the State that holds it. ``now`` of a call may be earlier than
+    that of the one before, as arrays and ticks come from several threads: time does not go back.
+    """
+
+    def __init__(self, now: Instant) -> None:
+        self._now = now
+        self._robots: dict[str, RobotReports] = {}
+        self._rows: dict[tuple[str, tuple[str, ...]], dict[str, object]] = {}
+        self._faults = Faults(FleetSettings())
+        self._faults.started(now)
+
+    # -- reported ----------------------------------------------------------------------------
+
+    def add(self, robot: Robot, now: Instant) -> None:
+        """Judge a new robot from now on."""
+        reports = self._robots[robot.settings.name] = RobotReports(robot)
+        self._describe(reports.configure(self._faults, self._time(now)))
+
+    def remove(self, robot: Robot, now: Instant) -> None:
+        """End all that is wrong with a robot that is no longer wanted."""
+        del self._robots[robot.settings.name]
+        self._describe(self._faults.forget_robot(robot.settings.name, self._time(now)))
+
+    def update(self, robot: Robot, now: Instant) -> None:
+        """Report what changed of a robot; cheap where nothing did."""
+        reports = self._robots[robot.settings.name]
+        if reports.needs_update(now):
+            self._describe(reports.update(self._faults, self._time(now)))
+
+    def configure(self, now: Instant) -> None:
+        """Follow another config of the robots, after the state did."""
+        now = self._time(now)
+        for reports in self._robots.values():
+            changes = []
+            if reports.has_other_settings:
+                changes = reports.configure(self._faults, now)
+            self._describe(changes + reports.update(self._faults, now))
+
+    def _report_maintenance(self, now: Instant) -> None:
+        """Report which robots' planned downtimes began or ended, all of them at one time."""
+        planned = {
+            name: reports.robot.maintenance
+            for name, reports in self._robots.items()
+            if reports.robot.maintenance != reports.maintenance
+        }
+        for name, is_planned in planned.items():
+            self._robots[name].maintenance = is_planned
+        if planned:
+            self._describe(self._faults.maintenance(planned, now))
+
+    def tick(self, now: Instant, *, slow: bool) -> None:
+        """Let time pass; to be called a few times a second, once a second with ``slow``."""
+        now = self._time(now)
+        if slow:
+            self._report_maintenance(now)
+            self._take_rows(now)
+        self._describe(self._faults.advance(now))
+
+    def restore(self, rows: Iterable[Row], now: Instant) -> None:
+        """Go on from the `rows` of an earlier process; nothing is received yet.
+
+        Raises:
+            LookupError: the rows refer to what is not among them; nothing is restored.
+            TypeError, ValueError: they are not rows of faults; nothing is restored.
+        """
+        now, rows = self._time(now), list(rows)
+        faults = Faults(FleetSettings())
+        faults.restore(rows, now)
+        faults.started(now)
+        for kind, key, fields in rows:
+            if kind == "robot" and fields is not None and key[0] not in self._robots:
+                faults.forget_robot(key[0], now)
+        self._faults = faults
+        self._rows = {(kind, key): fields for kind, key, fields in rows if fields is not None}
+        for reports in self._robots.values():
+            self._describe(reports.start_over(faults, now))
+        planned = {name: each.maintenance for name, each in self._robots.items()}
+        self._describe(faults.maintenance(planned, now))
+
+    def rows(self, now: Instant) -> list[Row]:
+        """What `restore` needs."""
+        self._take_rows(self._time(now))
+        return [Row(kind, key, fields) for (kind, key), fields in self._rows.items()]
+
+    def _take_rows(self, now: Instant) -> None:
+        for kind, key, fields in self._faults.take_rows(now):
+            if fields is None:
+                self._rows.pop((kind, key), None)
+            else:
+                self._rows[kind, key] = fields
+
+    def _time(self, now: Instant) -> Instant:
+        if now.mono > self._now.mono:
+            self._now = now
+        return self._now
+
+    def _describe(self, changes: Iterable[Change]) -> None:
+        for what, fault, _at in changes:
+            if what == "began" and not fault.evidence:
+                text = evidence(fault.identity, self._find, self._troubled(fault.identity))
+                self._faults.describe(fault.identity, text)
+
+    def _find(self, identity: Identity) -> tuple[Robot, Component | None] | None:
+        """The robot, and the component if it is of one, that a fault is about."""
+        reports = self._robots.get(identity.robot)
+        if reports is None:
+            return None
+        return reports.robot, reports.find(ComponentName(identity.group, identity.component))
+
+    def _troubled(self, identity: Identity) -> Iterator[str]:
+        """The robots that a site's or a common cause counts."""
+        for name, reports in self._robots.items():
+            if identity.scope is Scope.SITE:
+                site = reports.robot.settings.labels.get("site", "")
+                if site == identity.site and not reports.robot.up:
+                    yield name
+            elif identity.scope is Scope.COMMON and reports.has_error(identity.component):
+                yield name
+
+    # -- asked -------------------------------------------------------------------------------
+
+    def all(self) -> list[Fault]:
+        """All faults that last."""
+        return list(self._faults.faults())
+
+    def problems(self, now: Instant, robot: str | None = None) -> list[ProblemView]:
+        """All problems, confirmed or not, of the fleet or of one robot.
+
+        Raises:
+            LookupError: there is no such robot.
+        """
+        return list(self._faults.problems(now, robot))
+
+    def settled(self, now: Instant) -> bool:
+        """Whether restart_grace is over."""
+        return self._faults.settled(now)
+
+    def keeps(self, robot: Robot, component: Component | None = None) -> bool:
+        """Whether a component, or a robot without any, has a problem and is not to be forgotten.
+
+        That a discovered robot is silent, and was not when it left, keeps nothing.
+        """
+        name = robot.settings.name
+        if component is None:
+            return any(each.scope is Scope.CHECK for each in self._faults.identities(name))
+        known = self._robots[name].name_of(component)
+        return known is not None and self._faults.in_trouble(name, known)
+
+
+class RobotReports:
+    """One robot, and what was reported of it.
+
+    ``maintenance`` is as last reported. ``_awaited`` are raw components that are not received
+    since the robot's return, and when (monotonic) each of them is late: until then a slow driver
+    is no stale component.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.maintenance = False
+        self._settings = robot.settings
+        self._limits = robot.limits
+        self._declared = robot.declared
+        self._presence: _Presence | None = None
+        self._announced: float | None = None  # when a publisher of it was first seen, monotonic
+        self._names: dict[Component, ComponentName] = {}
+        self._names_version = -1
+        self._everything = True  # is to be reported, because none of it was, or by other settings
+        self._awaited: dict[Component, float] = {}
+        self._awaited_next = inf
+
+    # -- config ------------------------------------------------------------------------------
+
+    @property
+    def has_other_settings(self) -> bool:
+        """Whether the robot follows another config than was reported."""
+        robot = self.robot
+        same = robot.settings is self._settings and robot.limits is self._limits
+        return not same or robot.declared != self._declared
+
+    def configure(self, faults: Faults, now: Instant) -> list[Change]:
+        """Report by which config the robot is judged; its parts are reported anew after it."""
+        robot = self.robot
+        name, profile = robot.settings.name, robot.settings.profile
+        self._settings, self._limits = robot.settings, robot.limits
+        self._declared, self._everything = robot.declared, True
+        settings = RobotSettings(
+            robot.settings.labels, profile.confirm_after, profile.flap_interval
+        )
+        changes = faults.configure_robot(name, settings, now, declared=robot.declared)
+        expected = _expected(profile)
+        for identity in list(faults.identities(name)):
+            if identity.scope is Scope.CHECK and identity.check not in expected:
+                changes += faults.check_changed(name, identity.check, 0, None, now)
+        if robot.maintenance != self.maintenance:
+            self.maintenance = robot.maintenance
+            changes += faults.maintenance({name: robot.maintenance}, now)
+        return changes
+
+    def start_over(self, faults: Faults, now: Instant) -> list[Change]:
+        """Report all of it to another engine, but its downtime."""
+        self._presence, self.maintenance = None, self.robot.maintenance
+        return self.configure(faults, now)
+
+    # -- what changed ------------------------------------------------------------------------
+
+    def needs_update(self, now: Instant) -> bool:
+        """Whether there is anything to report."""
+        components = self.robot.components
+        if components.level_changes or components.value_changes:
+            return True
+        if components.names_version != self._names_version or now.mono >= self._awaited_next:
+            return True
+        return self._presence_at(now) != self._presence
+
+    def update(self, faults: Faults, now: Instant) -> list[Change]:
+        """Report it."""
+        components = self.robot.components
+        changes = self._report_presence(faults, now)
+        renamed = components.names_version != self._names_version
+        if renamed:
+            changes += self._follow_names(faults, now)
+        if self.robot.up:
+            self._find_awaited(now)
+            changes += self._report_levels(faults, now, renamed=renamed)
+            changes += self._report_values(faults, now)
+            if renamed or self._everything:
+                changes += self._report_checks(faults, now)
+            self._everything = False
+        components.level_changes.clear()
+        components.value_changes.clear()
+        return changes
+
+    # -- presence ----------------------------------------------------------------------------
+
+    def _presence_at(self, now: Instant) -> _Presence:
+        robot = self.robot
+        if robot.up:
+            return "up"
+        if robot.last_mono is not None:
+            return "silent"
+        if robot.silent_reason == "never_seen":
+            self._announced = None
+            return "pending"
+        if self._announced is None:
+            self._announced = now.mono
+        # What has just begun to publish has its stale_after to be received.
+        late = now.mono - self._announced > robot.settings.profile.stale_after
+        return "silent" if late else "pending"
+
+    def _report_presence(self, faults: Faults, now: Instant) -> list[Change]:
+        presence, robot = self._presence_at(now), self.robot
+        if presence == self._presence:
+            return []
+        self._presence = presence
+        self._awaited, self._awaited_next = {}, inf
+        if presence == "pending":
+            return faults.robot_pending(robot.settings.name, now)
+        if presence == "silent":
+            last = robot.last_mono
+            since = now if last is None else Instant(last, robot.last_wall)
+            return faults.robot_silent(robot.settings.name, since, now)
+        self._everything = True
+        self._await_raw()
+        return faults.robot_back(robot.settings.name, now)
+
+    def _await_raw(self) -> None:
+        """Wait for the raw components that the array which brought the robot back lacks."""
+        robot = self.robot
+        last = robot.last_mono or 0.0
+        default = robot.settings.profile.stale_after
+        for component in robot.components:
+            raw = robot.source is Source.RAW or component.raw_received is not None
+            if raw and component.is_stale and component.listed < last:
+                self._awaited[component] = last + component.stale_after(default, raw=True)
+        self._awaited_next = min(self._awaited.values(), default=inf)
+
+    def _find_awaited(self, now: Instant) -> None:
+        """Have those reported that are received now, or that are late."""
+        for component, due in list(self._awaited.items()):
+            if not component.is_stale or now.mono >= due:
+                del self._awaited[component]
+                self.robot.components.level_changes[component] = None
+                self.robot.components.value_changes[component] = None
+        self._awaited_next = min(self._awaited.values(), default=inf)
+
+    # -- components --------------------------------------------------------------------------
+
+    def find(self, name: ComponentName) -> Component | None:
+        """The component that was reported by this name."""
+        return next((each for each, known in self._names.items() if known == name), None)
+
+    def name_of(self, component: Component) -> ComponentName | None:
+        """The name by which a component was reported."""
+        return self._names.get(component)
+
+    def has_error(self, name: str) -> bool:
+        """Whether a component of this name is, or was when last received, ERROR."""
+        return any(
+            Level.ERROR in (each.level, each.before_stale)
+            for each, known in self._names.items()
+            if known.component == name
+        )
+
+    def _follow_names(self, faults: Faults, now: Instant) -> list[Change]:
+        """Report the components that have gone, and those that have another name."""
+        robot, components = self.robot.settings.name, self.robot.components
+        names = _names(components)
+        changes: list[Change] = []
+        for component, old in self._names.items():
+            if component not in names:
+                changes += faults.forget_component(robot, old, now)
+                self._awaited.pop(component, None)
+        for component, new in names.items():
+            former = self._names.get(component)
+            if former is not None and former != new:
+                changes += faults.component_moved(robot, former, new, now)
+                components.level_changes[component] = None
+                components.value_changes[component] = None
+        self._names, self._names_version = names, components.names_version
+        return changes
+
+    def _report_levels(self, faults: Faults, now: Instant, *, renamed: bool) -> list[Change]:
+        reports = [
+            ComponentReport(name, Level(component.level), self._component_settings(component))
+            for component, name in self._to_report(self.robot.components.level_changes)
+            if component not in self._awaited
+        ]
+        if not reports and not renamed:
+            return []
+        total = len(self.robot.components)
+        return faults.components_changed(self.robot.settings.name, reports, total, now)
+
+    def _to_report(self, changed: Iterable[Component]) -> Iterator[tuple[Component, ComponentName]]:
+        for component in self._names if self._everything else changed:
+            name = self._names.get(component)
+            if name is not None and component.level >= 0:  # received at least once
+                yield component, name
+
+    def _component_settings(self, component: Component) -> ComponentSettings:
+        profile, rule = self._settings.profile, component.rule
+        own = None if rule is None else rule.confirm_after
+        planned = rule is not None and rule.planned_stale
+        return ComponentSettings(
+            profile.confirm_after if own is None else own,
+            planned,
+            profile.stale_is_critical and not planned,
+        )
+
+    # -- values and checks -------------------------------------------------------------------
+
+    def _report_values(self, faults: Faults, now: Instant) -> list[Change]:
+        monitors = any(rule.thresholds for rule in self._settings.profile.values)
+        if not (monitors or self._everything):
+            return []
+        robot = self.robot.settings.name
+        troubled: dict[ComponentName, list[Identity]] = {}
+        for identity in faults.identities(robot):
+            if identity.scope is Scope.VALUE:
+                name = ComponentName(identity.group, identity.component)
+                troubled.setdefault(name, []).append(identity)
+        changes: list[Change] = []
+        for component, name in self._to_report(self.robot.components.value_changes):
+            reports = self._value_reports(component, troubled.get(name, ()))
+            if reports:
+                settings = self._component_settings(component)
+                changes += faults.values_changed(robot, name, settings, reports, now)
+        return changes
+
+    def _value_reports(
+        self, component: Component, troubled: Iterable[Identity]
+    ) -> list[ValueReport]:
+        """Its values with thresholds, and those that had one and are no longer published."""
+        stale = component.is_stale
+        found = {
+            value.key: ValueReport(
+                value.key, None if stale else value.number, value.rule.thresholds
+            )
+            for value in component.values.all
+            if value.rule is not None and value.rule.thresholds
+        }
+        missing: dict[str, list[Threshold]] = {}
+        for each in troubled:
+            if each.key not in found:
+                # Without a number it does not matter which one the threshold has.
+                threshold = Threshold(each.bound, each.state.value, 0.0)
+                missing.setdefault(each.key, []).append(threshold)
+        for key, thresholds in missing.items():
+            wanted = not self._everything or _is_monitored(self._settings.profile, component, key)
+            found[key] = ValueReport(key, None, tuple(thresholds) if wanted else ())
+        return list(found.values())
+
+    def _report_checks(self, faults: Faults, now: Instant) -> list[Change]:
+        expected = _expected(self._settings.profile)
+        if not expected:
+            return []
+        robot = self.robot.settings.name
+        changes: list[Change] = []
+        for check, counts in self.robot.components.count_checks():
+            if check in expected:
+                changes += faults.check_changed(robot, check, sum(counts), expected[check], now)
+        return changes
+
+
+def _expected(profile: Profile) -> Mapping[str, int]:
+    return {check.name: check.expect for check in profile.checks if check.expect is not None}
+
+
+def _names(components: Iterable[Component]) -> dict[Component, ComponentName]:
+    """The names of a robot's components as their series have them: no two are the same."""
+    taken: dict[str, dict[str, int]] = {}  # by group
+    return {
+        each: ComponentName(
+            each.group, unique_name(each.name, taken.setdefault(each.group, {}), "~")
+        )
+        for each in components
+    }
+
+
+def _is_monitored(profile: Profile, component: Component, key: str) -> bool:
+    """Whether the config has a threshold for a value that is not published now."""
+    name = component.identity[0]
+    rules = (value_rule(profile, name, each) for each in (key, _NUMBERED.sub("", key)))
+    return any(rule is not None and rule.thresholds for rule in rules)

@@ -1,0 +1,501 @@
+"""What the state receives becomes faults: arrays, silence, time and config in, faults out."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import (
+    Check,
+    ComponentRule,
+    Discovery,
+    Fleet,
+    Maintenance,
+    Profile,
+    Robot,
+    Source,
+    Threshold,
+    ValueRule,
+)
+from ros_diagnostics_exporter.faults.engine import Faults
+from ros_diagnostics_exporter.faults.model import Reason, Row
+from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
+from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
+
+MOTOR, LASER = Status(OK, "Motor"), Status(OK, "Laser")
+HOT, WARM = Status(ERROR, "Motor", "Hot"), Status(WARN, "Motor", "Warm")
+SETTLED = 40.0  # restart_grace is over
+
+
+def faults(driver: StateDriver) -> set[tuple[str, ...]]:
+    """Scope, state and what it is about of each fault."""
+    return {
+        (each.identity.scope.value, each.identity.state.value, *filter(None, each.identity[2:]))
+        for each in driver.state.faults()
+    }
+
+
+def settled(*statuses: Status, **profile) -> StateDriver:
+    """A robot that is received once a second, with these statuses, until restart_grace is over."""
+    driver = StateDriver(**profile)
+    driver.raw_every(1, SETTLED, *statuses)
+    return driver
+
+
+def stand(driver: StateDriver, seconds: float, *statuses: Status) -> None:
+    """Send these once a second for some seconds."""
+    driver.raw_every(1, driver.now.mono + seconds, *statuses)
+
+
+def reloaded(driver: StateDriver, **profile) -> None:
+    (robot,) = driver.state.fleet.robots
+    robot = replace(robot, profile=replace(robot.profile, **profile))
+    driver.state.configure(replace(driver.state.fleet, robots=(robot,)), driver.now)
+
+
+def restarted(driver: StateDriver, rows: list[Row]) -> StateDriver:
+    """Another process, from the rows and the robots that the one before wrote."""
+    again = StateDriver(fleet=driver.state.fleet)
+    again.now = driver.now
+    written = {name: robot.persist(driver.now) for name, robot in driver.state.robots.items()}
+    again.state.restore(written, again.now)
+    stored = json.loads(json.dumps(rows))
+    again.state.restore_faults(
+        [Row(kind, tuple(key), fields) for kind, key, fields in stored], again.now
+    )
+    return again
+
+
+# -- components ----------------------------------------------------------------------------------
+
+
+def test_an_error_is_a_fault_after_confirm_after_and_ends_with_ok():
+    driver = settled(MOTOR)
+    began = driver.now.wall
+    stand(driver, 9, HOT)
+    assert faults(driver) == set()
+    stand(driver, 3, HOT)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+    (fault,) = driver.state.faults()
+    assert (fault.since, fault.confirmed) == (began, began + 10)
+
+    driver.raw(MOTOR)
+    assert faults(driver) == set()
+
+
+def test_a_confirmed_warning_that_gets_worse_is_critical_at_once_and_goes_on():
+    driver = settled(MOTOR)
+    stand(driver, 12, WARM)
+    assert faults(driver) == {("component", "warning", "r", "Motor")}
+    driver.raw(HOT)
+    assert faults(driver) == {
+        ("component", "warning", "r", "Motor"),
+        ("component", "critical", "r", "Motor"),
+    }
+    driver.raw(WARM)
+    assert faults(driver) == {("component", "warning", "r", "Motor")}
+
+
+def test_a_component_that_the_aggregator_lost_is_stale():
+    driver = StateDriver(Source.AGG)
+    for second in range(60):
+        driver.at(second)
+        driver.agg(*tree(Parts=[MOTOR, LASER] if second < SETTLED else [LASER]))
+    assert faults(driver) == {("component", "stale", "r", "/Parts", "Motor")}
+
+
+@pytest.mark.parametrize(("level", "critical"), [(STALE, True), (WARN, False)])
+def test_config_says_when_stale_is_critical_and_what_a_level_counts_as(level, critical):
+    rules = (ComponentRule(re.compile("Motor"), levels={WARN: OK}),)
+    driver = settled(MOTOR, stale_is_critical=True, components=rules)
+    stand(driver, 12, MOTOR._replace(level=level))
+    states = {state for _scope, state, *_about in faults(driver)}
+    assert states == ({"stale", "critical"} if critical else set())
+
+
+def test_a_component_has_its_own_confirm_after_and_follows_a_reload():
+    rule = ComponentRule(re.compile("Motor"), confirm_after=3.0)
+    driver = settled(MOTOR, components=(rule,))
+    stand(driver, 5, HOT)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+    driver.raw(MOTOR)
+    reloaded(driver, components=(replace(rule, confirm_after=60.0),))
+    stand(driver, 50, HOT)
+    assert faults(driver) == set()
+    reloaded(driver, components=(rule,))
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+
+
+def test_a_component_that_the_config_ignores_has_no_fault():
+    driver = settled(MOTOR)
+    stand(driver, 12, HOT)
+    reloaded(driver, components=(ComponentRule(re.compile("Motor"), ignore=True),))
+    assert faults(driver) == set()
+
+
+def test_a_component_in_another_group_takes_its_fault_along():
+    driver = StateDriver(Source.AGG)
+    for second in range(60):
+        driver.at(second)
+        driver.agg(*tree(Old=[HOT, LASER]))
+    (before,) = driver.state.faults()
+    driver.agg(*tree(New=[HOT, LASER]))
+    assert faults(driver) == {("component", "critical", "r", "/New", "Motor")}
+    (after,) = driver.state.faults()
+    assert (after.since, after.confirmed) == (before.since, before.confirmed)
+
+
+def test_two_components_that_look_alike_have_a_fault_each():
+    driver = settled(MOTOR)
+    first, second = (HOT._replace(hardware_id=each) for each in "ab")
+    for _ in range(13):
+        driver.raw(first, second)
+        driver.at(driver.now.mono + 1)
+    assert faults(driver) == {
+        ("component", "critical", "r", "Motor [a]"),
+        ("component", "critical", "r", "Motor [b]"),
+    }
+    driver.raw(first, second._replace(level=OK))
+    assert faults(driver) == {("component", "critical", "r", "Motor [a]")}
+
+
+def test_a_component_that_changes_all_the_time_is_flapping_and_nothing_else():
+    driver = settled(MOTOR)
+    for _ in range(12):
+        stand(driver, 1, HOT)
+        stand(driver, 1, MOTOR)
+    assert faults(driver) == {("flapping", "flapping", "r", "Motor")}
+    stand(driver, 400, MOTOR)
+    assert faults(driver) == set()
+
+
+def test_many_components_that_fail_at_once_are_one_fault():
+    parts = [Status(OK, f"Part {number}") for number in range(10)]
+    driver = settled(*parts)
+    stand(driver, 12, *(each._replace(level=ERROR) for each in parts))
+    assert faults(driver) == {("robot", "many", "r", "critical")}
+
+
+def test_the_evidence_says_what_was_known_when_the_fault_began():
+    hot = HOT._replace(message="Hot\n\u202eagain", values=(("Temperature", "91 C"),))
+    driver = settled(MOTOR, LASER)
+    stand(driver, 12, hot, LASER._replace(level=WARN))
+    evidence = {each.identity.component: each.evidence for each in driver.state.faults()}
+    assert evidence == {
+        "Motor": "Hot \\u202eagain; values: Temperature: 91 C; also: Laser WARN",
+        "Laser": "also: Motor ERROR",
+    }
+
+
+def test_the_evidence_is_bounded_and_printable_whatever_a_robot_sends():
+    values = tuple((f"key {number}" * 50, "\x1b" * 5_000) for number in range(100))
+    loud = HOT._replace(message="\n" * 50_000, values=values)
+    driver = settled(MOTOR)
+    stand(driver, 12, loud)
+    (fault,) = driver.state.faults()
+    assert len(fault.evidence) <= 512
+    assert fault.evidence.isprintable()
+
+
+# -- robots --------------------------------------------------------------------------------------
+
+
+def test_a_silent_robot_is_one_fault_and_its_components_keep_theirs():
+    driver = StateDriver(Source.AGG)
+    for second in range(60):
+        driver.at(second)
+        driver.agg(*tree(Parts=[HOT if second >= SETTLED else MOTOR, LASER]))
+    last = driver.now.wall
+    driver.at(driver.now.mono + 30)
+    critical = ("component", "critical", "r", "/Parts", "Motor")
+    assert faults(driver) == {("robot", "silent", "r"), critical}
+    (silent,) = (each for each in driver.state.faults() if each.identity.state == "silent")
+    assert silent.since == last
+    assert silent.evidence == "publisher_gone"
+
+    driver.agg(*tree(Parts=[HOT, LASER]))
+    assert faults(driver) == {critical}
+    driver.agg(*tree(Parts=[MOTOR, LASER]))
+    assert faults(driver) == set()
+
+
+def test_a_declared_robot_that_is_never_received_is_pending():
+    driver = StateDriver()
+    driver.at(899)
+    assert faults(driver) == set()
+    driver.at(901)
+    assert faults(driver) == {("robot", "pending", "r")}
+    driver.raw(MOTOR)
+    assert faults(driver) == set()
+
+
+def test_a_robot_that_publishes_and_is_never_received_is_silent_after_its_stale_after():
+    driver = StateDriver(stale_after=20.0)
+    driver.at(SETTLED)
+    driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
+    driver.at(SETTLED + 29)
+    assert faults(driver) == set()
+    driver.at(SETTLED + 32)
+    assert faults(driver) == {("robot", "silent", "r")}
+    driver.state.update_graph(0, {}, driver.now)
+    driver.at(SETTLED + 40)
+    (problem,) = (p for p in driver.state.problems(driver.now) if p.fault is not None)
+    assert problem.identity.state == "silent"  # a person, or a message, ends it
+
+
+def test_a_slow_driver_is_no_stale_component_after_its_robots_return():
+    driver = StateDriver()
+    slow = Status(OK, "Slow")
+    for second in range(120):
+        driver.at(second)
+        driver.raw(MOTOR, *([slow] if second % 30 == 0 else []))
+    driver.at(180)
+    assert faults(driver) == {("robot", "silent", "r")}
+    stand(driver, 60, MOTOR)
+    assert faults(driver) == set()
+    stand(driver, 60, MOTOR)
+    assert faults(driver) == {("component", "stale", "r", "Slow")}
+    driver.raw(slow)
+    assert faults(driver) == set()
+
+
+def in_maintenance(begin: float, end: float) -> Fleet:
+    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
+    selector = {"robot": (re.compile("r"),)}
+    window = Maintenance("night", selector, "", start=WALL + begin, end=WALL + end)
+    return Fleet("f", (robot,), maintenance=(window,))
+
+
+def test_nothing_begins_in_maintenance_and_what_is_still_wrong_after_it_does():
+    driver = StateDriver(fleet=in_maintenance(50, 150))
+    driver.raw_every(1, 60, MOTOR)
+    driver.raw_every(1, 100, HOT)
+    assert faults(driver) == set()
+    (problem,) = driver.state.problems(driver.now, "r")
+    assert problem.quiet is Reason.MAINTENANCE
+    driver.at(140)  # switched off
+    assert faults(driver) == set()
+    driver.raw_every(1, 155, HOT)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+
+
+def test_a_robot_that_is_found_in_maintenance_is_quiet_from_the_start():
+    driver = StateDriver(fleet=in_maintenance(0, 1_000))
+    driver.at(950)
+    assert faults(driver) == set()
+    driver.at(1_002)
+    assert faults(driver) == {("robot", "pending", "r")}
+
+
+def test_silence_of_a_whole_site_is_one_fault_and_names_its_robots():
+    robots = tuple(
+        Robot(
+            f"r{number}",
+            topic_raw=f"/r{number}/diagnostics",
+            source=Source.RAW,
+            labels={"site": "hall"},
+        )
+        for number in range(6)
+    )
+    driver = StateDriver(fleet=Fleet("f", robots))
+    for second in range(int(SETTLED)):
+        driver.at(second)
+        for robot in robots:
+            topic = Topic(0, robot.topic_raw)
+            driver.state.receive(topic, Array(0.0, (MOTOR,), 100), driver.now)
+    driver.at(SETTLED + 30)
+    assert faults(driver) == {("site", "silent", "hall")}
+    (fault,) = driver.state.faults()
+    assert fault.evidence == "robots: r0, r1, r2, r3, r4 and 1 more"
+
+
+# -- values and checks ---------------------------------------------------------------------------
+
+LOW = ValueRule(key=re.compile("Volt"), thresholds=(Threshold("low", "critical", 10.0),))
+
+
+def volt(number: str) -> Status:
+    return MOTOR._replace(values=(("Volt", number),))
+
+
+BELOW = ("value", "critical", "r", "Motor", "Volt", "low")
+
+
+def test_a_value_beyond_its_threshold_is_a_fault_until_it_is_back_beyond_the_hysteresis():
+    driver = settled(volt("12"), values=(LOW,))
+    stand(driver, 9, volt("9.5"))
+    assert faults(driver) == set()
+    stand(driver, 3, volt("9.4"))
+    assert faults(driver) == {BELOW}
+    (fault,) = driver.state.faults()
+    assert fault.evidence == "9.4, low threshold 10"
+    stand(driver, 3, volt("10.1"))
+    assert faults(driver) == {BELOW}
+    stand(driver, 1, volt("10.3"))
+    assert faults(driver) == set()
+
+
+@pytest.mark.parametrize(
+    "status",
+    [MOTOR, volt("unknown"), volt("12")._replace(level=STALE)],
+    ids=["missing", "no number", "stale"],
+)
+def test_a_value_that_is_no_longer_known_goes_on(status):
+    driver = settled(volt("12"), values=(LOW,))
+    stand(driver, 12, volt("9"))
+    stand(driver, 60, status)
+    assert BELOW in faults(driver)
+    stand(driver, 1, volt("12"))
+    assert faults(driver) == set()
+
+
+def test_a_value_that_goes_missing_before_it_is_confirmed_does_not_begin():
+    driver = settled(volt("12"), values=(LOW,))
+    stand(driver, 5, volt("9"))
+    stand(driver, 60, MOTOR)
+    assert faults(driver) == set()
+
+
+def test_a_stale_component_that_counts_as_ok_confirms_no_value():
+    rule = ComponentRule(re.compile("Motor"), levels={STALE: OK})
+    driver = settled(volt("12"), values=(LOW,), components=(rule,))
+    stand(driver, 5, volt("9"))
+    stand(driver, 60, volt("9")._replace(level=STALE))
+    assert faults(driver) == set()
+
+
+@pytest.mark.parametrize("last", [volt("9"), MOTOR], ids=["published", "missing"])
+def test_a_fault_goes_with_its_threshold(last):
+    driver = settled(volt("12"), values=(LOW,))
+    stand(driver, 12, volt("9"))
+    stand(driver, 1, last)
+    reloaded(driver, stale_after=11.0)
+    assert faults(driver) == {BELOW}
+    reloaded(driver, values=())
+    assert faults(driver) == set()
+
+
+def test_an_expected_component_that_is_missing_is_a_fault_of_its_check():
+    motors = Check("motors", (re.compile("Motor"),), expect=2)
+    driver = settled(MOTOR, checks=(Check("all"), motors))
+    assert faults(driver) == {("check", "critical", "r", "motors")}
+    (fault,) = driver.state.faults()
+    assert fault.evidence == "1 of 2 components"
+    driver.raw(MOTOR, Status(OK, "Motor 2"))
+    assert faults(driver) == set()
+
+    driver.state.forget("r", "Motor 2", driver.now)
+    stand(driver, 12, MOTOR)
+    assert faults(driver) == {("check", "critical", "r", "motors")}
+    reloaded(driver, checks=(Check("all"),))
+    assert faults(driver) == set()
+
+
+# -- people, config, restarts ----------------------------------------------------------------------
+
+
+def test_what_a_person_takes_out_is_no_fault_any_more():
+    driver = settled(MOTOR, LASER)
+    stand(driver, 12, HOT, LASER)
+    driver.state.forget("r", "Motor", driver.now)
+    assert faults(driver) == set()
+
+
+def test_a_robot_that_the_config_no_longer_has_has_no_faults():
+    driver = settled(MOTOR)
+    stand(driver, 12, HOT)
+    driver.state.configure(Fleet("f"), driver.now)
+    assert faults(driver) == set()
+    with pytest.raises(LookupError):
+        driver.state.problems(driver.now, "r")
+
+
+def test_time_forgets_no_component_with_a_problem():
+    """It is missing on a robot that is there: STALE, until a person takes it out."""
+    driver = StateDriver(Source.AGG, forget_after=100.0)
+    for second in range(400):
+        driver.at(second)
+        driver.agg(*tree(Parts=[MOTOR, LASER] if second < SETTLED else [LASER]))
+    assert faults(driver) == {("component", "stale", "r", "/Parts", "Motor")}
+
+
+def test_a_discovered_robot_that_lacked_a_component_when_it_left_is_kept():
+    motors = Check("motors", (re.compile("Motor"),), expect=2)
+    pattern = re.compile(r"/(?P<robot>[^/]+)/diagnostics")
+    profile = Profile(forget_after=100.0, checks=(Check("all"), motors))
+    found = Discovery(pattern, "/{robot}/diagnostics", source=Source.RAW, profile=profile)
+    driver = StateDriver(fleet=Fleet("f", discoveries=(found,)))
+    driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
+    driver.raw_every(1, SETTLED, MOTOR)
+    driver.state.update_graph(0, {}, driver.now)
+    driver.at(500)
+    assert ("check", "critical", "r", "motors") in faults(driver)
+    driver.state.forget("r", None, driver.now)
+    assert faults(driver) == set()
+
+
+def test_a_fault_survives_a_restart_until_the_component_is_received_better():
+    before = StateDriver(confirm_after=10.0)
+    before.raw_every(1, SETTLED, MOTOR)
+    stand(before, 12, HOT)
+    after = restarted(before, before.state.fault_rows(before.now))
+    critical = {("component", "critical", "r", "Motor")}
+    assert faults(after) == critical
+    assert after.state.faults() == before.state.faults()
+    assert not after.state.settled(after.now)
+    after.at(after.now.mono + 20)
+    assert faults(after) == critical  # nothing received yet, within restart_grace
+    stand(after, 20, HOT)
+    assert faults(after) == critical
+    assert after.state.settled(after.now)
+    after.raw(MOTOR)
+    assert faults(after) == set()
+
+
+def test_a_component_that_never_returns_after_a_restart_is_stale():
+    before = StateDriver()
+    before.raw_every(1, SETTLED, MOTOR, LASER)
+    after = restarted(before, before.state.fault_rows(before.now))
+    stand(after, 60, LASER)
+    assert faults(after) == set()  # its driver may be slow
+    stand(after, 60, LASER)
+    assert faults(after) == {("component", "stale", "r", "Motor")}
+
+
+def test_a_restart_without_rows_finds_the_fault_again():
+    before = StateDriver()
+    before.raw_every(1, SETTLED, MOTOR)
+    stand(before, 12, HOT)
+    after = restarted(before, [])
+    assert faults(after) == set()
+    stand(after, 12, HOT)
+    assert faults(after) == {("component", "critical", "r", "Motor")}
+
+
+def test_rows_of_a_robot_that_is_no_longer_wanted_are_dropped():
+    before = StateDriver()
+    before.raw_every(1, SETTLED, HOT)
+    before.state.fleet = Fleet("f")
+    assert faults(restarted(before, before.state.fault_rows(before.now))) == set()
+
+
+def test_rows_that_cannot_be_read_change_nothing():
+    driver = settled(MOTOR)
+    stand(driver, 12, HOT)
+    with pytest.raises(LookupError):
+        driver.state.restore_faults([Row("problem", ("component", "critical"), {})], driver.now)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+
+
+def test_an_array_in_which_nothing_changed_reports_nothing(monkeypatch):
+    driver = settled(HOT, LASER)
+    reported = []
+    for name in ("components_changed", "values_changed", "check_changed", "robot_back"):
+        monkeypatch.setattr(Faults, name, lambda _self, *args: reported.append(args) or [])
+    driver.raw(HOT, LASER)
+    assert reported == []
+    driver.raw(MOTOR, LASER)
+    assert [robot for robot, *_more in reported] == ["r"]
