@@ -66,7 +66,8 @@ def _by_label(values: Mapping[Label, float]) -> Samples:
     return [((str(label),), float(value)) for label, value in sorted(values.items())]
 
 
-TABLE: tuple[tuple[Family, Callable[[Exporter], Samples]], ...] = (
+# The function returns None where the metric does not apply: no state file, no Alertmanager.
+TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
     (
         _family(
             "exporter_build_info",
@@ -189,7 +190,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples]], ...] = (
             "is in the way; only with --storage.path.",
             FLEET,
         ),
-        lambda exporter: [] if exporter.storage is None else _one(exporter.storage.successful),
+        lambda exporter: None if exporter.storage is None else _one(exporter.storage.successful),
     ),
     (
         _family(
@@ -198,7 +199,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples]], ...] = (
             "When the state file was last written (Unix time); only with --storage.path.",
             FLEET,
         ),
-        lambda exporter: [] if exporter.storage is None else _one(exporter.storage.written_at),
+        lambda exporter: None if exporter.storage is None else _one(exporter.storage.written_at),
     ),
     (
         _family(
@@ -209,7 +210,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples]], ...] = (
             FLEET,
         ),
         lambda exporter: (
-            []
+            None
             if exporter.alertmanager is None
             else _one(exporter.alertmanager.answers(read_clocks()))
         ),
@@ -241,11 +242,14 @@ class SelfMetrics(Collector):
         return []
 
     def collect(self) -> Iterable[Metric]:
-        """One family for each row of the table that has samples."""
+        """One family for each row of the table that applies."""
         fleet = self._exporter.state.fleet.name
         for family, read in TABLE:
+            samples = read(self._exporter)
+            if samples is None:
+                continue
             kind = CounterMetricFamily if family.type == "counter" else GaugeMetricFamily
             metric = kind(family.name, family.help, labels=family.labels)
-            for labels, value in read(self._exporter):
+            for labels, value in samples:
                 metric.add_metric([fleet, *labels], value)
             yield metric
