@@ -212,8 +212,8 @@ class ProfileEntry(Entry):
         "Time after which a problem is confirmed.", example="30s", default="10s"
     )
     forget_after: PositiveDuration | None = optional(
-        "Time without an update after which a component that was OK is forgotten, and a discovered "
-        "robot once it has no components left.",
+        "Time without an update after which a component of a silent robot is forgotten if it was "
+        "OK, and a discovered robot once it has no components left.",
         example="24h",
         default="24h",
     )
