@@ -61,7 +61,7 @@ class Publisher:
 
     def wait_for_listeners(self) -> None:
         for topic in self._publishers:
-            until(lambda each=topic: self.listeners(each), f"{topic} is heard")
+            until(lambda each=topic: self.listeners(each), f"{topic} is subscribed")
 
     def send(self, topic: str, *statuses: Status) -> None:
         self._publishers[topic].publish(message(statuses))

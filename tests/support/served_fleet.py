@@ -25,7 +25,7 @@ Speak = Callable[[State, Instant], None]
 
 
 class ServedFleet:
-    """A state that is told by ``speak``, and the text of a scrape."""
+    """A state that ``speak`` feeds, and the text of a scrape."""
 
     def __init__(self, fleet: Fleet, speak: Speak) -> None:
         self.started = _read_clocks()

@@ -1,4 +1,4 @@
-"""A state whose time the test tells: arrays in, levels and texts out."""
+"""A state whose time the test sets: arrays in, levels and texts out."""
 
 from __future__ import annotations
 

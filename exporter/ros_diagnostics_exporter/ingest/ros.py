@@ -1,7 +1,7 @@
 """The only file that knows ROS: contexts, subscriptions, the graph; bytes -> Array.
 
 One rclpy context, node and thread for each DDS domain. Arrays are received as bytes, decoded here
-and handed on; once a second each domain looks at its graph and asks which topics are wanted.
+and passed on; once a second each domain looks at its graph and asks which topics are wanted.
 
 Nothing that one publisher does may slow what belongs to others. So a domain's thread works in
 turns: a piece of the look at the graph; the bytes of all topics, which is cheap; then decoding, the

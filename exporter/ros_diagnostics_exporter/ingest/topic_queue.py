@@ -15,7 +15,7 @@ MAX_BYTES = 4 << 20
 # CPU seconds that one topic may use in a second: of a robot, and of a topic that robots share.
 # 50 drivers that publish at 10 Hz on one topic need 0.06, 1,000 robots on a shared one 0.4.
 SHARE, SHARED = 0.25, 0.75
-# CPU seconds that a byte costs, roughly: to tell a large message from a small one beforehand.
+# CPU seconds that a byte costs, roughly: to know a large message from a small one beforehand.
 COST_OF_BYTE = 1e-7
 
 

@@ -1,6 +1,6 @@
 """State -> text, from cached prefixes: nothing unchanged is rendered again.
 
-Each robot keeps, for each family, the bytes of its samples; a version number of the state tells
+Each robot keeps, for each family, the bytes of its samples; version numbers of the state show
 which of them are out of date. A scrape renders those and joins the rest. The samples are the same
 in both formats, only the headers differ
 (https://prometheus.io/docs/instrumenting/exposition_formats/, OpenMetrics 1.0).

@@ -89,7 +89,7 @@ ROBOT_CLOCK_OFFSET = _family(
 ROBOT_REJECTED = _family(
     "robot_rejected_total",
     "counter",
-    "What was received and not taken in, by reason.",
+    "What was received and rejected, by reason.",
     (*ROBOT, "reason"),
 )
 CHECK_COMPONENTS = _family(
@@ -191,7 +191,7 @@ COMPONENT_GUARDED_VALUE = _family(
 COMPONENT_VALUE_THRESHOLD = _family(
     "component_value_threshold",
     "gauge",
-    "The config's bound (low, high) for a value, by severity (warning, critical).",
+    "The config's threshold (low, high) for a value, by severity (warning, critical).",
     (*COMPONENT, "key", "unit", "bound", "severity"),
 )
 GROUP_LEVEL = _family(

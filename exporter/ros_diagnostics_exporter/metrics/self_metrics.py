@@ -109,14 +109,14 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
         lambda exporter: _by_label(exporter.exposition.series),
     ),
     (
-        _family("exporter_series_limit", "gauge", "The config's bound of all series.", FLEET),
+        _family("exporter_series_limit", "gauge", "The config's limit of all series.", FLEET),
         lambda exporter: _one(exporter.state.fleet.limits.series),
     ),
     (
         _family(
             "exporter_rejected_total",
             "counter",
-            "What belongs to no known robot and was not taken in, by reason.",
+            "What belongs to no known robot and was rejected, by reason.",
             (*FLEET, "reason"),
         ),
         lambda exporter: _by_label(exporter.state.rejected),

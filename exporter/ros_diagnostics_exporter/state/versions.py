@@ -1,4 +1,4 @@
-"""Counters of change: what tells a reader which of the things it made are out of date."""
+"""Counters of change: a reader compares them to find out what it has to make anew."""
 
 from __future__ import annotations
 

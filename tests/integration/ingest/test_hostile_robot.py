@@ -1,4 +1,4 @@
-"""A robot that sends what no robot should, over real DDS, is contained; its neighbour is heard."""
+"""A robot that sends what no robot should, over real DDS, harms no other."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_a_level_that_there_is_not_counts_as_error_and_is_said_once(running, rob
 
 
 def test_ten_thousand_components_and_texts_without_end_are_bounded(running, robots, caplog):
-    """Some megabytes in one message: what does not fit is counted, and said once by reason."""
+    """Some megabytes in one message: what does not fit is counted, and logged once by reason."""
     long = tuple(("key " * 100_000, "1" * 100_000) for _ in range(3))
     flood = [Status(2, f"Part {number}", "broken", "", ()) for number in range(10_000)]
     for number in (1, 2):
@@ -97,9 +97,9 @@ def test_ten_thousand_components_and_texts_without_end_are_bounded(running, robo
     levels = [labels for labels in running.samples("component_level") if ("robot", "bad") in labels]
     assert len(levels) == Limits().components
     assert running.sample("robot_rejected_total", robot="bad", reason="label_length") == 2
-    said = [each.message for each in caplog.records if each.message.startswith("robot 'bad'")]
-    assert len(said) == 2
-    assert max(map(len, said)) < 300
+    logged = [each.message for each in caplog.records if each.message.startswith("robot 'bad'")]
+    assert len(logged) == 2
+    assert max(map(len, logged)) < 300
 
 
 def test_robots_of_a_shared_topic_with_digits_of_any_script_are_on_the_page(

@@ -1,4 +1,4 @@
-"""What arrives, and what is said where nothing can arrive, on real DDS."""
+"""What is received, and what is logged where nothing can be, on real DDS."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def test_publishers_of_every_quality_are_heard(ros_domain, robots, run_exporter,
     robots.offer("/r/diagnostics", reliable=reliable, latched=latched)
     robots.wait_for_listeners()
 
-    def heard() -> bool:
+    def received() -> bool:
         robots.send("/r/diagnostics", HOT)
         return running.sample("component_level", component="Motor") == 2
 
-    until(heard, "the motor is heard")
+    until(received, "the motor is received")
 
 
 def test_bytes_that_are_no_message_are_counted_and_the_rest_goes_on(

@@ -59,13 +59,13 @@ def test_a_robot_that_returns_under_another_topic_goes_on_with_its_fault(
     running = run_exporter(fleet("/old/diagnostics"))
     for topic in ("/old/diagnostics", "/new/diagnostics"):
         robots.offer(topic)
-    until(lambda: robots.listeners("/old/diagnostics"), "the old topic is heard")
+    until(lambda: robots.listeners("/old/diagnostics"), "the old topic is subscribed")
     robots.send("/old/diagnostics", HOT)
     running.wait_for("component_level", 2, robot="r")
     began = running.sample("component_problem_since_timestamp_seconds", robot="r")
 
     running.service.state.configure(fleet("/new/diagnostics"), read_clocks())
-    until(lambda: robots.listeners("/new/diagnostics"), "the new topic is heard")
+    until(lambda: robots.listeners("/new/diagnostics"), "the new topic is subscribed")
     robots.send("/new/diagnostics", HOT._replace(message="Hot, still"))
     running.wait_for("robot_messages_total", 2, robot="r")
 

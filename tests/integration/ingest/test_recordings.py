@@ -16,7 +16,7 @@ TIMEOUTS = {"discard_stale": 3.0}  # all other configurations keep the aggregato
 
 
 def expected_levels(case: str) -> dict[str, int]:
-    """Component -> level at the last array, told from what was sent to the aggregator alone.
+    """Component -> level at the last array, found from what was sent to the aggregator alone.
 
     The last status of a name counts; one older than the aggregator's timeout is STALE, and so is
     one that was only expected. (What the aggregator drops after its timeout is missing: STALE.)

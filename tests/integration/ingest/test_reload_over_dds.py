@@ -38,7 +38,7 @@ def test_robots_come_and_go_by_files_while_a_fault_is_on(
     running = run_exporter(load(path))
     for name in ("faulty", "coming", "dropped_in"):
         robots.offer(f"/{name}/diagnostics")
-    until(lambda: robots.listeners("/faulty/diagnostics"), "the faulty robot is heard")
+    until(lambda: robots.listeners("/faulty/diagnostics"), "the faulty robot's topic is subscribed")
 
     stop = threading.Event()
     sent = []

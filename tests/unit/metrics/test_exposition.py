@@ -58,7 +58,7 @@ STATUS = st.builds(
 
 
 class Same(Collector):
-    """The samples of a text handed to prometheus_client as a custom collector would."""
+    """The samples of a text as given to prometheus_client as a custom collector would."""
 
     def __init__(self, text):
         self.families = list(text_string_to_metric_families(text))
@@ -204,9 +204,9 @@ def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
 
     promoted = driver.sample("ros_charge_ratio", key="Charge")
     value = driver.sample("component_value", key="Charge", unit="ratio")
-    guarded = driver.sample("component_guarded_value", key="Charge", unit="ratio")
+    monitored = driver.sample("component_guarded_value", key="Charge", unit="ratio")
     bound = driver.sample("component_value_threshold", key="Charge", unit="ratio")
-    assert (promoted, value, guarded, bound) == (0.17, 0.17, 0.17, 0.2)
+    assert (promoted, value, monitored, bound) == (0.17, 0.17, 0.17, 0.2)
 
 
 def test_rules_find_when_a_component_turned_error_by_itself():

@@ -1,4 +1,4 @@
-"""Whatever a robot sends costs no more than its size, is kept within bounds, and is said once.
+"""Whatever a robot sends costs no more than its size, is kept within limits, and is logged once.
 
 A test that needs the square of what was sent would run into its time-out.
 """
@@ -215,10 +215,10 @@ def test_dropped_messages_are_counted_for_the_robot_or_on_a_shared_topic_for_nob
 def test_the_runbooks_find_in_the_log_what_is_said_there(page):
     runbook = (RUNBOOKS / f"RosDiagnostics{page}.md").read_text()
     (words,) = re.findall(r'grep (?:-E )?"([^"]+)"', runbook)
-    said = "\n".join(
+    source = "\n".join(
         path.read_text() for path in (*STATE.glob("r*.py"), STATE.parent / "ingest/ros.py")
     )
-    assert all(word in said for word in words.split("|"))
+    assert all(word in source for word in words.split("|"))
 
 
 # -- what is sent costs in proportion to its size ---------------------------------------------

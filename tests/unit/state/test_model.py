@@ -1,6 +1,6 @@
 """Random fleets, losses and restarts against a plain model of the rules.
 
-The model keeps for each component nothing but its history and applies the rules as they are told
+The model keeps for each component nothing but its history and applies the rules as they are written
 in docs/architecture.md; it shares no code with the state.
 """
 
@@ -30,10 +30,10 @@ class Expected:
     since: float = 0.0
     problem_since: float | None = None
     changes: int = 0
-    heard: float | None = None
+    received: float | None = None
     gaps: list[float] = field(default_factory=list)
     last_raw: float | None = None
-    resume: float | None = None  # restored and not heard since: when its level began
+    resume: float | None = None  # restored and not received since: when its level began
 
     def set(self, level: int, wall: float) -> None:
         if level == self.level:
@@ -55,7 +55,7 @@ class Expected:
 
 
 class Model:
-    """One robot by the rules; ``raw`` tells which kind of arrays it gets."""
+    """One robot by the rules; ``raw`` says which kind of arrays it gets."""
 
     def __init__(self, raw: bool) -> None:
         self.raw = raw
@@ -80,7 +80,7 @@ class Model:
                     component.gaps.append(min(gap, 2 * self.threshold(component)))
                 component.last_raw = mono
             if level != STALE:
-                component.heard = mono
+                component.received = mono
             component.set(level, wall)
         if not self.raw and levels:
             for name in self.components.keys() - levels.keys():
@@ -95,15 +95,15 @@ class Model:
                 component.set(STALE, wall)
             return
         for component in self.components.values():
-            if component.level == STALE or component.heard is None:
+            if component.level == STALE or component.received is None:
                 continue
-            if mono > component.heard + self.threshold(component):
+            if mono > component.received + self.threshold(component):
                 component.set(STALE, wall)
 
     def restart(self, wall: float) -> None:
         self.up = False
         for component in self.components.values():
-            component.heard = component.last_raw = None
+            component.received = component.last_raw = None
             component.gaps = []
             component.changes = 0
             if component.level != STALE:

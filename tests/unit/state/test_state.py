@@ -1,4 +1,4 @@
-"""What is known about a robot, told as stories on a time line of seconds."""
+"""What is known about a robot, on a time line of seconds."""
 
 from __future__ import annotations
 

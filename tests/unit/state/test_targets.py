@@ -1,4 +1,4 @@
-"""Robots with an address are what Prometheus is told to ask."""
+"""Robots with an address become targets of Prometheus."""
 
 from __future__ import annotations
 
