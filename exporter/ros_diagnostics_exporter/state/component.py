@@ -13,9 +13,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule, ValueRule
+from ros_diagnostics_exporter.faults.flapping import SLOTS
 from ros_diagnostics_exporter.ingest.values import Number, parse_numbers
 from ros_diagnostics_exporter.model import Instant, Level, Status
-from ros_diagnostics_exporter.state.flapping import SLOTS, FlapHistory
+from ros_diagnostics_exporter.state.flapping import FlapHistory
 from ros_diagnostics_exporter.state.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.state.rejections import Reject, RejectionReason
 from ros_diagnostics_exporter.state.storage import PersistedComponent

@@ -2,23 +2,7 @@
 
 from __future__ import annotations
 
-SLOTS = 21
-_LOW_CURVE = 0.75
-_HIGH_CURVE = 1.25
-
-
-def flap_ratio(slots: list[int]) -> float:
-    """Weighted share (0..1) of changes between neighbouring states, the oldest first.
-
-    The newest of the 20 possible changes weighs 1.25, the oldest 0.75: the formula of Nagios'
-    check_for_service_flapping (base/flapping.c). ``slots`` holds 21 states.
-    """
-    changes = 0.0
-    for position in range(1, SLOTS):
-        if slots[position] != slots[position - 1]:
-            weight = (position - 1) * (_HIGH_CURVE - _LOW_CURVE) / (SLOTS - 2)
-            changes += weight + _LOW_CURVE
-    return changes / (SLOTS - 1)
+from ros_diagnostics_exporter.faults.flapping import SLOTS, flap_ratio
 
 
 class FlapHistory:

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 import pydantic_core
 from pydantic import Field, TypeAdapter, ValidationError
 
+from ros_diagnostics_exporter.faults.flapping import SLOTS
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.state import fault_rows
-from ros_diagnostics_exporter.state.flapping import SLOTS
 from ros_diagnostics_exporter.state.limits import MAX_TEXT
 
 if TYPE_CHECKING:  # these import the types below
