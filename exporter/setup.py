@@ -24,9 +24,13 @@ setup(
     entry_points={
         "console_scripts": [
             f"check_ros_diagnostics = {NAME}.cli.check_nagios:main",
+            f"nagios2fleet = {NAME}.cli.nagios2fleet:main",
             f"ros-diagnostics-ack = {NAME}.cli.ack:main",
+            f"ros-diagnostics-backtest = {NAME}.cli.backtest:main",
             f"ros-diagnostics-exporter = {NAME}.cli.main:main",
+            f"ros-diagnostics-oncall = {NAME}.cli.oncall:main",
             f"ros-diagnostics-status = {NAME}.cli.status:main",
+            f"ros-diagnostics-why = {NAME}.cli.why:main",
         ],
     },
 )

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from ros_diagnostics_exporter.metrics.families import (
     COMPONENT,
+    EXPORTER,
     FAULT_FAMILIES,
     FLEET_FAMILIES,
     ROBOT,
@@ -34,8 +35,8 @@ def updated(document: str) -> str:
     tables = {
         "robots": _table(robots, ROBOT),
         "components": _table(components, COMPONENT),
-        "faults": _table(FAULT_FAMILIES, ("fleet",)),
-        "exporter": _table(EXPORTER_FAMILIES, ("fleet",)),
+        "faults": _table(FAULT_FAMILIES, EXPORTER),
+        "exporter": _table(EXPORTER_FAMILIES, EXPORTER),
     }
     named = [match[2] for match in _BLOCK.finditer(document)]
     if sorted(named) != sorted(tables):

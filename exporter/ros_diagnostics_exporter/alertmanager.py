@@ -23,33 +23,41 @@ from ros_diagnostics_exporter.texts import escape
 log = logging.getLogger(__name__)
 
 ESCALATION = "RosDiagnosticsUnacknowledged"
-# What identifies a fault; `since` distinguishes it from the next one of the same component.
-IDENTITY = ("fleet", "robot", "group", "component", "state")
-ALL = {"alertname", "since", "of", *IDENTITY}
+# What identifies a fault; `since` distinguishes it from the next one of the same part.
+IDENTITY = (
+    *("fleet", "scope", "state", "severity", "site"),
+    *("robot", "group", "component", "check", "key", "bound"),
+)
 
 # Anybody who reaches Alertmanager may have written these texts.
 AUTHOR_LENGTH = 64
 COMMENT_LENGTH = 200
 NAME_LENGTH = 1024  # of a robot or a component
+SENTENCE_LENGTH = 1000
+EXPLAINED = 50  # alerts of a robot, and silences
 MOST = 1000  # acknowledgements; the newest are kept
 
 # 2026-01-01 10:00:00.123 +0000 UTC as rules print it, 2026-01-01T10:00:00.123Z as Alertmanager does
 _MOMENT = re.compile(
     r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(?: \+0000 UTC|Z|([+-]\d\d:\d\d))"
 )
+_PARTS = ("component", "check", "key", "uplink", "step")  # what an alert is about
+_UUID = re.compile(r"[0-9a-f-]{36}")
+
+
+def identity_of(labels: Mapping[str, str]) -> tuple[str, ...]:
+    """Which fault these labels name, as comparable texts; what does not apply is ""."""
+    return tuple(labels.get(name, "") for name in IDENTITY)
 
 
 class Acknowledgement(NamedTuple):
     """Somebody takes care of one fault; times are Unix times.
 
-    ``group``, ``component`` and ``state`` are empty where a whole robot is silent. ``since`` is
-    when the fault began, ``at`` when it was acknowledged, ``until`` when that ends at the latest.
+    ``fault`` is its `identity_of`. ``since`` is when the fault began, ``at`` when it was
+    acknowledged, ``until`` when that ends at the latest.
     """
 
-    robot: str
-    group: str
-    component: str
-    state: str
+    fault: tuple[str, ...]
     since: float
     author: str
     comment: str
@@ -58,7 +66,7 @@ class Acknowledgement(NamedTuple):
 
 
 def read(silences: Any, fleet: str) -> list[Acknowledgement]:
-    """The acknowledgements of a fleet among Alertmanager's silences, for each fault the newest.
+    """The acknowledgements of a fleet among Alertmanager's silences, the newest last.
 
     Other silences, those of other fleets and invalid ones are skipped: anybody who reaches
     Alertmanager may have made them.
@@ -69,9 +77,7 @@ def read(silences: Any, fleet: str) -> list[Acknowledgement]:
     if not isinstance(silences, list):
         raise ValueError("it answered no list of silences")  # noqa: TRY004 - no bug of the caller
     found = [each for silence in silences if (each := _one(silence, fleet)) is not None]
-    found.sort(key=lambda each: each.at)
-    newest = {(each.robot, each.group, each.component, each.state): each for each in found[-MOST:]}
-    return list(newest.values())
+    return sorted(found, key=lambda each: each.at)[-MOST:]
 
 
 def _one(silence: Any, fleet: str) -> Acknowledgement | None:
@@ -79,17 +85,14 @@ def _one(silence: Any, fleet: str) -> Acknowledgement | None:
         if silence["status"]["state"] != "active":
             return None
         named = _matched(silence["matchers"])
-        if named is None or (named["alertname"], named["fleet"]) != (ESCALATION, fleet):
+        if named is None or (named.pop("alertname"), named["fleet"]) != (ESCALATION, fleet):
             return None
-        whole_robot = named.get("of") == "robot"
-        if whole_robot == ("component" in named):
+        since = moment(named.pop("since"))
+        if not {"scope", "state"} <= named.keys() <= set(IDENTITY):
             return None
         return Acknowledgement(
-            named["robot"],
-            named.get("group", ""),
-            named.get("component", ""),
-            named.get("state", ""),
-            since=moment(named["since"]),
+            identity_of(named),
+            since=since,
             author=clean(silence["createdBy"], AUTHOR_LENGTH) or "?",
             comment=clean(silence["comment"], COMMENT_LENGTH),
             at=moment(silence["startsAt"]),
@@ -104,7 +107,7 @@ def _matched(matchers: Iterable[Mapping[str, Any]]) -> dict[str, str] | None:
     named: dict[str, str] = {}
     for each in matchers:
         name, value = each["name"], each["value"]
-        if each["isRegex"] or not each.get("isEqual", True) or name not in ALL:
+        if each["isRegex"] or not each.get("isEqual", True) or name in named:
             return None
         if not isinstance(value, str) or len(value) > NAME_LENGTH:
             return None
@@ -167,6 +170,20 @@ class Alertmanager:
         """Whether the last successful request is fresh."""
         return bool(self._answers) and now.mono - self._answered_at < self.FRESH
 
+    def explain(self, fleet: str, robot: str, component: str | None) -> list[str]:
+        """Of each alert of a robot now: to whom it is sent, or what inhibits or who silences it.
+
+        Raises:
+            UnreachableError: No Alertmanager answers.
+        """
+        whys: list[str] = []
+        for client in self._clients:
+            found = _try_to_explain(client, fleet, {"robot": robot, "component": component})
+            if not isinstance(found, str):
+                return found
+            whys.append(found)
+        raise UnreachableError("; ".join(whys))
+
     def update(self, fleet: str, now: Instant) -> None:
         """Request the silences once; log when Alertmanager stops and starts to answer."""
         whys: list[str] = []
@@ -195,3 +212,67 @@ def _ask(client: Client, fleet: str, size: int) -> list[Acknowledgement] | str:
         return str(error)
     except ValueError as error:
         return f"{client.url} is not an Alertmanager: {error}"
+
+
+def _try_to_explain(
+    client: Client, fleet: str, labels: Mapping[str, str | None]
+) -> list[str] | str:
+    """A sentence for each alert, or why there is no answer."""
+    try:
+        return _explain(client, fleet, labels, Alertmanager.SIZE)
+    except UnreachableError as error:
+        return str(error)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        return f"{client.url} is not an Alertmanager: {error!r:.120}"
+
+
+def _explain(client: Client, fleet: str, labels: Mapping[str, str | None], size: int) -> list[str]:
+    alerts = _alerts(client, {"fleet": fleet, **labels}, size)[:EXPLAINED]
+    known = {each["fingerprint"]: each for each in alerts}
+    inhibiting = {name for each in alerts for name in each["status"]["inhibitedBy"]}
+    if inhibiting - known.keys():  # such as an uplink, which is of no robot
+        known |= {each["fingerprint"]: each for each in _alerts(client, {"fleet": fleet}, size)}
+    silencing = {name for each in alerts for name in each["status"]["silencedBy"][:EXPLAINED]}
+    silences = {name: _silence(client, name, size) for name in sorted(silencing)[:EXPLAINED]}
+    return [_about(each, known, silences) for each in alerts]
+
+
+def _alerts(client: Client, labels: Mapping[str, str | None], size: int) -> list[dict[str, Any]]:
+    """The alerts with these labels; those that are None may be any."""
+    wanted = [("filter", f'{key}="{escape(text)}"') for key, text in labels.items() if text]
+    found = client.get(f"/api/v2/alerts?{urlencode(wanted)}", limit=size)
+    if not isinstance(found, list):
+        raise ValueError("it answered no list of alerts")  # noqa: TRY004 - no bug of the caller
+    return found
+
+
+def _silence(client: Client, name: str, size: int) -> str:
+    """Who made a silence, why, and until when."""
+    if _UUID.fullmatch(name) is None:
+        raise ValueError(f"{name!r:.60} is no silence")
+    found = client.get(f"/api/v2/silence/{name}", limit=size)
+    author, comment = found["createdBy"], found["comment"]
+    end = clean(found["endsAt"], NAME_LENGTH)[:16].replace("T", " ")
+    return f"{clean(author, AUTHOR_LENGTH)} until {end} UTC: {clean(comment, COMMENT_LENGTH)}"
+
+
+def _about(
+    alert: Mapping[str, Any], known: Mapping[str, Mapping[str, Any]], silences: Mapping[str, str]
+) -> str:
+    """One alert, and what became of it."""
+    status = alert["status"]
+    silenced = [f"silenced by {silences.get(name, name)}" for name in status["silencedBy"]]
+    inhibited = [
+        f"inhibited by {_named(known[name]) if name in known else name}"
+        for name in status["inhibitedBy"]
+    ]
+    receivers = ", ".join(each["name"] for each in alert["receivers"])
+    fate = "; ".join(silenced + inhibited) or f"{status['state']}, for {receivers}"
+    return clean(f"alert {_named(alert)}: {fate}", SENTENCE_LENGTH)
+
+
+def _named(alert: Mapping[str, Any]) -> str:
+    """An alert by its name, and what it is about."""
+    labels = alert["labels"]
+    names = ("robot" if labels.get("robot") else "site", *_PARTS)
+    return " ".join([labels["alertname"], *(labels[name] for name in names if labels.get(name))])

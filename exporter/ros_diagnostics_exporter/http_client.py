@@ -14,6 +14,7 @@ import time
 import urllib.error
 import urllib.parse
 import urllib.request
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,23 @@ class Client:
         if not isinstance(fleet, dict) or "robots" not in fleet:
             raise UnreachableError(f"{self.url}{path} is not a ROS diagnostics exporter")
         return fleet
+
+    def events(self, robot: str, since: str) -> Iterator[dict[str, Any]]:
+        """The events of a robot, the newest first, that are not older than ``since``, as "10m".
+
+        Raises:
+            UnreachableError: No response, or the server is not an exporter.
+        """
+        query = {"robot": robot, "since": since, "limit": "10000"}
+        while True:
+            path = "/api/v1/events?" + urllib.parse.urlencode(query)
+            page = self.get(path)
+            if not isinstance(page, dict) or "events" not in page:
+                raise UnreachableError(f"{self.url}{path} is not a ROS diagnostics exporter")
+            yield from page["events"]
+            if "next" not in page:
+                return
+            query["before"] = str(page["next"])
 
     def get(self, path: str, *, limit: int = LIMIT) -> Any:
         """The JSON at ``path``; None for an empty response.

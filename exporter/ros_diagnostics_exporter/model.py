@@ -5,7 +5,7 @@ Imports nothing else of the exporter and nothing of ROS.
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import Enum, IntEnum
 from typing import NamedTuple
 
 
@@ -19,6 +19,17 @@ class Level(IntEnum):
     WARN = 1
     ERROR = 2
     STALE = 3
+
+
+class Part(str, Enum):
+    """A part of the exposition, as ``/metrics?collect[]=`` names it."""
+
+    FAULTS = "faults"  # what alerts on faults need
+    ROBOTS = "robots"  # everything else about the fleet
+    EXPORTER = "exporter"  # everything else about the exporter
+
+
+ALL_PARTS = frozenset(Part)
 
 
 class Status(NamedTuple):

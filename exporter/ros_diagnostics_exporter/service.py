@@ -1,4 +1,4 @@
-"""The running exporter: state, listener, texts and state file wired together.
+"""The running exporter: state, listener, texts and database wired together.
 
 Owns no rule of its own: it connects the packages, and is the web server's Backend.
 """
@@ -8,17 +8,21 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from typing import Any
 
+from ros_diagnostics_exporter import ledger
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
-from ros_diagnostics_exporter.events import EventLog, Wanted
+from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
+from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
+from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
+from ros_diagnostics_exporter.model import Part
+from ros_diagnostics_exporter.notifications import Notifications, parse
 from ros_diagnostics_exporter.state import snapshot
 from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.state.storage import Storage
@@ -27,28 +31,38 @@ log = logging.getLogger(__name__)
 
 
 class Service:
-    """One exporter: made, started, ticked, stopped."""
+    """One exporter: made, started, ticked, stopped.
+
+    Raises:
+        InUseError: another exporter has the database of ``storage`` open.
+    """
 
     TICK = 0.25  # seconds between two calls of tick
+    SAVE = 0.1  # ... between two calls of save, which writes less often
     JOIN = 30.0  # seconds until a domain that could not be joined is tried again
     GRACE = 5.0  # seconds that a write or a reload under way is waited for at the end
+    ENDED = 3600.0  # seconds after a fault ended in which it may be notified after a restart
     STALLED = 10.0  # seconds without a turn of a domain's thread after which it is not ready
 
     def __init__(
         self,
         fleet: Fleet,
         config_file: Path,
-        storage_path: Path | None,
-        events: EventLog | None = None,
+        storage: Storage | None,
         ros_arguments: tuple[str, ...] = (),
         *,
         alertmanager: Alertmanager | None = None,
     ) -> None:
         now = ros.read_clocks()
-        self.events = events or EventLog()
         self.state = State(fleet, now)
         self._recording = threading.Lock()
-        self.storage = None if storage_path is None else Storage(storage_path)
+        self.storage = storage
+        self.events = EventLog()
+        older: Callable[[Wanted], Iterable[Numbered]] = _no_events
+        if storage is not None:
+            older = storage.find_events
+            self.events = EventLog(storage.load(self.state, now), older)
+        self._notifications = self._restore_notifications(older, now.wall)
         self._reloader = Reloader(
             config_file,
             fleet,
@@ -58,14 +72,14 @@ class Service:
         )
         self._stopping = threading.Event()
         self._storage_thread = threading.Thread(
-            target=self._save_state, name="state-file", daemon=True
+            target=self._save_regularly, name="storage", daemon=True
         )
         self._alertmanager = alertmanager
         self._alertmanager_thread = threading.Thread(
             target=self._read_silences, name="alertmanager", daemon=True
         )
         self._join_at = now.mono
-        self._exposition = Exposition(self.state, self._acknowledged)
+        self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = ros.Listener(self.state, ros_arguments=ros_arguments)
         self._exporter = Exporter(
             self.state,
@@ -77,8 +91,6 @@ class Service:
             ros.describe_ros(),
         )
         self._self_metrics = SelfMetrics(self._exporter)
-        if self.storage is not None:
-            self.storage.load(self.state, now)
 
     def start(self) -> None:
         """Join the fleet's domains and listen."""
@@ -87,15 +99,27 @@ class Service:
         self._alertmanager_thread.start()
         self._reloader.start()
 
-    def _save_state(self) -> None:
-        """Write the state file regularly; in its own thread, because a disk may hang."""
-        while self.storage is not None and not self._stopping.wait(self.TICK):
-            self.storage.save(self.state, ros.read_clocks())
+    def _save_regularly(self) -> None:
+        """Write what changed; in its own thread, because a disk may hang."""
+        while not self._stopping.wait(self.SAVE):
+            self._save()
+
+    def _save(self, *, at_once: bool = False) -> None:
+        now = ros.read_clocks()
+        if self.storage is None:
+            self.state.take_fault_rows(now)  # else they become many
+        else:
+            self._record_events()
+            self.storage.save(self.state, self.events, now, at_once=at_once)
 
     def _read_silences(self) -> None:
         """Read the silences regularly; in its own thread, because Alertmanager may hang."""
         while self._alertmanager is not None and not self._stopping.is_set():
             self._alertmanager.update(self.state.fleet.name, ros.read_clocks())
+            self._record_events()
+            with self._recording:
+                for event in self._notifications.acknowledge(self._acknowledged()):
+                    self._record(event)
             self._stopping.wait(self._alertmanager.INTERVAL)
 
     def join(self) -> None:
@@ -123,7 +147,28 @@ class Service:
     def _record_events(self) -> None:
         with self._recording:  # so that they are recorded in order
             for event in self.state.take_events():
-                self.events.record(event)
+                self._record(event)
+
+    def _record(self, event: Event) -> None:
+        self.events.record(event)
+        self._notifications.note(event)
+
+    def _restore_notifications(
+        self, find: Callable[[Wanted], Iterable[Numbered]], wall: float
+    ) -> Notifications:
+        """What the database has of the faults that last, and of those that have just ended."""
+        lasting = self.state.faults()
+        found = Notifications(lasting)
+        recent = wall - self.ENDED
+        oldest = min((fault.since for fault in lasting), default=recent)
+        for kind, since in (
+            ("fault_ended", recent),
+            ("acknowledged", oldest),
+            ("notified", min(oldest, recent)),
+        ):
+            for _number, event in reversed([*find(Wanted(kind=kind, since=since, limit=10_000))]):
+                found.note(event)
+        return found
 
     def reload(self, why: str = "POST /-/reload") -> None:
         """Read the config again and follow it; if it is invalid, keep the previous one.
@@ -144,37 +189,97 @@ class Service:
         self.join()
 
     def stop(self) -> None:
-        """Leave the domains, and write the state a last time."""
+        """Write the state, leave the domains, and write what they brought meanwhile."""
         self._reloader.stop(self.GRACE)
-        self._listener.stop()
-        self._record_events()
         self._stopping.set()
         if self._storage_thread.is_alive():
             self._storage_thread.join(self.GRACE)
-        if self._storage_thread.is_alive():
-            log.error("the state file is not written a last time: its disk hangs")
-        elif self.storage is not None:
-            self.storage.save(self.state, ros.read_clocks(), at_once=True)
+        hangs = self._storage_thread.is_alive()
+        if hangs:
+            log.error("the state is not written a last time: the disk of the database hangs")
+        else:
+            self._save(at_once=True)  # leaving many subscriptions takes long, and we may be killed
+        self._listener.stop()
+        if self.storage is not None and not hangs:
+            self._save(at_once=True)
+            self.storage.close()
 
     # -- the web server's Backend --------------------------------------------------------------
 
-    def render_metrics(self, openmetrics: bool) -> bytes:
-        """The whole exposition."""
+    def render_metrics(self, openmetrics: bool, parts: Collection[Part]) -> bytes:
+        """These parts of the exposition."""
         begin = time.perf_counter()
-        text = self._exposition.render(openmetrics=openmetrics)
-        own = self._self_metrics.render(openmetrics=openmetrics)
+        text = self._exposition.render(openmetrics=openmetrics, parts=parts)
+        own = self._self_metrics.render(openmetrics=openmetrics, parts=parts)
         self._exporter.scrapes += 1
         self._exporter.scrape_seconds = time.perf_counter() - begin
-        return text + own
+        return b"".join((text, own, EOF if openmetrics else b""))
 
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""
-        return snapshot.fleet_snapshot(self.state, ros.read_clocks())
+        notified = self._notifications.lasting()
+        return snapshot.fleet_snapshot(self.state, ros.read_clocks(), notified)
+
+    def faults(self) -> dict[str, Any]:
+        """The faults that last as /api/v1/faults returns them."""
+        return snapshot.faults(self.state, ros.read_clocks(), self._notifications.lasting())
 
     def find_events(self, wanted: Wanted) -> Iterable[dict[str, Any]]:
         """The events that match the filter, newest first."""
         self._record_events()
         return self.events.find(wanted)
+
+    def why(
+        self, robot: str, component: str | None, at: float | None, *, ask: bool = True
+    ) -> dict[str, Any]:
+        """The ledger of a robot as /api/v1/why returns it; LookupError if there is none."""
+        self._record_events()
+        now = ros.read_clocks()
+        notified = self._notifications.lasting()
+        known = snapshot.robot_snapshot(self.state, robot, now, notified)
+        then = now.wall if at is None else at
+
+        def find(**wanted: Any) -> list[dict[str, Any]]:
+            return list(self.events.find(Wanted(**wanted)))
+
+        of = {"robot": robot, "component": component}
+        began = find(kind="fault_began", until=then, limit=100, **of)
+        since, until = ledger.window(began, find(kind="fault_ended", limit=1_000, **of), then)
+        own = find(robot=robot, since=since, until=until, limit=1_000)
+        of_many = find(robot="", since=since, until=until, limit=100)
+        site = known["labels"].get("site", "")
+        found = {
+            "fleet": self.state.fleet.name,
+            "robot": robot,
+            "component": component,
+            "time": now.wall,
+            "at": then,
+            "entries": ledger.entries(own, of_many, component, site),
+        }
+        problems = [each for each in known["problems"] if component in (None, each["component"])]
+        end = snapshot.until_text(known["maintenance_until"], now.wall)
+        sentences = ledger.standings(problems, now.wall, end)
+        return {**found, "now": sentences + (self._explain(robot, component) if ask else [])}
+
+    def _explain(self, robot: str, component: str | None) -> list[str]:
+        """What Alertmanager says of a robot's alerts, or why it says nothing."""
+        if self._alertmanager is None:
+            return ["Alertmanager is not asked: the exporter runs without --alertmanager.url"]
+        try:
+            found = self._alertmanager.explain(self.state.fleet.name, robot, component)
+        except UnreachableError as error:
+            return [f"Alertmanager does not answer: {error}"]
+        return found or ["Alertmanager has no alert of it now"]
+
+    def notified(self, body: bytes) -> tuple[int, int]:
+        """Record what Alertmanager sent; ValueError if ``body`` is no message of its webhook."""
+        message, wall = parse(body), ros.read_clocks().wall
+        self._record_events()
+        with self._recording:
+            events, ignored = self._notifications.receive(message, self.state.fleet.name, wall)
+            for event in events:
+                self._record(event)
+        return len(events), ignored
 
     def targets(self, job: str, port: int | None) -> list[dict[str, Any]]:
         """Prometheus' http_sd list of a job; LookupError or ValueError as Backend says."""
@@ -203,5 +308,5 @@ class Service:
         return self._alertmanager.known(ros.read_clocks().wall)
 
 
-def _thread(name: str, target: Callable[[], None]) -> threading.Thread:
-    return threading.Thread(target=target, name=name, daemon=True)
+def _no_events(_wanted: Wanted) -> Iterable[Numbered]:
+    return ()

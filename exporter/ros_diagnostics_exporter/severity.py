@@ -1,16 +1,84 @@
-"""The states of robots and components in words, and which is worse.
+"""The states and problems of robots and components in words and colours, and which is worse.
 
-Words and severities are those of the recording rules: STALE has the level 3, but is less severe
-than ERROR unless fleet.yml configures otherwise. Robots and components are given as /api/v1/fleet
-returns them.
+The page, the status command and the Nagios plug-in show them alike. Words and severities are those
+of the recording rules: STALE has the level 3, but is less severe than ERROR unless fleet.yml
+configures otherwise. Fleets, robots and components are given as /api/v1/fleet returns them.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import math
+import time
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+from ros_diagnostics_exporter.texts import natural
 
 SEVERITIES = {"UNKNOWN": 4, "CRITICAL": 3, "STALE": 2, "WARNING": 1, "OK": 0, "PENDING": -1}
 STATE_OF_LEVEL = {"OK": "OK", "WARN": "WARNING", "ERROR": "CRITICAL", "STALE": "STALE"}
+# State -> colour and that of a text on it; the same as the dashboards', for the colour-blind too.
+COLOURS = {
+    "UNKNOWN": ("#1B3A86", "#FFFFFF"),
+    "CRITICAL": ("#C1121F", "#FFFFFF"),
+    "STALE": ("#9350C9", "#FFFFFF"),
+    "WARNING": ("#FFD92F", "#000000"),
+    "OK": ("#1F7F63", "#FFFFFF"),
+    "PENDING": ("#D0D0D0", "#000000"),
+}
+QUIET = {  # why a problem is quiet; maintenance is shown with its end
+    "no_data": "nothing fresh is known",
+    "robot_silent": "the robot is silent",
+    "maintenance": "maintenance",
+    "restart": "the exporter has just started",
+    "returned": "the robot has just come back",
+    "flapping": "it is flapping",
+    "robot_flapping": "the robot comes and goes",
+    "site": "many robots of the site are silent",
+    "common": "the same component failed on many robots",
+    "many": "many components of the robot failed at once",
+    "hours": "outside of warning hours",
+}
+SILENT = {  # why a robot is silent
+    "never_seen": "nothing was ever received",
+    "publisher_gone": "nobody publishes on its topics",
+    "mute": "its publisher sends nothing",
+    "undecodable": "its messages cannot be decoded",
+    "wrong_type": "its topics have another type",
+    "domain_unreachable": "its DDS domain cannot be joined",
+}
+_OF_ROBOT = {
+    "silent": "robot is silent",
+    "pending": "robot was never received",
+    "flapping": "robot comes and goes",
+    "many": "many components failed at once",
+}
+_AFTER = {
+    "heard": "is received",
+    "silent": "is silent",
+    "known": "was found",
+    "forgotten": "removed",
+    "read": "was read",
+    "refused": "was rejected",
+}
+_OF_STATE = {"silent": "UNKNOWN", "pending": "PENDING"}  # all others by their severity
+_WORSE = {"warning": ("stale", "critical"), "stale": ("critical",)}
+
+
+class ShownProblem(NamedTuple):
+    """A problem in words: ``standing`` says whether it is confirmed, or why it is quiet.
+
+    ``notice`` says who was notified and when; "" where that is not known.
+
+    ``state`` is one of SEVERITIES, ``since`` Unix time, ``problem`` as the API has it.
+    """
+
+    state: str
+    subject: str
+    standing: str
+    since: float
+    message: str
+    problem: dict[str, Any]
+    notice: str = ""
 
 
 def component_state(level: str, before_stale: str | None, *, stale_is_critical: bool) -> str:
@@ -29,7 +97,18 @@ def state_of(robot: dict[str, Any]) -> str:
         return "PENDING" if robot["silent_reason"] == "never_seen" else "UNKNOWN"
     words = [each["state"] for each in robot["components"] if not as_planned(each)]
     words += ["CRITICAL" for _short in robot["short_checks"]]
+    words += [
+        problem_state(each)
+        for each in robot["problems"]
+        if each["scope"] == "value" and not each["well"]
+    ]
     return max(words, key=SEVERITIES.__getitem__, default="OK")
+
+
+def problem_state(problem: dict[str, Any]) -> str:
+    """A problem's state in one word of SEVERITIES: a silent robot is UNKNOWN."""
+    state: str = problem["state"]
+    return _OF_STATE.get(state) or ("STALE" if state == "stale" else problem["severity"].upper())
 
 
 def as_planned(component: dict[str, Any]) -> bool:
@@ -43,34 +122,212 @@ def level_text(component: dict[str, Any]) -> str:
     return f"{level}, counts as {state}" if state != STATE_OF_LEVEL[level] else str(level)
 
 
-def short_check_texts(robot: dict[str, Any]) -> list[str]:
-    """The robot's checks that find too few components, as "check motors finds 1 of 2"."""
-    return [
-        f"check {each['check']} finds {each['found']} of {each['expected']}"
-        for each in robot["short_checks"]
-    ]
+def shown_problems(
+    of: dict[str, Any], now: float, limit: int, *, local: bool = False
+) -> tuple[list[ShownProblem], int]:
+    """The problems of a robot, or those of the whole fleet: the worst ones, and how many there are.
 
+    Left out are those that go on under a worse one of the same component or value, and STALE of a
+    silent robot's components, which say no more than its silence.
 
-def faults_of(robot: dict[str, Any]) -> list[dict[str, Any]]:
-    """The robot's components that are not OK, and not by plan, worst first.
-
-    All components of a silent robot are STALE because of that: only those count that were not OK
-    before.
+    Args:
+        of: The robot or the fleet.
+        now: When the fleet was as given, Unix time.
+        limit: How many problems are returned at most.
+        local: Whether times are those of this machine's time zone; else UTC.
     """
-    faults = [
-        each for each in robot["components"] if each["level"] != "OK" and not as_planned(each)
+    if not of["problems"]:
+        return [], 0
+    until = of.get("maintenance_until")
+    end = "" if until is None else f" until {clock(until, now, local=local, seconds=False)}"
+    found = [
+        (problem_state(each), standing(each, now, end), subject(each), each)
+        for each in _without_milder(of["problems"])
     ]
-    if not robot["up"]:
-        faults = [each for each in faults if each["level_before_stale"] in {"WARN", "ERROR"}]
-    return sorted(faults, key=lambda each: (-SEVERITIES[each["state"]], each["component"]))
+    found.sort(key=lambda each: (-SEVERITIES[each[0]], each[1], natural(each[2])))
+    components = {(each["group"], each["component"]): each for each in of.get("components", ())}
+    checks = {each["check"]: each for each in of.get("short_checks", ())}
+    shown = []
+    for state, words, about, each in found[:limit]:
+        component = components.get((each["group"], each["component"]))
+        message = _message(each, of, component, checks)
+        who = notice(each, now)
+        shown.append(ShownProblem(state, about, words, each["since"], message, each, who))
+    return shown, len(found)
 
 
-def ago(since: float | None, now: float) -> str:
-    """How long something has lasted, in the largest unit that fits; "" where that is unknown."""
-    if since is None:
+def _without_milder(problems: list[dict[str, Any]]) -> Iterable[dict[str, Any]]:
+    bad = {(_about(each), each["state"]) for each in problems if not each["well"]}
+    severe = {
+        _about(each) for each in problems if each["severity"] == "critical" and not each["well"]
+    }
+    for each in problems:
+        about = _about(each)
+        worse = any((about, state) in bad for state in _WORSE.get(each["state"], ()))
+        milder = each["state"] == "many" and each["severity"] == "warning" and about in severe
+        absent = each["state"] == "stale" and each["quiet"] == "robot_silent"
+        if not (worse or milder or absent):
+            yield each
+
+
+def _about(problem: dict[str, Any]) -> tuple[str, ...]:
+    names = ("scope", "robot", "site", "group", "component", "check", "key", "bound")
+    return (*(problem[name] for name in names), "many" if problem["state"] == "many" else "")
+
+
+def subject(problem: dict[str, Any]) -> str:
+    """What a problem is about, as "/Motor/Motor 1"; its robot is not named."""
+    path = component_path(problem)
+    return {
+        "component": path,
+        "value": f"{path}: {problem['key']}",
+        "check": f"check {problem['check']}",
+        "robot": _OF_ROBOT.get(problem["state"], "robot"),
+        "flapping": path,
+        "site": f"many robots of site {problem['site'] or '(none)'} are silent",
+        "common": f"{problem['component']} of many robots",
+    }[problem["scope"]]
+
+
+def component_path(component: dict[str, Any]) -> str:
+    """The component with its group, as "/Motor/Motor 1".
+
+    A raw component's group is its node, which is in its name: "arm: Motor 1".
+    """
+    group, name = component.get("group", ""), component.get("component", "")
+    if name.startswith(f"{group}: "):
+        return str(name)
+    return f"{group.rstrip('/')}/{name.lstrip('/')}" if group else str(name)
+
+
+def standing(problem: dict[str, Any], now: float, maintenance_end: str = "") -> str:
+    """Whether a problem is confirmed, and else when it may be, or why it is quiet.
+
+    ``maintenance_end`` is as " until 18:00 UTC", or empty.
+    """
+    reason = problem["quiet"]
+    quiet = QUIET.get(reason, reason)
+    if reason == "maintenance":
+        quiet += maintenance_end
+    if problem["confirmed"] is not None:
+        return f"confirmed; well again, still open: {quiet}" if quiet else "confirmed"
+    if quiet:
+        return f"quiet: {quiet}"
+    left = math.ceil(problem["due"] - now)
+    return f"not confirmed yet, {span(left)} left" if left > 0 else "not confirmed yet"
+
+
+def notice(problem: dict[str, Any], now: float) -> str:
+    """Which receivers were notified of a problem, and when the last of them; "" if not known."""
+    notified = problem.get("notified")
+    if problem["confirmed"] is None:
+        return "nobody is notified" if problem["quiet"] else ""
+    if notified is None:
         return ""
-    seconds = max(0, int(now - since))
+    if not notified:
+        return "not notified yet"
+    return f"notified {span(now - max(notified.values()))} ago: {', '.join(sorted(notified))}"
+
+
+def _message(
+    problem: dict[str, Any],
+    of: dict[str, Any],
+    component: dict[str, Any] | None,
+    checks: dict[str, dict[str, Any]],
+) -> str:
+    """What is known of it now, else what was when it was confirmed."""
+    scope, state = problem["scope"], problem["state"]
+    if component is not None and not problem["well"]:
+        if scope == "flapping":
+            return f"flapping: {component['flap_ratio']:.0%} of its last states were changes"
+        if scope == "value":
+            return value_text(problem, component) or str(problem["evidence"])
+        return component_text(component)
+    if scope == "check" and problem["check"] in checks:
+        short = checks[problem["check"]]
+        return f"finds {short['found']} of {short['expected']}"
+    if scope == "robot" and state in {"silent", "pending"}:
+        return silent_text(of["silent_reason"]) or str(problem["evidence"])
+    return str(problem["evidence"])
+
+
+def component_text(component: dict[str, Any]) -> str:
+    """The component's message, after its level where that is not its state or has a history."""
+    level, before = level_text(component), component["level_before_stale"]
+    if before:
+        level += f" (was {before})"
+    elif component["level"] != "STALE" and component["state"] == STATE_OF_LEVEL[component["level"]]:
+        level = ""
+    return ": ".join(filter(None, (level, component["message"])))
+
+
+def silent_text(reason: str | None) -> str:
+    """Why a robot is silent, in words and as the metrics name it; "" for one that is up."""
+    if reason is None:
+        return ""
+    return f"{SILENT[reason]} ({reason})" if reason in SILENT else reason
+
+
+def value_text(problem: dict[str, Any], component: dict[str, Any]) -> str:
+    """The value that is beyond a threshold, as "9.5 V, low threshold 10"; "" if it has none now."""
+    for value in component["values"]:
+        for each in value.get("thresholds", ()):
+            is_it = (value["key"], each["bound"], each["severity"]) == (
+                problem["key"],
+                problem["bound"],
+                problem["severity"],
+            )
+            if is_it and value["number"] is not None:
+                unit = f" {value['unit']}" if value["unit"] else ""
+                return f"{value['number']:g}{unit}, {each['bound']} threshold {each['value']:g}"
+    return ""
+
+
+def clock(unix: float, now: float, *, local: bool, seconds: bool = True) -> str:
+    """A Unix time as "18:00:05 UTC", with the date where that is another than today's."""
+    convert = time.localtime if local else time.gmtime
+    then, today = convert(unix), convert(now)
+    date = "" if then[:3] == today[:3] else "%Y-%m-%d "
+    return time.strftime(f"{date}%H:%M{':%S' if seconds else ''}{'' if local else ' UTC'}", then)
+
+
+def span(seconds: float) -> str:
+    """A duration in the largest unit that fits, as "3 min"."""
+    whole = max(0, int(seconds))
     for size, unit in ((86_400, "d"), (3_600, "h"), (60, "min")):
-        if seconds >= size:
-            return f"for {seconds // size} {unit}"
-    return f"for {seconds} s"
+        if whole >= size:
+            return f"{whole // size} {unit}"
+    return f"{whole} s"
+
+
+def event_text(event: dict[str, Any]) -> str:
+    """An event of /api/v1/events in one sentence, without its time and robot."""
+    kind, message = event["kind"], event.get("message", "")
+    after = _AFTER.get(event.get("after", ""), event.get("after", ""))
+    if kind == "level":
+        words = f"{component_path(event)} {event.get('before', '')} → {after}"
+    elif kind in {"fault_began", "fault_ended"}:
+        about = _complete(event)
+        how = {"fault_began": "began", "fault_ended": event.get("reason", "ended")}[kind]
+        words = f"fault {how}: {problem_state(about)} {subject(about)}"
+    elif kind in {"notified", "acknowledged"}:
+        words = f"{_done(event)}: {problem_state(event)} {subject(_complete(event))}"
+    else:
+        words = f"{kind} {after}".strip()
+    return ": ".join(filter(None, (words, message)))
+
+
+def _complete(event: dict[str, Any]) -> dict[str, Any]:
+    """An event of a fault with the fields that do not apply."""
+    return dict.fromkeys(("group", "component", "check", "key", "site"), "") | event
+
+
+def _done(event: dict[str, Any]) -> str:
+    """What was done about a fault."""
+    if event["kind"] == "acknowledged":
+        return f"acknowledged by {event.get('author', '?')}"
+    receiver, step = event.get("receiver", "?"), event.get("step", "")
+    if event.get("after") == "resolved":
+        return f"recovery sent to {receiver}"
+    what = {"": "notification", "0": "reminder"}.get(step, "escalation")
+    return f"{what} sent to {receiver}"

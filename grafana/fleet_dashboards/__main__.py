@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from grafana_foundation_sdk.cog.encoder import JSONEncoder
@@ -22,9 +22,17 @@ def build_all() -> list[dashboard.Dashboard]:
     """Return all dashboards, with their panels numbered from the top."""
     boards = [build().build() for build in BUILDERS]
     for board in boards:
-        for number, panel in enumerate(board.panels or (), start=1):
+        for number, panel in enumerate(_with_rows(board), start=1):
             panel.id_val = number
     return boards
+
+
+def _with_rows(board: dashboard.Dashboard) -> Iterator[dashboard.Panel | dashboard.RowPanel]:
+    """Return rows and panels from the top; those of a collapsed row are inside of it."""
+    for panel in board.panels or ():
+        yield panel
+        if isinstance(panel, dashboard.RowPanel):
+            yield from panel.panels
 
 
 def as_json(boards: Iterable[dashboard.Dashboard]) -> dict[str, str]:
@@ -48,7 +56,7 @@ def docs_page(boards: Iterable[dashboard.Dashboard]) -> str:
 
 def _panel_table(board: dashboard.Dashboard) -> str:
     rows = [f"\n### {board.title}\n\n{board.description}\n\n| Panel | Answers |\n|---|---|\n"]
-    for panel in board.panels or ():
+    for panel in _with_rows(board):
         if isinstance(panel, dashboard.RowPanel):
             continue
         description = (panel.description or "").replace("|", r"\|")

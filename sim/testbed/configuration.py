@@ -5,6 +5,7 @@ The same edits that a site makes. Rules, routes, templates and clocks stay as sh
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -55,10 +56,10 @@ def write(folder: Path, domain_id: int, addresses: Addresses, clocks: Clocks) ->
     fleet.write_text(_fleet(domain_id, clocks))
     shutil.copytree(CHECKOUT / "prometheus", folder / "prometheus")
     _list_targets(folder / "prometheus" / "targets", addresses)
-    _edit(folder / "prometheus" / "rules" / "settings.yml", lambda it: _set_links(it, addresses))
     shutil.copytree(CHECKOUT / "alertmanager", folder / "alertmanager")
+    _set_links(folder / "alertmanager" / "templates" / "site.tmpl", addresses)
     alertmanager = folder / "alertmanager" / "alertmanager.yml"
-    _edit(alertmanager, lambda it: it["global"].update(smtp_smarthost=addresses.smtp))
+    _edit(alertmanager, lambda it: _set_addresses(it, addresses))
     return Configs(fleet, folder / "prometheus" / "prometheus.yml", alertmanager)
 
 
@@ -93,7 +94,7 @@ discovery:
 
 def _list_targets(folder: Path, addresses: Addresses) -> None:
     targets: dict[str, dict[str, Any]] = {
-        "ros-diagnostics": {"targets": [addresses.exporter], "labels": {"fleet": FLEET}},
+        "ros-diagnostics": {"targets": [addresses.exporter]},
         "prometheus": {"targets": [addresses.prometheus]},
         "alertmanager": {"targets": [addresses.alertmanager]},
     }
@@ -104,16 +105,32 @@ def _list_targets(folder: Path, addresses: Addresses) -> None:
         path.write_text(yaml.safe_dump([group]))
 
 
-def _set_links(settings: dict[str, Any], addresses: Addresses) -> None:
-    """Set the links in alerts to this run's servers; Prometheus serves the runbooks."""
-    rules = [rule for group in settings["groups"] for rule in group["rules"]]
-    site = next((each for each in rules if each["record"] == "ros_diagnostics:site:info"), None)
-    if site is None:
-        raise LookupError("rules/settings.yml no longer has ros_diagnostics:site:info")
-    site["labels"] = {
-        "grafana_url": f"http://{addresses.grafana}",
-        "runbooks_url": f"http://{addresses.prometheus}/user/alerts",
-    }
+def _set_addresses(alertmanager: dict[str, Any], addresses: Addresses) -> None:
+    """Set the mail server, and the exporter that records who was notified."""
+    alertmanager["global"]["smtp_smarthost"] = addresses.smtp
+    for receiver in alertmanager["receivers"]:
+        for webhook in receiver.get("webhook_configs", ()):
+            webhook["url"] = f"http://{addresses.exporter}/api/v1/notifications"
+
+
+def _set_links(site: Path, addresses: Addresses) -> None:
+    """Set the links in notifications to this run's servers; Prometheus serves the runbooks."""
+    grafana = f"http://{addresses.grafana}"
+    path = '{{ template "ros_diagnostics.dashboard_path" . }}'
+    text = site.read_text()
+    for name, link in {
+        "site.runbooks_url": f"http://{addresses.prometheus}/user/alerts",
+        "site.dashboard.text": f"Dashboard:  {grafana}{path}\n",
+        "site.dashboard.html": f'<a href="{grafana}{path}">Dashboard</a> &middot; ',
+    }.items():
+        define = re.compile(
+            rf'^\{{\{{ define "{re.escape(name)}" \}}\}}.*?\{{\{{ end \}}\}}$', re.MULTILINE
+        )
+        new = f'{{{{ define "{name}" }}}}{link}{{{{ end }}}}'
+        text, found = define.subn(new.replace("\\", r"\\"), text)
+        if found != 1:
+            raise LookupError(f"alertmanager/templates/site.tmpl no longer defines {name}")
+    site.write_text(text)
 
 
 def _edit(path: Path, change: Callable[[dict[str, Any]], None]) -> None:

@@ -20,9 +20,13 @@ ABSENT = (
 
 
 def command() -> list[str] | None:
-    """Return Grafana's command line; None where it is not installed."""
+    """Return Grafana's command line; None where it is not installed.
+
+    The variable GRAFANA has the path of another than that in PATH.
+    """
     for name in BINARIES:
-        if found := shutil.which(name):
+        chosen = os.environ.get("GRAFANA", "")
+        if found := shutil.which(chosen if Path(chosen).name == name else name):
             home = _home(Path(found))
             # A package's command is a script that reads /etc/grafana/grafana.ini,
             # which an ordinary user may not read.

@@ -125,12 +125,15 @@ def dashboard(options: argparse.Namespace) -> None:
         address = stack.enter_context(serving(fleet.scrape))
         site = stack.enter_context(
             prometheus_site.running(
-                folder, {"bench": address}, {}, interval=f"{INTERVAL}s", history=imported
+                folder, {"bench": address}, interval=f"{INTERVAL}s", history=imported
             )
         )
         faulty = -(-options.robots // FAULTY)
-        all_confirmed = f"count(robot:ros_diagnostics_fault:confirmed) == {faulty}"
-        until(lambda: site.query(all_confirmed), "the faults are confirmed", 180, every=1)
+        for what, expr in {
+            "faulty robots": f"count(robot:ros_diagnostics_state:rank == 3) == {faulty}",
+            "confirmed faults": "fleet:ros_diagnostics_fault_start:held",
+        }.items():
+            until(lambda expr=expr: site.query(expr), what, 300, every=1)
         series = site.query("prometheus_tsdb_head_series")[0]["value"][1]
         print(f"{options.robots} robots, {series} series, {options.hours:g} h")
         chosen = [each for each in queries() if each.board == options.dashboard]
@@ -145,7 +148,7 @@ def availability(options: argparse.Namespace) -> None:
         with imported.open("w") as file:
             file.writelines(month.text(options.robots, time.time()))
         site = stack.enter_context(
-            prometheus_site.running(folder, {}, {}, interval=f"{INTERVAL}s", history=imported)
+            prometheus_site.running(folder, {}, interval=f"{INTERVAL}s", history=imported)
         )
         imported.unlink()
         print(f"{options.robots} robots, {month.DAYS} days")

@@ -14,13 +14,10 @@ from itertools import cycle
 from rclpy.serialization import serialize_message
 
 from bench.robots import aggregated_array
+from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import ComponentName, ComponentReport
-from ros_diagnostics_exporter.faults.settings import (
-    ComponentSettings,
-    FleetSettings,
-    RobotSettings,
-)
+from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.ingest.ros import decode
 from ros_diagnostics_exporter.model import Instant, Level
 from support.ros_publisher import message
@@ -50,7 +47,7 @@ class _Fleet:
 
     def __init__(self) -> None:
         self.second = 0.0
-        self.faults = Faults(FleetSettings())
+        self.faults = Faults(FaultSettings())
         self.faults.started(self.now())
         for robot in ROBOTS:
             settings = RobotSettings({"site": "hall", "team": "red"})

@@ -119,6 +119,7 @@ class Site:
         config = self._folder / "fleet.yml"
         config.write_text(CONFIG.format(domain_id=self._domain_id))
         arguments = ["--config.file", config, "--web.listen-address", self.address]
+        arguments += ["--storage.path", self._folder / "exporter.db"]
         return self._start("exporter", [EXPORTER, *arguments])
 
     def start_actor(self, *arguments: str) -> Process:
@@ -288,7 +289,8 @@ def print_table(results: dict[str, Result]) -> None:
     print("\n".join(line.rstrip() for line in lines))
     print()
     for name, result in results.items():
-        rejected = ", ".join(f"{reason} {count}" for reason, count in result.rejected.items())
+        counts = result.rejected.items()
+        rejected = ", ".join(f"{reason} {count}" for reason, count in counts if count)
         print(f"{name}: {result.scrapes} scrapes; rejected: {rejected or 'nothing'}")
         print(f"    fleet: {result.fleet}; attacker: {result.attacker}")
         print(f"    arrays of the hostile robot that were received: {result.hostile_arrays}")

@@ -40,8 +40,11 @@ def text(robots: int, end: float) -> Iterator[str]:
     yield from _sums(robots, begin)
     for name, labels, value_of in (
         (
-            "component:ros_diagnostics_fault:confirmed",
-            ',group="/Motor",component="Motor 1",state="critical"',
+            "fleet:ros_diagnostics_fault_start:held",
+            (
+                ',scope="component",state="critical",severity="critical"'
+                ',group="/Motor",component="Motor 1"'
+            ),
             lambda _now, since: since,
         ),
         ("robot:ros_diagnostics_down:seconds", "", lambda now, since: now - since),

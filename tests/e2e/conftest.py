@@ -55,7 +55,7 @@ def wait_for_scrapes(stack: Stack) -> Callable[[int], None]:
 
     def wait(number: int) -> None:
         def scrapes() -> float:
-            found = stack.query('sum_over_time(up{job="ros-diagnostics"}[1h])')
+            found = stack.query('sum_over_time(up{job="ros-diagnostics-faults"}[1h])')
             return found[0].value if found else 0
 
         before = scrapes()

@@ -135,7 +135,7 @@ def site(tmp_path: Path) -> Iterator[tuple[Nagios, int, Process]]:
             "robots": [BIN / "virtual-robots", "--robots", "1", "--domain-id", str(domain)],
             "exporter": [
                 *(BIN / "ros-diagnostics-exporter", "--config.file", tmp_path / "fleet.yml"),
-                *("--web.listen-address", address),
+                *("--web.listen-address", address, "--storage.path", tmp_path / "exporter.db"),
             ],
             "nagios": [NAGIOS, settings],
         }
@@ -162,19 +162,22 @@ def test_nagios_shows_faults_and_recoveries_and_a_lost_exporter(site):
             60,
         )
 
-    fine = "OK - OK sensor(s) list: /Motor, /Motor/Motor 1, /Motor/Motor 2, /Motor/Motor 3"
+    fine = "OK - OK sensor(s) list: /Motor/Motor 1, /Motor/Motor 2, /Motor/Motor 3"
     becomes("motors", "0", fine)
-    becomes("lasers", "0", "OK - OK sensor(s) list: /Laser, /Laser/Laser 1, /Laser/Laser 2")
+    becomes("lasers", "0", "OK - OK sensor(s) list: /Laser/Laser 1, /Laser/Laser 2")
     becomes("grippers", "2", "CRITICAL - no sensor matches 'Gripper'")
-    assert nagios.service("motors")[2].startswith("critical=0;;;0 stale=0;;;0 warning=0;;;0 ok=4")
+    assert nagios.service("motors")[2].startswith("critical=0;;;0 stale=0;;;0 warning=0;;;0 ok=3")
 
     fault(domain, "error")
     becomes(
         "motors",
         "2",
-        "CRITICAL - CRITICAL sensor(s) list: /Motor, /Motor/Motor 2, "
-        "OK sensor(s) list: /Motor/Motor 1, /Motor/Motor 3",
+        "CRITICAL - CRITICAL sensor(s) list: /Motor/Motor 2 (not confirmed yet, ",
     )
+    # The service's state is what it was; only the text says that the exporter has confirmed it.
+    becomes("motors", "2", "CRITICAL - CRITICAL sensor(s) list: /Motor/Motor 2 (confirmed, for ")
+    output = nagios.service("motors")[1]
+    assert output.endswith("), OK sensor(s) list: /Motor/Motor 1, /Motor/Motor 3")
     fault(domain, "ok")
     becomes("motors", "0", fine)
 

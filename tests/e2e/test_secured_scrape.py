@@ -76,6 +76,7 @@ def secured(tmp_path: Path) -> Iterator[tuple[Callable[[str], Any], str]]:
             "exporter": [
                 *(BIN / "ros-diagnostics-exporter", "--config.file", tmp_path / "fleet.yml"),
                 *("--web.listen-address", exporter, "--web.config.file", tmp_path / "web.yml"),
+                *("--storage.path", tmp_path / "exporter.db"),
             ],
             "prometheus": [
                 *("prometheus", f"--config.file={tmp_path}/prometheus.yml"),

@@ -56,29 +56,38 @@ def queries() -> Iterator[Query]:
             yield Query(uid, annotation["name"], "annotation", annotation["expr"], False)
         for variable in board["templating"]["list"]:
             if variable["type"] == "query":
-                selector, label = label_values(variable["query"])
-                yield Query(
-                    uid, f"${variable['name']}", label, f"group by ({label}) ({selector})", True
-                )
+                ref, expr = of_variable(variable)
+                yield Query(uid, f"${variable['name']}", ref, expr, True)
 
 
-def label_values(query: str) -> tuple[str, str]:
-    """Return the selector and the label of Grafana's query ``label_values(...)``."""
-    found = re.fullmatch(r"label_values\((.+), (\w+)\)", query)
-    assert found, f"not a label_values() query: {query}"
-    return found[1], found[2]
+def of_variable(variable: dict[str, Any]) -> tuple[str, str]:
+    """Return the label and the PromQL of Grafana's query ``label_values(...)`` or another."""
+    if found := re.fullmatch(r"label_values\((.+), (\w+)\)", variable["query"]):
+        return found[2], f"group by ({found[2]}) ({found[1]})"
+    found = re.fullmatch(r"query_result\((.+)\)", variable["query"])  # as Grafana: on one line
+    assert found, f"not a query that Grafana knows: {variable['query']}"
+    return variable["name"], found[1]
 
 
 def filled(expr: str, selected: dict[str, str] | None = None) -> str:
     """The expression as Grafana sends it: with the variables' values, All unless ``selected``."""
     values = {
-        "state:raw": ">= -1",
-        "problems:raw": "== 0",
+        "state": ">= -1",
+        "problems": "== 0",
         "__range": "1h",
         "__rate_interval": "1m",
         "__interval": "15s",
         **(selected or {}),
     }
-    return re.sub(
-        r"\$\{([\w:]+)\}|\$(?!\d)(\w+)", lambda found: values.get(found[1] or found[2], ".*"), expr
-    )
+    formatted = r"\$\{(?!\d)(\w+)(?::(\w+))?\}|\$(?!\d)(\w+)"  # $1 and ${1} are label_replace()'s
+
+    def value(found: re.Match[str]) -> str:
+        name = found[1] or found[3]
+        return escape(values[name], found[2]) if name in values else ".*"
+
+    return re.sub(formatted, value, expr)
+
+
+def escape(text: str, style: str | None) -> str:
+    """A value in one of Grafana's formats: "regex" is a literal in a regular expression."""
+    return re.sub(r"[\\^$*+?.()|\[\]{}/]", r"\\\g<0>", text) if style == "regex" else text

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable
 
-from ros_diagnostics_exporter.config.fleet import Threshold
+from ros_diagnostics_exporter.config.fleet import FaultSettings, Threshold
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import (
     Change,
@@ -19,11 +19,7 @@ from ros_diagnostics_exporter.faults.model import (
     Row,
     ValueReport,
 )
-from ros_diagnostics_exporter.faults.settings import (
-    ComponentSettings,
-    FleetSettings,
-    RobotSettings,
-)
+from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant, Level
 
 OK, WARN, ERROR, STALE = Level
@@ -160,7 +156,7 @@ def texts(changes: Iterable[Change]) -> list[str]:
 class Player:
     """An engine and the rows that it has written."""
 
-    def __init__(self, settings: FleetSettings, *, each_second: bool = False) -> None:
+    def __init__(self, settings: FaultSettings, *, each_second: bool = False) -> None:
         self.settings = settings
         self.faults = Faults(settings)
         self.rows: dict[tuple[str, tuple[str, ...]], Row] = {}
@@ -207,7 +203,7 @@ class Player:
 class FleetChange:
     """Changes the settings of the fleet, also for new engines."""
 
-    def __init__(self, settings: FleetSettings) -> None:
+    def __init__(self, settings: FaultSettings) -> None:
         self.settings = settings
 
     def __call__(self, faults: Faults, now: Instant) -> list[Change]:
@@ -216,7 +212,7 @@ class FleetChange:
 
 def player(
     robots: Iterable[str],
-    settings: FleetSettings,
+    settings: FaultSettings,
     *,
     reborn: bool = False,
     each_second: bool = False,
@@ -232,10 +228,10 @@ def player(
 def play(
     *steps: tuple[object, ...],
     robots: Iterable[str] = ("r1",),
-    settings: FleetSettings | None = None,
+    settings: FaultSettings | None = None,
 ) -> Player:
     """Run steps (second, event or None, expected change, ...); return the player at the end."""
-    settings, robots = settings or FleetSettings(), list(robots)
+    settings, robots = settings or FaultSettings(), list(robots)
     for how in ({"reborn": True}, {"each_second": True}, {}):
         last = player(robots, settings, **how)
         for second, event, *expected in steps:

@@ -7,16 +7,13 @@ events or rows.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from datetime import datetime
 from math import ceil
 from typing import Any
+from zoneinfo import ZoneInfo
 
-from ros_diagnostics_exporter.config.fleet import Threshold
-from ros_diagnostics_exporter.faults.settings import (
-    CauseSettings,
-    ComponentSettings,
-    FleetSettings,
-    RobotSettings,
-)
+from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, Threshold
+from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Level
 
 OK, WARN, ERROR, STALE = Level
@@ -38,6 +35,10 @@ def key_of(
     severity: str = "",
 ) -> Key:
     return scope, state, site, robot, group, component, check, key, bound, severity
+
+
+def _is_critical(key: Key) -> bool:
+    return "critical" in (key[1], key[9]) or key[1] == "silent"
 
 
 @dataclass
@@ -114,8 +115,9 @@ class CauseModel:
 class Model:
     """The fleet; `step` appends the faults that began and ended to ``changes``."""
 
-    def __init__(self, settings: FleetSettings) -> None:
+    def __init__(self, settings: FaultSettings, wall: int = 0) -> None:
         self.settings = settings
+        self.wall = wall  # Unix time of second 0
         self.robots: dict[str, RobotModel] = {}
         self.faults: dict[Key, dict[str, Any]] = {}
         self.causes: dict[tuple[str, str], CauseModel] = {}
@@ -438,13 +440,14 @@ class Model:
         site = self._covered("site", robot.settings.site, now)
         work = robot.maintenance
         settled = now >= self.settled_at
+        comes_and_goes = self._explains(robot, key_of("robot", "flapping", robot=name), now)
 
         def update(key: Key, since: int | None, begins: bool, *, well: bool) -> None:
             self._update(
                 key, since, begins and not work, well=well and not work, labels=labels, now=now
             )
 
-        silent = robot.presence == "silent" and settled and not site and not robot.flapping
+        silent = robot.presence == "silent" and settled and not site and not comes_and_goes
         update(
             key_of("robot", "silent", robot=name),
             robot.silent_since,
@@ -458,7 +461,7 @@ class Model:
         update(
             key_of("robot", "pending", robot=name),
             pending,
-            due and robot.presence == "never" and settled and not robot.flapping,
+            due and robot.presence == "never" and settled and not comes_and_goes,
             well=robot.presence == "up",
         )
         update(
@@ -467,7 +470,7 @@ class Model:
             robot.flapping and not site,
             well=not robot.flapping,
         )
-        returned = settled and now >= robot.returned_until and not robot.flapping
+        returned = settled and now >= robot.returned_until and not comes_and_goes
         for check, part in robot.checks.items():
             since = part.open.get("")
             begins = since is not None and part.fresh and returned and now >= since + confirm
@@ -516,6 +519,7 @@ class Model:
         covered = self._covered("common", where["component"], now)
         covered = covered or self._covered("many", where["robot"], now)
         quiet = covered or not part.fresh
+        quiet = quiet or self._explains(part, key_of("flapping", "flapping", **where), now)
         up = robot.presence == "up"
         update(
             key_of("flapping", "flapping", **where),
@@ -526,7 +530,7 @@ class Model:
         for state in ("warning", "stale", "critical"):
             since = part.open.get(state)
             due = part.clock is not None and now >= part.clock + part.settings.confirm_after
-            begins = since is not None and due and not quiet and not part.flapping
+            begins = since is not None and due and not quiet
             if part.level == STALE:
                 begins = begins and returned and not part.settings.planned_stale
                 begins = begins and not (state == "warning" and "critical" in part.open)
@@ -541,9 +545,22 @@ class Model:
         if key in self.faults:
             if well:
                 self._end(key, "recovered", now)
-        elif begins and since is not None:
+        elif begins and since is not None and (_is_critical(key) or self._in_hours(now)):
             self.faults[key] = {"since": since, "labels": tuple(sorted(labels.items()))}
             self._note_fault("began", key, now)
+
+    def _in_hours(self, now: int) -> bool:
+        """Whether warnings may begin."""
+        hours = self.settings.warning_hours
+        if hours is None:
+            return True
+        at = datetime.fromtimestamp(self.wall + now, ZoneInfo(hours.time_zone))
+        minutes = at.weekday() * 1440 + at.hour * 60 + at.minute
+        return any(day * 1440 + a <= minutes < day * 1440 + b for day, a, b in hours.weekly)
+
+    def _explains(self, thing: Monitored | RobotModel, key: Key, now: int) -> bool:
+        """Whether flapping is, or may be, a fault of its own, so that its changes are none."""
+        return thing.flapping and (key in self.faults or self._in_hours(now))
 
     def _end(self, key: Key, what: str, now: int) -> None:
         if key in self.faults:

@@ -73,7 +73,6 @@ class Site:
 def running(
     folder: Path,
     exporters: Mapping[str, str],
-    settings: Mapping[str, int],
     *,
     probes: Sequence[dict[str, Any]] = (),
     interval: str = "1s",
@@ -85,20 +84,14 @@ def running(
     Args:
         folder: For configuration, data and logs.
         exporters: Fleet -> HOST:PORT.
-        settings: Names in rules/settings.yml (`restart_grace`) -> seconds.
         probes: Scrape configurations to add, such as those of a blackbox_exporter.
         interval: Of scrapes and evaluations.
         history: OpenMetrics text, imported before Prometheus starts.
         prepare: Called with the folder of Prometheus' configuration before it is read.
     """
     site = Site(f"127.0.0.1:{free_port()}", f"127.0.0.1:{free_port()}")
-    _configure(folder, site, exporters, settings)
-    seconds = int(interval.removesuffix("s"))
-    short_clocks.set_scrape_interval(folder / "prometheus", seconds)
-    short_clocks.edit(
-        folder / "prometheus" / "rules" / "timeline.yml",  # one sample in six of robots' states
-        lambda rules: rules["groups"][0].update(interval=f"{6 * seconds}s"),
-    )
+    _configure(folder, site, exporters)
+    short_clocks.set_interval(folder / "prometheus", int(interval.removesuffix("s")))
     short_clocks.edit(
         folder / "prometheus" / "prometheus.yml",
         lambda config: config["scrape_configs"].extend(probes),
@@ -130,27 +123,25 @@ def _configure(
     folder: Path,
     site: Site,
     exporters: Mapping[str, str],
-    settings: Mapping[str, int],
 ) -> None:
     for name in ("prometheus", "alertmanager"):
         shutil.copytree(ROOT / name, folder / name)
     prometheus = folder / "prometheus"
     _write_targets(prometheus / "targets", site, exporters)
-    short_clocks.set_durations(prometheus / "rules", settings)
-    nobody = {"smtp_smarthost": f"127.0.0.1:{free_port()}"}  # nothing listens there
-    short_clocks.edit(
-        folder / "alertmanager" / "alertmanager.yml", lambda config: config["global"].update(nobody)
-    )
+    short_clocks.edit(folder / "alertmanager" / "alertmanager.yml", _notify_nobody)
+
+
+def _notify_nobody(config: dict[str, Any]) -> None:
+    config["global"]["smtp_smarthost"] = f"127.0.0.1:{free_port()}"  # nothing listens there
+    for receiver in config["receivers"]:
+        receiver.pop("webhook_configs", None)
 
 
 def _write_targets(folder: Path, site: Site, exporters: Mapping[str, str]) -> None:
     groups: dict[str, list[dict[str, Any]]] = {
         "prometheus": [{"targets": [site.prometheus]}],
         "alertmanager": [{"targets": [site.alertmanager]}],
-        "ros-diagnostics": [
-            {"targets": [address], "labels": {"fleet": fleet}}
-            for fleet, address in exporters.items()
-        ],
+        "ros-diagnostics": [{"targets": list(exporters.values())}],
     }
     for job, targets in groups.items():
         (folder / f"{job}.yml").write_text(yaml.safe_dump(targets))

@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import SimpleNamespace
+from urllib.parse import urlsplit
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
-from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.model import ALL_PARTS, Instant, Part
 from ros_diagnostics_exporter.state.state import State
+from ros_diagnostics_exporter.web.scrape import wanted_parts
 from testbed.ports import free_port
 
 Speak = Callable[[State, Instant], None]
@@ -37,8 +39,8 @@ class ServedFleet:
         self._self_metrics = SelfMetrics(self.exporter)
         self._lock = threading.Lock()
 
-    def scrape(self) -> bytes:
-        """Let the robots speak and time pass, and return the exposition."""
+    def scrape(self, parts: Collection[Part] = ALL_PARTS) -> bytes:
+        """Let the robots speak and time pass, and return these parts of the exposition."""
         with self._lock:
             now = _read_clocks()
             self._speak(self.state, now)
@@ -47,7 +49,7 @@ class ServedFleet:
             self.exporter.alertmanager = self.alertmanager
             if self.alertmanager is not None:
                 self.alertmanager.update(self.state.fleet.name, now)
-            return self._exposition.render() + self._self_metrics.render()
+            return self._exposition.render(parts=parts) + self._self_metrics.render(parts=parts)
 
     def _acknowledged(self) -> list[Acknowledgement]:
         alertmanager = self.alertmanager
@@ -74,12 +76,12 @@ def _read_clocks() -> Instant:
 
 
 @contextmanager
-def serving(scrape: Callable[[], bytes]) -> Iterator[str]:
-    """Answer scrapes while the context lasts; yields HOST:PORT."""
+def serving(scrape: Callable[[Collection[Part]], bytes]) -> Iterator[str]:
+    """Answer scrapes with the parts asked for while the context lasts; yields HOST:PORT."""
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            body = scrape()
+            body = scrape(wanted_parts(urlsplit(self.path).query.encode()))
             self.send_response(200)
             self.send_header("Content-Type", "text/plain; version=0.0.4")
             self.send_header("Content-Length", str(len(body)))

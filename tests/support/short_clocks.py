@@ -1,7 +1,7 @@
-"""Shortens the durations of the rules, in a test's own copy of them.
+"""Shortens the clocks of Prometheus' configuration and rules, in a test's own copy of them.
 
-`set_durations` changes those in rules/settings.yml. `scale` also divides the length of ranges,
-`for` and `interval` by ten.
+`set_interval` lets it scrape and evaluate as often as a test wants. `scale` divides the length of
+ranges, offsets, `for` and the long intervals by ten.
 """
 
 from __future__ import annotations
@@ -14,49 +14,49 @@ from typing import Any
 import yaml
 
 FASTER = 10
-MILLISECONDS = {"ms": 1, "s": 1000, "m": 60_000, "h": 3_600_000}
+MILLISECONDS = {"ms": 1, "s": 1000, "m": 60_000, "h": 3_600_000, "d": 86_400_000}
 # The length of a range or an offset; not a name or a number that only looks like a duration.
 DURATION = re.compile(r"(?:(?<=\[)|(?<=\d[smh]:)|(?<=offset ))(\d+)(ms|s|m|h)\b")
-# Durations that are numbers in an expression: file, the rule's record, seconds.
+# Seconds that are numbers in an expression: file, the rule's name, as shipped, scaled.
 SECONDS = (
-    ("values.yml", "component:ros_diagnostics_unseen:count", "600"),
-    ("availability.yml", "robot:ros_diagnostics_part_seconds:sum5m", "300"),
+    ("availability.yml", "robot:ros_diagnostics_part_seconds:sum5m", "300", "30"),
+    ("robots.yml", "RosDiagnosticsValueFalling", "1800", "600"),
 )
-SCALED = ("states.yml", "alerts.yml", "values.yml", "availability.yml")
+SCALED = ("faults.yml", "states.yml", "robots.yml", "availability.yml", "monitoring.yml")
+SLOT = "robot:ros_diagnostics_part_seconds:sum5m"  # counts the evaluations of states.yml
 
 
-def scale(rules: Path, settings: Mapping[str, float]) -> None:
-    """Divide the durations of the rules by ten, and set those of settings.yml.
-
-    Args:
-        rules: A copy of prometheus/rules.
-        settings: As for `set_durations`.
+def scale(rules: Path) -> None:
+    """Divide the durations of the rules in the folder ``rules`` by ten, but for short intervals.
 
     Raises:
-        LookupError: The rules have no such setting or duration any more.
+        LookupError: The rules have no such duration any more.
     """
     for name in SCALED:
         edit(rules / name, lambda document, name=name: _scale_file(document, name))
-    set_durations(rules, settings)
 
 
-def set_durations(rules: Path, settings: Mapping[str, float]) -> None:
-    """Change settings.yml.
-
-    Args:
-        rules: A copy of prometheus/rules.
-        settings: Names in settings.yml (`restart_grace`) -> value.
-
-    Raises:
-        LookupError: The rules have no such setting any more.
-    """
-    edit(rules / "settings.yml", lambda document: _set(document, dict(settings)))
-
-
-def set_scrape_interval(prometheus: Path, seconds: int) -> None:
+def set_interval(prometheus: Path, seconds: int) -> None:
     """Let a copy of the folder prometheus scrape and evaluate every so many seconds."""
-    intervals = {"scrape_interval": f"{seconds}s", "evaluation_interval": f"{seconds}s"}
-    edit(prometheus / "prometheus.yml", lambda config: config["global"].update(intervals))
+    edit(prometheus / "prometheus.yml", lambda config: _set_scrapes(config, f"{seconds}s"))
+    for path in (prometheus / "rules").glob("*.yml"):
+        edit(path, lambda document: _set_intervals(document, seconds))
+    edit(
+        prometheus / "rules" / "availability.yml",
+        lambda document: _set_number(document, SLOT, "10", str(seconds)),
+    )
+
+
+def set_escalation(rules: Path, after: Mapping[str, str]) -> None:
+    """Change the `for` of escalation.yml's alerts: step -> duration."""
+
+    def change(document: dict[str, Any]) -> None:
+        for rule in document["groups"][0]["rules"]:
+            step = rule.get("labels", {}).get("step")
+            if step in after:
+                rule["for"] = after[step]
+
+    edit(rules / "escalation.yml", change)
 
 
 def edit(path: Path, change: Callable[[Any], object]) -> None:
@@ -68,10 +68,7 @@ def edit(path: Path, change: Callable[[Any], object]) -> None:
 
 def duration(text: str) -> str:
     """A tenth of a duration, in milliseconds: `1m` -> `6000ms`."""
-    found = re.fullmatch(r"(\d+)(ms|s|m|h)", text)
-    if found is None:
-        raise LookupError(f"{text!r} is not a duration of one unit")
-    return f"{int(found[1]) * MILLISECONDS[found[2]] // FASTER}ms"
+    return f"{_milliseconds(text) // FASTER}ms"
 
 
 def expression(text: str) -> str:
@@ -79,32 +76,46 @@ def expression(text: str) -> str:
     return DURATION.sub(lambda found: duration(found[0]), text)
 
 
+def _milliseconds(text: str) -> int:
+    found = re.fullmatch(r"(\d+)(ms|s|m|h|d)", text)
+    if found is None:
+        raise LookupError(f"{text!r} is not a duration of one unit")
+    return int(found[1]) * MILLISECONDS[found[2]]
+
+
+def _set_scrapes(config: dict[str, Any], interval: str) -> None:
+    config["global"].update(scrape_interval=interval, evaluation_interval=interval)
+    for job in config["scrape_configs"]:
+        job.pop("scrape_interval", None)
+
+
+def _set_intervals(document: dict[str, Any], seconds: int) -> None:
+    """Short intervals become ``seconds``, the one of the timeline six times as long."""
+    for group in document["groups"]:
+        if group["name"].endswith(".timeline"):
+            group["interval"] = f"{6 * seconds}s"
+        elif _milliseconds(group["interval"]) < MILLISECONDS["m"]:
+            group["interval"] = f"{seconds}s"
+
+
 def _scale_file(document: dict[str, Any], name: str) -> None:
     for group in document["groups"]:
-        if "interval" in group:
+        if _milliseconds(group["interval"]) >= MILLISECONDS["m"]:
             group["interval"] = duration(group["interval"])
         for rule in group["rules"]:
             rule["expr"] = expression(rule["expr"])
             for clock in rule.keys() & {"for", "keep_firing_for"}:
                 rule[clock] = duration(rule[clock])
-    for file, record, seconds in SECONDS:
+    for file, rule_name, shipped, scaled in SECONDS:
         if file == name:
-            _scale_number(document, record, seconds)
+            _set_number(document, rule_name, shipped, scaled)
 
 
-def _scale_number(document: dict[str, Any], record: str, seconds: str) -> None:
-    number = re.compile(rf"(?<![\w.]){seconds}(?![\w.])")
+def _set_number(document: dict[str, Any], name: str, shipped: str, wanted: str) -> None:
+    number = re.compile(rf"(?<![\w.]){shipped}(?![\w.])")
     rules = [rule for group in document["groups"] for rule in group["rules"]]
-    found = [r for r in rules if r.get("record") == record and number.search(r["expr"])]
+    named = [rule for rule in rules if name in (rule.get("record"), rule.get("alert"))]
+    found = [rule for rule in named if number.search(rule["expr"])]
     if len(found) != 1:
-        raise LookupError(f"{record}: {len(found)} of its rules have the {seconds} s in seconds")
-    found[0]["expr"] = number.sub(str(int(seconds) // FASTER), found[0]["expr"])
-
-
-def _set(document: dict[str, Any], settings: dict[str, float]) -> None:
-    for rule in (rule for group in document["groups"] for rule in group["rules"]):
-        name = rule["record"].split(":")[1]
-        if name in settings:
-            rule["expr"] = f"vector({settings.pop(name)})"
-    if settings:
-        raise LookupError(f"rules/settings.yml has no {', '.join(settings)} any more")
+        raise LookupError(f"{name}: {len(found)} of its rules have the number {shipped}")
+    found[0]["expr"] = number.sub(wanted, found[0]["expr"])

@@ -13,23 +13,26 @@ from testbed import http
 from testbed.configuration import CHECKOUT
 
 SENT = "/moto-api/data.json"
-# The shipped route, commented out.
+# The shipped routes, commented out.
 COMMENTED = """\
-    # - matchers: [severity = critical]
+    # - matchers: [severity = critical, alertname != RosDiagnosticsUnacknowledged]
     #   receiver: sms
+    #   continue: true
+    # - matchers: [alertname = RosDiagnosticsUnacknowledged, step =~ "1|2"]
+    #   receiver: sms-escalation
     #   continue: true
 """
 
 
 def with_text_messages(sns_server: str) -> dict[str, Any]:
-    """Return the shipped configuration with its route for text messages enabled."""
+    """Return the shipped configuration with its routes for text messages enabled."""
     text = (CHECKOUT / "alertmanager" / "alertmanager.yml").read_text()
     assert COMMENTED in text
     config = yaml.safe_load(text.replace(COMMENTED, COMMENTED.replace("# ", "")))
-    [receiver] = [each for each in config["receivers"] if each["name"] == "sms"]
-    [sns] = receiver["sns_configs"]
-    sns["api_url"] = f"http://{sns_server}"
-    sns["sigv4"] = {"region": "eu-central-1", "access_key": "any", "secret_key": "any"}
+    for receiver in config["receivers"]:
+        for sns in receiver.get("sns_configs", ()):
+            sns["api_url"] = f"http://{sns_server}"
+            sns["sigv4"] = {"region": "eu-central-1", "access_key": "any", "secret_key": "any"}
     return config  # type: ignore[no-any-return]
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from prometheus_client.parser import text_string_to_metric_families
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
-from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.events import Event, EventLog
+from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.state.state import State
+from ros_diagnostics_exporter.state.storage import Storage
 
 OK, WARN, ERROR, STALE = range(4)
 WALL = 1_700_000_000.0
@@ -42,13 +46,58 @@ class StateDriver:
         self.now = Instant(0.0, WALL)
         self.state = State(fleet, self.now)
         self._events: list[Event] = []
+        self.log = EventLog()
+        self.storage: Storage | None = None
+        self._rows: dict[tuple[str, tuple[str, ...]], Row] = {}
         self.exposition = Exposition(self.state)
 
     @property
     def events(self) -> list[Event]:
         """All events since the start."""
-        self._events += self.state.take_events()
+        new = self.state.take_events()
+        for event in new:
+            self.log.record(event)
+        self._events += new
         return self._events
+
+    def fault_rows(self) -> list[Row]:
+        """All rows of the faults."""
+        for row in self.state.take_fault_rows(self.now):
+            self._rows[row.kind, row.key] = row
+        return [row for row in self._rows.values() if row.fields is not None]
+
+    def restore_faults(self, rows: list[Row]) -> None:
+        """Go on from the rows of another one."""
+        self._rows = {(row.kind, row.key): row for row in rows}
+        self.state.restore_faults(rows, self.now)
+
+    def keep(self, path: Path) -> Storage:
+        """Write what changed to the database at ``path``, for the first or the last time."""
+        self.storage = self.storage or Storage(path)
+        self.save(at_once=True)
+        return self.storage
+
+    def save(self, *, at_once: bool = False) -> None:
+        """Write what changed, as the exporter does."""
+        assert self.storage is not None
+        assert self.events is not None  # they are in the log now
+        self.storage.save(self.state, self.log, self.now, at_once=at_once)
+
+    def close(self) -> None:
+        """Let another one have the database."""
+        if self.storage is not None:
+            self.storage.close()
+
+    def restart(self, path: Path, *, after: float = 5.0, fleet: Fleet | None = None) -> StateDriver:
+        """What a new process has that starts ``after`` seconds later, with the database at path."""
+        self.close()
+        driver = StateDriver(fleet=fleet or self.state.fleet)
+        # The monotonic clock of the new process is another one.
+        driver.now = Instant(0.0, self.now.wall + after)
+        driver.storage = Storage(path)
+        last = driver.storage.load(driver.state, driver.now)
+        driver.log = EventLog(last, driver.storage.find_events)
+        return driver
 
     @property
     def robot(self):

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 import trustme
 
+from ros_diagnostics_exporter.model import Part
 from ros_diagnostics_exporter.severity import STATE_OF_LEVEL
 from ros_diagnostics_exporter.web.server import Server
 
@@ -34,13 +35,37 @@ def component(name: str, level: str, **changed: Any) -> dict[str, Any]:
         "state": STATE_OF_LEVEL[level],
         "planned_stale": False,
         "message": f"{name} reports {level}",
-        "since": 1_000.0,
-        "problem_since": None if level == "OK" else 1_000.0,
+        "level_since": 990.0,
         "changes": 3,
         "flap_ratio": 0.25,
         "values": [{"key": "Level", "value": "12.3 V", "number": 12.3, "unit": "V"}],
         **changed,
     }
+
+
+def problem(scope: str, state: str, **changed: Any) -> dict[str, Any]:
+    """A problem as /api/v1/fleet shows it: not confirmed yet, for 5 s of 60."""
+    severe = state in {"critical", "silent"}
+    return {
+        "scope": scope,
+        "state": state,
+        "severity": "critical" if severe else "warning",
+        **dict.fromkeys(("site", "robot", "group", "component", "check", "key", "bound"), ""),
+        "since": 1_000.0,
+        "confirmed": None,
+        "due": 1_065.0,
+        "quiet": None,
+        "well": False,
+        "evidence": "",
+        "notified": None,
+        **changed,
+    }
+
+
+def broken(name: str = "Motor 1", state: str = "critical", **changed: Any) -> dict[str, Any]:
+    """A confirmed problem of a component of the group /Motor."""
+    of = {"group": "/Motor", "component": name, "confirmed": 1_010.0}
+    return problem("component", state, **(of | changed))
 
 
 def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, Any]:
@@ -57,6 +82,8 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
         "topic": f"/{name}/diagnostics_agg",
         "profile": "default",
         "maintenance": False,
+        "maintenance_until": None,
+        "problems": [],
         "short_checks": [],
         "groups": [{"group": "/Motor", "level": "OK", "message": "OK"}],
         "components": list(components),
@@ -64,16 +91,40 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
     }
 
 
-def fleet(*robots: dict[str, Any]) -> dict[str, Any]:
+def fleet(*robots: dict[str, Any], problems: Iterable[dict[str, Any]] = ()) -> dict[str, Any]:
     """A fleet as /api/v1/fleet shows it, at Unix time 1,060."""
-    return {"fleet": "hall", "time": 1_060.0, "version": "1", "robots": list(robots)}
+    return {
+        "fleet": "hall",
+        "time": 1_060.0,
+        "version": "1",
+        "problems": list(problems),
+        "robots": list(robots),
+    }
+
+
+def no_faults() -> dict[str, Any]:
+    return {"fleet": "hall", "time": 1_060.0, "faults": []}
+
+
+def no_ledger(
+    robot: str, component: str | None, at: float | None, *, ask: bool = True
+) -> dict[str, Any]:
+    times = {"time": 1_060.0, "at": 1_060.0 if at is None else at}
+    return {
+        "fleet": "hall",
+        "robot": robot,
+        "component": component,
+        **times,
+        "entries": [],
+        "now": ["asked"] if ask else [],
+    }
 
 
 def no_targets(job: str, _port: int | None) -> list[dict[str, Any]]:
     raise LookupError(job)
 
 
-def render_metrics(openmetrics: bool) -> bytes:
+def render_metrics(openmetrics: bool, _parts: frozenset[Part]) -> bytes:
     return b"openmetrics\n" if openmetrics else b"text\n"
 
 
@@ -81,9 +132,12 @@ def render_metrics(openmetrics: bool) -> bytes:
 class FakeBackend:
     """A Backend made of functions."""
 
-    render_metrics: Callable[[bool], bytes] = render_metrics
+    render_metrics: Callable[[bool, frozenset[Part]], bytes] = render_metrics
     fleet_snapshot: Callable[[], dict[str, Any]] = fleet
+    faults: Callable[[], dict[str, Any]] = no_faults
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
+    why: Callable[..., dict[str, Any]] = no_ledger
+    notified: Callable[[bytes], tuple[int, int]] = lambda _body: (1, 0)
     targets: Callable[[str, int | None], list[dict[str, Any]]] = no_targets
     not_ready_reason: Callable[[], str | None] = lambda: None
     reload: Callable[[], None] = lambda: None
@@ -167,6 +221,8 @@ def ask(
     method: str = "GET",
     tls: ssl.SSLContext | None = None,
     source: str = "",
+    *,
+    body: bytes | None = None,
     **headers: str,
 ) -> Reply:
     """One request on its own connection, from ``source``; header names with _ for -."""
@@ -179,7 +235,9 @@ def ask(
     else:
         client = http.client.HTTPSConnection(host, int(port), timeout=20, context=tls)
     with closing(client):
-        client.request(method, path, headers={k.replace("_", "-"): v for k, v in headers.items()})
+        client.request(
+            method, path, body, headers={k.replace("_", "-"): v for k, v in headers.items()}
+        )
         return Reply(client.getresponse())
 
 

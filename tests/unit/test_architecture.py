@@ -24,13 +24,15 @@ TREES = {
 # Of each tree its packages and modules: each imports only from lines above its own.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
-        ("model", "durations", "file_watcher", "files", "regex", "texts"),
+        ("model", "durations", "file_watcher", "files", "regex", "texts", "weekly"),
         ("events", "http_client", "logs", "severity"),
         ("ingest",),
         ("config",),
-        ("alertmanager", "faults"),
+        ("alertmanager", "faults", "nagios_import", "oncall"),
+        ("ledger", "notifications"),
         ("state",),
         ("metrics",),
+        ("backtest",),
         ("web",),
         ("service",),
         ("cli",),
@@ -68,7 +70,10 @@ KNOW_ROS = {
     "virtual_robots.ros.bags",
 }
 ROS_PACKAGES = {"rclpy", "rcl_interfaces", "diagnostic_msgs", "builtin_interfaces", "std_msgs"}
-NO_CLOCK = {"model", "config", "state", "faults"}
+NO_CLOCK = {
+    *("model", "config", "state", "faults", "nagios_import", "oncall", "backtest"),
+    *("ledger", "notifications"),
+}
 READS_CLOCK = {f"{EXPORTER}.config.reloader", f"{EXPORTER}.state.storage"}
 CLOCKS = {"time.time", "time.monotonic", "time.perf_counter", "datetime.now", "datetime.utcnow"}
 

@@ -1,8 +1,12 @@
 """``check_ros_diagnostics``: a Nagios plug-in that checks one robot through the exporter.
 
 For sites that keep Nagios. It prints what the plug-in of the 2014 master's thesis printed, which
-polled the robot itself: the sensors by state, the aggregator's parents among them. Its output and
-exit codes follow https://nagios-plugins.org/doc/guidelines.html.
+polled the robot itself: the sensors by state. Its output and exit codes follow
+https://www.monitoring-plugins.org/doc/guidelines.html.
+
+A sensor counts by what was last received of it, because Nagios has soft and hard states of its own;
+whether the exporter has confirmed the problem is in the text. Planned STALE and maintenance are
+listed and do not count.
 """
 
 from __future__ import annotations
@@ -10,22 +14,43 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.cli.connection_flags import add_arguments, make_client
 from ros_diagnostics_exporter.http_client import UnreachableError
-from ros_diagnostics_exporter.severity import as_planned
+from ros_diagnostics_exporter.severity import (
+    STATE_OF_LEVEL,
+    ShownProblem,
+    as_planned,
+    clock,
+    component_path,
+    shown_problems,
+    silent_text,
+    span,
+)
 from ros_diagnostics_exporter.texts import one_line
 
 OK, WARNING, CRITICAL, UNKNOWN = range(4)  # exit codes
-# Level -> the name of its list, in the order of the lists, worst first.
-LISTS = {"ERROR": "CRITICAL", "STALE": "STALE", "WARN": "WARNING", "OK": "OK"}
-MAX_VALUES = 50  # in the performance data: Nagios cuts a plug-in's output at 8 kB
+LISTS = ("CRITICAL", "STALE", "WARNING", "OK")  # in the order of the output, worst first
+# Nagios cuts a plug-in's output at 8 kB, and the performance data come last.
+MAX_TEXT = 4_000  # characters before them
+MAX_LISTED = 20  # sensors of one list
+MAX_MESSAGE = 80  # characters of a sensor's message
+MAX_VALUES = 50  # in the performance data
+MAX_PERFORMANCE = 3_900  # characters of them
 # Units that the guidelines know for performance data; any other goes into the label.
-UNITS = {"s", "ms", "us", "%", "B", "KB", "MB", "TB", "c"}
+UNITS = {"s": "s", "ms": "ms", "us": "us", "%": "%", "B": "B", "kB": "KB", "MB": "MB", "TB": "TB"}
+
+
+class Sensor(NamedTuple):
+    """A component, or a check that misses some, as it is listed: ``entry`` is its text."""
+
+    list_name: str
+    entry: str
+    counts: bool
 
 
 class _Parser(argparse.ArgumentParser):
@@ -64,60 +89,104 @@ def check(fleet: dict[str, Any], name: str, pattern: str) -> tuple[int, str]:
     robot = next((each for each in fleet["robots"] if each["robot"] == name), None)
     if robot is None:
         return UNKNOWN, f"UNKNOWN - the exporter knows no robot {_clean(name)!r}"
+    now = fleet["time"]
+    code, text = _state(robot, pattern, now)
+    if robot["maintenance"]:
+        until = robot["maintenance_until"]
+        end = "" if until is None else f" until {clock(until, now, local=True, seconds=False)}"
+        code, text = OK, f"in maintenance{end}: {text}"
+    return code, f"{('OK', 'WARNING', 'CRITICAL', 'UNKNOWN')[code]} - {text}"
+
+
+def _state(robot: dict[str, Any], pattern: str, now: float) -> tuple[int, str]:
+    """Exit code and output without the first word, as if there were no maintenance."""
+    problems, _number = shown_problems(robot, now, len(robot["problems"]), local=True)
     if not robot["up"]:
-        return UNKNOWN, f"UNKNOWN - robot {_clean(name)} is silent: {robot['silent_reason']}"
-    components = [each for each in robot["components"] if _matches(_path(each), pattern)]
-    groups = [each for each in robot["groups"] if _matches(each["group"], pattern)]
-    if not components and not groups:
-        return CRITICAL, f"CRITICAL - no sensor matches '{_clean(pattern)}'"
-    lists = _lists(groups, components)
-    code = _exit_code(_lists(groups, [each for each in components if not as_planned(each)]))
-    word = ("OK", "WARNING", "CRITICAL")[code]
-    listed = ", ".join(
-        f"{LISTS[level]} sensor(s) list: {', '.join(paths)}"
-        for level, paths in lists.items()
-        if paths
-    )
-    return code, f"{word} - {listed} | {' '.join(_performance(lists, components))}"
+        silent = [each for each in problems if each.problem["scope"] == "robot"]
+        reason = silent_text(robot["silent_reason"])
+        text = f"robot {_clean(robot['robot'])} is silent: {reason}"
+        return UNKNOWN, f"{text}{_details(silent, now, '')}"
+    components = [each for each in robot["components"] if _matches(component_path(each), pattern)]
+    missing = list(_missing(robot, problems, pattern, now))
+    if not components and not missing:
+        return CRITICAL, f"no sensor matches '{_clean(pattern)}'"
+    by_name: dict[tuple[str, str], list[ShownProblem]] = {}
+    for shown in problems:
+        name = (shown.problem["group"], shown.problem["component"])
+        by_name.setdefault(name, []).append(shown)
+    sensors = [
+        _sensor(each, by_name.get((each["group"], each["component"]), []), now)
+        for each in components
+    ]
+    text = ", ".join(_list_texts([*missing, *sensors]))
+    text = text if len(text) <= MAX_TEXT else f"{text[:MAX_TEXT]}…"
+    performance = " ".join(_performance(sensors, components))
+    return _exit_code([*missing, *sensors]), f"{text} | {performance}"
 
 
-def _lists(groups: list[dict[str, Any]], components: list[dict[str, Any]]) -> dict[str, list[str]]:
-    """Paths by level, parents before their children."""
-    found = [(each["group"], each["level"]) for each in groups]
-    found += [(_path(each), each["level"]) for each in components]
-    return {
-        level: sorted(_clean(path) for path, its_level in found if its_level == level)
-        for level in LISTS
-    }
+def _sensor(component: dict[str, Any], problems: list[ShownProblem], now: float) -> Sensor:
+    """A component with its problems and those of its values."""
+    words = [STATE_OF_LEVEL[component["level"]]]
+    words += [each.state for each in problems if each.problem["scope"] == "value" and _is_bad(each)]
+    planned = as_planned(component)
+    message = "" if component["level"] == "OK" else component["message"]
+    details = " (planned)" if planned else _details(problems, now, message)
+    path = _clean(component_path(component))
+    return Sensor(min(words, key=LISTS.index), path + details, not planned)
 
 
-def _exit_code(lists: dict[str, list[str]]) -> int:
-    """STALE is CRITICAL, as in the thesis: a sensor that sends nothing may hide any fault.
+def _is_bad(shown: ShownProblem) -> bool:
+    return not shown.problem["well"]
 
-    Sensors that fleet.yml plans to be STALE are listed, but are not in ``lists`` here.
-    """
-    if lists["ERROR"] or lists["STALE"]:
+
+def _missing(
+    robot: dict[str, Any], problems: list[ShownProblem], pattern: str, now: float
+) -> Iterator[Sensor]:
+    """The checks that miss components which the pattern may mean: by its name or its patterns."""
+    for each in robot["short_checks"]:
+        if any(_matches(text, pattern) for text in (each["check"], *each["patterns"])):
+            text = f"check {each['check']} finds {each['found']} of {each['expected']}"
+            own = [shown for shown in problems if shown.problem["check"] == each["check"]]
+            yield Sensor("CRITICAL", _clean(text) + _details(own, now, ""), counts=True)
+
+
+def _details(problems: Iterable[ShownProblem], now: float, message: str) -> str:
+    """How the problems stand, since when, and the driver's message: in brackets, or ""."""
+    parts = []
+    for each in problems:
+        since = f"{each.standing}, for {span(now - each.since)}"
+        of_value = each.problem["scope"] == "value"
+        parts.append(f"{each.problem['key']} {each.message}: {since}" if of_value else since)
+    texts = [_clean("; ".join(parts)), _clean(message[:MAX_MESSAGE])]
+    details = ": ".join(filter(None, texts))
+    return f" ({details})" if details else ""
+
+
+def _list_texts(sensors: list[Sensor]) -> Iterator[str]:
+    for name in LISTS:
+        entries = sorted(each.entry for each in sensors if each.list_name == name)
+        if entries:
+            more = len(entries) - MAX_LISTED
+            rest = f" and {more} more" if more > 0 else ""
+            yield f"{name} sensor(s) list: {', '.join(entries[:MAX_LISTED])}{rest}"
+
+
+def _exit_code(sensors: list[Sensor]) -> int:
+    """STALE is CRITICAL, as in the thesis: a sensor that sends nothing may hide any fault."""
+    words = {each.list_name for each in sensors if each.counts}
+    if words & {"CRITICAL", "STALE"}:
         return CRITICAL
-    return WARNING if lists["WARN"] else OK
-
-
-def _path(component: dict[str, Any]) -> str:
-    group = component["group"]
-    return (
-        f"{group.rstrip('/')}/{component['component'].lstrip('/')}"
-        if group
-        else str(component["component"])
-    )
+    return WARNING if "WARNING" in words else OK
 
 
 def _matches(path: str, pattern: str) -> bool:
     return pattern.casefold() in path.casefold()
 
 
-def _performance(lists: dict[str, list[str]], components: list[dict[str, Any]]) -> Iterator[str]:
+def _performance(sensors: list[Sensor], components: list[dict[str, Any]]) -> Iterator[str]:
     """The length of each list and the sensors' numbers, without those of STALE (old) sensors."""
-    for level, word in LISTS.items():
-        yield f"{word.lower()}={len(lists[level])};;;0"
+    for name in LISTS:
+        yield f"{name.lower()}={sum(each.list_name == name for each in sensors)};;;0"
     numbers = (
         _datum(component, value)
         for component in components
@@ -125,17 +194,34 @@ def _performance(lists: dict[str, list[str]], components: list[dict[str, Any]]) 
         for value in component["values"]
         if value["number"] is not None
     )
-    yield from islice(numbers, MAX_VALUES)
+    size = 0
+    for datum in islice(numbers, MAX_VALUES):
+        size += len(datum) + 1
+        if size > MAX_PERFORMANCE:
+            return
+        yield datum
 
 
 def _datum(component: dict[str, Any], value: dict[str, Any]) -> str:
     unit = value["unit"] or ""
-    suffix = unit if unit in UNITS else ""
+    suffix = UNITS.get(unit, "")
     bracket = f" [{unit}]" if unit and not suffix else ""
     label = _clean(f"{component['component']} {value['key']}{bracket}")
     # Within quotes a quote is doubled; an equals sign would end the label.
     label = label.replace("'", "''").replace("=", ":")
-    return f"'{label}'={value['number']:.10g}{suffix}"
+    warning, critical = (_range(value, severity) for severity in ("warning", "critical"))
+    limits = f";{warning};{critical}" if warning or critical else ""
+    return f"'{label}'={value['number']:.10g}{suffix}{limits}"
+
+
+def _range(value: dict[str, Any], severity: str) -> str:
+    """The range outside of which a value is in trouble, as the guidelines write it; "" for none."""
+    bounds = {
+        each["bound"]: f"{each['value']:.10g}"
+        for each in value.get("thresholds", ())
+        if each["severity"] == severity
+    }
+    return f"{bounds.get('low', '~')}:{bounds.get('high', '')}" if bounds else ""
 
 
 def _clean(text: str) -> str:
@@ -155,8 +241,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="check_ros_diagnostics",
         description="Check the diagnostics of a robot that a ROS diagnostics exporter monitors.",
-        epilog="Exit codes: 0 OK, 1 WARNING, 2 CRITICAL (also STALE that is not planned, "
-        "and no sensor that matches), "
+        epilog="Exit codes: 0 OK (also in maintenance), 1 WARNING, 2 CRITICAL (also STALE that is "
+        "not planned, a check that misses components, and no sensor that matches), "
         "3 UNKNOWN (exporter or robot not reachable, wrong arguments).",
     )
     parser.add_argument(

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter import __version__, durations
 from ros_diagnostics_exporter.logs import FORMATS
 
 DEFAULT_ADDRESS = ":9877"
+DATABASE = "exporter.db"
+NO_STORAGE = "none"
+_SIZE = re.compile(r"([0-9]+)(B|KB|MB|GB)", re.ASCII)
+_UNITS = {"B": 1, "KB": 1 << 10, "MB": 1 << 20, "GB": 1 << 30}
 
 EPILOG = """\
 The smallest fleet.yml finds every robot that publishes <name>/diagnostics_agg in DDS domain 0:
@@ -23,7 +29,7 @@ Check it:      ros-diagnostics-exporter --config.file fleet.yml --config.check
 Run it:        ros-diagnostics-exporter --config.file fleet.yml
 See it:        http://localhost:9877/ in a browser, ros-diagnostics-status in a terminal
 Scrape it:     scrape_configs: [{job_name: ros-diagnostics, honor_labels: true,
-                 static_configs: [{targets: ["localhost:9877"], labels: {fleet: warehouse}}]}]
+                 static_configs: [{targets: ["localhost:9877"]}]}]
 Keep Nagios:   check_ros_diagnostics -H robot_1 -N motor
 
 The configuration is reloaded when its files change and on SIGHUP.
@@ -43,12 +49,15 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     _add_fleet(parser)
+    _add_storage(parser)
     _add_web(parser)
     _add_alertmanager(parser)
     _add_logs(parser)
     options = parser.parse_args(arguments)
     if options.alertmanager_user and not options.alertmanager_password_file:
         parser.error("--alertmanager.user needs --alertmanager.password-file")
+    if options.live and not options.config_check:
+        parser.error("--live needs --config.check")
     return options
 
 
@@ -69,20 +78,49 @@ def _add_fleet(parser: argparse.ArgumentParser) -> None:
         help="check the configuration files, print a summary or all errors, and exit",
     )
     group.add_argument(
+        "--live",
+        metavar="URL",
+        help="with --config.check: also print what of the configuration matches no robot, "
+        "component or value that the exporter running at URL (http://localhost:9877) knows",
+    )
+
+
+def _add_storage(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("storage")
+    group.add_argument(
         "--storage.path",
         dest="storage_path",
-        type=Path,
+        type=_storage_path,
+        default=_default_storage_path(),
         metavar="FILE",
-        help="keep the state of the robots in this file across restarts",
+        help="SQLite database that keeps the state of the robots, faults and events across "
+        f"restarts; {NO_STORAGE}: keep nothing (default: {DATABASE} in systemd's "
+        f"$STATE_DIRECTORY, else data/{DATABASE})",
+    )
+    group.add_argument(
+        "--storage.retention.time",
+        dest="storage_retention_time",
+        type=_duration,
+        default="90d",
+        metavar="DURATION",
+        help="how long events are kept (default: %(default)s)",
+    )
+    group.add_argument(
+        "--storage.retention.size",
+        dest="storage_retention_size",
+        type=_size,
+        default="256MB",
+        metavar="SIZE",
+        help="size of the database above which the oldest events are deleted; units B, KB, MB, "
+        "GB (default: %(default)s)",
     )
     group.add_argument(
         "--events.path",
         dest="events_path",
         type=Path,
         metavar="FILE",
-        help="append an event to this file, one JSON object per line, whenever a level changes, a "
-        "robot goes silent or comes back, or the configuration is reloaded; rotated at 10 MB, "
-        "keeping FILE.1 to FILE.5",
+        help="the event log of version 0.1, whose events are moved to the database once (default: "
+        "events.jsonl beside the database)",
     )
 
 
@@ -171,6 +209,32 @@ def _add_logs(parser: argparse.ArgumentParser) -> None:
         help='json also wraps lines that the ROS middleware writes itself, with logger "output" '
         "(default: %(default)s)",
     )
+
+
+def _default_storage_path() -> Path:
+    # systemd separates several folders by colons.
+    folder = os.environ.get("STATE_DIRECTORY", "").split(":")[0] or "data"
+    return Path(folder) / DATABASE
+
+
+def _storage_path(text: str) -> Path | None:
+    if not text:
+        raise argparse.ArgumentTypeError(f"{text!r} is no file; {NO_STORAGE} keeps nothing")
+    return None if text == NO_STORAGE else Path(text)
+
+
+def _duration(text: str) -> float:
+    try:
+        return durations.parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{error} such as 90d or 12h") from error
+
+
+def _size(text: str) -> int:
+    match = _SIZE.fullmatch(text)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 256MB")
+    return int(match[1]) * _UNITS[match[2]]
 
 
 def _url(text: str) -> str:

@@ -7,8 +7,8 @@ import logging
 import signal
 import sys
 import threading
+import time
 from collections.abc import Sequence
-from contextlib import closing
 
 from ros_diagnostics_exporter import logs
 from ros_diagnostics_exporter.alertmanager import Alertmanager
@@ -16,9 +16,12 @@ from ros_diagnostics_exporter.cli import flags, systemd
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.events import EventLog, EventLogError
+from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.service import Service
+from ros_diagnostics_exporter.state.database import InUseError
+from ros_diagnostics_exporter.state.storage import Retention, Storage
+from ros_diagnostics_exporter.state.unmatched import find_unmatched, known_from_json
 from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
 
@@ -43,22 +46,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ConfigError, WebConfigError) as error:
         print(error, file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
-    except EventLogError as error:
-        print(f"ros-diagnostics-exporter: --events.path: {error}", file=sys.stderr)  # noqa: T201
-        return EXIT_USAGE
     except AddressError as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
+    except InUseError as error:
+        hint = "give this one another --storage.path"
+        print(f"ros-diagnostics-exporter: {error}; {hint}", file=sys.stderr)  # noqa: T201
+        return EXIT_FAILURE
     except WebEndedError:
         return EXIT_FAILURE
-    except (ros.RosMissingError, ListenError) as error:
+    except (ros.RosMissingError, ListenError, UnreachableError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_FAILURE
 
 
 def _check(options: argparse.Namespace) -> int:
-    print(describe(load(options.config_file)), end="")  # noqa: T201
+    fleet = load(options.config_file)
+    print(describe(fleet), end="")  # noqa: T201
     LiveWebConfig(options.web_config)
+    if options.live:
+        known = known_from_json(Client(options.live).fleet())
+        found = find_unmatched(fleet, known, time.time())
+        print(f"unmatched ({len(found)}):", *found, sep="\n  ")  # noqa: T201
     return 0
 
 
@@ -67,17 +76,22 @@ def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
     for warning in fleet.warnings:
         log.warning(warning)
     ros.check_ros()
-    with closing(EventLog(options.events_path)) as events:
-        service = Service(
-            fleet,
-            options.config_file,
-            options.storage_path,
-            events,
-            for_ros,
-            alertmanager=_alertmanager(options),
-        )
-        _serve(options, service)
+    service = Service(
+        fleet,
+        options.config_file,
+        _storage(options),
+        for_ros,
+        alertmanager=_alertmanager(options),
+    )
+    _serve(options, service)
     return 0
+
+
+def _storage(options: argparse.Namespace) -> Storage | None:
+    if options.storage_path is None:
+        return None
+    retention = Retention(options.storage_retention_time, options.storage_retention_size)
+    return Storage(options.storage_path, retention, options.events_path)
 
 
 def _alertmanager(options: argparse.Namespace) -> Alertmanager | None:

@@ -16,35 +16,35 @@ from rich.live import Live
 from rich.table import Column, Table
 from rich.text import Text
 
-from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter import __version__, durations
 from ros_diagnostics_exporter.cli.connection_flags import add_arguments, make_client, seconds
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.severity import (
+    COLOURS,
     SEVERITIES,
-    ago,
-    faults_of,
-    level_text,
-    short_check_texts,
+    ShownProblem,
+    clock,
+    component_path,
+    event_text,
+    shown_problems,
+    span,
     state_of,
 )
 from ros_diagnostics_exporter.texts import natural, one_line, printable
 
-COLOURS = {
-    "UNKNOWN": "magenta",
-    "CRITICAL": "bold red",
-    "STALE": "yellow",
-    "WARNING": "bold yellow",
-    "OK": "green",
-    "PENDING": "dim",
-}
-FAULTS_SHOWN = 3  # of one robot, in the table of robots
+PROBLEMS_SHOWN = 5  # of one robot, in the table of robots
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the fleet once, or repeatedly; exit code 0, or 1 if the exporter does not respond."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if options.history is not None and options.watch is not None:
+        parser.error("--history and --watch exclude one another")
     try:
         client = make_client(options)
+        if options.history is not None:
+            return _history(client, options)
         return _watch(client, options) if options.watch is not None else _once(client, options)
     except UnreachableError as error:
         print(f"ros-diagnostics-status: {printable(str(error))}", file=sys.stderr)  # noqa: T201
@@ -68,7 +68,8 @@ def choose(fleet: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]
             for robot in robots
             if (found := [each for each in robot["components"] if _named(each, wanted)])
         ]
-    return {**fleet, "robots": robots}
+    filtered = len(robots) < len(fleet["robots"])
+    return {**fleet, "robots": robots, "problems": [] if filtered else fleet["problems"]}
 
 
 def _named(component: dict[str, Any], wanted: str) -> bool:
@@ -98,25 +99,49 @@ def _watch(client: Client, options: argparse.Namespace) -> int:
 
 
 def view(fleet: dict[str, Any], *, components: bool = False) -> Group:
-    """A table of robots, or of their components, worst first, and a summary line."""
+    """A table of robots and their problems, or of components, worst first, and a summary line."""
     robots = sorted(
         fleet["robots"], key=lambda robot: (-SEVERITIES[state_of(robot)], natural(robot["robot"]))
     )
-    table = _components(robots, fleet["time"]) if components else _robots(robots, fleet["time"])
+    table = _components(robots, fleet["time"]) if components else _robots(fleet, robots)
     return Group(table, _summary(fleet, Counter(state_of(robot) for robot in robots)))
 
 
-def _robots(robots: list[dict[str, Any]], now: float) -> Table:
-    table = _table("State", "Robot", "Last message", "Faults")
+def _robots(fleet: dict[str, Any], robots: list[dict[str, Any]]) -> Table:
+    table, now = _table("State", "Robot", "What", "Confirmed", "Since", "Message"), fleet["time"]
+    for each in shown_problems(fleet, now, PROBLEMS_SHOWN, local=True)[0]:
+        _add_problem(table, "", each, now)
     for robot in robots:
-        received = robot["last_message"]
-        table.add_row(
-            _coloured(state_of(robot)),
-            _plain(robot["robot"]),
-            "never" if received is None else f"{max(0.0, now - received):.0f} s ago",
-            _faults(robot, now),
-        )
+        problems, number = shown_problems(robot, now, PROBLEMS_SHOWN, local=True)
+        for each in problems:
+            _add_problem(table, robot["robot"], each, now)
+        if number > len(problems):
+            table.add_row("", _plain(robot["robot"]), f"and {number - len(problems)} more")
+        if not problems:
+            text = _plain(_received(robot, now))
+            table.add_row(_coloured(state_of(robot)), _plain(robot["robot"]), "", "", "", text)
     return table
+
+
+def _add_problem(table: Table, robot: str, shown: ShownProblem, now: float) -> None:
+    table.add_row(
+        _coloured(shown.state),
+        *map(_plain, (robot, shown.subject, shown.standing, _since(shown, now), shown.message)),
+    )
+
+
+def _since(shown: ShownProblem, now: float) -> str:
+    return f"{clock(shown.since, now, local=True)}, {span(now - shown.since)}"
+
+
+def _received(robot: dict[str, Any], now: float) -> str:
+    """What there is to say of a robot without problems."""
+    last, until = robot["last_message"], robot["maintenance_until"]
+    text = "never received" if last is None else f"last message {max(0.0, now - last):.0f} s ago"
+    if robot["maintenance"]:
+        end = "" if until is None else f" until {clock(until, now, local=True, seconds=False)}"
+        text += f"; in maintenance{end}"
+    return text
 
 
 def _table(*titles: str) -> Table:
@@ -125,32 +150,43 @@ def _table(*titles: str) -> Table:
     return Table(*columns, box=None, pad_edge=False)
 
 
-def _faults(robot: dict[str, Any], now: float) -> Text:
-    parts = [f"silent: {robot['silent_reason']}"] if not robot["up"] else []
-    parts += ["in maintenance"] if robot["maintenance"] else []
-    parts += short_check_texts(robot)
-    faults = faults_of(robot)
-    parts += [
-        f"{each['component']} {level_text(each)}: {each['message']} {ago(each['since'], now)}"
-        for each in faults[:FAULTS_SHOWN]
-    ]
-    if len(faults) > FAULTS_SHOWN:
-        parts.append(f"and {len(faults) - FAULTS_SHOWN} more")
-    return _plain(*parts)
-
-
 def _components(robots: list[dict[str, Any]], now: float) -> Table:
-    table = _table("State", "Robot", "Component", "Message", "Values")
+    titles = ("State", "Robot", "Component", "Confirmed", "Since", "Message", "Values")
+    table = _table(*titles)
     for robot in robots:
+        worst: dict[tuple[str, str], ShownProblem] = {}
+        number = len(robot["problems"])
+        for shown in shown_problems(robot, now, number, local=True)[0]:
+            worst.setdefault((shown.problem["group"], shown.problem["component"]), shown)
         for each in robot["components"]:
+            problem = worst.get((each["group"], each["component"]))
             table.add_row(
-                _coloured(each["state"]),
+                _coloured(each["state"] if problem is None else problem.state),
                 _plain(robot["robot"]),
-                _plain(f"{each['group']} {each['component']}"),
-                _plain(f"{each['message']} {ago(each['since'], now)}"),
+                _plain(component_path(each)),
+                _plain("" if problem is None else problem.standing),
+                _plain("" if problem is None else _since(problem, now)),
+                _plain(each["message"] if problem is None else problem.message),
                 _plain(*(f"{pair['key']}={pair['value']}" for pair in each["values"])),
             )
     return table
+
+
+def _history(client: Client, options: argparse.Namespace) -> int:
+    """Print what happened to one robot, the newest last."""
+    events = list(client.events(options.history, options.since))
+    if options.json:
+        json.dump(events, sys.stdout, indent=2)
+        print()  # noqa: T201
+    elif not events:
+        print(f"no event of robot {printable(options.history)!r} in the last {options.since}")  # noqa: T201
+    else:
+        now, table = time.time(), _table("Ago", "Time", "Event")
+        for event in reversed(events):
+            moment = clock(event["time"], now, local=True)
+            table.add_row(span(now - event["time"]), moment, _plain(event_text(event)))
+        Console().print(table)
+    return 0
 
 
 def _plain(*lines: str) -> Text:
@@ -159,7 +195,8 @@ def _plain(*lines: str) -> Text:
 
 
 def _coloured(state: str) -> Text:
-    return Text(state, style=COLOURS[state])
+    colour, text = COLOURS[state]
+    return Text(f" {state} ", style=f"bold {text} on {colour}")
 
 
 def _summary(fleet: dict[str, Any], count: Counter[str]) -> Text:
@@ -175,6 +212,14 @@ def _states(text: str) -> frozenset[str]:
             f"{', '.join(sorted(unknown))}: not one of {', '.join(SEVERITIES)}"
         )
     return states
+
+
+def _ago(text: str) -> str:
+    try:
+        durations.parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{error}; write it as 10m or 1h30m") from error
+    return text
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -197,6 +242,16 @@ def _parser() -> argparse.ArgumentParser:
         metavar="TEXT",
         help="show the components whose /Group/Component contains this, ignoring case; "
         "'' shows all",
+    )
+    parser.add_argument(
+        "--history", metavar="ROBOT", help="show what happened to one robot, the newest last"
+    )
+    parser.add_argument(
+        "--since",
+        type=_ago,
+        default="1h",
+        metavar="DURATION",
+        help="how far --history goes back, as 10m or 1h30m (default: %(default)s)",
     )
     form = parser.add_mutually_exclusive_group()
     form.add_argument(

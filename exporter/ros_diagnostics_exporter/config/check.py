@@ -8,8 +8,10 @@ from datetime import datetime
 from zoneinfo import ZoneInfo
 
 from ros_diagnostics_exporter.config.fleet import (
+    CauseSettings,
     Check,
     Discovery,
+    FaultSettings,
     Fleet,
     Limits,
     Maintenance,
@@ -20,6 +22,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.config.scalars import DAY, DAYS
 from ros_diagnostics_exporter.durations import written
 from ros_diagnostics_exporter.regex import Pattern
+from ros_diagnostics_exporter.weekly import Weekly
 
 
 def describe(fleet: Fleet) -> str:
@@ -31,6 +34,8 @@ def describe(fleet: Fleet) -> str:
     lines += _section("shared topics", map(_shared, fleet.shared))
     lines += _section("profiles", map(_profile, fleet.profiles.values()))
     lines += _section("maintenance", map(_maintenance, fleet.maintenance))
+    if fleet.faults != FaultSettings():
+        lines += _section("faults", _faults(fleet.faults))
     if fleet.limits != Limits():
         lines += _section("limits", [_pairs(asdict(fleet.limits))])
     lines += _section("warnings", fleet.warnings)
@@ -100,15 +105,34 @@ def _maintenance(maintenance: Maintenance) -> str:
         f"{maintenance.name}: {_pairs(selector)}",
         maintenance.start is not None and f"from {_moment(maintenance.start, zone)}",
         maintenance.end is not None and f"to {_moment(maintenance.end, zone)}",
-        ", ".join(_weekly(maintenance)),
+        ", ".join(_weekly(maintenance.weekly)),
         maintenance.weekly and maintenance.time_zone,
         f"({maintenance.comment})",
     )
 
 
-def _weekly(maintenance: Maintenance) -> Iterator[str]:
+def _faults(faults: FaultSettings) -> Iterator[str]:
+    yield f"no fault for want of data within {written(faults.restart_grace)} after a start"
+    yield f"declared robots that were never received after {written(faults.pending_after)}"
+    yield f"flapping from {faults.flapping_start:g} until below {faults.flapping_stop:g}"
+    yield f"values come back by {faults.value_hysteresis:g} of their threshold"
+    yield f"many components of a robot: {_cause(faults.many)}"
+    confirmed = f"confirmed after {written(faults.confirm_after)}"
+    yield f"silent robots of a site: {_cause(faults.site)}, {confirmed}"
+    yield f"robots with the same component CRITICAL: {_cause(faults.common)}, {confirmed}"
+    hours = faults.warning_hours
+    if hours is not None:
+        yield f"warnings begin {', '.join(_weekly(hours.weekly))} {hours.time_zone}"
+
+
+def _cause(cause: CauseSettings) -> str:
+    absolute = "" if cause.absolute is None else f", or {cause.absolute}"
+    return f"{cause.number} and {cause.share:g} of all{absolute}"
+
+
+def _weekly(weekly: Weekly) -> Iterator[str]:
     days: dict[str, list[str]] = {}
-    for day, first, last in maintenance.weekly:
+    for day, first, last in weekly:
         end = last - DAY if last > DAY else last
         times = f"{first // 60:02}:{first % 60:02}-{end // 60:02}:{end % 60:02}"
         days.setdefault(times, []).append(DAYS[day])

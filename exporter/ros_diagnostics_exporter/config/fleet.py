@@ -9,10 +9,12 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from math import ceil
 from pathlib import Path
 from types import MappingProxyType
 
 from ros_diagnostics_exporter.regex import Pattern
+from ros_diagnostics_exporter.weekly import Weekly
 
 
 def _no_labels() -> Mapping[str, str]:
@@ -151,6 +153,49 @@ class Shared:
 
 
 @dataclass(frozen=True)
+class CauseSettings:
+    """From how many on several problems are one: ``number`` and ``share``, or ``absolute``."""
+
+    number: int
+    share: float
+    absolute: int | None = None
+
+    def needed(self, total: int) -> int:
+        """How many of ``total`` have to be in trouble."""
+        # The tolerance keeps 0.1 of 30 at 3, whatever floating point makes of it.
+        needed = max(1, self.number, ceil(self.share * total - 1e-9))
+        return needed if self.absolute is None else min(needed, max(1, self.absolute))
+
+
+@dataclass(frozen=True)
+class WarningHours:
+    """The hours of the week in which faults of severity warning begin."""
+
+    weekly: Weekly
+    time_zone: str = "UTC"
+
+
+@dataclass(frozen=True)
+class FaultSettings:
+    """How faults are judged, for the whole fleet. Times are seconds.
+
+    ``confirm_after`` is that of sites and common causes; ``value_hysteresis`` the share of a
+    threshold by which a value has to come back.
+    """
+
+    confirm_after: float = 10.0
+    restart_grace: float = 30.0
+    pending_after: float = 900.0
+    flapping_start: float = 0.4
+    flapping_stop: float = 0.2
+    value_hysteresis: float = 0.02
+    many: CauseSettings = CauseSettings(8, 0.5)
+    site: CauseSettings = CauseSettings(5, 0.5)
+    common: CauseSettings = CauseSettings(5, 0.3, absolute=20)
+    warning_hours: WarningHours | None = None  # None = always
+
+
+@dataclass(frozen=True)
 class Maintenance:
     """A planned downtime: which robots, and when."""
 
@@ -159,9 +204,7 @@ class Maintenance:
     comment: str
     start: float | None = None  # Unix time; None = since ever
     end: float | None = None  # exclusive; None = for ever
-    # (weekday 0 = Monday, from, to) in minutes of that day's clock, above 1440 on the day after;
-    # () = all the time between start and end
-    weekly: tuple[tuple[int, int, int], ...] = ()
+    weekly: Weekly = ()  # () = all the time between start and end
     time_zone: str = "UTC"
 
 
@@ -176,8 +219,22 @@ class Fleet:
     profiles: Mapping[str, Profile] = field(default_factory=dict)
     maintenance: tuple[Maintenance, ...] = ()
     limits: Limits = Limits()
+    faults: FaultSettings = FaultSettings()
+    exporter: str = ""  # the label of that name; "" for none
     warnings: tuple[str, ...] = field(default=(), compare=False)  # allowed, but probably mistakes
     sources: tuple[Path, ...] = field(default=(), compare=False)  # see `load.sources`
+
+    @property
+    def longest_confirm_after(self) -> float:
+        """The longest time, in seconds, after which anything that is wrong is a fault."""
+        profiles = [each.profile for each in self.robots]
+        profiles += [each.profile for each in self.discoveries]
+        profiles += [each.profile for each in self.shared]
+        found = [self.faults.confirm_after]
+        for profile in profiles:
+            found.append(profile.confirm_after)
+            found += (rule.confirm_after or 0.0 for rule in profile.components)
+        return max(found)
 
     @property
     def domain_ids(self) -> tuple[int, ...]:

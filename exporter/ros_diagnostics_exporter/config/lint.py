@@ -9,16 +9,19 @@ from ros_diagnostics_exporter.config.errors import Problem
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.metric_names import base_unit_for
 from ros_diagnostics_exporter.config.validate import Checked, Placed
+from ros_diagnostics_exporter.durations import written
 
 # A domain's ports begin at 7400 + 250 * id; Linux gives 32768 to 60999 to outgoing connections.
 # https://docs.ros.org/en/jazzy/Concepts/Intermediate/About-Domain-ID.html
 EPHEMERAL_DOMAINS = range(102, 215)
+LATE = 3600.0  # seconds; a longer stale_after is rather a mistake
 
 
 def lint(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
     """All warnings about `fleet`, which was made of `checked`, each with its place and remedy."""
     found = [
         *_ephemeral_domains(checked),
+        *_late(checked),
         *_units(checked),
         *_labels_of_no_robot(checked, fleet),
         *_nothing_to_watch(checked, fleet),
@@ -39,6 +42,22 @@ def _ephemeral_domains(checked: Checked) -> Iterator[Problem]:
             numbers = ", ".join(map(str, shared[:5])) + (", ..." if len(shared) > 5 else "")
             what = f"DDS domain {numbers} shares its ports with Linux' outgoing connections"
             yield placed.problem(key, what=what, remedy=remedy)
+
+
+def _late(checked: Checked) -> Iterator[Problem]:
+    """A number without a unit is seconds, which is easily taken for milliseconds."""
+    for placed in checked.profiles:
+        own = placed.entry.stale_after
+        if own is not None and own > LATE:
+            yield _too_late(placed, own, "stale_after")
+        for at, rule in enumerate(placed.entry.components or ()):
+            if rule.stale_after is not None and rule.stale_after > LATE:
+                yield _too_late(placed, rule.stale_after, "components", at, "stale_after")
+
+
+def _too_late(placed: Placed[Any], seconds: float, *below: str | int) -> Problem:
+    what = f"is {written(seconds)}: silence is noticed only after that"
+    return placed.problem(*below, what=what, remedy="write the unit, as in 5s or 500ms")
 
 
 def _units(checked: Checked) -> Iterator[Problem]:

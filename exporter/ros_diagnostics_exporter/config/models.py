@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from ros_diagnostics_exporter.config.errors import WrongValueError
+from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
 from ros_diagnostics_exporter.config.patterns import (
     NameTemplate,
@@ -405,6 +406,117 @@ class LimitsEntry(Entry):
     )
 
 
+Share = Annotated[float, Field(ge=0, le=1)]
+FlapRatio = Annotated[float, Field(ge=0.01, le=1)]
+
+
+class FlappingEntry(Entry):
+    """When something changes too often: Nagios' ratio of changes between its last 21 states."""
+
+    start: FlapRatio | None = optional(
+        "From this ratio on it is flapping.", example=0.5, default=0.4
+    )
+    stop: FlapRatio | None = optional(
+        "Below this ratio it no longer is.", example=0.25, default=0.2
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> FlappingEntry:
+        default = FaultSettings()
+        start = default.flapping_start if self.start is None else self.start
+        stop = default.flapping_stop if self.stop is None else self.stop
+        if stop >= start:
+            what = f"stop ({stop:g}) is not below start ({start:g})"
+            raise WrongValueError(what, "use a stop below start, such as start: 0.4, stop: 0.2")
+        return self
+
+
+class ManyEntry(Entry):
+    """When components of one robot that fail at once are one fault."""
+
+    components: Count | None = optional(
+        "At least so many of its components.", example=10, default=8
+    )
+    share: Share | None = optional(
+        "At least this share of all that it has, too.", example=0.3, default=0.5
+    )
+
+
+class SiteEntry(Entry):
+    """When robots of one site that fall silent at once are one fault."""
+
+    robots: Count | None = optional("At least so many of its robots.", example=3, default=5)
+    share: Share | None = optional("At least this share of them, too.", example=0.3, default=0.5)
+
+
+class CommonEntry(Entry):
+    """When one component that is CRITICAL on many robots is one fault."""
+
+    robots: Count | None = optional("At least so many robots.", example=3, default=5)
+    share: Share | None = optional(
+        "At least this share of the fleet, too.", example=0.2, default=0.3
+    )
+    absolute: Count | None = optional(
+        "Or so many robots, however large the fleet is.", example=50, default=20
+    )
+
+
+class WarningHoursEntry(Entry):
+    """The hours of the week in which faults of severity warning begin."""
+
+    weekly: Annotated[list[WeeklyTime], Field(min_length=1)] = required(
+        "Times of each week, in `time_zone`, also across midnight.",
+        example=["Mon-Fri 06:00-18:00"],
+    )
+    time_zone: TimeZone | None = optional(
+        "The IANA time zone of the times.", example="Europe/Berlin", default="UTC"
+    )
+
+
+class FaultsEntry(Entry):
+    """How the exporter decides which problems are faults, for the whole fleet."""
+
+    restart_grace: Duration | None = optional(
+        "Time after a start of the exporter in which no fault begins for want of data.",
+        example="1m",
+        default="30s",
+    )
+    pending_after: Duration | None = optional(
+        "Time after which a declared robot that was never received is a fault.",
+        example="1h",
+        default="15m",
+    )
+    confirm_after: Duration | None = optional(
+        "Time after which a fault of a site, or one that is common to many robots, is confirmed; "
+        "for robots and components see the profile.",
+        example="30s",
+        default="10s",
+    )
+    flapping: FlappingEntry | None = optional(
+        "When components, and robots that come and go, are flapping.", example={"start": 0.5}
+    )
+    value_hysteresis: Share | None = optional(
+        "Share of a threshold by which a value has to come back before its fault ends.",
+        example=0.05,
+        default=0.02,
+    )
+    many: ManyEntry | None = optional(
+        "When components of one robot that fail at once are one fault.", example={"components": 5}
+    )
+    site: SiteEntry | None = optional(
+        "When robots of one site (their label `site`) that fall silent at once are one fault.",
+        example={"robots": 3, "share": 0.3},
+    )
+    common: CommonEntry | None = optional(
+        "When one component that is CRITICAL on many robots is one fault.",
+        example={"robots": 10, "absolute": 50},
+    )
+    warning_hours: WarningHoursEntry | None = optional(
+        "The hours of the week in which faults of severity warning begin. By default all.",
+        example={"weekly": ["Mon-Fri 06:00-18:00"], "time_zone": "Europe/Berlin"},
+    )
+
+
 class MaintenanceEntry(Entry):
     """A planned downtime: which robots, when and why."""
 
@@ -443,6 +555,11 @@ class FleetFile(Entry):
     """The file fleet.yml."""
 
     fleet: Name = required("The fleet's name: the label `fleet` of every series.", example="plant1")
+    exporter: LabelValue | None = optional(
+        "This exporter's name where several share the fleet: the label `exporter` of its faults, "
+        "robots and own metrics. Two that receive the same robots have the same name.",
+        example="berlin",
+    )
     stale_is_critical: bool | None = optional(
         "Whether STALE counts as CRITICAL, in all profiles that do not set it.",
         example=True,
@@ -485,5 +602,8 @@ class FleetFile(Entry):
         "list.",
         example="fleet/maintenance",
         default="maintenance.d",
+    )
+    faults: FaultsEntry | None = optional(
+        "How the exporter decides which problems are faults.", example={"pending_after": "1h"}
     )
     limits: LimitsEntry | None = optional("Limits.", example={"components": 200})

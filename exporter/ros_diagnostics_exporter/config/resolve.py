@@ -13,7 +13,9 @@ from zoneinfo import ZoneInfo
 from ros_diagnostics_exporter.config.errors import LISTED, Problem, quoted, shortened, suggestion
 from ros_diagnostics_exporter.config.fleet import (
     AGGREGATED,
+    CauseSettings,
     Discovery,
+    FaultSettings,
     Fleet,
     Limits,
     Maintenance,
@@ -21,14 +23,21 @@ from ros_diagnostics_exporter.config.fleet import (
     Robot,
     Shared,
     Source,
+    WarningHours,
     topics_of,
 )
 from ros_diagnostics_exporter.config.lint import lint
 from ros_diagnostics_exporter.config.models import (
+    CommonEntry,
     DiscoveryEntry,
+    FaultsEntry,
+    FlappingEntry,
     MaintenanceEntry,
+    ManyEntry,
     RobotEntry,
     SharedEntry,
+    SiteEntry,
+    WarningHoursEntry,
 )
 from ros_diagnostics_exporter.config.patterns import INNERMOST, ROBOT, topic_pattern
 from ros_diagnostics_exporter.config.profiles import DEFAULT, resolved
@@ -62,11 +71,13 @@ def resolve(checked: Checked, problems: list[Problem]) -> Fleet | None:
         return None
     fleet = Fleet(
         name=top.fleet,
+        exporter=top.exporter or "",
         robots=robots,
         discoveries=discoveries,
         shared=shared,
         profiles=MappingProxyType(profiles),
         maintenance=maintenance,
+        faults=_faults(top.faults or FaultsEntry()),
         limits=Limits(**top.limits.model_dump(exclude_none=True)) if top.limits else Limits(),
     )
     warnings = lint(checked, fleet)
@@ -163,6 +174,42 @@ def _shared(placed: Placed[SharedEntry], lookup: _ProfileLookup) -> Shared:
         pattern=entry.pattern,
         profile=lookup.profile(placed),
         labels=MappingProxyType(entry.labels or {}),
+    )
+
+
+def _faults(entry: FaultsEntry) -> FaultSettings:
+    default = FaultSettings()
+    plain = {"restart_grace", "pending_after", "confirm_after", "value_hysteresis"}
+    flapping = entry.flapping or FlappingEntry()
+    return replace(
+        default,
+        **entry.model_dump(include=plain, exclude_none=True),
+        flapping_start=default.flapping_start if flapping.start is None else flapping.start,
+        flapping_stop=default.flapping_stop if flapping.stop is None else flapping.stop,
+        many=_cause(default.many, entry.many),
+        site=_cause(default.site, entry.site),
+        common=_cause(default.common, entry.common),
+        warning_hours=_hours(entry.warning_hours),
+    )
+
+
+def _hours(entry: WarningHoursEntry | None) -> WarningHours | None:
+    if entry is None:
+        return None
+    return WarningHours(tuple(chain.from_iterable(entry.weekly)), entry.time_zone or UTC)
+
+
+def _cause(
+    default: CauseSettings, entry: ManyEntry | SiteEntry | CommonEntry | None
+) -> CauseSettings:
+    if entry is None:
+        return default
+    number = entry.components if isinstance(entry, ManyEntry) else entry.robots
+    absolute = entry.absolute if isinstance(entry, CommonEntry) else None
+    return CauseSettings(
+        default.number if number is None else number,
+        default.share if entry.share is None else entry.share,
+        default.absolute if absolute is None else absolute,
     )
 
 

@@ -15,6 +15,7 @@ from pydantic import PlainValidator, WithJsonSchema
 
 from ros_diagnostics_exporter import durations
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted
+from ros_diagnostics_exporter.weekly import Weekly
 
 MAX_DOMAIN_ID = 232  # above it, rclpy ends the whole process (ports would exceed 65535)
 MAX_NAME = 128
@@ -32,7 +33,7 @@ _LABEL = r"[A-Za-z_][A-Za-z0-9_]*"
 RESERVED_LABELS = frozenset(
     {
         # identity of what the exporter serves
-        *("fleet", "robot", "group", "component"),
+        *("fleet", "exporter", "robot", "group", "component"),
         # robot_info's own
         *("ros_namespace", "domain_id", "topic", "profile", "address"),
         # set by Prometheus on targets, histograms, summaries and alerts
@@ -48,8 +49,6 @@ _DAYS = rf"{_DAY}(?:-{_DAY})?(?:,{_DAY}(?:-{_DAY})?)*|daily"
 _CLOCK = r"(?:[01]\d|2[0-3]):[0-5]\d|24:00"
 _WEEKLY = re.compile(rf"({_DAYS}) ({_CLOCK})-({_CLOCK})", re.ASCII)
 _MOMENT = r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d)?(?:Z|[+-]\d\d:\d\d)?)?"
-
-Weekly = tuple[int, int, int]
 
 
 def text(value: Any) -> str:
@@ -193,7 +192,7 @@ def folder(value: Any) -> str:
     return found
 
 
-def weekly(value: Any) -> tuple[Weekly, ...]:
+def weekly(value: Any) -> Weekly:
     """`Mon-Fri 22:00-06:00` -> (weekday, from, to) in minutes; beyond 1440 is the day after."""
     found = text(value)
     match = _WEEKLY.fullmatch(found)
@@ -326,7 +325,7 @@ LabelValue = Annotated[
     _schema("label value", type=["string", "integer"], maxLength=MAX_LABEL_VALUE),
 ]
 WeeklyTime = Annotated[
-    tuple[Weekly, ...],
+    Weekly,
     PlainValidator(weekly),
     _schema("weekly time", type="string", pattern=f"^{_WEEKLY.pattern}$"),
 ]

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from math import inf
 from typing import Literal
 
+from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.model import ComponentName, Identity, Scope
 from ros_diagnostics_exporter.faults.records import (
     Cause,
@@ -15,25 +16,23 @@ from ros_diagnostics_exporter.faults.records import (
     Robot,
     RowKey,
 )
-from ros_diagnostics_exporter.faults.settings import (
-    ComponentSettings,
-    FleetSettings,
-    RobotSettings,
-)
+from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.model import Instant
 
-TimerKind = Literal["confirm", "cover", "returned", "presence", "flaps", "settled"]
+TimerKind = Literal["confirm", "cover", "returned", "presence", "flaps", "settled", "hours"]
 Timer = tuple[TimerKind, "Problem | Cause | Robot | Component | None"]
 FLEET_ROW: RowKey = ("fleet", ())
 
 
 class Book:
-    """All records. ``settled_at`` (monotonic) is the end of restart_grace."""
+    """All records. ``grace_until`` and ``settled_at`` (monotonic) are as `Faults.started` says."""
 
-    def __init__(self, settings: FleetSettings) -> None:
+    def __init__(self, settings: FaultSettings) -> None:
         self.settings = settings
+        self.grace_until = -inf
         self.settled_at = -inf
+        self.clock_offset = 0.0  # of the wall clock to the monotonic, when hours were computed
         self.robots: dict[str, Robot] = {}
         self.causes: dict[tuple[Scope, str], Cause] = {}  # of sites and components
         self.problems: dict[Identity, Problem] = {}

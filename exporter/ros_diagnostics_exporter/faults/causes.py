@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import inf
 
+from ros_diagnostics_exporter.config.fleet import CauseSettings
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
 from ros_diagnostics_exporter.faults.records import Cause, Component, Presence, Problem, Robot
-from ros_diagnostics_exporter.faults.settings import CauseSettings
 from ros_diagnostics_exporter.model import Instant, Level
 
 
@@ -40,7 +40,7 @@ def count_robot(book: Book, robot: Robot, now: Instant) -> None:
     That nothing was received of it since a start is no silence within restart_grace.
     """
     silent = robot.presence is Presence.SILENT and not robot.maintenance
-    fresh = silent and (robot.counted or now.mono >= book.settled_at)
+    fresh = silent and (robot.counted or now.mono >= book.grace_until)
     counted = fresh or (robot.counted and not robot.up)
     if not (counted or robot.counted):
         return

@@ -72,7 +72,7 @@ def give_verdict(book: Book, problem: Problem, verdict: Verdict) -> None:
     if verdict is not problem.verdict:
         problem.verdict = verdict
         book.write(problem)
-    book.touch((problem,))
+    book.touched[problem] = None
 
 
 def hold(book: Book, robot: Robot) -> None:
@@ -134,7 +134,7 @@ def wake(book: Book, component: Component) -> None:
         return
     if flaps.ratio > 0.0:
         due = flaps.last + component.robot.settings.flap_interval
-        book.timers.set(("flaps", component), due)
+        book.timers.set_at_latest(("flaps", component), due)  # too early: it is set again then
     elif flaps.slots[-1] == Level.OK:
         component.flaps = None
 

@@ -8,8 +8,18 @@ check that expects something, as they are after the robot's first array; then wh
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from math import inf
 
-from ros_diagnostics_exporter.faults import causes, components, judge, presence, removal, rows
+from ros_diagnostics_exporter.config.fleet import FaultSettings
+from ros_diagnostics_exporter.faults import (
+    causes,
+    components,
+    hours,
+    judge,
+    presence,
+    removal,
+    rows,
+)
 from ros_diagnostics_exporter.faults.book import FLEET_ROW, Book
 from ros_diagnostics_exporter.faults.model import (
     Change,
@@ -25,11 +35,7 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.faults.quiet import why_not_begin, why_not_end
 from ros_diagnostics_exporter.faults.records import Cause, Component, Presence, Problem, Robot
-from ros_diagnostics_exporter.faults.settings import (
-    ComponentSettings,
-    FleetSettings,
-    RobotSettings,
-)
+from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant
 
 
@@ -40,27 +46,34 @@ class Faults:
     that order of time; robots that were not configured raise LookupError. Not thread-safe.
     """
 
-    def __init__(self, settings: FleetSettings) -> None:
+    def __init__(self, settings: FaultSettings) -> None:
         self._book = Book(settings)
 
     # -- time --------------------------------------------------------------------------------
 
-    def started(self, now: Instant) -> list[Change]:
+    def started(self, now: Instant, longest_confirm_after: float = 0.0) -> list[Change]:
         """Note that the process has started: nothing is received yet, and restart_grace begins.
 
-        To be called first, after `restore` and before time passes.
+        To be called first, after `restore` and before time passes. Without the rows of a former
+        process nothing is `settled` until what was wrong before has been judged again: it is
+        received within restart_grace, and a fault after the fleet's ``longest_confirm_after``.
         """
         book = self._book
-        book.settled_at = now.mono + book.settings.restart_grace
-        book.timers.set(("settled", None), book.settled_at)
+        book.grace_until = now.mono + book.settings.restart_grace
+        judged = book.grace_until + longest_confirm_after
+        is_known = book.settled_at > -inf
+        settled = max(book.grace_until, book.settled_at) if is_known else judged
+        book.settled_at = min(settled, judged)  # whatever the wall clock was set to meanwhile
+        book.timers.set(("settled", None), book.grace_until)
         book.written[FLEET_ROW] = None
+        hours.wake(book, now)
         for robot in book.robots.values():
             if robot.up:
                 presence.fall_silent(book, robot, now, now, counts=False)
         return judge.settle(book, now)
 
     def settled(self, now: Instant) -> bool:
-        """Whether restart_grace is over."""
+        """Whether restart_grace is over, and whatever was wrong before the start is a fault."""
         return now.mono >= self._book.settled_at
 
     @property
@@ -72,6 +85,9 @@ class Faults:
         """Let time pass; costs nothing while no timer is due."""
         timers = self._book.timers
         changes: list[Change] = []
+        if hours.clock_was_set(self._book, now):
+            hours.follow(self._book, now)
+            changes += judge.settle(self._book, now)
         while (due := timers.next) <= now.mono:
             # As of when each was due, so that it does not matter how often this is called.
             at = at_mono(due, now)
@@ -88,6 +104,8 @@ class Faults:
             causes.end_cover(book, record)
         elif isinstance(record, Component):
             components.decay(book, record, at)
+        elif kind == "hours":
+            hours.follow(book, at)
         elif not isinstance(record, Robot):
             presence.settle(book, at)
         elif kind == "presence":
@@ -97,11 +115,12 @@ class Faults:
 
     # -- config and people -------------------------------------------------------------------
 
-    def configure(self, settings: FleetSettings, now: Instant) -> list[Change]:
+    def configure(self, settings: FaultSettings, now: Instant) -> list[Change]:
         """Follow other settings of the fleet."""
         changes = self.advance(now)
         book = self._book
         book.settings = settings
+        hours.wake(book, now)
         book.touch(book.problems.values())
         book.touch_causes()
         for robot in book.robots.values():
@@ -231,9 +250,12 @@ class Faults:
             components.report_check(self._book, known, check, (found, expected), now)
         return changes + judge.settle(self._book, now)
 
-    def describe(self, identity: Identity, evidence: str) -> None:
-        """Fix the evidence of a fault that began: once, for its life, at most 4,096 characters."""
-        judge.describe(self._book, identity, evidence)
+    def describe(self, fault: Fault, evidence: str) -> Fault:
+        """Fix the evidence of a fault that began: once, for its life, at most 4,096 characters.
+
+        Returns the fault with it.
+        """
+        return judge.describe(self._book, fault, evidence)
 
     # -- what is asked -----------------------------------------------------------------------
 
@@ -270,6 +292,11 @@ class Faults:
             return next(known.all_problems(), None) is not None
         component = known.components.get(name)
         return component is not None and bool(component.problems or component.values)
+
+    def trouble_since(self, robot: str, name: ComponentName) -> float | None:
+        """When a component left OK, Unix time; None if it is well, or nothing counts of it."""
+        component = self._robot(robot).components.get(name)
+        return None if component is None or component.since is None else component.since.wall
 
     # -- what outlives the process -----------------------------------------------------------
 

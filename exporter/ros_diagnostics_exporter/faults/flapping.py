@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
+from operator import ne
 
 SLOTS = 21
 _LOW_CURVE = 0.75
 _HIGH_CURVE = 1.25
+# Of each possible change, the oldest first.
+_WEIGHTS = tuple(
+    place * (_HIGH_CURVE - _LOW_CURVE) / (SLOTS - 2) + _LOW_CURVE for place in range(SLOTS - 1)
+)
 
 
 def flap_ratio(slots: Sequence[int]) -> float:
@@ -15,12 +21,8 @@ def flap_ratio(slots: Sequence[int]) -> float:
     The newest of the 20 possible changes weighs 1.25, the oldest 0.75: the formula of Nagios'
     check_for_service_flapping (base/flapping.c). ``slots`` holds 21 states.
     """
-    changes = 0.0
-    for position in range(1, SLOTS):
-        if slots[position] != slots[position - 1]:
-            weight = (position - 1) * (_HIGH_CURVE - _LOW_CURVE) / (SLOTS - 2)
-            changes += weight + _LOW_CURVE
-    return changes / (SLOTS - 1)
+    changed = map(ne, slots, slots[1:])
+    return sum(compress(_WEIGHTS, changed)) / (SLOTS - 1)
 
 
 class FlapHistory:

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from ros_diagnostics_exporter.faults import causes
 from ros_diagnostics_exporter.faults.book import Book
-from ros_diagnostics_exporter.faults.model import Change, Fault, Identity, Verdict
+from ros_diagnostics_exporter.faults.model import Change, Fault, Verdict
 from ros_diagnostics_exporter.faults.quiet import why_not_begin, why_not_end
 from ros_diagnostics_exporter.faults.records import Problem
 from ros_diagnostics_exporter.model import Instant
@@ -66,12 +66,16 @@ def end_all(book: Book, problems: Iterable[Problem], now: Instant) -> list[Chang
     ]
 
 
-def describe(book: Book, identity: Identity, evidence: str) -> None:
-    """Fix a fault's evidence, for its life."""
-    problem = book.problems.get(identity)
-    if problem is not None and problem.fault is not None and not problem.fault.evidence:
-        problem.fault = replace(problem.fault, evidence=evidence[:EVIDENCE_LENGTH])
+def describe(book: Book, fault: Fault, evidence: str) -> Fault:
+    """Fix a fault's evidence, for its life; the fault with it."""
+    if fault.evidence:
+        return fault
+    described = replace(fault, evidence=evidence[:EVIDENCE_LENGTH])
+    problem = book.problems.get(fault.identity)
+    if problem is not None and problem.fault is fault:  # it still lasts
+        problem.fault = described
         book.write(problem)
+    return described
 
 
 def _drop(book: Book, problem: Problem) -> None:

@@ -54,11 +54,21 @@ class Identity(NamedTuple):
     severity: str = ""
 
 
+def severity_of(identity: Identity) -> Literal["critical", "warning"]:
+    """The severity of a fault, which follows from its identity."""
+    if identity.state is State.MANY:
+        return "critical" if identity.severity == "critical" else "warning"
+    return "critical" if identity.state in (State.CRITICAL, State.SILENT) else "warning"
+
+
 @dataclass(frozen=True)
 class Fault:
     """A confirmed problem.
 
-    ``since`` is when the trouble began, ``confirmed`` when the fault did (both Unix time);
+    ``since`` is when the trouble began, ``confirmed`` when the fault did (both Unix time). The
+    trouble of a component that is WARNING or STALE began when it left OK, the same time as in
+    `component_problem_since_timestamp_seconds`; that of a CRITICAL one when it turned CRITICAL; of
+    a silent robot with its last message; of many, a site or a common cause when there were enough.
     ``labels`` are the robot's own at that moment, ``evidence`` what the caller wrote about it.
     """
 
@@ -122,6 +132,7 @@ class Reason(str, Enum):
     SITE = "site"
     COMMON = "common"
     MANY = "many"
+    HOURS = "hours"  # outside of the hours in which warnings begin
 
 
 class ProblemView(NamedTuple):

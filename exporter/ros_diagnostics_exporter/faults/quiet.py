@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from ros_diagnostics_exporter.faults.book import Book
-from ros_diagnostics_exporter.faults.model import Reason, Scope, State, Verdict
+from ros_diagnostics_exporter.faults.hours import warnings_may_begin
+from ros_diagnostics_exporter.faults.model import Reason, Scope, State, Verdict, severity_of
 from ros_diagnostics_exporter.faults.records import Component, Problem, Robot
 from ros_diagnostics_exporter.model import Instant
 
@@ -24,8 +25,10 @@ def why_not_begin(book: Book, problem: Problem, now: Instant) -> Reason | None:
             return reason
     if problem.verdict is Verdict.HELD:
         return Reason.NO_DATA
-    if problem.verdict is Verdict.ABSENT and now.mono < book.settled_at:
+    if problem.verdict is Verdict.ABSENT and now.mono < book.grace_until:
         return Reason.RESTART
+    if severity_of(problem.identity) == "warning" and not warnings_may_begin(book, now):
+        return Reason.HOURS
     return None
 
 
@@ -59,18 +62,30 @@ def _of_robot(book: Book, problem: Problem, robot: Robot, now: Instant) -> Reaso
     ):
         return Reason.SITE
     # What is freshly received of a robot that comes and goes is as true as of any other.
-    if robot.flapping and problem.verdict is Verdict.ABSENT:
+    flaps = robot.problems.get(State.FLAPPING)
+    if problem.verdict is Verdict.ABSENT and _is_reported(book, flaps, now):
         return Reason.ROBOT_FLAPPING
     if not of_presence and problem.verdict is Verdict.ABSENT and now.mono < robot.returned_until:
         return Reason.RETURNED
     return None
 
 
+def _is_reported(book: Book, flaps: Problem | None, now: Instant) -> bool:
+    """Whether something flaps, and people are notified of that instead of each change.
+
+    A warning is not reported outside of its hours: then it hides nothing that is critical.
+    """
+    if flaps is None or not flaps.in_trouble:
+        return False
+    return flaps.fault is not None or warnings_may_begin(book, now)
+
+
 def _of_component(
     book: Book, problem: Problem, component: Component, now: Instant
 ) -> Reason | None:
     """Why the component's own flapping, or what explains its level, keeps it quiet."""
-    if problem.identity.scope is Scope.COMPONENT and component.flapping:
+    flaps = component.problems.get(State.FLAPPING)
+    if problem.identity.scope is Scope.COMPONENT and _is_reported(book, flaps, now):
         return Reason.FLAPPING
     if component.robot.many.covers(now):
         return Reason.MANY

@@ -12,7 +12,7 @@ from math import inf
 from types import MappingProxyType
 from typing import Any
 
-from ros_diagnostics_exporter.faults import causes, components
+from ros_diagnostics_exporter.faults import causes, components, hours
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
 from ros_diagnostics_exporter.faults.model import (
@@ -81,6 +81,7 @@ def restore(book: Book, stored: Iterable[Row], now: Instant) -> None:
             readers[row.kind](book, row.key, row.fields, clock)
     _count(book, now)
     _set_timers(book)
+    hours.wake(book, now)
     book.touched.clear()
     book.touched_causes.clear()
     book.written.clear()
@@ -92,7 +93,10 @@ def restore(book: Book, stored: Iterable[Row], now: Instant) -> None:
 def _fields(book: Book, row: RowKey, clock: _Clock) -> _Fields | None:
     kind, key = row
     if kind == "fleet":
-        return {"settled_at": clock.wall(book.settled_at)}
+        return {
+            "grace_until": clock.wall(book.grace_until),
+            "settled_at": clock.wall(book.settled_at),
+        }
     if kind == "problem":
         problem = book.problems.get(_identity(key))
         return None if problem is None else _of_problem(problem, clock)
@@ -184,6 +188,7 @@ def _of_history(history: FlapHistory | None, clock: _Clock) -> _Fields | None:
 
 
 def _read_fleet(book: Book, _key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
+    book.grace_until = clock.mono(fields["grace_until"])
     book.settled_at = clock.mono(fields["settled_at"])
 
 
@@ -274,8 +279,8 @@ def _count(book: Book, now: Instant) -> None:
 
 def _set_timers(book: Book) -> None:
     timers = book.timers
-    if book.settled_at > -inf:
-        timers.set(("settled", None), book.settled_at)
+    if book.grace_until > -inf:
+        timers.set(("settled", None), book.grace_until)
     for problem in book.problems.values():
         if problem.fault is None:
             timers.set(("confirm", problem), problem.clock + book.confirm_after(problem))

@@ -43,6 +43,11 @@ class Timers(Generic[_Key]):
         heapq.heappush(self._heap, (due, self._serial, key))
         self._compact()
 
+    def set_at_latest(self, key: _Key, due: float) -> None:
+        """Let ``key`` be due then, unless it is earlier; infinite: no timer is needed."""
+        if due < self._due.get(key, inf):
+            self.set(key, due)
+
     def clear(self, key: _Key) -> None:
         """Let ``key`` not be due at all."""
         if self._due.pop(key, None) is not None:

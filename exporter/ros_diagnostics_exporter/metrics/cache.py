@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from math import isfinite
 
 from ros_diagnostics_exporter.config.fleet import Profile
@@ -15,7 +15,7 @@ from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.versions import Versions
 from ros_diagnostics_exporter.texts import escape
 
-_VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_GUARDED_VALUE.name}
+_VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_MONITORED_VALUE.name}
 _WORDS = tuple(level.name.lower() for level in Level)
 
 
@@ -29,19 +29,22 @@ def number(value: float) -> str:
 class RobotText:
     """The text of one robot. ``update`` is to be called while holding the state's lock."""
 
-    def __init__(self, fleet: str, robot: Robot) -> None:
+    def __init__(self, fleet: str, exporter: str, robot: Robot) -> None:
         self.fleet = fleet
+        self.exporter = exporter
         self.robot = robot
         self.chunks: dict[str, bytes] = {}
         self.promoted: set[str] = set()
         self._base = f'fleet="{escape(fleet)}",robot="{escape(robot.settings.name)}"'
+        self._exporter_label = f',exporter="{escape(exporter)}"' if exporter else ""
         self._seen: Versions | None = None
+        self._values_due = True
         self._labels: list[tuple[Component, str]] = []  # group and component, rendered
         self._values: dict[str, list[tuple[str, Value]]] = {}
         self._reasons: set[str] = set()  # every reason that ever applied
 
-    def update(self) -> None:
-        """Render what changed since the last call."""
+    def update(self, *, values: bool = True) -> None:
+        """Render what changed since the last call; without ``values``, these only later."""
         new, old = self.robot.versions, self._seen
         structure = old is None or new.structure != old.structure
         inventory = old is None or new.inventory != old.inventory
@@ -51,10 +54,15 @@ class RobotText:
             self._render_inventory()
         if old is None or new.receipt != old.receipt:
             self._render_receipt()
+        if old is None or new.rejections != old.rejections:
+            self._render_rejections()
         if structure or inventory or old is None or new.levels != old.levels:
             self._render_levels()
         if structure or inventory or old is None or new.values != old.values:
+            self._values_due = True
+        if values and self._values_due:
             self._render_values()
+            self._values_due = False
         if structure or old is None or new.groups != old.groups:
             self._render_groups()
         self._seen = new.copy()
@@ -90,7 +98,7 @@ class RobotText:
                     name = metrics.COMPONENT_VALUE.name
                     self._values.setdefault(name, []).append((name + key, value))
                 if monitored:
-                    name = metrics.COMPONENT_GUARDED_VALUE.name
+                    name = metrics.COMPONENT_MONITORED_VALUE.name
                     self._values.setdefault(name, []).append((name + key, value))
         for name in self.promoted:
             self.chunks.pop(name, None)
@@ -111,7 +119,6 @@ class RobotText:
         profile = self.robot.settings.profile
         for family, find in (
             (metrics.COMPONENT_STALE_AFTER, _own_stale_after),
-            (metrics.COMPONENT_CONFIRM_AFTER, _own_confirm_after),
             (metrics.COMPONENT_PLANNED_STALE, _planned_stale),
         ):
             self._set(
@@ -149,10 +156,10 @@ class RobotText:
         labels = "".join(
             f',{name}="{escape(value)}"' for name, value in {**settings.labels, **fixed}.items()
         )
+        labels = self._exporter_label + labels
         self._set(metrics.ROBOT_INFO, [self._one(metrics.ROBOT_INFO, 1, labels)])
         for family, value in (
             (metrics.ROBOT_STALE_AFTER, profile.stale_after),
-            (metrics.ROBOT_CONFIRM_AFTER, profile.confirm_after),
             (metrics.ROBOT_STALE_IS_CRITICAL, float(profile.stale_is_critical)),
             (metrics.ROBOT_MAINTENANCE, float(robot.maintenance)),
         ):
@@ -169,9 +176,9 @@ class RobotText:
     # -- values ------------------------------------------------------------------------
 
     def _render_receipt(self) -> None:
-        robot = self.robot
+        robot, up = self.robot, metrics.ROBOT_UP
+        self._set(up, [self._one(up, float(robot.up), self._exporter_label)])
         for family, value in (
-            (metrics.ROBOT_UP, float(robot.up)),
             (metrics.ROBOT_LAST_MESSAGE, round(robot.last_wall, 3)),
             (metrics.ROBOT_MESSAGES, robot.messages),
             (metrics.ROBOT_MESSAGE_BYTES, robot.bytes),
@@ -184,23 +191,24 @@ class RobotText:
         reason = robot.silent_reason
         if reason is not None:
             self._reasons.add(reason)
-        for family, counted in (
-            (metrics.ROBOT_SILENT_REASON, {each: float(each == reason) for each in self._reasons}),
-            (metrics.ROBOT_REJECTED, robot.rejected),
-        ):
-            self._set(
-                family,
-                (self._one(family, counted[each], f',reason="{each}"') for each in sorted(counted)),
-            )
+        reasons = {each: float(each == reason) for each in sorted(self._reasons)}
+        self._by_reason(metrics.ROBOT_SILENT_REASON, reasons)
+
+    def _render_rejections(self) -> None:
+        self._by_reason(metrics.ROBOT_REJECTED, self.robot.rejected)
+
+    def _by_reason(self, family: Family, values: Mapping[str, float]) -> None:
+        self._set(
+            family,
+            (self._one(family, value, f',reason="{each}"') for each, value in values.items()),
+        )
 
     def _render_levels(self) -> None:
         shown = [(each, labels) for each, labels in self._labels if each.level >= 0]
         for family, read in (
             (metrics.COMPONENT_LEVEL, _level),
             (metrics.COMPONENT_PROBLEM_LEVEL, _problem_level),
-            (metrics.COMPONENT_BEFORE_STALE, _before_stale),
             (metrics.COMPONENT_SINCE, _since),
-            (metrics.COMPONENT_ERROR_SINCE, _error_since),
             (metrics.COMPONENT_PROBLEM_SINCE, _problem_since),
             (metrics.COMPONENT_CHANGES, _changes),
             (metrics.COMPONENT_FLAP_RATIO, _flap_ratio),
@@ -264,16 +272,8 @@ def _problem_level(component: Component) -> int | None:
     return component.level or None
 
 
-def _before_stale(component: Component) -> int | None:
-    return component.before_stale
-
-
 def _since(component: Component) -> float:
     return round(component.since, 3)
-
-
-def _error_since(component: Component) -> float | None:
-    return _since(component) if component.level == Level.ERROR else None
 
 
 def _problem_since(component: Component) -> float | None:
@@ -292,11 +292,6 @@ def _flap_ratio(component: Component) -> float | None:
 def _own_stale_after(component: Component, profile: Profile) -> float | None:
     own = None if component.rule is None else component.rule.stale_after
     return None if own == profile.stale_after else own
-
-
-def _own_confirm_after(component: Component, profile: Profile) -> float | None:
-    own = None if component.rule is None else component.rule.confirm_after
-    return None if own == profile.confirm_after else own
 
 
 def _planned_stale(component: Component, _profile: Profile) -> float | None:

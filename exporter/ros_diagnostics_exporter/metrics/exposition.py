@@ -9,14 +9,15 @@ in both formats, only the headers differ
 from __future__ import annotations
 
 import threading
-from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement
 from ros_diagnostics_exporter.metrics import families as metrics
-from ros_diagnostics_exporter.metrics.cache import RobotText, number
+from ros_diagnostics_exporter.metrics.cache import RobotText
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.metrics.fault_text import FaultText
+from ros_diagnostics_exporter.model import ALL_PARTS, Part
+from ros_diagnostics_exporter.notifications import Key
 from ros_diagnostics_exporter.state.rejections import OVER_LIMIT
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.state import State
@@ -26,42 +27,60 @@ from ros_diagnostics_exporter.texts import escape
 class Exposition:
     """The fleet's families as text.
 
-    ``acknowledged`` is asked at each scrape which acknowledgements hold.
+    ``acknowledged`` is asked at each scrape which acknowledgements hold, ``notified`` who was
+    notified of which fault.
     """
 
     def __init__(
-        self, state: State, acknowledged: Callable[[], Iterable[Acknowledgement]] = tuple
+        self,
+        state: State,
+        acknowledged: Callable[[], Iterable[Acknowledgement]] = tuple,
+        notified: Callable[[], Mapping[Key, Mapping[str, float]] | None] = dict,
     ) -> None:
         self._state = state
         self._acknowledged = acknowledged
+        self._notified = notified
         self._texts: dict[str, RobotText] = {}
         self._faults = FaultText()
         self._lock = threading.Lock()
-        self.series: Counter[str] = Counter()  # by family, at the last scrape
+        self._series: dict[Part, dict[str, int]] = {}
 
-    def render(self, *, openmetrics: bool = False) -> bytes:
+    @property
+    def series(self) -> dict[str, int]:
+        """How many series each family had when it was last rendered."""
+        return {name: n for part in self._series.values() for name, n in part.items()}
+
+    def render(self, *, openmetrics: bool = False, parts: Collection[Part] = ALL_PARTS) -> bytes:
         """All samples of all robots; without OpenMetrics' closing ``# EOF``."""
+        if not {Part.FAULTS, Part.ROBOTS}.intersection(parts):
+            return b""
         with self._lock:
-            texts = self._update()
+            texts = self._update(values=Part.ROBOTS in parts)
             promoted = sorted({name for text in texts for name in text.promoted})
             ours = metrics.FLEET_FAMILIES + metrics.FAULT_FAMILIES
-            families = (*ours, *map(_promoted_family, promoted))
-            parts: list[bytes] = []
-            series: Counter[str] = Counter()
-            more = {
-                metrics.ROBOT_SILENT_REASON.name: self._over_limit(),
-                **self._acknowledgements(),
-                **self._faults.render(self._state.fleet.name, self._state.faults()),
-            }
-            for family in families:
-                chunks = [chunk for text in texts if (chunk := text.chunks.get(family.name))]
+            text: list[bytes] = []
+            series: dict[Part, dict[str, int]] = {part: {} for part in parts}
+            more = self._more()
+            for family in (*ours, *map(_promoted_family, promoted)):
+                if family.part not in parts:
+                    continue
+                chunks = [chunk for each in texts if (chunk := each.chunks.get(family.name))]
                 chunks.extend(filter(None, [more.get(family.name)]))
                 if chunks:
-                    parts.append(header(family, openmetrics=openmetrics))
-                    parts.extend(chunks)
-                    series[family.name] = sum(chunk.count(b"\n") for chunk in chunks)
-            self.series = series
-            return b"".join(parts)
+                    text.append(header(family, openmetrics=openmetrics))
+                    text.extend(chunks)
+                    series[family.part][family.name] = sum(each.count(b"\n") for each in chunks)
+            self._series |= series
+            return b"".join(text)
+
+    def _more(self) -> dict[str, bytes]:
+        """What no robot's text has: samples by the family's name."""
+        fleet, faults = self._state.fleet, self._state.faults()
+        acknowledged, notified = self._acknowledged(), self._notified() or {}
+        return {
+            metrics.ROBOT_SILENT_REASON.name: self._over_limit(),
+            **self._faults.render(fleet.name, fleet.exporter, faults, acknowledged, notified),
+        }
 
     def _over_limit(self) -> bytes:
         """Robots that are rejected by a limit have one sample: the reason why they are silent."""
@@ -71,37 +90,19 @@ class Exposition:
             for robot in self._state.robots_over_limit
         ).encode()
 
-    def _acknowledgements(self) -> dict[str, bytes]:
-        """Those of known robots, both families of them."""
-        fleet, when, since = escape(self._state.fleet.name), "", ""
-        for each in self._acknowledged():
-            if each.robot not in self._texts:
-                continue
-            fault = f'fleet="{fleet}"' + "".join(
-                f',{name}="{escape(value)}"'
-                for name in metrics.ACKNOWLEDGED_SINCE.labels[1:]
-                if (value := getattr(each, name))
-            )
-            words = f',author="{escape(each.author)}",comment="{escape(each.comment)}"'
-            when += f"{metrics.ACKNOWLEDGED.name}{{{fault}{words}}} {number(each.at)}\n"
-            since += f"{metrics.ACKNOWLEDGED_SINCE.name}{{{fault}}} {number(each.since)}\n"
-        return {
-            metrics.ACKNOWLEDGED.name: when.encode(),
-            metrics.ACKNOWLEDGED_SINCE.name: since.encode(),
-        }
-
-    def _update(self) -> list[RobotText]:
-        """Every robot's text, up to date."""
-        texts = list(self._state.visit(self._update_robot))
+    def _update(self, *, values: bool) -> list[RobotText]:
+        """Every robot's text, up to date; without ``values``, all but these."""
+        texts = list(self._state.visit(lambda robot: self._update_robot(robot, values=values)))
         self._texts = {text.robot.settings.name: text for text in texts}
         return texts
 
-    def _update_robot(self, robot: Robot) -> RobotText:
-        fleet = self._state.fleet.name
+    def _update_robot(self, robot: Robot, *, values: bool) -> RobotText:
+        fleet = self._state.fleet
         text = self._texts.get(robot.settings.name)
-        if text is None or text.robot is not robot or text.fleet != fleet:
-            text = RobotText(fleet, robot)
-        text.update()
+        source = fleet.name, fleet.exporter
+        if text is None or text.robot is not robot or (text.fleet, text.exporter) != source:
+            text = RobotText(*source, robot)
+        text.update(values=values)
         return text
 
 

@@ -6,10 +6,14 @@ and dashboards with it. Naming follows https://prometheus.io/docs/practices/nami
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from ros_diagnostics_exporter.model import Part
 
 PREFIX = "ros_diagnostics_"
 
+# ``exporter`` is the name of fleet.yml; without one the label is absent.
+EXPORTER = ("fleet", "exporter")
 ROBOT = ("fleet", "robot")
 COMPONENT = (*ROBOT, "group", "component")
 
@@ -18,7 +22,7 @@ class Family(NamedTuple):
     """One metric family; ``labels`` in the order in which they are rendered.
 
     ``name`` is the full name, for a counter with its ``_total``. ``open`` families carry, beyond
-    ``labels``, those that fleet.yml gives a robot.
+    ``labels``, those that fleet.yml gives a robot. ``part`` is what ``collect[]`` calls it.
     """
 
     name: str
@@ -26,9 +30,10 @@ class Family(NamedTuple):
     help: str
     labels: tuple[str, ...]
     open: bool = False
+    part: Part = Part.ROBOTS
 
 
-def _family(name: str, kind: str, help_: str, labels: tuple[str, ...], **more: bool) -> Family:
+def _family(name: str, kind: str, help_: str, labels: tuple[str, ...], **more: Any) -> Family:
     return Family(PREFIX + name, kind, help_, labels, **more)
 
 
@@ -36,11 +41,15 @@ ROBOT_INFO = _family(
     "robot_info",
     "gauge",
     "Inventory: 1 for every known robot, also one declared and never seen.",
-    (*ROBOT, "ros_namespace", "domain_id", "topic", "profile", "address"),
+    (*ROBOT, "exporter", "ros_namespace", "domain_id", "topic", "profile", "address"),
     open=True,
 )
 ROBOT_UP = _family(
-    "robot_up", "gauge", "1 while messages arrive, 0 while silent or never seen.", ROBOT
+    "robot_up",
+    "gauge",
+    "1 while messages arrive, 0 while silent or never seen.",
+    (*ROBOT, "exporter"),
+    part=Part.FAULTS,
 )
 ROBOT_SILENT_REASON = _family(
     "robot_silent_reason",
@@ -48,6 +57,7 @@ ROBOT_SILENT_REASON = _family(
     "Why a robot is not up: the reason that holds is 1, others that once held are 0 (never_seen, "
     "publisher_gone, mute, undecodable, wrong_type, domain_unreachable, limit).",
     (*ROBOT, "reason"),
+    part=Part.FAULTS,
 )
 ROBOT_LAST_MESSAGE = _family(
     "robot_last_message_timestamp_seconds",
@@ -61,17 +71,15 @@ ROBOT_STALE_AFTER = _family(
     "Silence after which the robot counts as silent, from the config.",
     ROBOT,
 )
-ROBOT_CONFIRM_AFTER = _family(
-    "robot_confirm_after_seconds",
-    "gauge",
-    "Time in a problem after which it is confirmed, from the config.",
-    ROBOT,
-)
 ROBOT_STALE_IS_CRITICAL = _family(
     "robot_stale_is_critical", "gauge", "1 where the config counts STALE as CRITICAL.", ROBOT
 )
 ROBOT_MAINTENANCE = _family(
-    "robot_maintenance", "gauge", "1 during a planned downtime, from the config.", ROBOT
+    "robot_maintenance",
+    "gauge",
+    "1 during a planned downtime, from the config.",
+    ROBOT,
+    part=Part.FAULTS,
 )
 ROBOT_MESSAGES = _family("robot_messages_total", "counter", "Diagnostic arrays received.", ROBOT)
 ROBOT_MESSAGE_BYTES = _family(
@@ -89,7 +97,7 @@ ROBOT_CLOCK_OFFSET = _family(
 ROBOT_REJECTED = _family(
     "robot_rejected_total",
     "counter",
-    "What was received and rejected, by reason.",
+    "What was received and rejected, by reason; every reason from 0 on.",
     (*ROBOT, "reason"),
 )
 CHECK_COMPONENTS = _family(
@@ -115,23 +123,12 @@ COMPONENT_PROBLEM_LEVEL = _family(
     "gauge",
     "component_level where it is not OK; absent otherwise.",
     COMPONENT,
-)
-COMPONENT_BEFORE_STALE = _family(
-    "component_level_before_stale",
-    "gauge",
-    "The level before the component became STALE; only while it is.",
-    COMPONENT,
+    part=Part.FAULTS,
 )
 COMPONENT_SINCE = _family(
     "component_since_timestamp_seconds",
     "gauge",
     "When the current level began (Unix time).",
-    COMPONENT,
-)
-COMPONENT_ERROR_SINCE = _family(
-    "component_error_since_timestamp_seconds",
-    "gauge",
-    "When the component turned ERROR (Unix time); absent while it is not.",
     COMPONENT,
 )
 COMPONENT_PROBLEM_SINCE = _family(
@@ -155,12 +152,6 @@ COMPONENT_STALE_AFTER = _family(
     "The component's own staleness threshold, only where it differs from the robot's.",
     COMPONENT,
 )
-COMPONENT_CONFIRM_AFTER = _family(
-    "component_confirm_after_seconds",
-    "gauge",
-    "The component's own confirmation time, only where it differs from the robot's.",
-    COMPONENT,
-)
 COMPONENT_PLANNED_STALE = _family(
     "component_planned_stale",
     "gauge",
@@ -182,8 +173,8 @@ COMPONENT_VALUE = _family(
     "A key-value that is a number, in the unit the driver gave; absent while STALE.",
     (*COMPONENT, "key", "unit"),
 )
-COMPONENT_GUARDED_VALUE = _family(
-    "component_guarded_value",
+COMPONENT_MONITORED_VALUE = _family(
+    "component_monitored_value",
     "gauge",
     "component_value of the values with thresholds: rules read these few instead of all values.",
     (*COMPONENT, "key", "unit"),
@@ -200,28 +191,12 @@ GROUP_LEVEL = _family(
     "A parent's level as the robot's own aggregator reported it.",
     (*ROBOT, "group"),
 )
-ACKNOWLEDGED = _family(
-    "acknowledged_timestamp_seconds",
-    "gauge",
-    "When a fault was acknowledged (Unix time), by whom and with which words. Only with "
-    "--alertmanager.url, and while the acknowledgement is in force; it may be that of an earlier "
-    "fault. Without group, component and state where the whole robot is silent.",
-    (*COMPONENT, "state", "author", "comment"),
-)
-ACKNOWLEDGED_SINCE = _family(
-    "acknowledged_since_timestamp_seconds",
-    "gauge",
-    "When the fault began that was acknowledged (Unix time): it is for that one and for no later.",
-    (*COMPONENT, "state"),
-)
-
 FLEET_FAMILIES = (
     ROBOT_INFO,
     ROBOT_UP,
     ROBOT_SILENT_REASON,
     ROBOT_LAST_MESSAGE,
     ROBOT_STALE_AFTER,
-    ROBOT_CONFIRM_AFTER,
     ROBOT_STALE_IS_CRITICAL,
     ROBOT_MAINTENANCE,
     ROBOT_MESSAGES,
@@ -233,27 +208,22 @@ FLEET_FAMILIES = (
     CHECK_EXPECTED,
     COMPONENT_LEVEL,
     COMPONENT_PROBLEM_LEVEL,
-    COMPONENT_BEFORE_STALE,
     COMPONENT_SINCE,
-    COMPONENT_ERROR_SINCE,
     COMPONENT_PROBLEM_SINCE,
     COMPONENT_CHANGES,
     COMPONENT_FLAP_RATIO,
     COMPONENT_STALE_AFTER,
-    COMPONENT_CONFIRM_AFTER,
     COMPONENT_PLANNED_STALE,
     COMPONENT_MESSAGE,
     COMPONENT_INFO,
     COMPONENT_VALUE,
-    COMPONENT_GUARDED_VALUE,
+    COMPONENT_MONITORED_VALUE,
     COMPONENT_VALUE_THRESHOLD,
     GROUP_LEVEL,
-    ACKNOWLEDGED,
-    ACKNOWLEDGED_SINCE,
 )
 
 FAULT = (
-    *("fleet", "scope", "state", "severity", "site"),
+    *(*EXPORTER, "scope", "state", "severity", "site"),
     *("robot", "group", "component", "check", "key", "bound"),
 )
 FAULT_START = _family(
@@ -262,12 +232,34 @@ FAULT_START = _family(
     "When the trouble of a fault began (Unix time); present from its confirmation to its end.",
     FAULT,
     open=True,
+    part=Part.FAULTS,
 )
 FAULT_INFO = _family(
     "fault_info",
     "gauge",
     "1 for every fault, with what was known when it was confirmed, at most 512 characters.",
     (*FAULT, "evidence"),
+    open=True,
+    part=Part.FAULTS,
 )
 
-FAULT_FAMILIES = (FAULT_START, FAULT_INFO)
+FAULT_ACKNOWLEDGED = _family(
+    "fault_acknowledged_timestamp_seconds",
+    "gauge",
+    "When a fault that lasts was acknowledged (Unix time), by whom and with which words; only with "
+    "--alertmanager.url.",
+    (*FAULT, "author", "comment"),
+    open=True,
+    part=Part.FAULTS,
+)
+
+FAULT_NOTIFIED = _family(
+    "fault_notified_timestamp_seconds",
+    "gauge",
+    "When Alertmanager last sent a notification of a fault that lasts to a receiver (Unix time); "
+    "only where it posts them to /api/v1/notifications.",
+    (*FAULT, "receiver"),
+    open=True,
+)
+
+FAULT_FAMILIES = (FAULT_START, FAULT_INFO, FAULT_ACKNOWLEDGED, FAULT_NOTIFIED)

@@ -2,54 +2,124 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
+from typing import NamedTuple
 
-from ros_diagnostics_exporter.faults.model import Fault, Identity
+from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
+from ros_diagnostics_exporter.faults.model import Fault, Identity, severity_of
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import number
+from ros_diagnostics_exporter.metrics.families import Family
+from ros_diagnostics_exporter.notifications import Key, as_served
 from ros_diagnostics_exporter.texts import escape
 
 # A robot's own labels by these names are left out: they would be read as the fault's identity.
-_IDENTITY = {*metrics.FAULT_START.labels, *metrics.FAULT_INFO.labels} - {"site"}
+_RESERVED = {label for family in metrics.FAULT_FAMILIES for label in family.labels} - {"site"}
+SAME = 1.0  # seconds by which an acknowledgement may differ from when its fault began
+
+
+class _Lines(NamedTuple):
+    """What is rendered of one fault; ``labels`` without braces, ``key`` as `identity_of`."""
+
+    fault: Fault
+    labels: str
+    key: tuple[str, ...]
+    start: str
+    info: str
 
 
 class FaultText:
-    """The text of both families of faults."""
+    """The text of the families of faults."""
 
     def __init__(self) -> None:
-        self._fleet = ""
-        self._lines: dict[Identity, tuple[Fault, str, str]] = {}
+        self._source = ("", "")
+        self._lines: dict[Identity, _Lines] = {}
 
-    def render(self, fleet: str, faults: Iterable[Fault]) -> dict[str, bytes]:
-        """By the family's name; ``faults`` are all that last."""
-        known = self._lines if fleet == self._fleet else {}
-        lines: dict[Identity, tuple[Fault, str, str]] = {}
+    def render(
+        self,
+        fleet: str,
+        exporter: str,
+        faults: Iterable[Fault],
+        acknowledgements: Iterable[Acknowledgement] = (),
+        notified: Mapping[Key, Mapping[str, float]] = MappingProxyType({}),
+    ) -> dict[str, bytes]:
+        """By the family's name.
+
+        Args:
+            fleet: The fleet's name.
+            exporter: The exporter's; "" for none.
+            faults: All that last.
+            acknowledgements: Those in force, the newest last; of other faults, too.
+            notified: Of each fault, when each receiver was last notified.
+        """
+        source = fleet, exporter
+        known = self._lines if source == self._source else {}
+        lines: dict[Identity, _Lines] = {}
         for fault in sorted(faults, key=lambda fault: fault.identity):
             kept = known.get(fault.identity)
-            if kept is None or kept[0] is not fault:
-                kept = fault, *_lines(fleet, fault)
+            if kept is None or kept.fault is not fault:
+                kept = _render(fleet, exporter, fault)
             lines[fault.identity] = kept
-        self._fleet, self._lines = fleet, lines
+        self._source, self._lines = source, lines
         return {
-            metrics.FAULT_START.name: "".join(each[1] for each in lines.values()).encode(),
-            metrics.FAULT_INFO.name: "".join(each[2] for each in lines.values()).encode(),
+            metrics.FAULT_START.name: "".join(each.start for each in lines.values()).encode(),
+            metrics.FAULT_INFO.name: "".join(each.info for each in lines.values()).encode(),
+            metrics.FAULT_ACKNOWLEDGED.name: "".join(
+                _acknowledged(lines.values(), acknowledgements)
+            ).encode(),
+            metrics.FAULT_NOTIFIED.name: "".join(_notified(lines.values(), notified)).encode(),
         }
 
 
-def _lines(fleet: str, fault: Fault) -> tuple[str, str]:
-    """Its sample of fault_start and of fault_info."""
+def _render(fleet: str, exporter: str, fault: Fault) -> _Lines:
     identity = {
         "fleet": fleet,
+        "exporter": exporter,
         **fault.identity._asdict(),
         "scope": fault.identity.scope.value,
         "state": fault.identity.state.value,
+        "severity": severity_of(fault.identity),
         "site": fault.identity.site or fault.labels.get("site", ""),
     }
-    own = {name: text for name, text in fault.labels.items() if name not in _IDENTITY}
-    start = f"{metrics.FAULT_START.name}{{{_labels(identity | own)}}}"
-    info = f"{metrics.FAULT_INFO.name}{{{_labels(identity | {'evidence': fault.evidence})}}}"
-    return f"{start} {number(round(fault.since, 3))}\n", f"{info} 1\n"
+    own = {name: text for name, text in fault.labels.items() if name not in _RESERVED}
+    labels = _labels(identity | own)
+    return _Lines(
+        fault,
+        labels,
+        tuple(as_served(text) for text in identity_of(identity)),
+        start=_sample(metrics.FAULT_START, labels, {}, fault.since),
+        info=_sample(metrics.FAULT_INFO, labels, {"evidence": fault.evidence}),
+    )
 
 
-def _labels(labels: dict[str, str]) -> str:
+def _acknowledged(
+    lines: Iterable[_Lines], acknowledgements: Iterable[Acknowledgement]
+) -> Iterator[str]:
+    """The samples of the faults that are acknowledged, each by its newest acknowledgement."""
+    by_fault: dict[tuple[str, ...], list[Acknowledgement]] = {}
+    for each in acknowledgements:
+        by_fault.setdefault(each.fault, []).append(each)
+    for line in lines if by_fault else ():
+        named = by_fault.get(line.key, ())
+        found = [each for each in named if abs(each.since - line.fault.since) <= SAME]
+        if found:
+            words = {"author": found[-1].author, "comment": found[-1].comment}
+            yield _sample(metrics.FAULT_ACKNOWLEDGED, line.labels, words, found[-1].at)
+
+
+def _notified(
+    lines: Iterable[_Lines], notified: Mapping[Key, Mapping[str, float]]
+) -> Iterator[str]:
+    for line in lines if notified else ():
+        for receiver, at in notified.get(line.key[1:], {}).items():
+            yield _sample(metrics.FAULT_NOTIFIED, line.labels, {"receiver": receiver}, at)
+
+
+def _sample(family: Family, labels: str, more: Mapping[str, str], value: float = 1) -> str:
+    further = _labels(more)
+    return f"{family.name}{{{labels}{further and ','}{further}}} {number(round(value, 3))}\n"
+
+
+def _labels(labels: Mapping[str, str]) -> str:
     return ",".join(f'{name}="{escape(text)}"' for name, text in labels.items() if text)

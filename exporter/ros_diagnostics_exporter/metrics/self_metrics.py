@@ -6,7 +6,7 @@ A new one is a row of ``TABLE``: the exposition, docs/metrics.md and the tests r
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -22,17 +22,19 @@ from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.ingest.ros import Listener, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.families import (
+    EXPORTER,
     FAULT_FAMILIES,
     FLEET_FAMILIES,
     PREFIX,
     Family,
 )
+from ros_diagnostics_exporter.model import ALL_PARTS, Part
 from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.state.storage import Storage
 
-FLEET = ("fleet",)
+EOF = b"# EOF\n"  # of OpenMetrics
 Label = TypeVar("Label", str, int)
-Samples = Sequence[tuple[Sequence[str], float]]  # (labels after ``fleet``, value)
+Samples = Sequence[tuple[Sequence[str], float]]  # (labels after those of EXPORTER, value)
 
 
 @dataclass
@@ -54,8 +56,10 @@ class Exporter:
     scrape_seconds: float = 0.0
 
 
-def _family(name: str, kind: str, help_: str, labels: tuple[str, ...]) -> Family:
-    return Family(PREFIX + name, kind, help_, labels)
+def _family(
+    name: str, kind: str, help_: str, labels: tuple[str, ...], part: Part = Part.EXPORTER
+) -> Family:
+    return Family(PREFIX + name, kind, help_, labels, part=part)
 
 
 def _one(value: float) -> Samples:
@@ -66,14 +70,14 @@ def _by_label(values: Mapping[Label, float]) -> Samples:
     return [((str(label),), float(value)) for label, value in sorted(values.items())]
 
 
-# The function returns None where the metric does not apply: no state file, no Alertmanager.
+# The function returns None where the metric does not apply: no database, no Alertmanager.
 TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
     (
         _family(
             "exporter_build_info",
             "gauge",
             "1 with the versions of the exporter, Python and the ROS middleware.",
-            (*FLEET, "version", "python_version", "ros_distro", "rmw"),
+            (*EXPORTER, "version", "python_version", "ros_distro", "rmw"),
         ),
         lambda exporter: [((__version__, platform.python_version(), *exporter.ros), 1)],
     ),
@@ -82,7 +86,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
             "exporter_config_last_reload_successful",
             "gauge",
             "1 if the last attempt to read the config succeeded and none hangs.",
-            FLEET,
+            EXPORTER,
         ),
         lambda exporter: _one(exporter.reloader.successful),
     ),
@@ -91,33 +95,42 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
             "exporter_config_last_reload_success_timestamp_seconds",
             "gauge",
             "When the config was last read successfully (Unix time).",
-            FLEET,
+            EXPORTER,
         ),
         lambda exporter: _one(exporter.reloader.time),
     ),
     (
-        _family("exporter_robots", "gauge", "Robots known.", FLEET),
+        _family(
+            "exporter_config_unmatched",
+            "gauge",
+            "Entries of the config that have matched nothing for five minutes, by kind.",
+            (*EXPORTER, "what"),
+        ),
+        lambda exporter: _by_label(exporter.state.unmatched.counts()),
+    ),
+    (
+        _family("exporter_robots", "gauge", "Robots known.", EXPORTER),
         lambda exporter: _one(len(exporter.state.robots)),
     ),
     (
         _family(
             "exporter_series",
             "gauge",
-            "Series served at the last scrape, by family.",
-            (*FLEET, "family"),
+            "Series served at the last scrape of the family.",
+            (*EXPORTER, "family"),
         ),
         lambda exporter: _by_label(exporter.exposition.series),
     ),
     (
-        _family("exporter_series_limit", "gauge", "The config's limit of all series.", FLEET),
+        _family("exporter_series_limit", "gauge", "The config's limit of all series.", EXPORTER),
         lambda exporter: _one(exporter.state.fleet.limits.series),
     ),
     (
         _family(
             "exporter_rejected_total",
             "counter",
-            "What belongs to no known robot and was rejected, by reason.",
-            (*FLEET, "reason"),
+            "What belongs to no known robot and was rejected, by reason; every reason from 0 on.",
+            (*EXPORTER, "reason"),
         ),
         lambda exporter: _by_label(exporter.state.rejected),
     ),
@@ -125,8 +138,9 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
         _family(
             "exporter_settled",
             "gauge",
-            "1 from 30 s after the start on: before, no fault begins for want of data.",
-            FLEET,
+            "1 once restart_grace is over, and faults that a lost state had are judged again.",
+            EXPORTER,
+            Part.FAULTS,
         ),
         lambda exporter: _one(exporter.state.settled(read_clocks())),
     ),
@@ -135,7 +149,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
             "exporter_decode_seconds_total",
             "counter",
             "CPU time spent on decoding messages.",
-            FLEET,
+            EXPORTER,
         ),
         lambda exporter: _one(exporter.listener.decode_seconds),
     ),
@@ -144,12 +158,12 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
             "exporter_ingest_seconds_total",
             "counter",
             "CPU time spent on taking decoded messages into the state.",
-            FLEET,
+            EXPORTER,
         ),
         lambda exporter: _one(exporter.listener.ingest_seconds),
     ),
     (
-        _family("exporter_scrapes_total", "counter", "Scrapes answered.", FLEET),
+        _family("exporter_scrapes_total", "counter", "Scrapes answered.", EXPORTER),
         lambda exporter: _one(exporter.scrapes),
     ),
     (
@@ -157,7 +171,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
             "exporter_last_scrape_duration_seconds",
             "gauge",
             "Time that rendering the last scrape before this one took.",
-            FLEET,
+            EXPORTER,
         ),
         lambda exporter: _one(exporter.scrape_seconds),
     ),
@@ -166,7 +180,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
             "exporter_domain_up",
             "gauge",
             "1 where the DDS domain is joined.",
-            (*FLEET, "domain_id"),
+            (*EXPORTER, "domain_id"),
         ),
         lambda exporter: _by_label(
             {each: each in exporter.listener.domain_ids for each in exporter.state.fleet.domain_ids}
@@ -178,7 +192,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
             "gauge",
             "When the ROS graph of a joined DDS domain was last looked at (Unix time); "
             "0 = not yet.",
-            (*FLEET, "domain_id"),
+            (*EXPORTER, "domain_id"),
         ),
         lambda exporter: _by_label(exporter.listener.last_looks),
     ),
@@ -186,9 +200,9 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
         _family(
             "exporter_storage_last_write_successful",
             "gauge",
-            "1 if the last attempt to write the state file succeeded and none that is unreadable "
-            "is in the way; only with --storage.path.",
-            FLEET,
+            "1 if the last write to the database succeeded, none hangs, and no unreadable file is "
+            "in its place; absent with --storage.path=none.",
+            EXPORTER,
         ),
         lambda exporter: None if exporter.storage is None else _one(exporter.storage.successful),
     ),
@@ -196,8 +210,8 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
         _family(
             "exporter_storage_last_write_success_timestamp_seconds",
             "gauge",
-            "When the state file was last written (Unix time); only with --storage.path.",
-            FLEET,
+            "When the database was last written (Unix time); absent with --storage.path=none.",
+            EXPORTER,
         ),
         lambda exporter: None if exporter.storage is None else _one(exporter.storage.written_at),
     ),
@@ -207,7 +221,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
             "gauge",
             "1 while Alertmanager answers when asked for acknowledgements; "
             "only with --alertmanager.url.",
-            FLEET,
+            EXPORTER,
         ),
         lambda exporter: (
             None
@@ -220,22 +234,34 @@ EXPORTER_FAMILIES = tuple(family for family, _samples in TABLE)
 ALL_FAMILIES = FLEET_FAMILIES + FAULT_FAMILIES + EXPORTER_FAMILIES
 
 
-class SelfMetrics(Collector):
-    """Reads the table at each scrape."""
+class SelfMetrics:
+    """The exporter's own families and those of its process; reads the table at each scrape."""
 
     def __init__(self, exporter: Exporter) -> None:
-        self._exporter = exporter
-        self._registry = CollectorRegistry()
-        self._registry.register(self)
-        ProcessCollector(registry=self._registry)
-        GCCollector(registry=self._registry)
+        self._registries = {part: CollectorRegistry() for part in (Part.FAULTS, Part.EXPORTER)}
+        for part, registry in self._registries.items():
+            registry.register(_Rows(exporter, part))
+        ProcessCollector(registry=self._registries[Part.EXPORTER])
+        GCCollector(registry=self._registries[Part.EXPORTER])
 
-    def render(self, *, openmetrics: bool = False) -> bytes:
-        """The families as text; OpenMetrics with its closing ``# EOF``."""
-        if openmetrics:
-            generate: Callable[[CollectorRegistry], bytes] = openmetrics_exposition.generate_latest
-            return generate(self._registry)
-        return generate_latest(self._registry)
+    def render(self, *, openmetrics: bool = False, parts: Collection[Part] = ALL_PARTS) -> bytes:
+        """The families as text; without OpenMetrics' closing ``# EOF``."""
+        generate: Callable[[CollectorRegistry], bytes] = (
+            openmetrics_exposition.generate_latest if openmetrics else generate_latest
+        )
+        return b"".join(
+            generate(registry).removesuffix(EOF)
+            for part, registry in self._registries.items()
+            if part in parts
+        )
+
+
+@dataclass(frozen=True, eq=False)  # registered by identity
+class _Rows(Collector):
+    """The table's rows of one part."""
+
+    exporter: Exporter
+    part: Part
 
     def describe(self) -> Iterable[Metric]:
         """No family, so that registering reads nothing yet."""
@@ -243,13 +269,15 @@ class SelfMetrics(Collector):
 
     def collect(self) -> Iterable[Metric]:
         """One family for each row of the table that applies."""
-        fleet = self._exporter.state.fleet.name
+        fleet = self.exporter.state.fleet
+        source = [fleet.name, fleet.exporter] if fleet.exporter else [fleet.name]
         for family, read in TABLE:
-            samples = read(self._exporter)
+            samples = read(self.exporter) if family.part is self.part else None
             if samples is None:
                 continue
+            names = family.labels if fleet.exporter else ("fleet", *family.labels[len(EXPORTER) :])
             kind = CounterMetricFamily if family.type == "counter" else GaugeMetricFamily
-            metric = kind(family.name, family.help, labels=family.labels)
+            metric = kind(family.name, family.help, labels=names)
             for labels, value in samples:
-                metric.add_metric([fleet, *labels], value)
+                metric.add_metric([*source, *labels], value)
             yield metric

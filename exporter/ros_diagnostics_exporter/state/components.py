@@ -221,6 +221,12 @@ class Components:
         self.update(component, status, now)
         self._expect(component, now)
 
+    def set_problem_since(self, component: Component, since: float) -> None:
+        """Set when the trouble of a component began, where the judgement of faults dates it."""
+        if component.problem_since != since:
+            component.problem_since = since
+            self._versions.levels += 1
+
     def mark_stale(self, component: Component, now: Instant) -> None:
         """Make a component STALE: nothing fresh is known about it."""
         self._set_level(component, STALE, now)
@@ -261,6 +267,18 @@ class Components:
                 self._versions.levels += 1
                 if flaps.ratio == 0.0:
                     self._flapping.discard(identity)
+
+    @property
+    def next_decay(self) -> float:
+        """When the next flap ratio falls, monotonic; infinite where all components are at rest."""
+        known = (self.by_identity.get(identity) for identity in self._flapping)
+        found = [each.flaps.last for each in known if each is not None and each.flaps is not None]
+        return min(found) + self._profile.flap_interval if found else inf
+
+    @property
+    def next_late(self) -> float:
+        """Until when no component of a robot that is up can be late, monotonic."""
+        return self._deadline
 
     def mark_late_stale(self, now: Instant) -> None:
         """Make the components that are late STALE; cheap as long as none can be."""

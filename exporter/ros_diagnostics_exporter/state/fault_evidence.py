@@ -1,4 +1,8 @@
-"""What was known of a fault when it began, in one line of text for people."""
+"""What was known of a fault when it began, in one line of text for people.
+
+The templates of notifications break the line before `values:`, `robots:`, `components:` and
+`also faulty:`.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from ros_diagnostics_exporter.faults.model import Identity, Scope, State
 from ros_diagnostics_exporter.model import Level
+from ros_diagnostics_exporter.severity import SILENT
 from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.texts import one_line
@@ -13,6 +18,8 @@ from ros_diagnostics_exporter.texts import one_line
 LENGTH = 512  # characters of the whole
 _TEXT_LENGTH = 160  # of one text of a robot
 _MOST_NAMED = 5  # of values, components or robots
+
+_WORDS = {Level.WARN: "WARNING", Level.ERROR: "CRITICAL"}  # as alerts name them
 
 Find = Callable[[Identity], "tuple[Robot, Component | None] | None"]
 
@@ -45,7 +52,7 @@ def _of_component(identity: Identity, component: Component, robot: Robot) -> Ite
         pairs = (f"{_text(key)}: {_text(text)}" for key, text in component.last.values)
         yield _listed("values", pairs)
     others = (each for each in _troubled(robot) if each is not component)
-    yield _listed("also", map(_with_level, others))
+    yield _listed("also faulty", map(_with_level, others))
 
 
 def _monitored(identity: Identity, component: Component) -> Iterator[str]:
@@ -55,7 +62,8 @@ def _monitored(identity: Identity, component: Component) -> Iterator[str]:
             for each in value.rule.thresholds:
                 if (each.bound, each.severity) == (identity.bound, identity.state.value):
                     unit = f" {_text(value.unit)}" if value.unit else ""
-                    yield f"{value.number:g}{unit}, {each.bound} threshold {each.value:g}"
+                    beyond = "below" if each.bound == "low" else "above"
+                    yield f"{value.number:g}{unit}, {beyond} the threshold of {each.value:g}{unit}"
 
 
 def _of_robot(identity: Identity, robot: Robot) -> Iterator[str]:
@@ -63,11 +71,11 @@ def _of_robot(identity: Identity, robot: Robot) -> Iterator[str]:
         expected = {check.name: check.expect for check in robot.settings.profile.checks}
         found = {name: sum(counts) for name, counts in robot.components.count_checks()}
         if identity.check in found:
-            yield f"{found[identity.check]} of {expected[identity.check]} components"
+            yield f"{found[identity.check]} of {expected[identity.check]} components report"
     elif identity.state is State.MANY:
         yield _listed("components", map(_with_level, _troubled(robot)))
     elif robot.silent_reason is not None:
-        yield robot.silent_reason
+        yield SILENT[robot.silent_reason]
 
 
 def _troubled(robot: Robot) -> Iterator[Component]:
@@ -75,7 +83,8 @@ def _troubled(robot: Robot) -> Iterator[Component]:
 
 
 def _with_level(component: Component) -> str:
-    return f"{_text(component.name)} {Level(component.level).name}"
+    level = Level(component.level)
+    return f"{_text(component.name)} {_WORDS.get(level, level.name)}"
 
 
 def _listed(what: str, texts: Iterable[str]) -> str:

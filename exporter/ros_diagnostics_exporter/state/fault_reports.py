@@ -7,11 +7,13 @@ which compares the robot with what was reported of it; every call is made under 
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
-from math import inf
+from math import inf, nextafter
 from typing import Literal
 
-from ros_diagnostics_exporter.config.fleet import Profile, Source, Threshold
+from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Source, Threshold
+from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import (
     Change,
@@ -23,12 +25,9 @@ from ros_diagnostics_exporter.faults.model import (
     Row,
     Scope,
     ValueReport,
+    severity_of,
 )
-from ros_diagnostics_exporter.faults.settings import (
-    ComponentSettings,
-    FleetSettings,
-    RobotSettings,
-)
+from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.fault_evidence import evidence
@@ -37,49 +36,55 @@ from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.rules import value_rule
 
 _Presence = Literal["up", "silent", "pending"]
+_LEVELS = tuple(Level)
 _NUMBERED = re.compile(r"(#[0-9]+|\[[0-9]+\])+")  # what a key is given beside the published one
 
 
 class FaultReports:
     """The faults of the fleet, and of each robot what was reported of it.
 
+    Faults that begin and end are appended to ``events``.
     Called only under the lock of the State that holds it. ``now`` of a call may be earlier than
     that of the one before, as arrays and ticks come from several threads: time does not go back.
     """
 
-    def __init__(self, now: Instant) -> None:
+    def __init__(self, fleet: Fleet, now: Instant, events: deque[Event]) -> None:
+        self._fleet = fleet
         self._now = now
+        self._events = events
         self._robots: dict[str, RobotReports] = {}
-        self._rows: dict[tuple[str, tuple[str, ...]], dict[str, object]] = {}
-        self._faults = Faults(FleetSettings())
-        self._faults.started(now)
+        self._faults = Faults(fleet.faults)
+        self._faults.started(now, fleet.longest_confirm_after)
 
     # -- reported ----------------------------------------------------------------------------
 
     def add(self, robot: Robot, now: Instant) -> None:
         """Judge a new robot from now on."""
         reports = self._robots[robot.settings.name] = RobotReports(robot)
-        self._describe(reports.configure(self._faults, self._time(now)))
+        self._record(reports.configure(self._faults, self._time(now)))
 
     def remove(self, robot: Robot, now: Instant) -> None:
         """End all that is wrong with a robot that is no longer wanted."""
         del self._robots[robot.settings.name]
-        self._describe(self._faults.forget_robot(robot.settings.name, self._time(now)))
+        self._record(self._faults.forget_robot(robot.settings.name, self._time(now)))
 
     def update(self, robot: Robot, now: Instant) -> None:
         """Report what changed of a robot; cheap where nothing did."""
         reports = self._robots[robot.settings.name]
         if reports.needs_update(now):
-            self._describe(reports.update(self._faults, self._time(now)))
+            self._record(reports.update(self._faults, self._time(now)))
 
-    def configure(self, now: Instant) -> None:
-        """Follow another config of the robots, after the state did."""
+    def configure(self, fleet: Fleet, now: Instant) -> None:
+        """Follow another config, after the state did."""
         now = self._time(now)
+        if fleet.faults != self._fleet.faults:
+            self._record(self._faults.configure(fleet.faults, now))
+        self._fleet = fleet
         for reports in self._robots.values():
             changes = []
             if reports.has_other_settings:
                 changes = reports.configure(self._faults, now)
-            self._describe(changes + reports.update(self._faults, now))
+            self._record(changes + reports.update(self._faults, now))
 
     def _report_maintenance(self, now: Instant) -> None:
         """Report which robots' planned downtimes began or ended, all of them at one time."""
@@ -91,59 +96,53 @@ class FaultReports:
         for name, is_planned in planned.items():
             self._robots[name].maintenance = is_planned
         if planned:
-            self._describe(self._faults.maintenance(planned, now))
+            self._record(self._faults.maintenance(planned, now))
 
     def tick(self, now: Instant, *, slow: bool) -> None:
         """Let time pass; to be called a few times a second, once a second with ``slow``."""
         now = self._time(now)
         if slow:
             self._report_maintenance(now)
-            self._take_rows(now)
-        self._describe(self._faults.advance(now))
+        self._record(self._faults.advance(now))
 
     def restore(self, rows: Iterable[Row], now: Instant) -> None:
-        """Go on from the `rows` of an earlier process; nothing is received yet.
+        """Go on from the rows of an earlier process; nothing is received yet.
 
         Raises:
             LookupError: the rows refer to what is not among them; nothing is restored.
             TypeError, ValueError: they are not rows of faults; nothing is restored.
         """
         now, rows = self._time(now), list(rows)
-        faults = Faults(FleetSettings())
+        faults = Faults(self._fleet.faults)
         faults.restore(rows, now)
-        faults.started(now)
+        faults.started(now, self._fleet.longest_confirm_after)
+        self._faults = faults
         for kind, key, fields in rows:
             if kind == "robot" and fields is not None and key[0] not in self._robots:
-                faults.forget_robot(key[0], now)
-        self._faults = faults
-        self._rows = {(kind, key): fields for kind, key, fields in rows if fields is not None}
+                self._record(faults.forget_robot(key[0], now))
         for reports in self._robots.values():
-            self._describe(reports.start_over(faults, now))
+            self._record(reports.start_over(faults, now))
         planned = {name: each.maintenance for name, each in self._robots.items()}
-        self._describe(faults.maintenance(planned, now))
+        self._record(faults.maintenance(planned, now))
 
-    def rows(self, now: Instant) -> list[Row]:
-        """What `restore` needs."""
-        self._take_rows(self._time(now))
-        return [Row(kind, key, fields) for (kind, key), fields in self._rows.items()]
-
-    def _take_rows(self, now: Instant) -> None:
-        for kind, key, fields in self._faults.take_rows(now):
-            if fields is None:
-                self._rows.pop((kind, key), None)
-            else:
-                self._rows[kind, key] = fields
+    def take_rows(self, now: Instant) -> list[Row]:
+        """The rows that changed since they were last taken, of all what `restore` needs."""
+        return self._faults.take_rows(self._time(now))
 
     def _time(self, now: Instant) -> Instant:
-        if now.mono > self._now.mono:
+        if now.mono >= self._now.mono:
             self._now = now
         return self._now
 
-    def _describe(self, changes: Iterable[Change]) -> None:
-        for what, fault, _at in changes:
-            if what == "began" and not fault.evidence:
-                text = evidence(fault.identity, self._find, self._troubled(fault.identity))
-                self._faults.describe(fault.identity, text)
+    def _record(self, changes: Iterable[Change]) -> None:
+        """Write the evidence of the faults that began, and append all changes to the events."""
+        for what, fault, at in changes:
+            described = fault
+            if what == "began":
+                identity = fault.identity
+                text = fault.evidence or evidence(identity, self._find, self._troubled(identity))
+                described = self._faults.describe(fault, text)
+            self._events.append(_event(what, described, at))
 
     def _find(self, identity: Identity) -> tuple[Robot, Component | None] | None:
         """The robot, and the component if it is of one, that a fault is about."""
@@ -177,7 +176,7 @@ class FaultReports:
         return list(self._faults.problems(now, robot))
 
     def settled(self, now: Instant) -> bool:
-        """Whether restart_grace is over."""
+        """Whether what was wrong before the start has been judged again."""
         return self._faults.settled(now)
 
     def keeps(self, robot: Robot, component: Component | None = None) -> bool:
@@ -195,9 +194,9 @@ class FaultReports:
 class RobotReports:
     """One robot, and what was reported of it.
 
-    ``maintenance`` is as last reported. ``_awaited`` are raw components that are not received
-    since the robot's return, and when (monotonic) each of them is late: until then a slow driver
-    is no stale component.
+    ``maintenance`` is as last reported. ``_awaited`` are components of which nothing is received,
+    and from when on (monotonic) an array of the robot shows that they are absent: if none comes it
+    is the robot that is silent, and before that a slow driver is no stale component.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -254,7 +253,9 @@ class RobotReports:
         components = self.robot.components
         if components.level_changes or components.value_changes:
             return True
-        if components.names_version != self._names_version or now.mono >= self._awaited_next:
+        if components.names_version != self._names_version:
+            return True
+        if self.robot.up and self._last >= self._awaited_next:
             return True
         return self._presence_at(now) != self._presence
 
@@ -266,7 +267,7 @@ class RobotReports:
         if renamed:
             changes += self._follow_names(faults, now)
         if self.robot.up:
-            self._find_awaited(now)
+            self._find_awaited()
             changes += self._report_levels(faults, now, renamed=renamed)
             changes += self._report_values(faults, now)
             if renamed or self._everything:
@@ -309,25 +310,53 @@ class RobotReports:
         self._await_raw()
         return faults.robot_back(robot.settings.name, now)
 
+    @property
+    def _last(self) -> float:
+        """When the last array was received, monotonic."""
+        return self.robot.last_mono or 0.0
+
     def _await_raw(self) -> None:
         """Wait for the raw components that the array which brought the robot back lacks."""
-        robot = self.robot
-        last = robot.last_mono or 0.0
-        default = robot.settings.profile.stale_after
-        for component in robot.components:
-            raw = robot.source is Source.RAW or component.raw_received is not None
-            if raw and component.is_stale and component.listed < last:
-                self._awaited[component] = last + component.stale_after(default, raw=True)
-        self._awaited_next = min(self._awaited.values(), default=inf)
+        default = self.robot.settings.profile.stale_after
+        for component in self.robot.components:
+            if self._is_raw(component) and component.is_stale and component.listed < self._last:
+                self._await(component, self._last + component.stale_after(default, raw=True))
 
-    def _find_awaited(self, now: Instant) -> None:
-        """Have those reported that are received now, or that are late."""
-        for component, due in list(self._awaited.items()):
-            if not component.is_stale or now.mono >= due:
+    def _await_late(self, changed: Iterable[Component]) -> None:
+        """Wait for an array that lacks the components that turned STALE because none came."""
+        default = self.robot.settings.profile.stale_after
+        for component in changed:
+            if not component.is_stale or self._is_reported_stale(component):
+                continue
+            absent = nextafter(component.listed, inf)  # an aggregator's array is complete
+            if self._is_raw(component):
+                absent = component.listed + component.stale_after(default, raw=True)
+            if absent > self._last:
+                self._await(component, absent)
+
+    def _await(self, component: Component, absent: float) -> None:
+        self._awaited.setdefault(component, absent)
+        self._awaited_next = min(self._awaited_next, absent)
+
+    def _is_raw(self, component: Component) -> bool:
+        return self.robot.source is Source.RAW or component.raw_received is not None
+
+    def _is_reported_stale(self, component: Component) -> bool:
+        """Whether the last array has the component, as STALE."""
+        last = component.last
+        return last is not None and last.level == Level.STALE and component.listed >= self._last
+
+    def _find_awaited(self) -> None:
+        """Have those reported that are received now, or that an array shows to be absent."""
+        changed = self.robot.components.level_changes
+        for component, absent in list(self._awaited.items()):
+            is_known = not component.is_stale or self._is_reported_stale(component)
+            if is_known or self._last >= absent:
                 del self._awaited[component]
-                self.robot.components.level_changes[component] = None
+                changed[component] = None
                 self.robot.components.value_changes[component] = None
         self._awaited_next = min(self._awaited.values(), default=inf)
+        self._await_late(changed)
 
     # -- components --------------------------------------------------------------------------
 
@@ -366,15 +395,22 @@ class RobotReports:
         return changes
 
     def _report_levels(self, faults: Faults, now: Instant, *, renamed: bool) -> list[Change]:
-        reports = [
-            ComponentReport(name, Level(component.level), self._component_settings(component))
+        reported = {
+            component: ComponentReport(
+                name, _LEVELS[component.level], self._component_settings(component)
+            )
             for component, name in self._to_report(self.robot.components.level_changes)
             if component not in self._awaited
-        ]
-        if not reports and not renamed:
+        }
+        if not reported and not renamed:
             return []
-        total = len(self.robot.components)
-        return faults.components_changed(self.robot.settings.name, reports, total, now)
+        robot, total = self.robot.settings.name, len(self.robot.components)
+        changes = faults.components_changed(robot, reported.values(), total, now)
+        for component, report in reported.items():
+            since = faults.trouble_since(robot, report.name)
+            if since is not None:  # a robot's silence is no trouble of its components
+                self.robot.components.set_problem_since(component, since)
+        return changes
 
     def _to_report(self, changed: Iterable[Component]) -> Iterator[tuple[Component, ComponentName]]:
         for component in self._names if self._everything else changed:
@@ -445,6 +481,27 @@ class RobotReports:
             if check in expected:
                 changes += faults.check_changed(robot, check, sum(counts), expected[check], now)
         return changes
+
+
+def _event(what: str, fault: Fault, at: float) -> Event:
+    identity = fault.identity
+    return Event(
+        time=at,
+        kind="fault_began" if what == "began" else "fault_ended",
+        robot=identity.robot,
+        group=identity.group,
+        component=identity.component,
+        message=fault.evidence,
+        scope=identity.scope.value,
+        state=identity.state.value,
+        site=identity.site or fault.labels.get("site", ""),
+        check=identity.check,
+        key=identity.key,
+        bound=identity.bound,
+        severity=severity_of(identity),
+        since=fault.since,
+        reason="" if what == "began" else what,
+    )
 
 
 def _expected(profile: Profile) -> Mapping[str, int]:

@@ -37,6 +37,7 @@ class _Fault(NamedTuple):
 
 
 class _OfFleet(NamedTuple):
+    grace_until: _Moment | None
     settled_at: _Moment | None
 
 

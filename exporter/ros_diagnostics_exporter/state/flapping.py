@@ -12,25 +12,25 @@ class FlapHistory:
     interval, so that a component that has come to rest is calm again after 21 intervals.
     """
 
-    __slots__ = ("_last", "ratio", "slots")
+    __slots__ = ("last", "ratio", "slots")
 
     def __init__(self, level: int, mono: float) -> None:
         self.slots = [level] * SLOTS
         self.ratio = 0.0
-        self._last = mono
+        self.last = mono  # when the latest state was recorded
 
     def restore(self, slots: list[int], mono: float) -> None:
         """Go on from the states that a former process recorded."""
         self.slots = list(slots)
         self.ratio = flap_ratio(self.slots)
-        self._last = mono
+        self.last = mono
 
     def decay(self, mono: float, interval: float) -> bool:
         """Record what the time since the last record adds; True if the ratio changed."""
-        steps = int((mono - self._last) / interval)
+        steps = int((mono - self.last) / interval)
         if steps <= 0:
             return False
-        self._last += steps * interval
+        self.last += steps * interval
         if self.ratio == 0.0:
             return False
         steps = min(steps, SLOTS)
@@ -41,6 +41,6 @@ class FlapHistory:
     def change(self, level: int, mono: float, interval: float) -> None:
         """Record a change to another level."""
         self.decay(mono, interval)
-        self._last = mono
+        self.last = mono
         self.slots = [*self.slots[1:], level]
         self.ratio = flap_ratio(self.slots)

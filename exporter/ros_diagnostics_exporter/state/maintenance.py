@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import datetime, time, timedelta
 from functools import lru_cache
-from zoneinfo import ZoneInfo
+from math import inf
 
+from ros_diagnostics_exporter import weekly
 from ros_diagnostics_exporter.config.fleet import Fleet, Maintenance
+
+_MOST_WINDOWS = 100  # that are looked at, one after the other
 
 
 def in_maintenance(fleet: Fleet, labels: Mapping[str, str], wall: float) -> bool:
@@ -18,14 +20,37 @@ def in_maintenance(fleet: Fleet, labels: Mapping[str, str], wall: float) -> bool
         labels: The robot's labels, `robot` and `fleet` among them.
         wall: The time that is asked about, Unix seconds.
     """
-    return any(holds(each, wall) and _selects(each, labels) for each in fleet.maintenance)
+    return any(holds(each, wall) and selects(each, labels) for each in fleet.maintenance)
 
 
-def _selects(maintenance: Maintenance, labels: Mapping[str, str]) -> bool:
+def selects(maintenance: Maintenance, labels: Mapping[str, str]) -> bool:
+    """Whether it is a downtime of a robot with these labels, `robot` and `fleet` among them."""
     return all(
         any(pattern.fullmatch(labels.get(label, "")) for pattern in patterns)
         for label, patterns in maintenance.selector.items()
     )
+
+
+def maintenance_until(fleet: Fleet, labels: Mapping[str, str], wall: float) -> float | None:
+    """When the planned downtimes that hold, and those that follow without a gap, are over.
+
+    Args:
+        fleet: The config.
+        labels: The robot's labels, `robot` and `fleet` among them.
+        wall: The time that is asked about, Unix seconds.
+
+    Returns:
+        Unix seconds: `wall` if none holds; None where no end is in sight.
+    """
+    selecting = [each for each in fleet.maintenance if selects(each, labels)]
+    for _ in range(_MOST_WINDOWS):
+        ends = [_end(each, wall) for each in selecting if holds(each, wall)]
+        if not ends:
+            return wall
+        wall = max(ends)
+        if wall == inf:
+            break
+    return None
 
 
 def holds(maintenance: Maintenance, wall: float) -> bool:
@@ -35,25 +60,17 @@ def holds(maintenance: Maintenance, wall: float) -> bool:
     if maintenance.end is not None and wall >= maintenance.end:
         return False
     week, zone = maintenance.weekly, maintenance.time_zone
-    return not week or _in_week(week, zone, int(wall // 60))
+    return not week or weekly.holds(week, zone, int(wall // 60))
 
 
-@lru_cache(maxsize=256)  # asked for every robot, every second
-def _in_week(weekly: tuple[tuple[int, int, int], ...], time_zone: str, minute: int) -> bool:
-    """Whether a weekly window that began today or yesterday is open in a minute of Unix time.
+def _end(maintenance: Maintenance, wall: float) -> float:
+    """When a downtime that holds ends; infinite for one without an end."""
+    end = inf if maintenance.end is None else maintenance.end
+    if not maintenance.weekly:
+        return end
+    return min(end, _end_in_week(maintenance.weekly, maintenance.time_zone, int(wall // 60)))
 
-    Begin and end are readings of the local clock, made absolute: a window across a change of
-    the clock is an hour shorter or longer, as a shift is. A reading that happens twice means the
-    first time, one that is skipped means as long after the change as it would have been after.
-    """
-    zone = ZoneInfo(time_zone)
-    today = datetime.fromtimestamp(minute * 60, zone).date()
-    for day in (today, today - timedelta(days=1)):
-        midnight = datetime.combine(day, time())
-        for weekday, first, last in weekly:
-            if weekday == day.weekday():
-                begin = (midnight + timedelta(minutes=first)).replace(tzinfo=zone)
-                end = (midnight + timedelta(minutes=last)).replace(tzinfo=zone)
-                if begin.timestamp() <= minute * 60 < end.timestamp():
-                    return True
-    return False
+
+@lru_cache(maxsize=256)  # asked for every robot that is in maintenance, for every page
+def _end_in_week(week: weekly.Weekly, time_zone: str, minute: int) -> float:
+    return weekly.next_change(week, time_zone, minute * 60)

@@ -19,7 +19,7 @@ from ros_diagnostics_exporter.state.rejections import FleetRejectionReason, Flee
 from ros_diagnostics_exporter.state.robot import Robot, accepts
 from ros_diagnostics_exporter.state.storage import PersistedRobot
 
-SERIES_OF_ROBOT = 20  # at least: robot_*, check_components of the check "all"
+SERIES_OF_ROBOT = 24  # at least: robot_*, check_components of the check "all"
 # Seconds that a discovered robot has to publish something before it may be replaced by another:
 # monitors that publish once a minute exist (Autoware).
 TIME_TO_PUBLISH = 90.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Sequence
-from typing import Literal, TypeVar
+from typing import Literal, TypeVar, get_args
 
 from ros_diagnostics_exporter.model import Instant, Status, Topic
 
@@ -31,6 +31,7 @@ RejectionReason = Literal[
     "unit_changed",
     "rate",
 ]
+REASONS: tuple[RejectionReason, ...] = get_args(RejectionReason)
 LOG_TEXTS: dict[RejectionReason, str] = {
     "undecodable": "a message is no DiagnosticArray",
     "bad_level": "a level above 3 counts as ERROR",
@@ -65,7 +66,7 @@ class FleetRejections:
     """What belongs to no known robot. ``over_limit``: robots rejected by a limit, latest last."""
 
     def __init__(self) -> None:
-        self.counts: Counter[str] = Counter()
+        self.counts = Counter[str](dict.fromkeys(get_args(FleetRejectionReason), 0))
         self.over_limit: OrderedDict[str, None] = OrderedDict()
         self._robots: OrderedDict[tuple[Topic, str], None] = OrderedDict()
         self._logged: set[tuple[Topic, FleetRejectionReason]] = set()  # of shared topics

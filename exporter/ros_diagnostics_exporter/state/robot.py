@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.state.maintenance import in_maintenance
 from ros_diagnostics_exporter.state.network import Network
 from ros_diagnostics_exporter.state.rejections import (
     LOG_TEXTS,
+    REASONS,
     Reject,
     RejectionReason,
     SilentReason,
@@ -29,6 +30,7 @@ log = logging.getLogger(__name__)
 # Statuses of an array that are read, for each component that a robot may have: an aggregator lists
 # its groups, too, and a component in each of its groups.
 ROWS_OF_COMPONENT = 4
+_LEVEL_NAMES = tuple(level.name for level in Level)
 AUTO_WAIT = 5.0  # seconds that a raw array waits for an aggregated one before raw is the source
 MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 
@@ -65,7 +67,7 @@ class Robot:
         self.undecodable = False
         self.network = Network()
         self.maintenance = False
-        self.rejected: Counter[str] = Counter()
+        self.rejected = Counter[str](dict.fromkeys(REASONS, 0))
         self._logged: set[RejectionReason] = set()
         self._events = events
         self._first_raw: float | None = None
@@ -140,7 +142,14 @@ class Robot:
     def count_rejected(self, reason: RejectionReason, count: int = 1) -> None:
         """Count something that was rejected."""
         self.rejected[reason] += count
-        self.versions.receipt += 1
+        self.versions.rejections += 1
+
+    def reject_undecodable(self) -> None:
+        """Count a message that could not be decoded: why the robot is silent, if it is."""
+        self.count_rejected("undecodable")
+        if not self.undecodable:
+            self.undecodable = True
+            self.versions.receipt += 1
 
     def reject(self, reason: RejectionReason, example: str) -> None:
         """Count it, and log it the first time; ``example`` is a text that the robot sent."""
@@ -183,6 +192,15 @@ class Robot:
             self.record("silent", now)
         else:
             self.components.mark_late_stale(now)
+
+    @property
+    def next_tick(self) -> float:
+        """After which time, monotonic, `tick` may have something to do; receiving changes it."""
+        due = self.components.next_decay
+        if self.up and self.last_mono is not None:
+            silent = self.last_mono + self.settings.profile.stale_after
+            due = min(due, silent, self.components.next_late)
+        return due
 
     def update_maintenance(self, fleet: config.Fleet, now: Instant) -> None:
         """Set whether a planned downtime holds now."""
@@ -232,7 +250,7 @@ class Robot:
 
     def _record_change(self, component: Component, before: int, now: Instant) -> None:
         if before >= 0:
-            self._record_level(component, before, Level(component.level).name, now)
+            self._record_level(component, before, _LEVEL_NAMES[component.level], now)
 
     def _record_level(self, component: Component, before: int, after: str, now: Instant) -> None:
         self._events.append(
@@ -242,7 +260,7 @@ class Robot:
                 robot=self.settings.name,
                 group=component.group,
                 component=component.name,
-                before=Level(before).name,
+                before=_LEVEL_NAMES[before],
                 after=after,
                 message=component.message,
             )

@@ -18,17 +18,23 @@ def component_rule(profile: Profile, name: str) -> ComponentRule | None:
 
 
 def value_rule(profile: Profile, component: str, key: str) -> ValueRule | None:
-    """The first rule that selects the component and matches the whole key.
+    """The first rule that matches."""
+    return next((rule for rule in profile.values if value_matches(rule, component, key)), None)
+
+
+def value_matches(rule: ValueRule, component: str, key: str) -> bool:
+    """Whether the rule selects the component and matches the whole key.
 
     Drivers of both updaters write keys like ``Received packets:``; a rule need not.
     """
-    component, key = component[:SEARCHED], key[:SEARCHED]
-    for rule in profile.values:
-        if rule.component is not None and not rule.component.search(component):
-            continue
-        if rule.key is None or rule.key.fullmatch(key) or rule.key.fullmatch(key.rstrip(": ")):
-            return rule
-    return None
+    key = key[:SEARCHED]
+    if rule.component is not None and not rule.component.search(component[:SEARCHED]):
+        return False
+    return (
+        rule.key is None
+        or rule.key.fullmatch(key) is not None
+        or rule.key.fullmatch(key.rstrip(": ")) is not None
+    )
 
 
 def check_matches(check: Check, group: str, component: str) -> bool:

@@ -1,15 +1,20 @@
-"""State -> the JSON of /api/v1/fleet and of Prometheus' HTTP service discovery."""
+"""State -> the JSON of /api/v1/fleet, /api/v1/faults and of Prometheus' HTTP service discovery."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from typing import Any
 
 from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.config.fleet import Fleet, ValueRule
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
+from ros_diagnostics_exporter.faults.model import Identity, ProblemView, severity_of
 from ros_diagnostics_exporter.model import Instant, Level
-from ros_diagnostics_exporter.severity import component_state
+from ros_diagnostics_exporter.notifications import Key, key_of
+from ros_diagnostics_exporter.severity import clock, component_state
 from ros_diagnostics_exporter.state.component import Component
+from ros_diagnostics_exporter.state.maintenance import maintenance_until
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.state import State
 
@@ -17,15 +22,119 @@ from ros_diagnostics_exporter.state.state import State
 PORTS = {"node": 9100, "ssh": 22, "http": 80, "tcp": None}
 PING = "ping"  # has no port
 
+Notified = Mapping[Key, Mapping[str, float]]  # of each fault, when receivers were last notified
 
-def fleet_snapshot(state: State, now: Instant) -> dict[str, Any]:
-    """The whole fleet; times are Unix time."""
+
+def fleet_snapshot(state: State, now: Instant, notified: Notified | None = None) -> dict[str, Any]:
+    """The whole fleet; times are Unix time.
+
+    The problems of a robot and its parts are with the robot, those of sites and of many robots with
+    the fleet. ``notified`` is None where it is not known.
+    """
+    fleet = state.fleet
+    problems: dict[str, list[dict[str, Any]]] = {}
+    for view in state.problems(now):
+        problems.setdefault(view.identity.robot, []).append(_problem(view, notified))
+    return {
+        "fleet": fleet.name,
+        "time": now.wall,
+        "version": __version__,
+        "problems": problems.get("", []),
+        "unmatched": [asdict(each) for each in state.unmatched.entries],
+        "robots": [
+            {
+                **robot,
+                "maintenance_until": _maintenance_until(fleet, robot, now),
+                "problems": problems.get(robot["robot"], []),
+            }
+            for robot in state.visit(_robot)
+        ],
+    }
+
+
+def robot_snapshot(
+    state: State, name: str, now: Instant, notified: Notified | None
+) -> dict[str, Any]:
+    """A robot's labels, problems and end of maintenance as in ``fleet_snapshot``.
+
+    Raises:
+        LookupError: there is no such robot.
+    """
+    views = state.problems(now, name)
+    robot = state.robots[name]
+    known = {
+        "robot": name,
+        "labels": dict(robot.settings.labels),
+        "maintenance": robot.maintenance,
+        "problems": [_problem(view, notified) for view in views],
+    }
+    return {**known, "maintenance_until": _maintenance_until(state.fleet, known, now)}
+
+
+def until_text(until: float | None, now: float) -> str:
+    """The end of a maintenance as `standing` takes it; "" for none."""
+    return "" if until is None else f" until {clock(until, now, local=False, seconds=False)}"
+
+
+def faults(state: State, now: Instant, notified: Notified | None = None) -> dict[str, Any]:
+    """All faults that last, the oldest first; times are Unix time, ``notified`` as above."""
+    lasting = sorted(state.faults(), key=lambda fault: (fault.since, fault.identity))
     return {
         "fleet": state.fleet.name,
         "time": now.wall,
-        "version": __version__,
-        "robots": list(state.visit(_robot)),
+        "faults": [
+            {
+                **(identity := _identity(fault.identity, fault.labels)),
+                "since": fault.since,
+                "confirmed": fault.confirmed,
+                "evidence": fault.evidence,
+                "labels": dict(fault.labels),
+                "notified": _notified(identity, notified),
+            }
+            for fault in lasting
+        ],
     }
+
+
+def _problem(view: ProblemView, notified: Notified | None) -> dict[str, Any]:
+    fault = view.fault
+    identity = _identity(view.identity, {} if fault is None else fault.labels)
+    return {
+        **identity,
+        "since": view.since if fault is None else fault.since,
+        "confirmed": None if fault is None else fault.confirmed,
+        "due": view.due,
+        "quiet": None if view.quiet is None else view.quiet.value,
+        "well": view.well,
+        "evidence": "" if fault is None else fault.evidence,
+        "notified": {} if fault is None else _notified(identity, notified),
+    }
+
+
+def _notified(identity: dict[str, str], notified: Notified | None) -> dict[str, float] | None:
+    return None if notified is None else dict(notified.get(key_of(identity), {}))
+
+
+def _identity(identity: Identity, labels: Mapping[str, str]) -> dict[str, str]:
+    return {
+        "scope": identity.scope.value,
+        "state": identity.state.value,
+        "severity": severity_of(identity),
+        "site": identity.site or labels.get("site", ""),
+        "robot": identity.robot,
+        "group": identity.group,
+        "component": identity.component,
+        "check": identity.check,
+        "key": identity.key,
+        "bound": identity.bound,
+    }
+
+
+def _maintenance_until(fleet: Fleet, robot: dict[str, Any], now: Instant) -> float | None:
+    if not robot["maintenance"]:
+        return None
+    labels = {**robot["labels"], "fleet": fleet.name, "robot": robot["robot"]}
+    return maintenance_until(fleet, labels, now.wall)
 
 
 def targets(state: State, job: str, port: int | None) -> list[dict[str, Any]]:
@@ -97,11 +206,16 @@ def _robot(robot: Robot) -> dict[str, Any]:
 
 def _short_checks(robot: Robot) -> Iterator[dict[str, Any]]:
     """The checks that find fewer components than fleet.yml expects."""
-    expected = {check.name: check.expect for check in robot.settings.profile.checks}
+    checks = {check.name: check for check in robot.settings.profile.checks}
     for name, counts in robot.components.count_checks():
-        least = expected[name]
+        least = checks[name].expect
         if least is not None and sum(counts) < least:
-            yield {"check": name, "found": sum(counts), "expected": least}
+            yield {
+                "check": name,
+                "patterns": [pattern.pattern for pattern in checks[name].patterns],
+                "found": sum(counts),
+                "expected": least,
+            }
 
 
 def _component(component: Component, *, stale_is_critical: bool) -> dict[str, Any]:
@@ -120,8 +234,7 @@ def _component(component: Component, *, stale_is_critical: bool) -> dict[str, An
         ),
         "planned_stale": planned,
         "message": component.message,
-        "since": component.since,
-        "problem_since": component.problem_since,
+        "level_since": component.since,
         "changes": component.changes,
         "flap_ratio": 0.0 if component.flaps is None else component.flaps.ratio,
         "values": list(_values(component)),
@@ -134,12 +247,22 @@ def _values(component: Component) -> Iterator[dict[str, Any]]:
     for (key, text), numbers in zip(pairs, component.values.exported(pairs), strict=True):
         value = numbers[0] if len(numbers) == 1 else None  # a list has no number of its own
         as_published = value is None or value.key == key.strip().rstrip(":").rstrip()
-        yield {
+        shown: dict[str, Any] = {
             "key": key if as_published or value is None else value.key,
             "value": text,
             "number": None if value is None else _finite(value.number),
             "unit": "" if value is None else value.unit,
         }
+        if value is not None and value.rule is not None and value.rule.thresholds:
+            shown["thresholds"] = _thresholds(value.rule)
+        yield shown
+
+
+def _thresholds(rule: ValueRule) -> list[dict[str, Any]]:
+    return [
+        {"bound": each.bound, "severity": each.severity, "value": each.value}
+        for each in rule.thresholds
+    ]
 
 
 def _finite(number: float) -> float | None:

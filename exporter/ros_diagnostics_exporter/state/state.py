@@ -11,19 +11,23 @@ from typing import TypeVar
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import Fault, ProblemView, Row
+from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Topic
 from ros_diagnostics_exporter.state.discovery import SharedTopic
 from ros_diagnostics_exporter.state.fault_reports import FaultReports
 from ros_diagnostics_exporter.state.limits import truncate_array
+from ros_diagnostics_exporter.state.maintenance import holds
 from ros_diagnostics_exporter.state.registry import RobotRegistry
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.storage import PersistedRobot
+from ros_diagnostics_exporter.state.unmatched import UnmatchedWatch, find_unmatched, known_robot
 
 log = logging.getLogger(__name__)
 
 Result = TypeVar("Result")
 
 SLOW_TICK = 1.0  # seconds between two updates of what changes slowly: maintenance, forgetting
+UNMATCHED_TICK = 60.0  # seconds between two looks for entries of the config that match nothing
 MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
 
 
@@ -35,7 +39,11 @@ class State:
         self._lock = threading.RLock()
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._slow_tick_at = now.mono
-        self._faults = FaultReports(now)
+        self._ticks: Timers[Robot] = Timers()  # when robots have to be looked at again
+        self._downtimes: tuple[bool, ...] | None = None  # which of them hold; None: not known
+        self.unmatched = UnmatchedWatch()  # entries of the config that match nothing
+        self._unmatched_at = now.mono + UNMATCHED_TICK
+        self._faults = FaultReports(fleet, now, self._events)
         self._registry = RobotRegistry(fleet, now, self._events, self._faults)
 
     # -- from ROS: what `ingest.ros.Receiver` asks for ----------------------------------------
@@ -59,6 +67,7 @@ class State:
             self._registry.mark_publishing(robot)
         robot.receive(array, now, raw=raw)
         self._faults.update(robot, now)
+        self._ticks.set_at_latest(robot, robot.next_tick)
 
     def _receive_shared(
         self, topic: Topic, shared: SharedTopic, array: Array, now: Instant
@@ -77,8 +86,7 @@ class State:
         """Count a message on a wanted topic that could not be decoded."""
         with self._lock:
             for robot, _raw in self._registry.bindings.get(topic, ()):
-                robot.count_rejected("undecodable")
-                robot.undecodable = True
+                robot.reject_undecodable()
                 log.debug("robot %s: undecodable at %f: %s", robot.settings.name, now.wall, error)
 
     def reject_dropped(self, topic: Topic, count: int) -> None:
@@ -124,29 +132,63 @@ class State:
     # -- from time and people ----------------------------------------------------------------
 
     def tick(self, now: Instant) -> None:
-        """Let time pass for every robot; to be called a few times a second."""
+        """Let time pass; to be called a few times a second.
+
+        Looks at the robots that are due, and once a second at all of them. The lock is held for
+        one robot at a time.
+        """
+        for robot in self._due(now):
+            with self._lock:
+                robot.tick(now)
+                self._ticks.set_at_latest(robot, robot.next_tick)
+                if self._is_known(robot):
+                    self._faults.update(robot, now)
         slow = now.mono - self._slow_tick_at >= SLOW_TICK
         if slow:
             self._slow_tick_at = now.mono
-        for robot in self._sorted_robots():
-            with self._lock:
-                robot.tick(now)
-                if self._registry.robots.get(robot.settings.name) is not robot:
-                    continue  # dropped meanwhile
-                self._faults.update(robot, now)
-                if slow:
-                    robot.update_maintenance(self.fleet, now)
-                    self._registry.forget_absent(robot, now)
+            self._tick_slowly(now)
         with self._lock:
             self._faults.tick(now, slow=slow)
+
+    def _due(self, now: Instant) -> list[Robot]:
+        due: list[Robot] = []
+        with self._lock:
+            while self._ticks.next < now.mono:
+                due += self._ticks.pop()
+        return due
+
+    def _tick_slowly(self, now: Instant) -> None:
+        """Look at what changes slowly: maintenance, publishers of silent robots, absence."""
+        downtimes = tuple(holds(each, now.wall) for each in self.fleet.maintenance)
+        changed = downtimes != self._downtimes
+        self._downtimes = downtimes
+        for robot in self._sorted_robots():
+            with self._lock:
+                if not self._is_known(robot):
+                    continue  # dropped meanwhile
+                if not robot.up:
+                    self._faults.update(robot, now)
+                if changed:
+                    robot.update_maintenance(self.fleet, now)
+                self._registry.forget_absent(robot, now)
+        if now.mono >= self._unmatched_at:
+            self._unmatched_at = now.mono + UNMATCHED_TICK
+            found = find_unmatched(self.fleet, self.visit(known_robot), now.wall)
+            self.unmatched.update(found, now)
+
+    def _is_known(self, robot: Robot) -> bool:
+        return self._registry.robots.get(robot.settings.name) is robot
 
     def configure(self, fleet: config.Fleet, now: Instant) -> None:
         """Apply another config; robots that it leaves unchanged keep all that is known."""
         with self._lock:
             self.fleet = fleet
             self._registry.configure(fleet, now)
-            self._faults.configure(now)
+            self._faults.configure(fleet, now)
             self._slow_tick_at = float("-inf")
+            self._downtimes = None
+            for robot in self._registry.robots.values():
+                self._ticks.set_at_latest(robot, robot.next_tick)
 
     def forget(self, name: str, component: str | None, now: Instant) -> int:
         """Forget a component by its name, or a robot with all of them; returns how many.
@@ -178,7 +220,7 @@ class State:
                     robot.restore(known, now)
 
     def restore_faults(self, rows: Iterable[Row], now: Instant) -> None:
-        """Go on from the `fault_rows` of an earlier process; to be called after `restore`.
+        """Go on from the rows of an earlier process; to be called after `restore`.
 
         Raises:
             LookupError: the rows refer to what is not among them; nothing is restored.
@@ -217,13 +259,16 @@ class State:
         with self._lock:
             return self._faults.problems(now, robot)
 
-    def fault_rows(self, now: Instant) -> list[Row]:
-        """What `restore_faults` needs."""
+    def take_fault_rows(self, now: Instant) -> list[Row]:
+        """The rows that changed since the last call; of all together `restore_faults` goes on.
+
+        To be called now and then, also where nobody needs them.
+        """
         with self._lock:
-            return self._faults.rows(now)
+            return self._faults.take_rows(now)
 
     def settled(self, now: Instant) -> bool:
-        """Whether restart_grace is over."""
+        """Whether what was wrong before the start has been judged again."""
         with self._lock:
             return self._faults.settled(now)
 

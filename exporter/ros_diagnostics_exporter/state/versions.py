@@ -11,6 +11,7 @@ class Versions:
 
     structure: int = 0  # which series there are
     receipt: int = 0  # messages, bytes, last message, clock offset, the graph
+    rejections: int = 0
     levels: int = 0
     values: int = 0
     groups: int = 0

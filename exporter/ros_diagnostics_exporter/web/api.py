@@ -1,4 +1,4 @@
-"""The JSON endpoints: the fleet, events, service discovery, reload and forget.
+"""The JSON endpoints: the fleet, faults, events, service discovery, reload and forget.
 
 Every error is a JSON object with one sentence under ``error``.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import time
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,15 +16,18 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import Response
 
+from ros_diagnostics_exporter import durations
 from ros_diagnostics_exporter.events import KINDS, Wanted
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.web.auth import is_cross_site
 from ros_diagnostics_exporter.web.backend import Backend
-from ros_diagnostics_exporter.web.workers import Workers
+from ros_diagnostics_exporter.web.workers import BusyError, Workers
 
 SNAPSHOT_AGE = 1.0  # seconds for which a snapshot of the fleet is shared
 MAX_EVENTS = 10_000
 MAX_ID = 2**53  # of an event: above it, JSON numbers are not exact
+MAX_BODY = 1024 * 1024  # bytes of a message of Alertmanager
+MAX_BODIES = 16 * 1024 * 1024  # ... of all that are being received
 PAGE_BYTES = 4 * 1024 * 1024  # of events in one response
 LIFECYCLE_DISABLED = (
     "the lifecycle API is not enabled; start the exporter with --web.enable-lifecycle"
@@ -50,6 +54,11 @@ class Snapshot:
     fleet: dict[str, Any]
 
 
+def take_faults(backend: Backend) -> bytes:
+    """The faults that last, as JSON."""
+    return _encode(backend.faults())
+
+
 def take_snapshot(backend: Backend) -> Snapshot:
     """The fleet as it is now."""
     return Snapshot(backend.fleet_snapshot())
@@ -61,13 +70,18 @@ class Api:
     Args:
         backend: What is served.
         workers: Where the backend is called.
+        asking: Where it is called for what Alertmanager is asked, which may hang.
         lifecycle: Whether reload and forget are enabled.
     """
 
-    def __init__(self, backend: Backend, workers: Workers, lifecycle: bool) -> None:
+    def __init__(
+        self, backend: Backend, workers: Workers, asking: Workers, lifecycle: bool
+    ) -> None:
         self._backend = backend
         self._workers = workers
+        self._asking = asking
         self._lifecycle = lifecycle
+        self._receiving = 0  # bytes of bodies
 
     async def fleet(self, request: Request) -> Response:
         """The fleet, at most a second old; ``?robot=`` (repeatable) selects robots by name."""
@@ -77,6 +91,12 @@ class Api:
         if names:
             return _json_bytes(await self._workers.run(_encode_fleet, snapshot, names))
         body = await self._workers.run_shared(SNAPSHOT_AGE, _encode_fleet, snapshot, names)
+        return _json_bytes(body)
+
+    async def faults(self, request: Request) -> Response:
+        """The faults that last, at most a second old."""
+        _allow_only(request)
+        body = await self._workers.run_shared(SNAPSHOT_AGE, take_faults, self._backend)
         return _json_bytes(body)
 
     async def events(self, request: Request) -> Response:
@@ -132,12 +152,58 @@ class Api:
         self._workers.invalidate()
         return _json({"forgotten": removed})
 
+    async def why(self, request: Request) -> Response:
+        """The ledger of a robot's faults: why somebody was notified, or nobody."""
+        _allow_only(request, "robot", "component", "at")
+        query = request.query_params
+        robot = query.get("robot")
+        if not robot:
+            raise ApiError(400, "the query must name a robot: /api/v1/why?robot=NAME")
+        given = robot, query.get("component"), _moment(query, "at")
+        try:
+            return _json(await self._asking.run(self._backend.why, *given))
+        except LookupError as error:
+            raise ApiError(404, _text(error)) from error
+
+    async def notifications(self, request: Request) -> Response:
+        """Record what Alertmanager's webhook sends; the numbers recorded and ignored."""
+        _check_site(request)
+        _allow_only(request)
+        body = await self._body(request)
+        try:
+            recorded, ignored = await self._workers.run(self._backend.notified, body)
+        except ValueError as error:
+            raise ApiError(400, str(error)) from error
+        self._workers.invalidate()
+        return _json({"recorded": recorded, "ignored": ignored})
+
+    async def _body(self, request: Request) -> bytes:
+        """The body of a request; ApiError or BusyError if it is, or all are, too large."""
+        chunks, size = list[bytes](), 0
+        try:
+            async for chunk in request.stream():
+                chunks.append(chunk)
+                size += len(chunk)
+                self._receiving += len(chunk)
+                if size > MAX_BODY:
+                    raise ApiError(413, f"the body has more than {MAX_BODY} bytes")
+                if self._receiving > MAX_BODIES:
+                    raise BusyError
+            return b"".join(chunks)
+        finally:
+            self._receiving -= size
+
     def _check_allowed(self, request: Request) -> None:
         """Raise ApiError if the lifecycle API is disabled, or for a cross-site request."""
         if not self._lifecycle:
             raise ApiError(403, LIFECYCLE_DISABLED)
-        if is_cross_site(request.headers, request.url.scheme):
-            raise ApiError(403, CROSS_SITE)
+        _check_site(request)
+
+
+def _check_site(request: Request) -> None:
+    """Raise ApiError for a cross-site request."""
+    if is_cross_site(request.headers, request.url.scheme):
+        raise ApiError(403, CROSS_SITE)
 
 
 async def error_response(_request: Request, error: Exception) -> Response:
@@ -149,7 +215,8 @@ async def error_response(_request: Request, error: Exception) -> Response:
 def _allow_only(request: Request, *known: str) -> None:
     for name in request.query_params:
         if name not in known:
-            raise ApiError(400, f"unknown parameter {name!r}; known are {', '.join(known)}")
+            usable = f"known are {', '.join(known)}" if known else "there is none"
+            raise ApiError(400, f"unknown parameter {name!r}; {usable}")
 
 
 def _event_filter(request: Request) -> Wanted:
@@ -160,8 +227,8 @@ def _event_filter(request: Request) -> Wanted:
         robot=query.get("robot"),
         component=query.get("component"),
         level=_choice(query, "level", Level.__members__),
-        since=_number(query, "since"),
-        until=_number(query, "until"),
+        since=_moment(query, "since"),
+        until=_moment(query, "until"),
         before=_integer(query, "before", MAX_ID),
         limit=_integer(query, "limit", MAX_EVENTS) or 100,
     )
@@ -183,6 +250,19 @@ def _number(query: Mapping[str, str], name: str) -> float | None:
     if not math.isfinite(number):
         raise ApiError(400, f"{name} is {text!r}, not a number")
     return number
+
+
+def _moment(query: Mapping[str, str], name: str) -> float | None:
+    """A Unix time, or a duration such as 10m: so long ago."""
+    text = query.get(name)
+    if text is None or _NUMBER.fullmatch(text):
+        return _number(query, name)
+    try:
+        ago = durations.parse(text)
+    except ValueError as error:
+        wanted = "neither a Unix time nor a duration such as 10m or 1h30m"
+        raise ApiError(400, f"{name} is {text!r}, {wanted}") from error
+    return max(0.0, time.time() - ago)
 
 
 def _integer(query: Mapping[str, str], name: str, most: int) -> int | None:
@@ -222,7 +302,11 @@ def _finite(content: Any) -> Any:
 
 
 def _json(content: Any, status: int = 200) -> Response:
-    return _json_bytes((_dump(content) + "\n").encode("utf-8", "replace"), status)
+    return _json_bytes(_encode(content), status)
+
+
+def _encode(content: Any) -> bytes:
+    return (_dump(content) + "\n").encode("utf-8", "replace")
 
 
 def _json_bytes(body: bytes, status: int = 200) -> Response:

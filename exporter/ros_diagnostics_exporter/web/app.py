@@ -16,6 +16,7 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 
 from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.events import Wanted
 from ros_diagnostics_exporter.web.api import (
     SNAPSHOT_AGE,
     Api,
@@ -28,7 +29,7 @@ from ros_diagnostics_exporter.web.auth import Logins
 from ros_diagnostics_exporter.web.backend import Backend
 from ros_diagnostics_exporter.web.connections import Connections
 from ros_diagnostics_exporter.web.middleware import AccessControl
-from ros_diagnostics_exporter.web.pages import landing
+from ros_diagnostics_exporter.web.pages import EVENTS, landing, missing_robot, robot_page
 from ros_diagnostics_exporter.web.responses import ResponseLimit, ResponseLimiter, busy_response
 from ros_diagnostics_exporter.web.scrape import Scrape
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
@@ -51,7 +52,7 @@ def openapi(telemetry_path: str) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Pages:
-    """The landing page, the health checks and the API's description."""
+    """The pages, the health checks and the API's description."""
 
     backend: Backend
     workers: Workers
@@ -61,6 +62,15 @@ class Pages:
         """The fleet at a glance."""
         snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
         page = await self.workers.run_shared(SNAPSHOT_AGE, _page, snapshot, self.telemetry_path)
+        return HTMLResponse(page)
+
+    async def robot(self, request: Request) -> Response:
+        """One robot; 404 for a name that no robot has."""
+        snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
+        name = request.path_params["robot"]
+        page = await self.workers.run(_robot_page, self.backend, snapshot, name)
+        if page is None:
+            return HTMLResponse(missing_robot(snapshot.fleet, name), status_code=404)
         return HTMLResponse(page)
 
     async def healthy(self, _request: Request) -> Response:
@@ -83,25 +93,37 @@ def _page(snapshot: Snapshot, telemetry_path: str) -> str:
     return landing(snapshot.fleet, telemetry_path)
 
 
+def _robot_page(backend: Backend, snapshot: Snapshot, name: str) -> str | None:
+    events = backend.find_events(Wanted(robot=name, limit=EVENTS))
+    try:
+        ledger = backend.why(name, None, None, ask=False)["entries"]
+    except LookupError:
+        ledger = []  # there is no such robot, or it was removed just now
+    return robot_page(snapshot.fleet, name, events, ledger)
+
+
 @dataclass(frozen=True)
 class Threads:
     """The worker threads, separate by kind of request, so that none delays another."""
 
     scrapes: Workers
     others: Workers
+    asking: Workers  # of Alertmanager
     logins: Logins
 
     def close(self) -> None:
         """Wait for the running calls."""
         self.scrapes.close()
         self.others.close()
+        self.asking.close()
         self.logins.close()
 
 
 def start_threads() -> Threads:
-    """Two threads render metrics, two answer everything else, one checks logins."""
-    # Scrapes share four kinds of calls; the limit of connections is also one of waiting scrapes.
-    return Threads(Workers("web-scrape", 2, 1_000), Workers("web", 2, 50), Logins())
+    """Two threads render metrics, two answer everything else, one asks and one checks logins."""
+    # Scrapes share few kinds of calls; the limit of connections is also one of waiting scrapes.
+    scrapes, others = Workers("web-scrape", 2, 1_000), Workers("web", 2, 50)
+    return Threads(scrapes, others, Workers("web-why", 1, 20), Logins())
 
 
 def build(
@@ -124,18 +146,22 @@ def build(
         lifecycle: Whether /-/reload and /-/forget are enabled.
     """
     pages = Pages(backend, threads.others, telemetry_path)
-    api = Api(backend, threads.others, lifecycle)
+    api = Api(backend, threads.others, threads.asking, lifecycle)
     scrape = Scrape(backend, threads.scrapes, ResponseLimit(connections))
     write_methods = ["POST", "PUT"]
     routes = [
         Route(telemetry_path, scrape, methods=["GET"]),
         Route("/", pages.landing),
+        Route("/robots/{robot:path}", pages.robot),
         Route("/-/healthy", pages.healthy),
         Route("/-/ready", pages.ready),
         Route("/-/reload", api.reload, methods=write_methods),
         Route("/-/forget", api.forget, methods=write_methods),
         Route("/api/v1/fleet", api.fleet),
+        Route("/api/v1/faults", api.faults),
         Route("/api/v1/events", api.events),
+        Route("/api/v1/why", api.why),
+        Route("/api/v1/notifications", api.notifications, methods=["POST"]),
         Route("/api/v1/openapi.json", pages.openapi),
         Route("/sd/{job}", api.targets),
     ]

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any, Protocol
 
 from ros_diagnostics_exporter.events import Wanted
+from ros_diagnostics_exporter.model import Part
 
 
 class Backend(Protocol):
@@ -14,14 +15,35 @@ class Backend(Protocol):
     The methods are called from worker threads, up to four at once, and may block.
     """
 
-    def render_metrics(self, openmetrics: bool, /) -> bytes:
-        """The whole exposition, as OpenMetrics or in the text format 0.0.4."""
+    def render_metrics(self, openmetrics: bool, parts: frozenset[Part], /) -> bytes:
+        """These parts of the exposition, as OpenMetrics or in the text format 0.0.4."""
 
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""
 
+    def faults(self) -> dict[str, Any]:
+        """The faults that last as /api/v1/faults returns them."""
+
     def find_events(self, wanted: Wanted, /) -> Iterable[dict[str, Any]]:
         """The events that match the filter, newest first, each with its ``id``."""
+
+    def why(
+        self, robot: str, component: str | None, at: float | None, /, *, ask: bool = True
+    ) -> dict[str, Any]:
+        """The ledger of a robot at a Unix time (None: now) as /api/v1/why returns it.
+
+        With ``ask`` Alertmanager is asked, which may take some seconds.
+
+        Raises:
+            LookupError: There is no such robot.
+        """
+
+    def notified(self, body: bytes, /) -> tuple[int, int]:
+        """Record the notifications of a message of Alertmanager's webhook: how many, how many not.
+
+        Raises:
+            ValueError: It is no such message; the text says why.
+        """
 
     def targets(self, job: str, port: int | None, /) -> list[dict[str, Any]]:
         """The http_sd list of a job (node, ping, ssh, http, tcp), at ``port`` if one is given.

@@ -22,7 +22,7 @@ from ros_diagnostics_exporter.web.protocol import TIMEOUTS, ClientConnection, Ph
 
 MAX_CONNECTIONS = 500
 MIN_CONNECTIONS = 20  # however low the limit of open files is
-OWN_FILES = 60  # of the exporter itself: libraries, the state file, logs, listening sockets
+OWN_FILES = 60  # of the exporter itself: libraries, the database, logs, listening sockets
 DOMAIN_FILES = 20  # of a DDS domain; measured: eleven
 MIN_AFTER_ERROR = 5  # connections, even if accepting fails
 SHARE = 10  # an address may have a tenth of all connections before its own are closed first

@@ -1,12 +1,14 @@
-"""The metrics endpoint: content negotiation, compression, one rendering for concurrent scrapes."""
+"""The metrics endpoint: content negotiation, parts, compression, sharing by concurrent scrapes."""
 
 from __future__ import annotations
 
 import zlib
 
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import Headers, MutableHeaders, QueryParams
 from starlette.types import Receive, Scope, Send
 
+from ros_diagnostics_exporter.model import ALL_PARTS, Part
+from ros_diagnostics_exporter.web.api import ApiError
 from ros_diagnostics_exporter.web.backend import Backend
 from ros_diagnostics_exporter.web.responses import ResponseLimit, send_chunks
 from ros_diagnostics_exporter.web.workers import Workers
@@ -15,6 +17,9 @@ TEXT = "text/plain; version=0.0.4; charset=utf-8"
 OPENMETRICS = "application/openmetrics-text; version=1.0.0; charset=utf-8"
 FIRST_SIZE = 8 * 1024 * 1024  # bytes reserved for a response until one was rendered
 GZIP_LEVEL = 1  # 29 MB: 55 ms at level 1, 153 ms at level 6, for little less
+
+
+_KNOWN = ", ".join(part.value for part in Part)
 
 
 def parse_accept(header: str) -> dict[str, float]:
@@ -50,6 +55,31 @@ def wants_gzip(accept_encoding: str) -> bool:
     return quality.get("gzip", quality.get("*", 0.0)) > 0
 
 
+def wanted_parts(query: bytes) -> frozenset[Part]:
+    """The parts that ``collect[]`` names, all but those that ``exclude[]`` names, or all.
+
+    Args:
+        query: The URL's, as received. Other parameters are ignored.
+
+    Raises:
+        ApiError: It names both, or what is no part.
+    """
+    parameters = QueryParams(query)
+    collect, exclude = _named(parameters, "collect[]"), _named(parameters, "exclude[]")
+    if collect and exclude:
+        what = "collect[] and exclude[] cannot be combined: give one of them"
+        raise ApiError(400, f"{what}, with some of {_KNOWN}")
+    return collect or ALL_PARTS - exclude
+
+
+def _named(parameters: QueryParams, name: str) -> frozenset[Part]:
+    found = set(parameters.getlist(name))
+    unknown = sorted(found - {part.value for part in Part})
+    if unknown:
+        raise ApiError(400, f"{name} is {unknown[0]!r:.80}, not one of {_KNOWN}")
+    return frozenset(map(Part, found))
+
+
 def compress(body: bytes) -> bytes:
     """``body`` as gzip; zlib releases the interpreter lock."""
     compressor = zlib.compressobj(GZIP_LEVEL, wbits=31)
@@ -69,19 +99,23 @@ class Scrape:
         self._backend = backend
         self._workers = workers
         self._limit = limit
-        self._sizes: dict[tuple[bool, bool], int] = {}  # of the last response of each kind
+        # of the last response of each kind
+        self._sizes: dict[tuple[bool, bool, frozenset[Part]], int] = {}
 
     async def __call__(self, scope: Scope, _receive: Receive, send: Send) -> None:
-        """Send the exposition; BusyError after waiting too long."""
+        """Send the exposition; BusyError after waiting too long, ApiError for a wrong query."""
         connection, headers = scope["state"]["connection"], Headers(scope=scope)
+        parts = wanted_parts(scope["query_string"])
         openmetrics = wants_openmetrics(headers.get("accept", ""))
         gzip = wants_gzip(headers.get("accept-encoding", ""))
         # Before it is rendered: a waiting request must not hold an exposition.
-        size = self._sizes.get((openmetrics, gzip), FIRST_SIZE)
+        kind = openmetrics, gzip, parts
+        size = self._sizes.get(kind, FIRST_SIZE)
         await self._limit.reserve_or_wait(connection, size)
         try:
-            body = await self._workers.run_shared(0, self._render, openmetrics, gzip)
-            self._sizes[openmetrics, gzip] = len(body)
+            # Shared by kind; there are 32, whatever clients ask for.
+            body = await self._workers.run_shared(0, self._render, *kind)
+            self._sizes[kind] = len(body)
             self._limit.resize(connection, len(body))
             raw = _response_headers(len(body), openmetrics=openmetrics, gzip=gzip).raw
             await send({"type": "http.response.start", "status": 200, "headers": raw})
@@ -89,8 +123,8 @@ class Scrape:
         finally:
             self._limit.release(connection)
 
-    def _render(self, openmetrics: bool, gzip: bool) -> bytes:
-        body = self._backend.render_metrics(openmetrics)
+    def _render(self, openmetrics: bool, gzip: bool, parts: frozenset[Part]) -> bytes:
+        body = self._backend.render_metrics(openmetrics, parts)
         return compress(body) if gzip else body
 
 

@@ -8,78 +8,78 @@ from grafana_foundation_sdk.models import common
 
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
-from fleet_dashboards.lib.promql import acknowledged_faults, robot_row
+from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY
+from fleet_dashboards.lib.promql import HELD, settled
 from fleet_dashboards.lib.tables import Column
 
 _FLEET = 'fleet=~"$fleet"'
 # The Watchdog always fires, to show that alerts arrive: it is about no robot.
 _ALERTS = f'{_FLEET}, alertname!="RosDiagnosticsWatchdog"'
 _FIRING = f'ALERTS{{alertstate="firing", {_ALERTS}}}'
-_ALERT = "alertname, severity, fleet, robot, component"
+_ALERT = "alertname, severity, fleet, site, robot, component"
+# Where alerts are evaluated, so that none is good news.
+_EVALUATED = "exporter:ros_diagnostics_exporter:held"
 _COMPONENT = "by (fleet, robot, group, component)"
 
 COMPONENT = (
-    tables.FLEET,
     tables.ROBOT,
-    Column("component", "Component", link=links.TO_COMPONENT),
+    Column("component", "Component", link=links.TO_COMPONENT, min_width=130),
 )
-ALERT = (
-    Column("severity", "Severity", mappings=palette.severity_mappings(), width=100),
-    *COMPONENT,
+SEVERITY = Column(
+    "severity", "Severity", mappings=palette.severity_mappings(), width=90, background=True
 )
 
 
 def build() -> builders.Dashboard:
     """Return the dashboard of alerts and of reports about a time range."""
-    return new_dashboard(
-        links.ALERTS_UID,
-        "Alerts and reports",
-        "Which alerts fire, were notifications sent, and how available were the robots?",
-        [variables.fleet()],
-        [
-            *map(firing_by_severity, SEVERITIES),
-            suppressed(),
-            silences(),
-            acknowledged_count(),
-            firing_alerts(),
-            acknowledged(),
-            firing_over_time(),
-            fired(),
-            "Notifications",
-            notifications_over_time(),
-            notifications(),
-            failed_notifications(),
-            flapping(),
-            "Availability in the time range",
-            availability_of_robots(),
-            availability_of_groups(),
-            availability_of_fleets(),
-            availability_over_time(),
-        ],
-    ).time("now-24h", "now")
+    return (
+        new_dashboard(
+            links.ALERTS_UID,
+            "Alerts and reports",
+            "Which alerts fire, were notifications sent, and how available were the robots?",
+            [variables.fleet()],
+            [
+                *map(firing_by_severity, QUESTIONS),
+                suppressed(),
+                silences(),
+                acknowledged_count(),
+                firing_alerts(),
+                acknowledged(),
+                firing_over_time(),
+                fired(),
+                "Notifications",
+                notifications_over_time(),
+                notifications(),
+                failed_notifications(),
+                flapping(),
+                "Availability in the time range",
+                availability_of_robots(),
+                availability_of_groups(),
+                availability_of_fleets(),
+                availability_over_time(),
+            ],
+        )
+        .time("now-24h", "now")
+        .refresh("1m")
+    )
 
 
-SEVERITIES = {
-    "critical": (palette.CRITICAL.colour, "What needs attention now"),
-    "warning": (palette.WARNING.colour, "What needs attention today"),
-    "info": (palette.NEUTRAL, "What is for information only"),
+QUESTIONS = {
+    "critical": "What needs attention now",
+    "warning": "What needs attention today",
+    "info": "What is for information only",
 }
 
 
 def firing_by_severity(severity: str) -> stat.Panel:
     """Count the firing alerts of one severity."""
-    colour, question = SEVERITIES[severity]
     alerts = f'ALERTS{{alertstate="firing", severity="{severity}", {_ALERTS}}}'
-    return (
-        panels.number(
-            f"Firing: {severity}",
-            f"{question}? Firing alerts of this severity.",
-            f"count({alerts})\nor vector(0)",
-        )
-        .color_mode(common.BigValueColorMode.BACKGROUND)
-        .color_scheme(panels.by_thresholds())
-        .thresholds(panels.steps((None, "transparent"), (1, colour)))
+    panel = panels.number(
+        f"Firing: {severity}",
+        f"{QUESTIONS[severity]}? Firing alerts of this severity.",
+        f"count({alerts})\nor on ()\n  group({_EVALUATED}) * 0",
     )
+    return panels.on_colour(panel, (1, palette.SEVERITIES[severity]))
 
 
 def suppressed() -> stat.Panel:
@@ -107,7 +107,11 @@ def acknowledged_count() -> stat.Panel:
     return panels.number(
         "Acknowledged faults",
         "How many of the present faults are acknowledged?",
-        f"count({acknowledged_faults(_FLEET)})\nor vector(0)",
+        f"""
+          count(group by ({IDENTITY}) ({ACKNOWLEDGED}{{{_FLEET}}}))
+        or on ()
+          group({_EVALUATED}) * 0
+        """,
     )
 
 
@@ -120,46 +124,33 @@ min by ({_ALERT}) (
     {_FIRING}
 )
 """
-# The address at which the site serves its runbooks is joined to each alert.
-_WITH_RUNBOOKS = f"""
-  group by ({_ALERT}) ({_FIRING})
-* on () group_left (runbooks_url)
-  ros_diagnostics:site:info
-"""
 
 
 def firing_alerts() -> table.Panel:
     """List the firing alerts."""
-    runbook = "${__data.fields.Runbooks}/${__data.fields.Alert}.md"
     return tables.joined(
         "Firing alerts",
-        "Which alerts fire, where, and since when? A click on the alert opens its runbook. Since "
-        "is when the alert became active, which is confirm_after later than the fault.",
-        "No alert fires",
+        "Which alerts fire, where, and since when? Since is when the alert became active; the "
+        "problem itself may be older.",
         {
-            "A": _WITH_RUNBOOKS,
+            "A": f"group by ({_ALERT}) ({_FIRING})",
             "B": f"{_ACTIVE_SINCE} * 1000",
-            "C": f"time() - {_ACTIVE_SINCE}",
+            "C": f"floor(time() - {_ACTIVE_SINCE})",
         },
         [
-            Column("alertname", "Alert", link=runbook),
-            *ALERT,
-            Column("B", "Since", unit="dateTimeAsIsoNoDateIfToday", width=160),
-            Column("C", "For", unit="dtdurations", width=160),
-            Column("runbooks_url", "Runbooks", hidden=True),
+            SEVERITY,
+            Column("alertname", "Alert", width=330),
+            *COMPONENT,
+            Column("site", "Site", min_width=90),
+            Column("B", "Since", unit=tables.TIME, width=160),
+            Column("C", "For", unit=tables.DURATION, width=115),
+            tables.FLEET,
         ],
-        sort="Since",
+        empty=tables.Empty("No alert fires", _EVALUATED, "alertname"),
+        sort=("Severity", "Since"),
+        ascending=("Severity", "Since"),
         by=_ALERT,
     )
-
-
-_FAULT_SINCE = f"""
-max {_COMPONENT} (
-    component:ros_diagnostics_fault:confirmed{{{_FLEET}}}
-  or
-    {robot_row(f"robot:ros_diagnostics_fault:confirmed{{{_FLEET}}}")}
-) * 1000
-"""
 
 
 def acknowledged() -> table.Panel:
@@ -168,17 +159,22 @@ def acknowledged() -> table.Panel:
         "Acknowledged",
         "Who acknowledged which fault, when, and with which comment? Only present faults. "
         "Acknowledge with ros-diagnostics-ack; the exporter needs --alertmanager.url.",
-        "No present fault is acknowledged",
-        {"A": f"({acknowledged_faults(_FLEET)}) * 1000", "B": _FAULT_SINCE},
+        {
+            "A": f"max by ({IDENTITY}, author, comment) ({ACKNOWLEDGED}{{{_FLEET}}}) * 1000",
+            "B": f"max by ({IDENTITY}) ({HELD}{{{_FLEET}}}) * 1000",
+        },
         [
+            Column("state", "Fault", width=90),
             *COMPONENT,
-            Column("state", "Fault", width=100),
-            Column("B", "Faulty since", unit="dateTimeAsIsoNoDateIfToday", width=160),
-            Column("A", "Acknowledged", unit="dateTimeAsIsoNoDateIfToday", width=160),
-            Column("author", "By", width=140),
-            Column("comment", "Comment"),
+            Column("B", "Since", unit=tables.TIME, width=160),
+            Column("A", "Acknowledged", unit=tables.TIME, width=160),
+            Column("author", "By", width=130),
+            Column("comment", "Comment", min_width=250),
+            tables.FLEET,
         ],
-        sort="Acknowledged",
+        empty=tables.Empty("No present fault is acknowledged", _EVALUATED, "comment"),
+        sort=("Acknowledged",),
+        by=IDENTITY,
     ).height(8)
 
 
@@ -186,13 +182,17 @@ def acknowledged() -> table.Panel:
 
 
 def firing_over_time() -> timeseries.Panel:
-    """Show the number of firing alerts over time, by name."""
+    """Show the number of firing alerts over time, in the colours of their severities."""
+    alerts = f"count by (severity, alertname) ({_FIRING})"
+    none = f"group({_EVALUATED}) * 0"
     panel = panels.graph(
         "Firing over time",
         "Which alerts fired when, and how many of each?",
-        panels.over_time(f"count by (alertname) ({_FIRING})", "{{alertname}}"),
-    )
-    return panels.stacked(panel).min(0).decimals(0).span(12).height(10)
+        panels.over_time(f"{alerts}\nor on ()\n  {none}", "{{severity}}: {{alertname}}"),
+    ).override_by_name(": ", panels.series("none", palette.OK.colour))
+    for severity, colour in palette.SEVERITIES.items():
+        panel = panel.override_by_regexp(f"/^{severity}: /", [panels.fixed_colour(colour)])
+    return panels.stacked(panel).min(0).axis_soft_max(4).decimals(0).span(24).height(8)
 
 
 # ALERTS_FOR_STATE is the time at which the alert became active: each other value is another time.
@@ -210,24 +210,22 @@ max by ({_ALERT}) (max_over_time(timestamp({_FIRING})[$__range:1m])) * 1000
 
 def fired() -> table.Panel:
     """List the alerts that fired in the time range, most often first."""
-    return (
-        tables.joined(
-            "Fired in the time range",
-            "Which alerts fired, how often, and when last? Most often first.",
-            "No alert fired",
-            {"A": _TIMES_FIRED, "B": _LAST_FIRED},
-            [
-                Column("alertname", "Alert"),
-                *ALERT,
-                Column("A", "Times", width=80),
-                Column("B", "Last", unit="dateTimeAsIso", width=160),
-            ],
-            sort="Times",
-            by=_ALERT,
-        )
-        .span(12)
-        .height(10)
-    )
+    return tables.joined(
+        "Fired in the time range",
+        "Which alerts fired, how often, and when last? Most often first.",
+        {"A": _TIMES_FIRED, "B": _LAST_FIRED},
+        [
+            Column("A", "Times", width=70),
+            SEVERITY,
+            Column("alertname", "Alert", width=330),
+            *COMPONENT,
+            Column("B", "Last", unit=tables.TIME, width=160),
+            tables.FLEET,
+        ],
+        empty=tables.Empty("No alert fired", _EVALUATED, "alertname"),
+        sort=("Times",),
+        by=_ALERT,
+    ).height(10)
 
 
 # --- Notifications, summed over the Alertmanagers of a cluster: one of them sends each ---
@@ -235,7 +233,7 @@ def fired() -> table.Panel:
 
 def _notifications(kind: str, window: str) -> str:
     counter = f"alertmanager_notifications{kind}_total[{window}]"
-    return f"sum by (integration) (increase({counter}))"
+    return f"round(sum by (integration) (increase({counter})))"
 
 
 def notifications_over_time() -> timeseries.Panel:
@@ -261,7 +259,6 @@ def notifications() -> stat.Panel:
 
 def failed_notifications() -> stat.Panel:
     """Count the failed notifications of the time range."""
-    colours = panels.steps((None, palette.OK.colour), (0.5, palette.CRITICAL.colour))
     # Alertmanager has a counter for every integration; only those in use show a zero.
     panel = _by_integration(
         "Failed notifications",
@@ -272,36 +269,38 @@ def failed_notifications() -> stat.Panel:
           {_notifications("", "$__range")} > 0
         """,
     )
-    return panel.color_scheme(panels.by_thresholds()).thresholds(colours)
+    return panels.on_colour(panel, (1, palette.CRITICAL.colour))
 
 
 def _by_integration(title: str, description: str, expr: str) -> stat.Panel:
-    panel = panels.number(title, description, expr).decimals(0)
+    panel = panels.number(title, description, expr).decimals(0).no_value("None")
     panel = panel.targets([panels.at_end(expr, "{{integration}}")])
     return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).height(8).span(6)
 
 
 def flapping() -> table.Panel:
     """List the flapping components."""
+    by = "by (fleet, robot, group, component)"
     return tables.joined(
         "Flapping",
         "Which components change their level so often that no alert fires for single changes? The "
         "ratio is Nagios' weighted share of changes over the last 21 states; changes count since "
         "the exporter started.",
-        "No component is flapping",
         {
-            "A": f"max {_COMPONENT} (ros_diagnostics_component_flap_ratio{{{_FLEET}}}) > 0.1",
-            "B": f"component:ros_diagnostics_flapping:start{{{_FLEET}}} * 1000",
+            "A": f"max {by} (ros_diagnostics_component_flap_ratio{{{_FLEET}}}) >= 0.2",
+            "B": f'max {by} ({HELD}{{{_FLEET}, scope="flapping"}}) * 1000',
             # Not increase() over the range: that would read the range of every component.
-            "C": f"max {_COMPONENT} (ros_diagnostics_component_changes_total{{{_FLEET}}})",
+            "C": f"max {by} (ros_diagnostics_component_changes_total{{{_FLEET}}})",
         },
         [
-            *COMPONENT,
             Column("A", "Flap ratio", unit="percentunit", width=110),
-            Column("B", "Flapping since", unit="dateTimeAsIso", width=160),
+            *COMPONENT,
+            Column("B", "Flapping since", unit=tables.TIME, width=160),
             Column("C", "Changes", width=100),
+            tables.FLEET,
         ],
-        sort="Flap ratio",
+        empty=tables.Empty("No component is flapping", settled(_FLEET), "component"),
+        sort=("Flap ratio",),
     ).height(8)
 
 
@@ -321,9 +320,9 @@ PARTS = {
 }
 FLEET = Column("fleet", "Fleet")
 SHARES = (
-    Column("available", "Available", unit="percentunit", width=100),
+    Column("available", "Available", unit="percentunit", width=90),
     *(
-        Column(part, "OK" if part == "ok" else part.capitalize(), unit="percentunit", width=110)
+        Column(part, "OK" if part == "ok" else part.capitalize(), unit="percentunit", width=115)
         for part in PARTS
     ),
 )
@@ -360,11 +359,10 @@ or
 """
 
 
+# A fault is a series: its labels and evidence are fixed, its value is its start.
 _FAULTS = f"""
   sum by (fleet, robot) (
-      1 + changes(component:ros_diagnostics_fault:confirmed{{{_FLEET}, state="critical"}}[$__range])
-    or
-      1 + changes(robot:ros_diagnostics_silent:confirmed{{{_FLEET}}}[$__range])
+    1 + changes({HELD}{{{_FLEET}, severity="critical", robot!=""}}[$__range])
   )
 """
 _LONGEST = f"""
@@ -385,8 +383,8 @@ def availability_of_robots() -> table.Panel:
     """Show the shares of each robot, its faults and the longest of them."""
     return _availability(
         "Availability of the robots",
-        f"How reliable was each robot? {SUMS} Faults counts confirmed CRITICAL faults and times of "
-        "silence; longest is the longest time in CRITICAL or UNKNOWN, including maintenance. To "
+        f"How reliable was each robot? {SUMS} Faults counts faults of severity critical, silence "
+        "included; longest is the longest time with such a fault. To "
         "download: menu of the panel, Inspect, Data, Download CSV.",
         _BY_ROBOT,
         [
@@ -394,7 +392,7 @@ def availability_of_robots() -> table.Panel:
             tables.ROBOT,
             *SHARES,
             Column("faults", "Faults", width=80),
-            Column("longest", "Longest", unit="dtdurations", width=150),
+            Column("longest", "Longest", unit=tables.DURATION, width=115),
         ],
     ).height(12)
 
@@ -420,8 +418,7 @@ def availability_of_fleets() -> table.Panel:
 
 
 def _availability(title: str, description: str, expr: str, columns: list[Column]) -> table.Panel:
-    empty = "No data in this range"
-    return tables.pivot(title, description, empty, expr, columns, label="part", sort="Available")
+    return tables.pivot(title, description, expr, columns, label="part", sort="Available")
 
 
 def availability_over_time() -> timeseries.Panel:

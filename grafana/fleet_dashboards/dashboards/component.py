@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.builders import stat, statetimeline, table, timeseries
-from grafana_foundation_sdk.models import common, dashboard
 
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
-from fleet_dashboards.lib.promql import component_rank
+from fleet_dashboards.lib.promql import HELD, component_rank, in_order, values, with_unit
 from fleet_dashboards.lib.tables import Column
 
-_ALL = 'fleet=~"$fleet", component="$component"'
-_SELECTED = f'{_ALL}, robot=~"$robot"'
+_ALL = f"{variables.FLEET}, {variables.COMPONENT}"
+_SELECTED = f"{_ALL}, {variables.ROBOTS}"
 _BY = "by (fleet, robot, group)"
 _RANK = f"max {_BY} ({component_rank(_SELECTED)})"
 
@@ -23,57 +22,71 @@ def build() -> builders.Dashboard:
         links.COMPONENT_UID,
         "Component across the fleet",
         "Is one robot faulty, or all of them?",
-        [variables.fleet(), variables.robots(), variables.component(), variables.key()],
+        [variables.fleet(), variables.component(), variables.robots(), variables.key()],
         [
             robots_by_state(),
             states(),
             states_over_time(),
             "Value: $key",
-            values(),
+            value_on_every_robot(),
             distances(),
             outliers(),
         ],
     )
 
 
+RANKS = {str(state.rank): state for state in palette.WORST_FIRST if state.rank >= 0}
+
+
 def robots_by_state() -> stat.Panel:
     """Count the robots by the component's state."""
-    return panels.count_by_state(
+    return panels.counts(
         "Robots by state of the component",
         "On how many robots of the chosen fleets is this component in each state?",
         f'count_values("rank", {component_rank(_ALL)})',
+        "rank",
+        RANKS,
     ).height(10)
 
 
 def states() -> table.Panel:
     """List the robots that have the component."""
     changes = f"ros_diagnostics_component_changes_total{{{_SELECTED}}}[$__range]"
+    since = f"""
+      max {_BY} (
+          {HELD}{{{_SELECTED}, scope="component"}}
+        or
+          ros_diagnostics_component_problem_since_timestamp_seconds{{{_SELECTED}}}
+      )
+    """
     return (
         tables.joined(
             "State on each robot",
             "On which robots is this component faulty, since when, and what is its message?",
-            "No robot has this component",
             {
-                "A": _RANK,
-                "B": f"time() - max {_BY} (component:ros_diagnostics_problem:start{{{_SELECTED}}})",
+                "A": in_order(_RANK),
+                "B": f"{since} * 1000",
                 "C": f"""
                 group by (fleet, robot, group, message) (
                   ros_diagnostics_component_message_info{{{_SELECTED}}}
                 )
                 """,
                 "D": f"max {_BY} (ros_diagnostics_component_flap_ratio{{{_SELECTED}}})",
-                "E": f"sum {_BY} (increase({changes}))",
+                "E": f"round(sum {_BY} (increase({changes})))",
             },
             [
                 tables.STATE,
-                tables.FLEET,
-                tables.ROBOT,
-                Column("B", "For", unit="dtdurations", width=150),
-                Column("message", "Message"),
+                tables.ROBOT_IN_ORDER,
+                Column("message", "Message", min_width=200),
+                Column("B", "Since", unit=tables.TIME, width=160),
                 Column("D", "Flapping", unit="percentunit", width=90),
                 Column("E", "Changes", width=90),
+                tables.FLEET,
+                tables.NAME,
             ],
             by="fleet, robot, group",
+            empty="No robot has this component",
+            sort=("State", "Robot"),
         )
         .height(10)
         .span(16)
@@ -86,64 +99,89 @@ def states_over_time() -> statetimeline.Panel:
     return panels.timeline(
         "State over time",
         "Did it fail everywhere at once, or on one robot after the other?",
-        panels.over_time(_RANK, "{{robot}}"),
+        panels.over_time(in_order(_RANK), "{{robot}}"),
     ).data_links([link])
 
 
 # --- One key: shown for the selected robots, compared with all ---
 
 
-def _value(matchers: str) -> str:
-    family = f'ros_diagnostics_component_value{{{matchers}, key="$key"}}'
-    return f"max by (fleet, robot, unit) ({family})"
+def _value(matchers: str, at: str = "") -> str:
+    return f"max by (fleet, robot, unit) ({values(f'{matchers}, {variables.KEY}', at)})"
 
 
 _VALUE = _value(_SELECTED)
 _MEDIAN = f"quantile(0.5, {_value(_ALL)})"
-_DISTANCE = f"{_VALUE} - scalar({_MEDIAN})"
-_DISTANCE_OF_ALL = f"abs({_value(_ALL)} - scalar({_MEDIAN}))"
-# Iglewicz and Hoaglin's modified z-score: the distance from the median divided by the median
-# absolute deviation, scaled to a standard deviation. Where more than half of the values are equal
-# the mean absolute deviation is taken instead; where all are equal, 1.
-_DEVIATION = f"""
-scalar(
-    1.4826 * quantile(0.5, {_DISTANCE_OF_ALL}) > 0
-  or
-    1.2533 * avg({_DISTANCE_OF_ALL}) > 0
-  or
-    vector(1)
-)
+
+
+def _distance(matchers: str, at: str = "") -> str:
+    return f"({_value(matchers, at)} - scalar(quantile(0.5, {_value(_ALL, at)})))"
+
+
+def _score(at: str = "") -> str:
+    """Return Iglewicz and Hoaglin's modified z-score.
+
+    It is the distance from the median divided by the median absolute deviation, scaled to a
+    standard deviation. Where more than half of the values are equal the mean absolute deviation is
+    taken instead; where all are equal, 1.
+    """
+    of_all = f"abs({_distance(_ALL, at)})"
+    return f"""
+  {_distance(_SELECTED, at)}
+/
+  scalar(
+      1.4826 * quantile(0.5, {of_all}) > 0
+    or
+      1.2533 * avg({of_all}) > 0
+    or
+      vector(1)
+  )
 """
-_SCORE = f"({_DISTANCE}) / {_DEVIATION}"
+
+
 OUTLIER = 3.5  # standard deviations, as Iglewicz and Hoaglin recommend
 
 
-def values() -> timeseries.Panel:
+LINES = 20  # of a graph
+
+
+def value_on_every_robot() -> timeseries.Panel:
     """Show the key's value on each robot, and the median."""
     link = builders.DashboardLink("Open this robot").url(links.TO_ROBOT_OF_SERIES)
     return (
         panels.graph(
             "$key on every robot",
             "Which robot's value differs from the others? Dashed: the median of all robots.",
-            panels.over_time(_VALUE, "{{robot}} [{{unit}}]"),
+            panels.over_time(with_unit(_VALUE), "{{robot}}{{in_unit}}"),
             panels.over_time(_MEDIAN, "median", "B"),
         )
-        .override_by_name("median", panels.dashed(palette.UNKNOWN.colour))
+        .override_by_name("median", panels.dashed(palette.UNDETERMINED_COLOUR))
         .data_links([link])
+        .no_value("No robot has this key as a number")
     )
 
 
 def distances() -> timeseries.Panel:
     """Show the distance of each robot's value from the median, in standard deviations."""
+    farthest = (
+        f"{_score()}\nand on (fleet, robot, unit)\n  topk({LINES}, abs({_score(' @ end()')}))"
+    )
     return (
         panels.graph(
             "Distance from the median",
-            "Which robot is an outlier? The modified z-score of Iglewicz and Hoaglin: beyond 3.5 "
-            "(the dashed lines) a robot is an outlier.",
-            panels.over_time(_SCORE, "{{robot}}"),
+            f"Which robot is an outlier, to either side? The {LINES} farthest, by the modified "
+            "z-score of Iglewicz and Hoaglin: beyond 3.5 (the dashed lines) a robot is an outlier.",
+            panels.over_time(farthest, "{{robot}}"),
         )
-        .thresholds(_outlier_colours())
+        .thresholds(
+            panels.steps(
+                (None, palette.CRITICAL.colour),
+                (-OUTLIER, palette.NOTHING),
+                (OUTLIER, palette.CRITICAL.colour),
+            )
+        )
         .thresholds_style(panels.threshold_lines())
+        .no_value("No robot has this key as a number")
     )
 
 
@@ -152,28 +190,21 @@ def outliers() -> table.Panel:
     score = Column("C", "Score", width=120)
     panel = tables.joined(
         "Outliers",
-        "Which robots' values are now farthest from the median? Coloured beyond a score of 3.5.",
-        "No robot has this key as a number",
-        {"A": _VALUE, "B": _DISTANCE, "C": _SCORE},
+        "Which robots' values are now farthest from the median, to either side? Coloured beyond a "
+        "score of 3.5.",
+        {"A": _VALUE, "B": _distance(_SELECTED), "C": f"abs({_score()})"},
         [
-            tables.FLEET,
             tables.ROBOT,
             Column("A", "Value"),
             Column("unit", "Unit", width=80),
             Column("B", "Distance"),
             score,
+            tables.FLEET,
         ],
-        sort="Score",
+        sort=("Score",),
         by="fleet, robot",
+        empty="No robot has this key as a number",
     )
-    background = common.TableColoredBackgroundCellOptions(
-        common.TableCellBackgroundDisplayMode.BASIC
-    )
-    return panel.thresholds(_outlier_colours()).override_by_name(
-        score.title, [dashboard.DynamicConfigValue("custom.cellOptions", background)]
-    )
-
-
-def _outlier_colours() -> builders.ThresholdsConfig:
-    colour = palette.CRITICAL.colour
-    return panels.steps((None, colour), (-OUTLIER, "transparent"), (OUTLIER, colour))
+    colours = panels.steps((None, palette.NOTHING), (OUTLIER, palette.CRITICAL.colour)).build()
+    cell = {**tables.BACKGROUND, "thresholds": colours, "decimals": 1}
+    return panel.override_by_name(score.title, [panels.look(*each) for each in cell.items()])

@@ -1,11 +1,15 @@
 """Panels of the monitoring dashboard about hosts: pings, and the robots' computers.
 
-They are empty unless the jobs at the end of prometheus.yml for them are in use.
+They are empty unless the jobs at the end of prometheus.yml for them are in use; hence their rows
+are collapsed, and queried only when opened.
 """
 
 from __future__ import annotations
 
+from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.builders import table, timeseries
+from grafana_foundation_sdk.cog import builder
+from grafana_foundation_sdk.models import dashboard
 
 from fleet_dashboards.lib import palette, panels, tables
 from fleet_dashboards.lib.tables import Column
@@ -13,6 +17,14 @@ from fleet_dashboards.lib.tables import Column
 LINES = 20  # of a graph
 SHOWN = f"The {LINES} highest at the end of the range"
 UP = palette.up_mappings()
+
+
+def row(title: str, *content: builder.Builder[dashboard.Panel]) -> builders.Row:
+    """Return a collapsed row."""
+    found = builders.Row(title).collapsed(True)
+    for panel in content:
+        found = found.with_panel(panel)
+    return found
 
 
 def pings() -> table.Panel:
@@ -23,20 +35,19 @@ def pings() -> table.Panel:
         "Hosts",
         "Which robots and uplinks answer a ping? Needs blackbox_exporter. If a silent robot "
         "answers, its software has failed, not its power.",
-        "No host is pinged: see the end of prometheus.yml",
         {
             "A": f"max by ({by}) (probe_success{{{probed}}})",
             "B": f"max by ({by}) (probe_duration_seconds{{{probed}}})",
         },
         [
-            Column("A", "State", mappings=UP, width=90),
-            tables.FLEET,
+            Column("A", "State", mappings=UP, width=80, background=True),
             tables.ROBOT,
             Column("uplink", "Uplink"),
             Column("instance", "Address"),
             Column("B", "Duration", unit="s", width=100),
+            tables.FLEET,
         ],
-        descending=False,
+        ascending=("State",),
         by=by,
     ).span(12)
 
@@ -101,29 +112,28 @@ def computers() -> table.Panel:
         "Computers",
         "How busy, full and hot are the robots' computers? Needs node_exporter on them. Disk is "
         "the fullest file system, temperature the hottest sensor.",
-        "No computer is scraped: see the end of prometheus.yml",
         {
             "A": f"max {_BY} (up{{{_NODE}}})",
             "B": _cpu(),
             "C": _memory(),
             "D": _disk(),
             "E": _temperature(),
-            "F": f"time() - max {_BY} (node_boot_time_seconds{{{_NODE}}})",
+            "F": f"floor(time() - max {_BY} (node_boot_time_seconds{{{_NODE}}}))",
             "G": f"max {_BY} (node_timex_sync_status{{{_NODE}}})",
         },
         [
-            Column("A", "State", mappings=UP, width=90),
-            tables.FLEET,
+            Column("A", "State", mappings=UP, width=80, background=True),
             tables.ROBOT,
-            Column("instance", "Address"),
+            Column("instance", "Address", min_width=120),
             Column("B", "CPU", unit="percentunit", width=90),
             Column("C", "Memory", unit="percentunit", width=90),
             Column("D", "Disk", unit="percentunit", width=90),
             Column("E", "Temperature", unit="celsius", width=120),
-            Column("F", "Uptime", unit="dtdurations", width=150),
-            Column("G", "Clock", mappings=palette.clock_mappings(), width=130),
+            Column("F", "Uptime", unit=tables.DURATION, width=115),
+            Column("G", "Clock", mappings=palette.clock_mappings(), width=130, background=True),
+            tables.FLEET,
         ],
-        descending=False,
+        ascending=("State",),
         by="fleet, robot, instance",
     )
 

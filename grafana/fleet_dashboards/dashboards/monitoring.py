@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from grafana_foundation_sdk.builders import bargauge, stat, table, timeseries
 from grafana_foundation_sdk.builders import dashboard as builders
+from grafana_foundation_sdk.models import dashboard
 
 from fleet_dashboards.dashboards import hosts
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
+from fleet_dashboards.lib.promql import label
 from fleet_dashboards.lib.tables import Column
 
 _FLEET = 'fleet=~"$fleet"'
-_EXPORTER = f'job="ros-diagnostics", {_FLEET}'
+_EXPORTER = f'job=~"ros-diagnostics(-faults)?", {_FLEET}'
+_BY = "fleet, exporter, instance"
 _SERVERS = 'job=~"prometheus|alertmanager"'
 
-FLEET = Column("fleet", "Fleet")
+FLEET = Column("fleet", "Fleet", min_width=90)
 UP = palette.up_mappings()
 SUCCESS = palette.success_mappings()
 
@@ -27,12 +30,10 @@ def build() -> builders.Dashboard:
         "Does the monitoring itself work?",
         [variables.fleet()],
         [
-            hosts.pings(),
-            targets(),
-            hosts.computers(),
-            "Exporters",
             exporters(),
+            targets(),
             domains_down(),
+            "Exporters",
             messages(),
             rejected_messages(),
             exporter_scrape_time(),
@@ -53,13 +54,21 @@ def build() -> builders.Dashboard:
             notification_time(),
             server_cpu(),
             server_memory(),
-            "Computers over time",
-            hosts.cpu(),
-            hosts.memory(),
-            hosts.disk(),
-            hosts.temperature(),
-            hosts.network(),
-            hosts.ping_time(),
+            hosts.row(
+                "Pings of robots and uplinks: needs blackbox_exporter, see the end of "
+                "prometheus.yml",
+                hosts.pings(),
+                hosts.ping_time(),
+            ),
+            hosts.row(
+                "Robots' computers: needs node_exporter on them, see the end of prometheus.yml",
+                hosts.computers(),
+                hosts.cpu(),
+                hosts.memory(),
+                hosts.disk(),
+                hosts.temperature(),
+                hosts.network(),
+            ),
         ],
     )
 
@@ -67,39 +76,43 @@ def build() -> builders.Dashboard:
 def targets() -> table.Panel:
     """List all that Prometheus scrapes."""
     by = "job, instance, fleet"
-    return tables.joined(
-        "Targets",
-        "Which targets are up, how long do scrapes take, and how many samples do they return?",
-        "No target",
-        {
-            "A": f"max by ({by}) (up)",
-            "B": f"max by ({by}) (scrape_duration_seconds)",
-            "C": f"max by ({by}) (scrape_samples_scraped)",
-        },
-        [
-            Column("A", "State", mappings=UP, width=90),
-            Column("job", "Job"),
-            Column("instance", "Instance"),
-            FLEET,
-            Column("B", "Duration", unit="s", width=100),
-            Column("C", "Samples", width=100),
-        ],
-        descending=False,
-        by=by,
-    ).span(12)
+    return (
+        tables.joined(
+            "Targets",
+            "Which targets are up, how long do scrapes take, and how many samples do they return?",
+            {
+                "A": f"max by ({by}) (up)",
+                "B": f"max by ({by}) (scrape_duration_seconds)",
+                "C": f"max by ({by}) (scrape_samples_scraped)",
+            },
+            [
+                Column("A", "State", mappings=UP, width=80, background=True),
+                Column("job", "Job", min_width=130),
+                Column("instance", "Instance", min_width=130),
+                FLEET,
+                Column("B", "Duration", unit="s", width=90),
+                Column("C", "Samples", width=90),
+            ],
+            sort=("State", "Job"),
+            ascending=("State", "Job"),
+            by=by,
+        )
+        .height(8)
+        .span(18)
+    )
 
 
 # --- Exporters ---
 
 
 def _of_exporter(function: str, metric: str) -> str:
-    return f"{function} by (fleet) (ros_diagnostics_exporter_{metric}{{{_FLEET}}})"
+    return f"{function} by ({_BY}) (ros_diagnostics_exporter_{metric}{{{_FLEET}}})"
 
 
 def _time_of_exporter(metric: str) -> str:
     """Return the same for a time, which Grafana wants in milliseconds."""
     return f"""
-max by (fleet) (
+max by ({_BY}) (
   ros_diagnostics_exporter_{metric}{{{_FLEET}}}
 ) * 1000
 """
@@ -107,45 +120,43 @@ max by (fleet) (
 
 def exporters() -> table.Panel:
     """List the exporters."""
+    build = f"ros_diagnostics_exporter_build_info{{{_FLEET}}}"
     discovery = "discovery_last_run_timestamp_seconds"
-    return (
-        tables.joined(
-            "Exporters",
-            "Which version serves each fleet, with how many robots, and did the last reload of the "
-            "config and the last write of the state file succeed? Acknowledgements: whether "
-            "Alertmanager answers; empty without --alertmanager.url.",
-            "No exporter is scraped",
-            {
-                "A": f"ros_diagnostics_exporter_build_info{{{_FLEET}}}",
-                "B": _of_exporter("max", "config_last_reload_successful"),
-                "C": _time_of_exporter("config_last_reload_success_timestamp_seconds"),
-                "D": _of_exporter("max", "storage_last_write_successful"),
-                "E": _time_of_exporter("storage_last_write_success_timestamp_seconds"),
-                "F": _of_exporter("max", "robots"),
-                "G": f"count by (fleet) (ros_diagnostics_exporter_domain_up{{{_FLEET}}} == 1)",
-                "H": f"  time()\n-\n  {_of_exporter('min', discovery)}",
-                "I": _of_exporter("max", "alertmanager_up"),
-            },
-            [
-                FLEET,
-                Column("version", "Version", width=90),
-                Column("ros_distro", "ROS", width=80),
-                Column("F", "Robots", width=80),
-                Column("G", "Domains", width=80),
-                Column("H", "Discovery ran", unit="dtdurations", width=120),
-                Column("B", "Config", mappings=SUCCESS, width=90),
-                Column("C", "Config read", unit="dateTimeAsIso", width=170),
-                Column("D", "State file", mappings=SUCCESS, width=90),
-                Column("E", "State written", unit="dateTimeAsIso", width=170),
-                Column("I", "Acknowledgements", mappings=UP, width=140),
-            ],
-            sort="Fleet",
-            descending=False,
-            by="fleet",
-        )
-        .height(8)
-        .span(18)
-    )
+    return tables.joined(
+        "Exporters",
+        "Which version serves each fleet, with how many robots, and did the last reload of the "
+        "config and the last write of the database succeed? Acknowledgements: whether "
+        "Alertmanager answers; empty without --alertmanager.url.",
+        {
+            "A": f"group by ({_BY}, version, ros_distro) ({build})",
+            "B": _of_exporter("max", "config_last_reload_successful"),
+            "C": _time_of_exporter("config_last_reload_success_timestamp_seconds"),
+            "D": _of_exporter("max", "storage_last_write_successful"),
+            "E": _time_of_exporter("storage_last_write_success_timestamp_seconds"),
+            "F": _of_exporter("max", "robots"),
+            "G": f"count by ({_BY}) (ros_diagnostics_exporter_domain_up{{{_FLEET}}} == 1)",
+            "H": f"floor(time() - {_of_exporter('min', discovery)})",
+            "I": _of_exporter("max", "alertmanager_up"),
+        },
+        [
+            Column("fleet", "Fleet", min_width=90),
+            Column("exporter", "Exporter", min_width=90),
+            Column("instance", "Instance", min_width=130),
+            Column("version", "Version", width=80),
+            Column("ros_distro", "ROS", width=70),
+            Column("F", "Robots", width=75),
+            Column("G", "Domains", width=80),
+            Column("H", "Discovery", unit=tables.DURATION, width=115),
+            Column("B", "Config", mappings=SUCCESS, width=100, background=True),
+            Column("C", "Config read", unit=tables.TIME, width=160),
+            Column("D", "State file", mappings=SUCCESS, width=100, background=True),
+            Column("E", "State written", unit=tables.TIME, width=160),
+            Column("I", "Acknowledgements", mappings=UP, width=150, background=True),
+        ],
+        sort=("Fleet",),
+        ascending=("Fleet",),
+        by=_BY,
+    ).height(6)
 
 
 def domains_down() -> table.Panel:
@@ -155,11 +166,11 @@ def domains_down() -> table.Panel:
         tables.joined(
             "DDS domains down",
             "Which DDS domains could not be joined?",
-            "All domains are joined",
             {"A": f"group by (fleet, domain_id) ({domains} == 0)"},
             [FLEET, Column("domain_id", "Domain")],
-            sort="Domain",
-            descending=False,
+            sort=("Domain",),
+            ascending=("Domain",),
+            empty=tables.Empty("All are joined", domains, "domain_id"),
         )
         .height(8)
         .span(6)
@@ -174,67 +185,68 @@ def messages() -> timeseries.Panel:
     """Show the rate of messages of each fleet."""
     received = f"ros_diagnostics_robot_messages_total{{{_FLEET}}}"
     return panels.graph(
-        "Messages",
+        "Messages per second",
         "How many arrays are received per second from each fleet?",
         panels.over_time(_rate_by_fleet(received), "{{fleet}}"),
-        unit="cps",
     )
 
 
 def rejected_messages() -> timeseries.Panel:
     """Show the rate of rejected messages by reason."""
-    expr = f"""
-      sum by (fleet, reason) (
-        rate(ros_diagnostics_robot_rejected_total{{{_FLEET}}}[$__rate_interval])
-      ) > 0
-    or
-      sum by (fleet, reason) (
-        rate(ros_diagnostics_exporter_rejected_total{{{_FLEET}}}[$__rate_interval])
-      ) > 0
-    """
-    return panels.graph(
-        "Rejected messages",
-        "What is rejected, and why?",
-        panels.over_time(expr, "{{fleet}}: {{reason}}"),
-        unit="cps",
+    counters = (
+        f"ros_diagnostics_robot_rejected_total{{{_FLEET}}}",
+        f"ros_diagnostics_exporter_rejected_total{{{_FLEET}}}",
     )
+    rates = "\nor\n".join(
+        f"sum by (fleet, reason) (rate({each}[$__rate_interval])) > 0" for each in counters
+    )
+    none = label(f"sum by (fleet) (rate({counters[0]}[$__rate_interval])) * 0", "reason", "nothing")
+    return panels.graph(
+        "Rejected messages per second",
+        "What is rejected, and why?",
+        panels.over_time(f"({rates})\nor on (fleet)\n  {none}", "{{fleet}}: {{reason}}"),
+    ).min(0)
 
 
 def exporter_scrape_time() -> timeseries.Panel:
     """Show how long scrapes take."""
-    scrape = f"max by (fleet) (scrape_duration_seconds{{{_EXPORTER}}})"
+    scrape = f"max by (job, instance) (scrape_duration_seconds{{{_EXPORTER}}})"
     rendering = _of_exporter("max", "last_scrape_duration_seconds")
     return panels.graph(
         "Scrape duration",
         "How long does a scrape of each exporter take, and how much of that is rendering?",
-        panels.over_time(scrape, "{{fleet}}: scrape"),
-        panels.over_time(rendering, "{{fleet}}: rendering", "B"),
+        panels.over_time(scrape, "{{instance}} {{job}}"),
+        panels.over_time(rendering, "{{instance}} rendering", "B"),
         unit="s",
     )
 
 
 def exporter_cpu() -> timeseries.Panel:
     """Show the CPU time of the exporters, and what it goes to."""
-    total = _rate_by_fleet(f"process_cpu_seconds_total{{{_EXPORTER}}}")
-    decoding = _rate_by_fleet(f"ros_diagnostics_exporter_decode_seconds_total{{{_FLEET}}}")
-    ingest = _rate_by_fleet(f"ros_diagnostics_exporter_ingest_seconds_total{{{_FLEET}}}")
+    total = _rate(f"process_cpu_seconds_total{{{_EXPORTER}}}")
+    decoding = _rate(f"ros_diagnostics_exporter_decode_seconds_total{{{_FLEET}}}")
+    ingest = _rate(f"ros_diagnostics_exporter_ingest_seconds_total{{{_FLEET}}}")
     return panels.graph(
         "CPU of the exporters",
         "What do the exporters spend their time on? 100 % is one core.",
-        panels.over_time(total, "{{fleet}}: total"),
-        panels.over_time(decoding, "{{fleet}}: decoding", "B"),
-        panels.over_time(ingest, "{{fleet}}: ingest", "C"),
+        panels.over_time(total, "{{instance}}: total"),
+        panels.over_time(decoding, "{{instance}}: decoding", "B"),
+        panels.over_time(ingest, "{{instance}}: ingest", "C"),
         unit="percentunit",
     )
 
 
+def _rate(counter: str) -> str:
+    return f"max by (instance) (rate({counter}[$__rate_interval]))"
+
+
 def exporter_memory() -> timeseries.Panel:
     """Show the memory of the exporters."""
-    memory = f"max by (fleet) (process_resident_memory_bytes{{{_EXPORTER}}})"
+    memory = f"max by (instance) (process_resident_memory_bytes{{{_EXPORTER}}})"
     return panels.graph(
         "Memory of the exporters",
         "How much memory do the exporters use, and does it grow?",
-        panels.over_time(memory, "{{fleet}}"),
+        panels.over_time(memory, "{{instance}}"),
         unit="bytes",
     )
 
@@ -242,9 +254,9 @@ def exporter_memory() -> timeseries.Panel:
 def series() -> timeseries.Panel:
     """Show the number of series of each exporter, and its limit."""
     return panels.graph(
-        "Series",
+        "Series of the exporters",
         "How near is each exporter to its limit of series? Dashed: the limit.",
-        panels.over_time(_of_exporter("sum", "series"), "{{fleet}}"),
+        panels.over_time(_of_exporter("sum", "series"), "{{fleet}} {{instance}}"),
         panels.over_time(_of_exporter("max", "series_limit"), "limit of {{fleet}}", "B"),
     ).override_by_regexp("/^limit of /", panels.dashed(palette.CRITICAL.colour))
 
@@ -291,23 +303,20 @@ def alerts_lost() -> stat.Panel:
 
 
 def _should_be_zero(title: str, description: str, expr: str) -> stat.Panel:
-    colours = panels.steps((None, palette.OK.colour), (0.5, palette.CRITICAL.colour))
-    panel = panels.number(title, description, expr).decimals(0)
-    return panel.color_scheme(panels.by_thresholds()).thresholds(colours)
+    panel = panels.number(title, description, f"round({expr})").decimals(0)
+    return panels.on_colour(panel, (1, palette.CRITICAL.colour))
 
 
 def alertmanagers() -> stat.Panel:
     """Count the Alertmanagers that Prometheus sends alerts to."""
-    colours = panels.steps((None, palette.CRITICAL.colour), (1, palette.OK.colour))
-    return (
-        panels.number(
-            "Alertmanagers",
-            "To how many Alertmanagers does Prometheus send alerts?",
-            "max by (instance) (prometheus_notifications_alertmanagers_discovered)",
-        )
-        .color_scheme(panels.by_thresholds())
-        .thresholds(colours)
+    panel = panels.number(
+        "Alertmanagers",
+        "To how many Alertmanagers does Prometheus send alerts?",
+        "max by (instance) (prometheus_notifications_alertmanagers_discovered)",
     )
+    colours = panels.steps((None, palette.CRITICAL.colour), (1, palette.NOTHING))
+    none = palette.special(dashboard.SpecialValueMatch.NULL, panels.NO_DATA)
+    return panels.on_colour(panel).thresholds(colours).mappings([none])
 
 
 def prometheus_series() -> stat.Panel:
@@ -325,7 +334,7 @@ def alertmanager_cluster() -> stat.Panel:
         "Alertmanager cluster",
         "How many members does the Alertmanager cluster have? None if only one runs.",
         "max by (instance) (alertmanager_cluster_members)",
-    )
+    ).no_value("One alone")
 
 
 def configuration() -> stat.Panel:
@@ -363,10 +372,9 @@ def samples() -> timeseries.Panel:
     """Show the rate of samples that Prometheus stores."""
     stored = "prometheus_tsdb_head_samples_appended_total[$__rate_interval]"
     return panels.graph(
-        "Samples stored",
+        "Samples stored per second",
         "How many samples does Prometheus store per second?",
         panels.over_time(f"sum by (instance) (rate({stored}))", "{{instance}}"),
-        unit="cps",
     )
 
 
@@ -397,7 +405,7 @@ def notification_time() -> timeseries.Panel:
         "How long does sending a notification take (95th percentile)?",
         panels.over_time(expr, "{{integration}}"),
         unit="s",
-    )
+    ).no_value("No notification was sent")
 
 
 def server_cpu() -> timeseries.Panel:

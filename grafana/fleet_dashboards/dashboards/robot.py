@@ -6,21 +6,26 @@ import re
 
 from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.builders import stat, statetimeline, table, timeseries
-from grafana_foundation_sdk.models import dashboard
 
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.annotations import Annotation
 from fleet_dashboards.lib.dashboard import new_dashboard
-from fleet_dashboards.lib.promql import author_and_comment, component_rank, rank_of_level
+from fleet_dashboards.lib.problems import problem_table
+from fleet_dashboards.lib.promql import (
+    HELD,
+    component_rank,
+    label,
+    message_age,
+    promoted,
+    settled,
+    with_unit,
+)
 from fleet_dashboards.lib.tables import Column
 
-_ROBOT = 'fleet=~"$fleet", robot="$robot"'
-_COMPONENTS = f'{_ROBOT}, component=~"$component"'
+_ROBOT = variables.ONE_ROBOT
+_COMPONENTS = f"{_ROBOT}, {variables.COMPONENTS}"
 _BY = "by (fleet, robot, group, component)"
 _RANK = component_rank(_COMPONENTS)
-
-COMPONENT = Column("component", "Component", link=links.TO_COMPONENT_OF_FLEET)
-MESSAGE = Column("message", "Message")
 
 
 def build() -> builders.Dashboard:
@@ -32,14 +37,12 @@ def build() -> builders.Dashboard:
         [variables.fleet(), variables.robot(), variables.components(), variables.unit()],
         [
             state(),
-            silent_for(),
-            silent_reason(),
-            message_age(),
+            since(),
+            connection(),
+            message_age_now(),
             clock_offset(),
             maintenance(),
-            errors(),
-            warnings(),
-            stale(),
+            problems(),
             states_of_components(),
             batteries(),
             temperatures(),
@@ -48,6 +51,7 @@ def build() -> builders.Dashboard:
             groups(),
             "Values",
             values_without_unit(),
+            promoted_values(),
             values_by_unit(),
             "Connection",
             message_age_over_time(),
@@ -59,10 +63,10 @@ def build() -> builders.Dashboard:
             inventory(),
         ],
     )
-    return board.annotation(state_changes()).annotation(firing_alerts())
+    return board.annotation(state_changes()).annotation(alerts_begin())
 
 
-# --- Annotations: 1 while it lasts; Grafana queries them at least once a minute ---
+# --- Annotations: marks, not areas; Grafana queries them at least once a minute ---
 
 
 def state_changes() -> Annotation:
@@ -76,11 +80,12 @@ def state_changes() -> Annotation:
     )
 
 
-def firing_alerts() -> Annotation:
-    """Mark the times at which an alert of the robot fired."""
+def alerts_begin() -> Annotation:
+    """Mark the minutes in which an alert of the robot began to fire."""
+    alerts = f'ALERTS{{alertstate="firing", {_ROBOT}}}'
     return Annotation(
-        "Firing alerts",
-        f'ALERTS{{alertstate="firing", {_ROBOT}}}',
+        "Alerts",
+        f"{alerts} unless {alerts} offset 1m",
         palette.CRITICAL.colour,
         "{{alertname}}",
         "{{severity}}: {{component}}",
@@ -100,53 +105,47 @@ def state() -> stat.Panel:
     )
 
 
-def silent_for() -> stat.Panel:
-    """Show for how long the robot has been silent."""
+def since() -> stat.Panel:
+    """Show when the robot's oldest confirmed fault began."""
+    faults = f"{HELD}{{{_ROBOT}}}"
+    none = f"robot:ros_diagnostics_state:rank{{{_ROBOT}}} * 0"
     return panels.number(
-        "Silent for",
-        "For how long has the robot been silent? Empty while messages are received.",
+        "Fault since",
+        "Since when has the robot had a confirmed fault? When the oldest that lasts began.",
+        f"min by (fleet, robot) ({faults}) * 1000 or on (fleet, robot) {none}",
+        tables.TIME,
+    ).mappings(palette.words({"0": ("none confirmed", None)}))
+
+
+def connection() -> stat.Panel:
+    """Show whether messages are received, and why not."""
+    receiving = label(f"ros_diagnostics_robot_up{{{_ROBOT}}} == 1", "reason", "receiving")
+    return panels.texts(
+        "Connection",
+        "Are messages received, and if not, why? The problem below has more words.",
         f"""
-        time() - (
-          robot:ros_diagnostics_silent:start{{{_ROBOT}}}
+          max by (reason) ({receiving})
         or
-          robot:ros_diagnostics_pending:start{{{_ROBOT}}}
-        )
+          max by (reason) (ros_diagnostics_robot_silent_reason{{{_ROBOT}}} == 1)
         """,
-        "dtdurations",
-    )
-
-
-def silent_reason() -> stat.Panel:
-    """Show why the robot is silent."""
-    return panels.name(
-        "Why silent",
-        "Why is the robot silent: was it never seen, is its publisher gone, or does the publisher "
-        "send nothing? Empty while messages are received.",
-        f"max by (reason) (ros_diagnostics_robot_silent_reason{{{_ROBOT}}} == 1)",
         "reason",
+        palette.words({reason: (text, None) for reason, text in palette.SHORT_REASONS.items()}),
     )
 
 
-# A message received during the scrape may have a timestamp after time(): hence clamp_min.
-_MESSAGE_AGE = f"""
-clamp_min(
-    time()
-  -
-    max by (fleet, robot) (ros_diagnostics_robot_last_message_timestamp_seconds{{{_ROBOT}}} > 0),
-  0
-)
-"""
+_MESSAGE_AGE = message_age(_ROBOT)
 _CLOCK_OFFSET = f"max by (fleet, robot) (ros_diagnostics_robot_clock_offset_seconds{{{_ROBOT}}})"
 
 
-def message_age() -> stat.Panel:
+def message_age_now() -> stat.Panel:
     """Show the age of the last message."""
+    never = f"ros_diagnostics_robot_last_message_timestamp_seconds{{{_ROBOT}}} == 0"
     return panels.number(
         "Last message",
-        "How old is the last message, and with it the data on this page?",
-        _MESSAGE_AGE,
-        "dtdurations",
-    )
+        "How old was the last message when the exporter was scraped?",
+        f"{_MESSAGE_AGE}\nor on (fleet, robot)\n  ({never}) - 1",
+        tables.DURATION,
+    ).mappings(palette.words({"-1": ("never", None)}))
 
 
 def clock_offset() -> stat.Panel:
@@ -164,73 +163,34 @@ def maintenance() -> stat.Panel:
     """Show whether the robot is in planned maintenance."""
     return panels.word(
         "Maintenance",
-        "Is the robot in maintenance planned in fleet.yml? No notification of its faults is sent "
-        "meanwhile.",
+        "Is the robot in maintenance planned in fleet.yml? No fault of it begins meanwhile.",
         f"max by (fleet, robot) (ros_diagnostics_robot_maintenance{{{_ROBOT}}})",
-        palette.yes("planned", palette.MAINTENANCE_COLOUR, otherwise="no"),
+        palette.words({"1": ("planned", palette.MAINTENANCE_COLOUR), "0": ("no", palette.NOTHING)}),
     )
 
 
-# --- Components: the three boxes and the tree of rqt_robot_monitor ---
+# --- Problems: the boxes of rqt_robot_monitor; and its tree ---
+
+
+def problems() -> table.Panel:
+    """List what is wrong with the robot."""
+    received = f"ros_diagnostics_robot_up{{{_ROBOT}}} == 1"
+    return problem_table(
+        "Problems",
+        "What is wrong with the robot, since when, and who takes care of it? Errors, warnings, "
+        "stale components, values beyond their thresholds, checks that find too little. The "
+        "message is that at the time of confirmation, with values and what else was wrong.",
+        _ROBOT,
+        proof=f"{settled(variables.FLEET)} and on (fleet) {received}",
+        hidden=("Robot", "Maintenance", "Fleet"),
+    ).height(7)
+
 
 _MESSAGES = f"""
 group by (fleet, robot, group, component, message) (
   ros_diagnostics_component_message_info{{{_COMPONENTS}}}
 )
 """
-
-
-def errors() -> table.Panel:
-    """List the components with an error."""
-    return _box(
-        "Errors",
-        "Which components have an error, and what are their messages?",
-        "No errors",
-        f"{_RANK} == 3",
-    )
-
-
-def warnings() -> table.Panel:
-    """List the components with a warning."""
-    return _box(
-        "Warnings",
-        "Which components have a warning, and what are their messages?",
-        "No warnings",
-        f"{_RANK} == 1",
-    )
-
-
-def stale() -> table.Panel:
-    """List the components that stopped reporting."""
-    return _box(
-        "Stale",
-        "Which components stopped reporting, alone or because the robot is silent?",
-        "No stale components",
-        f"""
-          {_RANK} == 2
-        or
-          {_RANK} == 4
-        """,
-    )
-
-
-def _box(title: str, description: str, empty: str, expr: str) -> table.Panel:
-    return (
-        tables.joined(
-            title,
-            description,
-            empty,
-            {
-                "A": expr,
-                "B": f"time() - component:ros_diagnostics_problem:start{{{_COMPONENTS}}}",
-                "C": _MESSAGES,
-            },
-            [COMPONENT, MESSAGE, Column("B", "For", unit="dtdurations", width=150)],
-            sort="For",
-        )
-        .height(8)
-        .span(panels.WIDTH // 3)
-    )
 
 
 def states_of_components() -> statetimeline.Panel:
@@ -248,7 +208,6 @@ group by (fleet, robot, group, component, hardware_id) (
 )
 """
 _SINCE = f"ros_diagnostics_component_since_timestamp_seconds{{{_COMPONENTS}}}"
-_BEFORE = f"ros_diagnostics_component_level_before_stale{{{_COMPONENTS}}}"
 _CHANGES = f"ros_diagnostics_component_changes_total{{{_COMPONENTS}}}[$__range]"
 
 
@@ -256,32 +215,33 @@ def all_components() -> table.Panel:
     """List all components by group."""
     return tables.joined(
         "All components",
-        "What is the state of each component, by group? Before is the state before it stopped "
-        "reporting; changes are those of the time range.",
-        "No component was received yet",
+        "What is the state of each component, by group, and what is its present message? Changes "
+        "are those of the time range.",
         {
             "A": _RANK,
             "B": f"max {_BY} ({_SINCE}) * 1000",
             "C": _MESSAGES,
             "D": _HARDWARE,
-            "E": rank_of_level(f"max {_BY} ({_BEFORE})"),
-            "F": f"sum {_BY} (increase({_CHANGES}))",
-            "G": author_and_comment(_ROBOT),
+            "E": f"round(sum {_BY} (increase({_CHANGES})))",
         },
         [
-            Column("group", "Group"),
-            COMPONENT,
             tables.STATE,
-            Column("B", "Since", unit="dateTimeAsIsoNoDateIfToday", width=160),
-            MESSAGE,
-            Column("acknowledged", "Acknowledged"),
-            Column("E", "Before", mappings=palette.state_mappings(), width=110),
-            Column("F", "Changes", width=90),
-            Column("hardware_id", "Hardware"),
+            Column("group", "Group", min_width=120),
+            Column(
+                "component",
+                "Component",
+                link=links.TO_COMPONENT_OF_FLEET,
+                min_width=150,
+            ),
+            Column("message", "Message", min_width=250),
+            Column("B", "Since", unit=tables.TIME, width=160),
+            Column("E", "Changes", width=90),
+            Column("hardware_id", "Hardware", min_width=120),
         ],
-        sort="Group",
-        descending=False,
-    ).height(14)
+        sort=("Group", "Component"),
+        ascending=("Group", "Component"),
+        empty="No component was received",
+    ).height(12)
 
 
 _FOUND = f"ros_diagnostics_check_components{{{_ROBOT}}}"
@@ -295,7 +255,6 @@ def checks() -> table.Panel:
             "Checks",
             "What is the state of the checks of fleet.yml, and do they find as many components as "
             "expected?",
-            "No checks",
             {
                 "A": f"check:ros_diagnostics_state:rank{{{_ROBOT}}}",
                 "B": f"sum by (fleet, robot, check) ({_FOUND})",
@@ -308,8 +267,9 @@ def checks() -> table.Panel:
                 Column("C", "Expected", width=100),
             ],
             by="fleet, robot, check",
+            empty="No checks",
         )
-        .height(8)
+        .height(7)
         .span(12)
     )
 
@@ -322,18 +282,21 @@ def groups() -> table.Panel:
             "Groups as the robot's aggregator reports them",
             "Which state does the robot's own aggregator give each group? Its roll-up differs "
             "between versions, so nothing else here is computed from it.",
-            "Its messages are not aggregated",
-            {"A": rank_of_level(level)},
+            {"A": f"{level} ^ 3 % 5"},  # a level's rank: STALE (3) is 2, ERROR (2) is 3
             [tables.STATE, Column("group", "Group")],
+            empty="Its messages are not aggregated",
         )
-        .height(8)
+        .height(7)
         .span(12)
     )
 
 
-# --- Key-values, with their thresholds from fleet.yml as dashed lines ---
+# --- Key-values, with their thresholds from fleet.yml as dashed lines. The legend ends with the
+# unit, by which the axis gets Grafana's unit; values with a metric of their own have its name. ---
 
-_CHARGE = 'component=~"(?i).*batter.*", key=~"(?i).*(level|charge|percent|soc).*", unit=~"%|"'
+_BATTERY = 'component=~"(?i).*batter.*", key=~"(?i).*(level|charge|percent|soc).*"'
+_CHARGE = f'{_BATTERY}, unit=~"%|"'
+_OF_BATTERIES = f"{_COMPONENTS}, {_BATTERY}"
 
 
 def _value(matchers: str) -> str:
@@ -348,22 +311,29 @@ def _threshold(matchers: str) -> str:
 
 def batteries() -> timeseries.Panel:
     """Show the charge of the batteries."""
+    # A metric of its own has Prometheus' unit: a ratio of 0 to 1.
+    ratio = promoted(_OF_BATTERIES).replace("{", '{__name__=~".+_ratio", ', 1)
+    percent = label(f"max by (component, key) ({ratio}) * 100", "unit", "%")
     return _values(
         "Batteries",
         "How full are the batteries? Dashed: the thresholds of fleet.yml.",
-        _value(_CHARGE),
+        f"{_value(_CHARGE)} or on (component, key) {percent}",
         _threshold(_CHARGE),
+        "No value looks like the charge of a battery",
     ).min(0)
 
 
 def temperatures() -> timeseries.Panel:
     """Show the temperatures."""
     degrees = 'unit=~"degC|degF|K"'
+    celsius = promoted(_COMPONENTS).replace("{", '{__name__=~".+_celsius", ', 1)
+    of_metrics = label(f"max by (component, key) ({celsius})", "unit", "degC")
     return _values(
         "Temperatures",
         "What becomes too hot? Dashed: the thresholds of fleet.yml.",
-        _value(degrees),
+        f"{_value(degrees)} or on (component, key) {of_metrics}",
         _threshold(degrees),
+        "No value is a temperature",
     )
 
 
@@ -375,7 +345,21 @@ def values_without_unit() -> timeseries.Panel:
         "How do the other numbers develop, those without a unit?",
         f"{_value(without)} unless {_value(_CHARGE)}",
         f"{_threshold(without)} unless {_threshold(_CHARGE)}",
+        "No value is without a unit",
     )
+
+
+def promoted_values() -> timeseries.Panel:
+    """Show the values that have a metric of their own."""
+    query = panels.over_time(
+        f"max by (component, key, __name__) ({promoted(_COMPONENTS)})",
+        "{{component}}: {{key}} ({{__name__}})",
+    )
+    return panels.graph(
+        "Values with a metric of their own",
+        "How do the values develop that fleet.yml gives a metric of their own? In its unit.",
+        query,
+    ).no_value("fleet.yml gives no value of this robot a metric of its own")
 
 
 def values_by_unit() -> timeseries.Panel:
@@ -385,25 +369,27 @@ def values_by_unit() -> timeseries.Panel:
         "How do the numbers in this unit develop? One panel for each unit.",
         _value('unit="$unit"'),
         _threshold('unit="$unit"'),
+        panels.NO_DATA,
     )
     return panel.repeat("unit").repeat_direction("h").max_per_row(2)
 
 
-def _values(title: str, description: str, expr: str, thresholds: str) -> timeseries.Panel:
+def _values(
+    title: str, description: str, expr: str, thresholds: str, nothing: str
+) -> timeseries.Panel:
     """Show values in their units, and their thresholds dashed in the colour of the severity."""
     panel = panels.graph(
         title,
         description,
-        panels.over_time(expr, "{{component}}: {{key}} [{{unit}}]"),
+        panels.over_time(with_unit(expr), "{{component}}: {{key}}{{in_unit}}"),
         panels.over_time(
-            thresholds, "{{severity}} {{bound}}: {{component}} {{key}} [{{unit}}]", "B"
+            with_unit(thresholds), "{{severity}} {{bound}}: {{component}} {{key}}{{in_unit}}", "B"
         ),
-    )
+    ).no_value(nothing)
     for unit, grafana_unit in palette.UNITS.items():
-        regexp = rf"/ \[{re.escape(unit).replace('/', chr(92) + '/')}\]$/"
-        panel = panel.override_by_regexp(
-            regexp, [dashboard.DynamicConfigValue("unit", grafana_unit)]
-        )
+        shown = re.sub("deg(?=[CF])", "°", unit)
+        escaped = re.escape(shown).replace("/", r"\/")
+        panel = panel.override_by_regexp(f"/ in {escaped}$/", [panels.look("unit", grafana_unit)])
     for severity, state in (("warning", palette.WARNING), ("critical", palette.CRITICAL)):
         panel = panel.override_by_regexp(f"/^{severity} (low|high): /", panels.dashed(state.colour))
     return panel
@@ -440,8 +426,7 @@ def messages_received() -> timeseries.Panel:
     return panels.graph(
         "Messages received",
         "How many arrays are received per second?",
-        panels.over_time(f"sum by (fleet, robot) (rate({messages}))", "messages"),
-        unit="cps",
+        panels.over_time(f"sum by (fleet, robot) (rate({messages}))", "messages per second"),
     )
 
 
@@ -472,15 +457,17 @@ def publishers() -> stat.Panel:
 
 def rejected() -> table.Panel:
     """List what was rejected, by reason."""
-    rejections = f"ros_diagnostics_robot_rejected_total{{{_ROBOT}}}[$__range]"
+    counter = f"ros_diagnostics_robot_rejected_total{{{_ROBOT}}}"
     return (
         tables.joined(
             "Rejected",
             "What of this robot's messages was rejected during the time range, and why?",
-            "Nothing was rejected",
-            {"A": f"sum by (reason) (increase({rejections})) > 0"},
+            {"A": f"round(sum by (reason) (increase({counter}[$__range]))) > 0"},
             [Column("reason", "Reason"), Column("A", "Count")],
-            sort="Count",
+            empty=tables.Empty(
+                "Nothing was rejected", f"ros_diagnostics_robot_up{{{_ROBOT}}}", "reason"
+            ),
+            sort=("Count",),
         )
         .height(8)
         .span(8)
@@ -507,10 +494,9 @@ def inventory() -> table.Panel:
         tables.joined(
             "Inventory",
             "What are the labels, the network and the profile of this robot?",
-            "No such robot",
             {"A": f"ros_diagnostics_robot_info{{{_ROBOT}}}"},
-            [Column(label, title) for label, title in titles.items()],
-            sort="Robot",
+            [Column(name, title) for name, title in titles.items()],
+            sort=("Robot",),
         )
         .height(8)
         .span(12)

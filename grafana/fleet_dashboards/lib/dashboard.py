@@ -8,9 +8,9 @@ from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.cog import builder
 from grafana_foundation_sdk.models import dashboard
 
-from fleet_dashboards.lib import links, variables
+from fleet_dashboards.lib import banner, links, variables
 
-Content = builder.Builder[dashboard.Panel] | str  # a text starts a new row
+Content = builder.Builder[dashboard.Panel] | str | builders.Row  # a text starts a new row
 
 
 def new_dashboard(
@@ -20,15 +20,15 @@ def new_dashboard(
     variables_shown: Sequence[builder.Builder[dashboard.VariableModel]],
     content: Sequence[Content],
 ) -> builders.Dashboard:
-    """Return a dashboard; ``question`` is its description."""
+    """Return a dashboard; ``question`` is its description. The banner is at its top."""
     board = (
         builders.Dashboard(title)
         .uid(uid)
         .description(question)
         .tags([links.TAG])
         .timezone("browser")
-        .time("now-6h", "now")
-        .refresh("30s")
+        .time("now-1h", "now")
+        .refresh("10s")
         .tooltip(dashboard.DashboardCursorSync.CROSSHAIR)
         .readonly()
         .link(_others())
@@ -36,9 +36,11 @@ def new_dashboard(
     )
     for variable in variables_shown:
         board = board.with_variable(variable)
-    for each in content:
+    for each in (banner.monitoring(), banner.data_as_of(), *content):
         if isinstance(each, str):
             board = board.with_row(builders.Row(each))
+        elif isinstance(each, builders.Row):
+            board = board.with_row(each)
         else:
             board = board.with_panel(each)
     return board

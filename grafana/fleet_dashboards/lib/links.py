@@ -1,4 +1,7 @@
-"""Links between the dashboards; they keep the data source and the time range."""
+"""Links between the dashboards; they keep the data source and the time range.
+
+Names are percent-encoded: a component may be called "A & B", "50 %" or "#1".
+"""
 
 from __future__ import annotations
 
@@ -11,24 +14,33 @@ TAG = "ros-diagnostics"
 
 _COMMON = "${datasource:queryparam}&${__url_time_range}"
 
+
+def _column(title: str) -> str:
+    return f"${{__data.fields.{title}:percentencode}}"
+
+
+def _label(name: str) -> str:
+    return f"${{__field.labels.{name}:percentencode}}"
+
+
 # From a row of a table; __data.fields are the columns, by title.
-TO_ROBOT = (
-    f"/d/{ROBOT_UID}?{_COMMON}&var-fleet=${{__data.fields.Fleet}}"
-    "&var-robot=${__data.fields.Robot}"
+TO_ROBOT = f"/d/{ROBOT_UID}?{_COMMON}&var-fleet={_column('Fleet')}&var-robot={_column('Robot')}"
+TO_ROBOT_IN_ORDER = (  # where the column Robot is the label "order"
+    f"/d/{ROBOT_UID}?{_COMMON}&var-fleet={_column('Fleet')}&var-robot={_column('Name')}"
 )
 TO_COMPONENT = (
-    f"/d/{COMPONENT_UID}?{_COMMON}&var-fleet=${{__data.fields.Fleet}}"
-    "&var-component=${__data.fields.Component}"
+    f"/d/{COMPONENT_UID}?{_COMMON}&var-fleet={_column('Fleet')}"
+    f"&var-component={_column('Component')}"
 )
 # From the dashboard of a robot.
 TO_COMPONENT_OF_FLEET = (
-    f"/d/{COMPONENT_UID}?{_COMMON}&${{fleet:queryparam}}&var-component=${{__data.fields.Component}}"
+    f"/d/{COMPONENT_UID}?{_COMMON}&${{fleet:queryparam}}&var-component={_column('Component')}"
 )
 # From a line or bar of a graph.
 TO_ROBOT_OF_SERIES = (
-    f"/d/{ROBOT_UID}?{_COMMON}&var-fleet=${{__field.labels.fleet}}"
-    "&var-robot=${__field.labels.robot}"
+    f"/d/{ROBOT_UID}?{_COMMON}&var-fleet={_label('fleet')}&var-robot={_label('robot')}"
 )
+TO_MONITORING = f"/d/{MONITORING_UID}?{_COMMON}"
 
 
 def to_fleet(state: str) -> str:

@@ -1,7 +1,9 @@
 """The words and colours of states, Grafana's ids of units, and mappings of values to words.
 
 People with any of the three kinds of colour blindness can distinguish the colours (a test simulates
-them), and a word is always shown with the colour.
+them), and a word is always shown with the colour. The colours are backgrounds, never those of text:
+no colour has a contrast of 4.5:1 as text in the dark and in the light theme. On them Grafana writes
+white or black, with that contrast (tested, too).
 """
 
 from __future__ import annotations
@@ -20,19 +22,25 @@ class State(NamedTuple):
 
 
 PENDING = State(-1, "PENDING", "#D0D0D0")
-OK = State(0, "OK", "#2BA884")
+OK = State(0, "OK", "#1F7F63")
 WARNING = State(1, "WARNING", "#FFD92F")
-STALE = State(2, "STALE", "#A06CD5")
+STALE = State(2, "STALE", "#9350C9")
 CRITICAL = State(3, "CRITICAL", "#C1121F")
-UNKNOWN = State(4, "UNKNOWN", "#1D3F8F")
+UNKNOWN = State(4, "UNKNOWN", "#1B3A86")
 STATES = (PENDING, OK, WARNING, STALE, CRITICAL, UNKNOWN)  # in the order of their ranks
 WORST_FIRST = (CRITICAL, UNKNOWN, STALE, WARNING, OK, PENDING)
 
 # The other parts of the availability report.
 MAINTENANCE_COLOUR = "#8C6D46"
-UNREACHABLE_COLOUR = "#7FB2E5"
+UNREACHABLE_COLOUR = "#A9CDF0"
 UNDETERMINED_COLOUR = "#6E6E6E"
-NEUTRAL = "#5794F2"
+NEUTRAL = "#3871C9"  # of a word that is neither good nor bad
+TEXT = "text"  # Grafana's name for the colour of text in the present theme
+# Behind what needs no attention, and where nothing is known: Grafana's name for the background. On
+# "transparent" it would write white in the light theme, too.
+NOTHING = "panel-bg"
+
+SEVERITIES = {"critical": CRITICAL.colour, "warning": WARNING.colour, "info": NEUTRAL}
 
 # The label "unit" of a value -> Grafana's id of the unit.
 UNITS = {
@@ -104,46 +112,86 @@ UNITS = {
 
 def state_mappings() -> list[dashboard.ValueMapping]:
     """Show a rank as its word, in its colour."""
-    return _words({str(state.rank): (state.word, state.colour) for state in STATES})
+    return words({str(state.rank): (state.word, state.colour) for state in STATES})
 
 
 def yes(word: str, colour: str, *, otherwise: str = "") -> list[dashboard.ValueMapping]:
     """Show 1 as ``word``, and 0 or nothing as ``otherwise``."""
     return [
-        *_words({"1": (word, colour), "0": (otherwise, "transparent")}),
-        dashboard.SpecialValueMap(
-            dashboard.DashboardSpecialValueMapOptions(
-                match=dashboard.SpecialValueMatch.NULL,
-                result=dashboard.ValueMappingResult(text=otherwise, color="transparent"),
-            )
-        ),
+        *words({"1": (word, colour), "0": (otherwise, NOTHING)}),
+        special(dashboard.SpecialValueMatch.NULL, otherwise),
     ]
 
 
 def up_mappings() -> list[dashboard.ValueMapping]:
     """Show whether a server answers."""
-    return _words({"1": ("up", OK.colour), "0": ("down", CRITICAL.colour)})
+    return words({"1": ("up", OK.colour), "0": ("down", CRITICAL.colour)})
 
 
 def success_mappings() -> list[dashboard.ValueMapping]:
     """Show whether the last attempt succeeded."""
-    return _words({"1": ("succeeded", OK.colour), "0": ("failed", CRITICAL.colour)})
+    return words({"1": ("succeeded", OK.colour), "0": ("failed", CRITICAL.colour)})
 
 
 def clock_mappings() -> list[dashboard.ValueMapping]:
     """Show whether a computer's clock is synchronized."""
-    return _words({"1": ("synchronized", OK.colour), "0": ("free-running", WARNING.colour)})
+    return words({"1": ("synchronized", OK.colour), "0": ("free-running", WARNING.colour)})
 
 
 def severity_mappings() -> list[dashboard.ValueMapping]:
     """Colour an alert's severity."""
-    colours = {"critical": CRITICAL.colour, "warning": WARNING.colour, "info": NEUTRAL}
-    return _words({word: (word, colour) for word, colour in colours.items()})
+    return words({word: (word, colour) for word, colour in SEVERITIES.items()})
 
 
-def _words(shown: dict[str, tuple[str, str]]) -> list[dashboard.ValueMapping]:
+# Why a robot is silent: the label "reason", and the evidence of its fault.
+SILENT_REASONS = {
+    "never_seen": "never received: not switched on, or another name, namespace or DDS domain",
+    "publisher_gone": "its publisher is gone: the program has ended, or the network is down",
+    "mute": "its publisher is there, but sends nothing: the program hangs",
+    "undecodable": "its messages cannot be decoded",
+    "wrong_type": "its topic has another message type",
+    "domain_unreachable": "its DDS domain could not be joined",
+    "limit": "not received: the limit of robots is reached",
+}
+
+
+# The same, short enough to be large.
+SHORT_REASONS = {
+    "never_seen": "never received",
+    "publisher_gone": "publisher gone",
+    "mute": "sends nothing",
+    "undecodable": "not decodable",
+    "wrong_type": "wrong type",
+    "domain_unreachable": "domain down",
+    "limit": "over the limit",
+}
+
+
+def reason_mappings() -> list[dashboard.ValueMapping]:
+    """Show why a robot is silent in words, and any other text as it is."""
+    return words({reason: (text, None) for reason, text in SILENT_REASONS.items()})
+
+
+def words(shown: dict[str, tuple[str, str | None]]) -> list[dashboard.ValueMapping]:
+    """Show each value as a word on a colour; without one, on that of the column or panel."""
     results = {
         value: dashboard.ValueMappingResult(text=text, color=colour, index=index)
         for index, (value, (text, colour)) in enumerate(shown.items())
     }
     return [dashboard.ValueMap(results)]
+
+
+def rewritten(regexp: str, text: str, colour: str | None = None) -> list[dashboard.ValueMapping]:
+    """Show a text that matches otherwise, with $1, $2, ... of the match."""
+    result = dashboard.ValueMappingResult(text=text, color=colour)
+    options = dashboard.DashboardRegexMapOptions(pattern=regexp, result=result)
+    return [dashboard.RegexMap(options)]
+
+
+def special(
+    match: dashboard.SpecialValueMatch, text: str, colour: str = NOTHING
+) -> dashboard.ValueMapping:
+    """Show what is no number (null, NaN) as a text."""
+    result = dashboard.ValueMappingResult(text=text, color=colour)
+    options = dashboard.DashboardSpecialValueMapOptions(match=match, result=result)
+    return dashboard.SpecialValueMap(options)

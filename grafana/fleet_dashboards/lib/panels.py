@@ -6,6 +6,8 @@ panel types that Grafana has had since 9.0 are used.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from grafana_foundation_sdk.builders import (
     bargauge,
     prometheus,
@@ -16,10 +18,12 @@ from grafana_foundation_sdk.builders import (
 from grafana_foundation_sdk.builders import common as common_builders
 from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.models import common, dashboard
+from grafana_foundation_sdk.models.prometheus import PromQueryFormat
 
 from fleet_dashboards.lib import palette
 from fleet_dashboards.lib.variables import DATASOURCE
 
+NO_DATA = "No data"
 WIDTH = 24  # of Grafana's grid; on a phone every panel is as wide as the screen
 
 
@@ -45,7 +49,7 @@ def tidy(expr: str) -> str:
 
 
 def number(title: str, description: str, expr: str, unit: str = "short") -> stat.Panel:
-    """Show the present value, large."""
+    """Show the present value, large; without one, that there is no data, on no colour."""
     return (
         stat.Panel()
         .title(title)
@@ -55,10 +59,11 @@ def number(title: str, description: str, expr: str, unit: str = "short") -> stat
         .unit(unit)
         .reduce_options(common_builders.ReduceDataOptions().calcs(["lastNotNull"]))
         .color_mode(common.BigValueColorMode.VALUE)
-        .color_scheme(fixed(palette.NEUTRAL))
+        .color_scheme(by_thresholds())
+        .thresholds(steps((None, palette.TEXT)))
         .graph_mode(common.BigValueGraphMode.NONE)
         .text_mode(common.BigValueTextMode.VALUE)
-        .no_value("-")
+        .no_value(NO_DATA)
         .height(4)
         .span(4)
     )
@@ -68,22 +73,45 @@ def word(
     title: str, description: str, expr: str, mappings: list[dashboard.ValueMapping]
 ) -> stat.Panel:
     """Show the present value as a word on its colour."""
-    panel = number(title, description, expr).mappings(mappings)
-    return panel.color_mode(common.BigValueColorMode.BACKGROUND).color_scheme(by_thresholds())
+    return on_colour(number(title, description, expr).mappings(mappings))
 
 
-def name(title: str, description: str, expr: str, label: str) -> stat.Panel:
-    """Show the value of a label of all series."""
-    panel = number(title, description, expr).targets([at_end(expr, f"{{{{{label}}}}}")])
-    return panel.text_mode(common.BigValueTextMode.NAME)
+def on_colour(panel: stat.Panel, *starts: tuple[float, str]) -> stat.Panel:
+    """Show a number or word on the colour of its mapping, or from a value on; else on none."""
+    panel = panel.thresholds(steps((None, palette.NOTHING), *starts))
+    return panel.color_mode(common.BigValueColorMode.BACKGROUND)
 
 
-def count_by_state(title: str, description: str, expr: str) -> stat.Panel:
-    """Show a count for each state, from ``count_values("rank", ...)``."""
-    panel = number(title, description, expr).targets([at_end(expr, "{{rank}}")])
-    for state in palette.STATES:
-        panel = panel.override_by_name(str(state.rank), series(state.word, state.colour))
+def texts(
+    title: str, description: str, expr: str, label: str, mappings: list[dashboard.ValueMapping]
+) -> stat.Panel:
+    """Show the texts of a label of all series."""
+    query = at_end(expr).format(PromQueryFormat.TABLE)
+    reduced = common_builders.ReduceDataOptions().calcs(["lastNotNull"]).values(True)
+    return (
+        on_colour(number(title, description, expr).mappings(mappings))
+        .targets([query])
+        .reduce_options(reduced.fields(f"/^{label}$/"))
+    )
+
+
+def counts(
+    title: str, description: str, expr: str, label: str, shown: Mapping[str, palette.State]
+) -> stat.Panel:
+    """Show a count for each value of ``label``, by state; a zero on no colour."""
+    panel = on_colour(number(title, description, expr).targets([at_end(expr, f"{{{{{label}}}}}")]))
+    for name, state in shown.items():
+        panel = panel.override_by_name(name, counted(state))
     return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(WIDTH // 3)
+
+
+def counted(state: palette.State) -> list[dashboard.DynamicConfigValue]:
+    """Return an override: the word of a state, and its colour from one on."""
+    colours = steps((None, palette.NOTHING), (1, state.colour)).build()
+    return [
+        dashboard.DynamicConfigValue("displayName", state.word),
+        dashboard.DynamicConfigValue("thresholds", colours),
+    ]
 
 
 # --- Lines and bars over time ---
@@ -100,6 +128,7 @@ def graph(
         .datasource(DATASOURCE)
         .targets(list(queries))
         .unit(unit)
+        .no_value(NO_DATA)
         .legend(legend())
         .tooltip(common_builders.VizTooltipOptions().mode(common.TooltipDisplayMode.MULTI))
         .line_width(1)
@@ -111,9 +140,10 @@ def graph(
 
 
 def stacked(panel: timeseries.Panel) -> timeseries.Panel:
-    """Stack the lines of a graph as areas."""
+    """Stack the lines of a graph as areas, with steps: what is counted has none between them."""
     stacking = common_builders.StackingConfig().mode(common.StackingMode.NORMAL)
-    return panel.stacking(stacking).fill_opacity(70).line_width(0)
+    panel = panel.stacking(stacking).line_interpolation(common.LineInterpolation.STEP_AFTER)
+    return panel.fill_opacity(80).line_width(0)
 
 
 def timeline(title: str, description: str, *queries: prometheus.Dataquery) -> statetimeline.Panel:
@@ -125,7 +155,8 @@ def timeline(title: str, description: str, *queries: prometheus.Dataquery) -> st
         .datasource(DATASOURCE)
         .targets(list(queries))
         .mappings(palette.state_mappings())
-        .color_scheme(by_thresholds())
+        # By thresholds Grafana would merge the values and ignore the colours of the mappings.
+        .color_scheme(fixed(palette.UNDETERMINED_COLOUR))
         .show_value(common.VisibilityMode.NEVER)
         .merge_values(True)
         .row_height(0.85)
@@ -183,8 +214,18 @@ def series(name: str, colour: str) -> list[dashboard.DynamicConfigValue]:
     """Return an override: the name and colour of a series."""
     return [
         dashboard.DynamicConfigValue("displayName", name),
-        dashboard.DynamicConfigValue("color", {"mode": "fixed", "fixedColor": colour}),
+        fixed_colour(colour),
     ]
+
+
+def fixed_colour(colour: str) -> dashboard.DynamicConfigValue:
+    """Return an override's property: one colour for a series."""
+    return dashboard.DynamicConfigValue("color", {"mode": "fixed", "fixedColor": colour})
+
+
+def look(property_id: str, value: object) -> dashboard.DynamicConfigValue:
+    """Return one property of an override."""
+    return dashboard.DynamicConfigValue(property_id, value)
 
 
 def steps(*starts: tuple[float | None, str]) -> builders.ThresholdsConfig:
@@ -197,7 +238,7 @@ def steps(*starts: tuple[float | None, str]) -> builders.ThresholdsConfig:
 def dashed(colour: str) -> list[dashboard.DynamicConfigValue]:
     """Return an override: a dashed line, for a limit."""
     return [
-        dashboard.DynamicConfigValue("color", {"mode": "fixed", "fixedColor": colour}),
+        fixed_colour(colour),
         dashboard.DynamicConfigValue("custom.lineStyle", {"fill": "dash", "dash": [10, 10]}),
         dashboard.DynamicConfigValue("custom.fillOpacity", 0),
     ]

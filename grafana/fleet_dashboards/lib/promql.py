@@ -7,80 +7,99 @@ Recorded states (prometheus/rules) are preferred to computing them again: they a
 
 from __future__ import annotations
 
-
-def robot_row(expr: str) -> str:
-    """Give series about a whole robot the labels of a component's row: "(robot)" in group "-"."""
-    row = f'label_replace({expr}, "component", "(robot)", "", "")'
-    return f'label_replace({row}, "group", "-", "", "")'
-
-
-def check_row(expr: str) -> str:
-    """Give series about a check of fleet.yml the labels of a component's row: "(check name)"."""
-    row = f'label_replace({expr}, "component", "(check $1)", "check", "(.*)")'
-    row = f'label_replace({row}, "group", "-", "", "")'
-    return f"max by (fleet, robot, group, component) ({row})"
+HELD = "fleet:ros_diagnostics_fault_start:held"
+# Series that belong to no value: the exporter's own families, recorded series, alerts.
+_OTHERS = "ros_diagnostics_.*|ALERTS.*|.*:.*"
 
 
 def component_rank(matchers: str) -> str:
-    """Return the rank of each component, OK ones included, at the time of the query.
-
-    The recorded rank of all components is up to an evaluation interval older.
-    """
+    """Return the rank of each component, OK ones included: only others have a recorded rank."""
     return (
         "max by (fleet, robot, group, component) ("
-        f"component:ros_diagnostics_trouble:rank{{{matchers}}}"
+        f"component:ros_diagnostics_state:rank{{{matchers}}}"
         f" or ros_diagnostics_component_level{{{matchers}}} * 0)"
     )
 
 
-def rank_of_level(level: str) -> str:
-    """Turn a diagnostics level into a state's rank: STALE (3) is 2, ERROR (2) is 3."""
-    return f"{level} ^ 3 % 5"
-
-
-def acknowledged_faults(matchers: str) -> str:
-    """Return when each acknowledged fault was acknowledged, with author and comment as labels."""
-    silent = robot_row(f'robot:ros_diagnostics_fault:acknowledged{{{matchers}, state=""}}')
-    many = robot_row(f'robot:ros_diagnostics_fault:acknowledged{{{matchers}, state!=""}}')
+def message_age(matchers: str) -> str:
+    """Return the age of each robot's last message when it was scraped, in whole seconds."""
+    received = f"ros_diagnostics_robot_last_message_timestamp_seconds{{{matchers}}}"
+    # A message that is received during the scrape may have a later timestamp: hence clamp_min.
     return f"""
-    component:ros_diagnostics_fault:acknowledged{{{matchers}}}
-  or
-    label_replace({silent}, "state", "silent", "", "")
-  or
-    {many}
+floor(clamp_min(
+  max by (fleet, robot) (timestamp({received}) - ({received} > 0)),
+  0
+))
 """
 
 
-def acknowledged_rows(matchers: str) -> str:
-    """Return the same for each row of a table of problems.
+def promoted(matchers: str, at: str = "") -> str:
+    """Select the values that fleet.yml gives a metric of their own, by any name."""
+    return f'{{{matchers}, component!="", key!="", __name__!~"{_OTHERS}"}}{at}'
 
-    A fault of many components of a robot is one fault: its acknowledgement counts for each of them.
+
+def values(matchers: str, at: str = "") -> str:
+    """Return key-values that are numbers; those with a metric of their own have no unit.
+
+    ``at`` is a modifier, such as "@ end()".
     """
-    silent = robot_row(f'robot:ros_diagnostics_fault:acknowledged{{{matchers}, state=""}}')
     return f"""
-    component:ros_diagnostics_fault:acknowledged{{{matchers}}}
-  or
-    {silent}
-  or on (fleet, robot, group, component)
-      (
-          component:ros_diagnostics_trouble:rank{{{matchers}}} > 0
-        unless on (fleet, robot, group, component)
-          component:ros_diagnostics_fault:confirmed{{{matchers}}}
-      ) * 0
-    + on (fleet, robot) group_left (author, comment)
-      robot:ros_diagnostics_fault:acknowledged{{{matchers}, state!=""}}
+    ros_diagnostics_component_value{{{matchers}}}{at}
+  or on (fleet, robot, group, component, key)
+    {promoted(matchers, at)}
 """
 
 
-def author_and_comment(matchers: str) -> str:
-    """Return the acknowledged rows with one label ``acknowledged``: "ann: spare part ordered"."""
+def with_unit(expr: str) -> str:
+    """Add a label ``in_unit`` for the end of a legend, which is absent where there is no unit."""
+    found = label(f"({expr})", "in_unit", " in $1", "unit", "(.+)")
+    return label(found, "in_unit", " in °$1", "unit", "deg(C|F)")
+
+
+def in_order(expr: str) -> str:
+    """Add a label ``order``, in which robot_2 is before robot_10.
+
+    It is the robot's name with "!" before a number at its end, up to four characters, because
+    series and texts are sorted by character.
+    """
+    ordered = label(expr, "order", "$1", "robot", "(.*)")
+    for digits in (1, 2, 3):
+        regexp = f"(|.*[^0-9])([0-9]{{{digits}}})"
+        ordered = label(ordered, "order", f"${{1}}{'!' * (4 - digits)}$2", "robot", regexp)
+    return ordered
+
+
+def label(expr: str, name: str, value: str, source: str = "", regexp: str = "") -> str:
+    """Give series a label: a text, or what ``regexp`` finds in the label ``source``."""
+    return f'label_replace({expr}, "{name}", "{value}", "{source}", "{regexp}")'
+
+
+def or_nothing(expr: str, text: str, proof: str, column: str = "message") -> str:
+    """Return one row with a text in a column if ``expr`` has none and ``proof`` has a value.
+
+    So an empty table says that all is well only where that is known. The value is NaN, which a
+    table shows as an empty cell.
+    """
+    proven = label(f"(0 * group({proof}) / 0)", column, text)
     return f"""
-group by (fleet, robot, group, component, acknowledged) (
-  label_join(
-    (
-{acknowledged_rows(matchers)}
-    ),
-    "acknowledged", ": ", "author", "comment"
+  (
+{expr}
   )
-)
+or on ()
+  {proven}
+"""
+
+
+def settled(matchers: str) -> str:
+    """Return a value if every exporter answers and has settled; else what is empty proves nothing.
+
+    An exporter that was ever scraped is held as long as its target exists.
+    """
+    held = f"exporter:ros_diagnostics_exporter:held{{{matchers}}}"
+    return f"""
+    ros_diagnostics_exporter_settled{{{matchers}}} == 1
+  unless on ()
+    ({held} unless on (instance, job) up == 1)
+  unless on ()
+    ros_diagnostics_exporter_settled{{{matchers}}} == 0
 """

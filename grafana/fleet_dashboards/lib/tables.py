@@ -1,11 +1,14 @@
 """Tables: rows joined from several queries, columns with units, colours and links.
 
 Grafana joins the rows (transformation "merge"): those become one whose common labels are equal.
+
+Where no row is good news, a row says so, and only if a query has proved it (`Empty`): Grafana shows
+the same text for an empty result and for a Prometheus that does not answer.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from grafana_foundation_sdk.builders import common as common_builders
@@ -14,8 +17,12 @@ from grafana_foundation_sdk.models import common, dashboard
 from grafana_foundation_sdk.models.prometheus import PromQueryFormat
 
 from fleet_dashboards.lib import links, palette
-from fleet_dashboards.lib.panels import WIDTH, at_end, by_thresholds, tidy
+from fleet_dashboards.lib.panels import NO_DATA, WIDTH, at_end, by_thresholds, steps, tidy
+from fleet_dashboards.lib.promql import or_nothing
 from fleet_dashboards.lib.variables import DATASOURCE
+
+TIME = "dateTimeAsIsoNoDateIfToday"  # of milliseconds
+DURATION = "dtdhms"  # of seconds: 01:02:03, from a day on "2 d 01:02:03"
 
 
 class Column(NamedTuple):
@@ -27,53 +34,84 @@ class Column(NamedTuple):
     mappings: list[dashboard.ValueMapping] | None = None
     link: str = ""  # of the cells
     width: int = 0  # pixels; 0 = what is left
-    hidden: bool = False  # there only for links of other columns
+    min_width: int = 0  # pixels, where width is 0
+    hidden: bool = False  # there only for links of other columns, or to sort by
+    filtered: bool = False  # whether its header has a filter
+    background: bool = False  # whether the colour of the value is that of the cell
 
     def is_value(self) -> bool:
         """Return whether it shows a query's value, not a label."""
         return len(self.field) == 1
 
 
-STATE = Column("A", "State", mappings=palette.state_mappings(), width=110)
-FLEET = Column("fleet", "Fleet", width=110)
-ROBOT = Column("robot", "Robot", link=links.TO_ROBOT)
+class Empty(NamedTuple):
+    """A row's text if the first query has none and ``proof`` has a value: then that is known."""
+
+    text: str
+    proof: str
+    column: str = "message"  # the label of the column with the text
+
+
+STATE = Column("A", "State", mappings=palette.state_mappings(), width=105, background=True)
+FLEET = Column("fleet", "Fleet", width=100)
+ROBOT = Column("robot", "Robot", link=links.TO_ROBOT, min_width=110, filtered=True)
+MAINTENANCE = Column(
+    "F",
+    "Maintenance",
+    mappings=palette.yes("planned", palette.MAINTENANCE_COLOUR),
+    width=110,
+    background=True,
+)
+# Robots in their natural order: sorted by the label `order`, which is shown without its "!".
+ROBOT_IN_ORDER = Column(
+    "order",
+    "Robot",
+    link=links.TO_ROBOT_IN_ORDER,
+    min_width=110,
+    filtered=True,
+    mappings=palette.rewritten("/^(.*?)!+([0-9]+)$/", "$1$2"),
+)
+NAME = Column("robot", "Name", hidden=True)  # for its link
 
 
 def joined(
     title: str,
     description: str,
-    empty: str,
     queries: dict[str, str],
     columns: Sequence[Column],
     *,
+    empty: Empty | str = NO_DATA,
     by: str = "fleet, robot, group, component",
-    sort: str = "State",
-    descending: bool = True,
+    by_of: Mapping[str, str] | None = None,
+    sort: Sequence[str] = ("State",),
+    ascending: Sequence[str] = ("Since", "Robot"),
 ) -> table.Panel:
     """Return a table of rows joined from instant queries on the labels ``by``.
 
     The first query decides which rows there are: the others are restricted to its rows in PromQL,
     because Grafana cannot filter by a field that is missing when the first query finds nothing.
-    ``empty`` is shown then.
+    Without rows the text ``empty`` is shown. ``by_of`` are the labels of queries (by their refs)
+    that have fewer. Rows are sorted by the titles ``sort``, descending except for those in
+    ``ascending``.
     """
-    first = next(iter(queries.values()))
-    restricted = {
-        ref: expr if expr == first else f"(\n{tidy(expr)}\n)\nand on ({by})\n(\n{tidy(first)}\n)"
-        for ref, expr in queries.items()
-    }
-    panel = _table(title, description, columns, empty)
-    order = common_builders.TableSortByFieldState().display_name(sort).desc(descending)
+    first, *others = queries
+    rows = tidy(queries[first])
+    sent = {first: or_nothing(rows, *empty) if isinstance(empty, Empty) else rows}
+    for ref in others:
+        on = (by_of or {}).get(ref, by)
+        sent[ref] = f"(\n{tidy(queries[ref])}\n)\nand on ({on})\n(\n{rows}\n)"
     return (
-        panel.targets([_rows(expr, ref) for ref, expr in restricted.items()])
+        _table(title, description, columns)
+        .targets([_rows(expr, ref) for ref, expr in sent.items()])
         .transformations(_merged(list(queries), columns))
-        .sort_by([order])
+        .sort_by([_order(each, each not in ascending) for each in sort])
+        .no_value(NO_DATA if isinstance(empty, Empty) else empty)
     )
 
 
 def pivot(
     title: str,
     description: str,
-    empty: str,
     expr: str,
     columns: Sequence[Column],
     *,
@@ -81,9 +119,8 @@ def pivot(
     sort: str,
 ) -> table.Panel:
     """Return a table from one instant query whose ``label`` is the column of a value."""
-    order = common_builders.TableSortByFieldState().display_name(sort).desc(False)
     return (
-        _table(title, description, columns, empty)
+        _table(title, description, columns)
         .targets([at_end(expr)])
         .transformations(
             [
@@ -92,19 +129,24 @@ def pivot(
                 *_selected({column.field: column.title for column in columns}),
             ]
         )
-        .sort_by([order])
+        .sort_by([_order(sort, descending=False)])
     )
 
 
-def _table(title: str, description: str, columns: Sequence[Column], empty: str) -> table.Panel:
+def _order(title: str, descending: bool) -> common_builders.TableSortByFieldState:
+    return common_builders.TableSortByFieldState().display_name(title).desc(descending)
+
+
+def _table(title: str, description: str, columns: Sequence[Column]) -> table.Panel:
     panel = (
         table.Panel()
         .title(title)
         .description(description)
         .datasource(DATASOURCE)
         .color_scheme(by_thresholds())
-        .filterable(True)
-        .no_value(empty)
+        .thresholds(steps((None, palette.TEXT)))
+        .filterable(False)
+        .no_value(NO_DATA)
         .height(10)
         .span(WIDTH)
     )
@@ -150,13 +192,26 @@ def _look(column: Column) -> list[dashboard.DynamicConfigValue]:
         look["unit"] = column.unit
     if column.width:
         look["custom.width"] = column.width
+    if column.min_width:
+        look["custom.minWidth"] = column.min_width
     if column.hidden:
         look["custom.hidden"] = True
-    if column.mappings:
-        look["mappings"] = column.mappings
-        look["custom.cellOptions"] = common.TableColoredBackgroundCellOptions(
-            common.TableCellBackgroundDisplayMode.BASIC
-        )
+    if column.filtered:
+        look["custom.filterable"] = True
+    # Only of values: no text is a number, either.
+    look["mappings"] = [*(column.mappings or ()), *([_NAN] if column.is_value() else ())]
+    if column.background:
+        look |= BACKGROUND
     if column.link:
         look["links"] = [{"title": f"Open this {column.title.lower()}", "url": column.link}]
     return [dashboard.DynamicConfigValue(key, value) for key, value in look.items()]
+
+
+_NAN = palette.special(dashboard.SpecialValueMatch.NA_N, "")
+# The colour of a value or mapping as that of the cell: Grafana 9.5 and later, and before.
+BACKGROUND: dict[str, object] = {
+    "custom.cellOptions": common.TableColoredBackgroundCellOptions(
+        common.TableCellBackgroundDisplayMode.BASIC
+    ),
+    "custom.displayMode": "color-background-solid",
+}

@@ -1,4 +1,8 @@
-"""The dashboards' variables. A name means the same on all dashboards, so links can pass them."""
+"""The dashboards' variables. A name means the same on all dashboards, so links can pass them.
+
+`robot` and `component` are one, `robots` and `components` some or all: with one name for both, a
+link or the menu would pass several robots to a dashboard that shows one.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,20 @@ from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.models import dashboard
 
 from fleet_dashboards.lib import palette
+from fleet_dashboards.lib.promql import values
 
 DATASOURCE = dashboard.DataSourceRef(type_val="prometheus", uid="${datasource}")
 _ROBOT = "robot:ros_diagnostics:info"
-_COMPONENT = "component:ros_diagnostics_state:rank"
+_LEVEL = "ros_diagnostics_component_level"
 _VALUE = "ros_diagnostics_component_value"
+
+# Matchers. A name may have quotes and backslashes: a literal regular expression in backticks.
+FLEET = 'fleet=~"$fleet"'
+ONE_ROBOT = 'fleet=~"$fleet", robot=~`${robot:regex}`'
+ROBOTS = "robot=~`${robots:regex}`"
+COMPONENT = "component=~`${component:regex}`"
+COMPONENTS = "component=~`${components:regex}`"
+KEY = "key=~`${key:regex}`"
 
 
 def datasource() -> builders.DatasourceVariable:
@@ -42,30 +55,34 @@ def robot() -> builders.QueryVariable:
 
 def robots() -> builders.QueryVariable:
     """Robots, all or some."""
-    return _several("robot", "Robot", f'label_values({_ROBOT}{{fleet=~"$fleet"}}, robot)')
+    return _several("robots", "Robots", f'label_values({_ROBOT}{{fleet=~"$fleet"}}, robot)')
 
 
 def components() -> builders.QueryVariable:
     """Components of one robot, all or some."""
-    query = f'label_values({_COMPONENT}{{fleet=~"$fleet", robot="$robot"}}, component)'
-    return _several("component", "Component", query)
+    query = f"label_values({_LEVEL}{{{ONE_ROBOT}}}, component)"
+    return _several("components", "Components", query)
 
 
 def component() -> builders.QueryVariable:
-    """One component's name, of the whole fleet."""
-    query = f'label_values({_COMPONENT}{{fleet=~"$fleet"}}, component)'
-    return _one("component", "Component", query)
+    """One component's name, of the whole fleet: the worst are the first, then those with values."""
+    states = f"component:ros_diagnostics_state:rank{{{FLEET}}} or {_LEVEL}{{{FLEET}}} * 0"
+    with_values = f"({values(FLEET)}) * 0 + 0.5"
+    expr = f"max by (component) ({states} or {with_values})"
+    return _worst_first("component", "Component", expr)
 
 
 def key() -> builders.QueryVariable:
-    """One key of a component's key-values."""
-    query = f'label_values({_VALUE}{{fleet=~"$fleet", component="$component"}}, key)'
-    return _one("key", "Key", query)
+    """One key of a component's key-values: those with thresholds are the first."""
+    of = f'fleet=~"$fleet", {COMPONENT}'
+    thresholds = f"ros_diagnostics_component_value_threshold{{{of}}} * 0 + 2"
+    found = f"({thresholds}) or ({values(of)}) * 0 + 1"
+    return _worst_first("key", "Key", f"max by (key) ({found})")
 
 
 def unit() -> builders.QueryVariable:
     """Units of one robot's values, except for temperatures; a panel is repeated for each."""
-    query = f'label_values({_VALUE}{{fleet=~"$fleet", robot="$robot"}}, unit)'
+    query = f"label_values({_VALUE}{{{ONE_ROBOT}}}, unit)"
     variable = _several("unit", "Unit", query).regex(r"/^(?!(?:degC|degF|K)$).+/")
     return variable.hide(dashboard.VariableHide.HIDE_VARIABLE)
 
@@ -107,6 +124,13 @@ def _several(name: str, label: str, query: str) -> builders.QueryVariable:
     everything = dashboard.VariableOption(True, ["All"], ["$__all"])
     variable = _filled(_Several(name), label, query)
     return variable.multi(True).include_all(True).current(everything)
+
+
+def _worst_first(name: str, label: str, expr: str) -> builders.QueryVariable:
+    """Return a variable with the values of the label ``name``, in the order of the series."""
+    one_line = " ".join(expr.split())  # Grafana does not know the function over several lines
+    variable = _one(name, label, f"query_result(sort_desc({one_line}))")
+    return variable.regex(f'/{name}="(.*)"}} /').sort(dashboard.VariableSort.DISABLED)
 
 
 def _filled(variable: builders.QueryVariable, label: str, query: str) -> builders.QueryVariable:

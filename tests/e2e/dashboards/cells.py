@@ -1,14 +1,16 @@
 """Expected cells, read from cells/*.yml, and their comparison with a query's result.
 
 A cell is written as its labels and its value, `{robot=well} 0`. The value may also be `a|b` (one of
-them), `a..b` (between), `ago a..b` (a Unix time so many seconds ago) or `ms ago a..b` (the same in
-milliseconds). A cell after `? ` may be missing.
+them), `a..b` (between), `ago a..b` (a Unix time so many seconds ago), `ms ago a..b` (the same in
+milliseconds) or `nan`. A cell after `? ` may be missing. The label `instance` is compared for
+exporters only, whose addresses get the names of their fleets.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,11 +44,17 @@ def views() -> list[View]:
     ]
 
 
-def found_cells(result: list[dict[str, Any]]) -> dict[Labels, float]:
-    """The cells of an instant query, or the last ones of a range query."""
+def found_cells(result: list[dict[str, Any]], fleets: Mapping[str, str]) -> dict[Labels, float]:
+    """The cells of an instant query, or the last ones of a range query.
+
+    ``fleets`` has the fleet of each exporter's address.
+    """
     found: dict[Labels, float] = {}
     for series in result:
-        labels = tuple(sorted((k, v) for k, v in series["metric"].items() if k not in NOT_COMPARED))
+        compared = {k: v for k, v in series["metric"].items() if k not in NOT_COMPARED}
+        if (address := series["metric"].get("instance")) in fleets:
+            compared["instance"] = fleets[address]
+        labels = tuple(sorted(compared.items()))
         value = series["value"] if "value" in series else series["values"][-1]
         assert labels not in found, f"two cells with the labels {labels}"
         found[labels] = float(value[1])
@@ -81,6 +89,8 @@ def _fits(expected_value: str, value: float, now: float) -> bool:
     if ".." in expected_value:
         low, _dots, high = expected_value.partition("..")
         return float(low) <= value <= float(high)
+    if expected_value == "nan":
+        return math.isnan(value)
     return any(
         math.isclose(value, float(each), rel_tol=1e-4, abs_tol=1e-9)
         for each in expected_value.split("|")

@@ -49,6 +49,11 @@ maintenance:
 """
 ANNEX = """
 fleet: annex
+faults: {restart_grace: 1s}
+profiles:
+  default:
+    values:
+      - {component: Battery, key: Level, metric: ros_battery_charge_ratio, unit: ratio, scale: 0.01}
 robots:
   - {name: well, namespace: /well, labels: {site: north}}
 discovery: [{topic: "/nobody/{robot}/diagnostics_agg", domain_ids: [7]}]

@@ -67,15 +67,21 @@ def _parts(end: float) -> Iterator[Sample]:
 
 def _faults(end: float) -> Iterator[Sample]:
     """Two faults of robot broken, of 10 and 20 minutes; robot silent is silent for 15 minutes."""
-    motor = 'fleet="hall",robot="broken",group="/Motor",component="Motor 1",state="critical"'
+    motor = (
+        'fleet="hall",scope="component",state="critical",severity="critical",'
+        'robot="broken",group="/Motor",component="Motor 1",evidence="Motor failure"'
+    )
     for begin, length in ((end - 7200, 600), (end - 3600, 1200)):
         for time in _every(15, begin, length):
-            yield "component:ros_diagnostics_fault:confirmed", motor, begin, time
+            yield "fleet:ros_diagnostics_fault_start:held", motor, begin, time
         yield from _down("broken", begin, length)
     begin = end - 5400
+    silence = (
+        'fleet="hall",scope="robot",state="silent",severity="critical",'
+        'robot="silent",evidence="publisher_gone"'
+    )
     for time in _every(15, begin, 900):
-        labels = 'fleet="hall",robot="silent"'
-        yield "robot:ros_diagnostics_silent:confirmed", labels, begin, time
+        yield "fleet:ros_diagnostics_fault_start:held", silence, begin, time
     yield from _down("silent", begin, 900)
 
 
@@ -88,8 +94,8 @@ def _down(robot: str, begin: float, length: float) -> Iterator[Sample]:
 def _alerts(end: float) -> Iterator[Sample]:
     """The alerts of the faults of robot broken."""
     labels = (
-        'alertname="RosDiagnosticsComponentCritical",severity="critical",'
-        'fleet="hall",robot="broken",group="/Motor",component="Motor 1"'
+        'alertname="RosDiagnosticsComponentCritical",severity="critical",scope="component",'
+        'state="critical",fleet="hall",robot="broken",group="/Motor",component="Motor 1"'
     )
     for begin, length in ((end - 7200, 600), (end - 3600, 1200)):
         for time in _every(15, begin, length):

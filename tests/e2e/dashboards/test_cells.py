@@ -35,7 +35,9 @@ def test_expressions_return_the_expected_cells(view: View, watched: WatchedFleet
         for ref, expected in results.items()
         for line in differences(
             expected,
-            found_cells(run_query(watched, QUERIES[view.board, panel, ref], view, now)),
+            found_cells(
+                run_query(watched, QUERIES[view.board, panel, ref], view, now), watched.fleets
+            ),
             now,
         )
     ]
@@ -81,6 +83,8 @@ def test_shares_of_availability_sum_to_one(watched: WatchedFleet):
         ("ago 5..15", 990.0, True),
         ("ago 5..15", 1010.0, False),
         ("ms ago 5..15", 990_000.0, True),
+        ("nan", float("nan"), True),
+        ("nan", 0.0, False),
     ],
 )
 def test_notations_of_expected_values(expected: str, value: float, matches: bool):

@@ -18,21 +18,21 @@ from testbed.ports import free_port
 # Conditions before the first query of a test: each expression must return something.
 READY = {
     "every state": "count(count by (state) (robot:ros_diagnostics_state:info)) == 7",
-    "confirmed faults": (
-        'count(component:ros_diagnostics_fault:confirmed{robot!="flapping"}) == 5'
+    "confirmed faults": 'count(fleet:ros_diagnostics_fault_start:held{scope="component"}) == 6',
+    "low values": 'count(fleet:ros_diagnostics_fault_start:held{scope="value"}) == 2',
+    "a confirmed silence": (
+        'fleet:ros_diagnostics_fault_start:held{scope="robot", robot="silent", state="silent"}'
     ),
-    "a confirmed silence": 'robot:ros_diagnostics_silent:confirmed{robot="silent"}',
-    "a short check": "check:ros_diagnostics_short:confirmed",
-    "flapping": "component:ros_diagnostics_flapping:start",
-    "low values": (
+    "a short check": 'fleet:ros_diagnostics_fault_start:held{scope="check"}',
+    "flapping": 'fleet:ros_diagnostics_fault_start:held{scope="flapping"}',
+    "firing alerts": (
         'count(ALERTS{alertname="RosDiagnosticsValueWarning", alertstate="firing"}) == 2'
+    ),
+    "the state of a robot with a short check": (
+        'robot:ros_diagnostics_state:max1m{robot="short"} == 3'
     ),
     "states of each minute": (
         "count(robot:ros_diagnostics_state:max1m == robot:ros_diagnostics_state:rank) == 13"
-    ),
-    "planned maintenance": "robot:ros_diagnostics_maintenance:start",
-    "the components of silent robots": (
-        'count(component:ros_diagnostics_state:rank{robot=~"silent|cut_off"} == 4) == 4'
     ),
     "scraped servers": 'count(up{job=~"prometheus|alertmanager"} == 1) == 2',
     "a ping": "count(probe_success) == 2",
@@ -44,10 +44,11 @@ READY = {
 
 
 class WatchedFleet(NamedTuple):
-    """The servers, and the end of the recorded history as Unix time."""
+    """The servers, the end of the recorded history as Unix time, exporters' addresses -> fleets."""
 
     site: prometheus_site.Site
     history_end: float
+    fleets: dict[str, str]
 
 
 @contextmanager
@@ -71,7 +72,6 @@ def running(folder: Path) -> Iterator[WatchedFleet]:
             prometheus_site.running(
                 folder,
                 serve,
-                {"restart_grace": 1},
                 probes=probes,
                 history=folder / "history.txt",
             )
@@ -79,7 +79,7 @@ def running(folder: Path) -> Iterator[WatchedFleet]:
         for what, expr in READY.items():
             until(lambda expr=expr: site.query(expr), what, 90, every=0.5)
         _acknowledge(site, hall)
-        yield WatchedFleet(site, history_end)
+        yield WatchedFleet(site, history_end, {address: fleet for fleet, address in serve.items()})
 
 
 def _acknowledge(site: prometheus_site.Site, hall: ServedFleet) -> None:
@@ -97,8 +97,7 @@ def _acknowledge(site: prometheus_site.Site, hall: ServedFleet) -> None:
         )
     until(
         lambda: (
-            site.query("component:ros_diagnostics_fault:acknowledged")
-            and site.query("robot:ros_diagnostics_fault:acknowledged")
+            site.query("count(ros_diagnostics_fault_acknowledged_timestamp_seconds) == 2")
             and site.query('sum(alertmanager_silences{state="active"}) == 2')
         ),
         "acknowledged faults",

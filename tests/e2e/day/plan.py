@@ -1,12 +1,13 @@
 """The day of six robots: its events, and every mail and text message that they cause.
 
 From this one list come the scenario of the virtual robots, what the test does to the servers, the
-expected messages and docs/a-day.md. The day lasts some minutes: settings.yml and fleet.yml have
+expected messages and docs/a-day.md. The day lasts some minutes: fleet.yml and the rules have
 short durations.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 import yaml
 
 START = 15.0  # seconds from the robots' start to the first event; all are OK by then
-# The day's durations in seconds, for fleet.yml and settings.yml.
+# The day's durations in seconds, for fleet.yml and escalation.yml.
 CONFIRM = 5
 STALE = 4
 ESCALATE = 90
@@ -22,7 +23,7 @@ ESCALATE = 90
 # that every change counts even if it is late.
 FLAP_INTERVAL = 3
 FLAP_PERIOD = 2  # seconds between two changes of a flapping component
-SETTINGS = {"exporter_down_after": 30, "restart_grace": 8, "escalate_first": ESCALATE}
+FAULTS = {"restart_grace": "8s", "confirm_after": f"{CONFIRM}s"}
 # A message may be so much later than the durations allow on a busy machine, and never earlier.
 LATE = 60.0
 
@@ -76,7 +77,7 @@ def _problem(what: str, state: str, mail: float, sms: float | None = None) -> Me
 
 def _recovery(what: str, state: str, mail: float, *, sms: bool = True) -> Messages:
     mail_ = Expected(f"** RECOVERY ** {what} is no longer {state}", mail)
-    words = _in_words(what, state).replace(": ", ": no longer: ")
+    words = re.sub(r" (is|are) ", r" \1 no longer ", _in_words(what, state))
     return (mail_, Expected(f"RECOVERY {words}", mail, "SMS")) if sms else (mail_,)
 
 
@@ -165,6 +166,11 @@ DAY = (
                 "** ESCALATION 1 ** demo/robot_6 Motor 1 is CRITICAL and not acknowledged",
                 CONFIRM + ESCALATE,
             ),
+            Expected(
+                "ESCALATION 1 demo: Motor 1 of robot_6 is CRITICAL and not acknowledged.",
+                CONFIRM + ESCALATE,
+                "SMS",
+            ),
         ),
     ),
     Event(
@@ -240,6 +246,7 @@ def fleet_config(domain_id: int, maintenance: tuple[float, float] | None = None)
         "fleet": "demo",
         "profiles": {"default": {name: f"{seconds}s" for name, seconds in clocks.items()}},
         "discovery": [{**robots, "labels": {"site": "hall"}}],
+        "faults": FAULTS,
     }
     if maintenance is not None:
         start, end = (

@@ -8,7 +8,7 @@ from typing import Any
 
 from aiosmtpd.smtp import SMTP, Envelope, Session
 
-from e2e.day.plan import LATE, SETTINGS, START, Event, fleet_config, scenario
+from e2e.day.plan import ESCALATE, LATE, START, Event, fleet_config, scenario
 from ros_diagnostics_exporter.cli import ack
 from support import short_clocks
 from support.sns import Phone, with_text_messages
@@ -58,8 +58,8 @@ class Day:
     def shorten_durations(self) -> None:
         """Write the short durations to the configuration, and reload it."""
         prometheus = self.folder / "prometheus"
-        short_clocks.set_durations(prometheus / "rules", SETTINGS)
-        short_clocks.set_scrape_interval(prometheus, INTERVAL)
+        short_clocks.set_interval(prometheus, INTERVAL)
+        short_clocks.set_escalation(prometheus / "rules", {"1": f"{ESCALATE}s"})
         short_clocks.edit(
             self.folder / "alertmanager" / "alertmanager.yml", self._enable_text_messages
         )

@@ -74,7 +74,7 @@ def assert_problems_come_before_recoveries(messages: list[tuple[float, str, str]
     open_problems: Counter[str] = Counter()
     for _, by, text in messages:
         kind, _, rest = text.removeprefix("** ").partition(" ")
-        what = by + rest.replace("no longer: ", "").replace("is no longer", "is")
+        what = by + rest.replace("no longer ", "")
         if kind == "PROBLEM":
             open_problems[what] += 1
         elif kind == "RECOVERY":

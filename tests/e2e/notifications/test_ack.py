@@ -18,7 +18,17 @@ from testbed.http import answers
 from testbed.polling import until
 from testbed.programs import alertmanager
 
-MOTOR = {"fleet": "f", "robot": "r1", "group": "/Motor", "component": "Motor 1"}
+# As the rules make them: a fault's alert and its escalation have the labels of the fault.
+MOTOR = {
+    "fleet": "f",
+    "scope": "component",
+    "robot": "r1",
+    "group": "/Motor",
+    "component": "Motor 1",
+}
+CRITICAL = {**MOTOR, "state": "critical", "severity": "critical", "team": "blue"}
+WARNING = {**MOTOR, "state": "warning", "severity": "warning", "team": "blue"}
+SILENT = {"fleet": "f", "scope": "robot", "state": "silent", "severity": "critical"}
 SINCE = "2026-01-01 10:00:00 +0000 UTC"
 
 
@@ -29,12 +39,11 @@ def fault(name: str, since: str = SINCE, **labels: str) -> dict[str, Any]:
     }
 
 
-def escalation(since: str = SINCE, of: str = "component", **labels: str) -> dict[str, Any]:
+def escalation(since: str = SINCE, **labels: str) -> dict[str, Any]:
     return {
         "labels": {
             "alertname": "RosDiagnosticsUnacknowledged",
             "since": since,
-            "of": of,
             "step": "1",
             **labels,
         }
@@ -56,15 +65,15 @@ class Alertmanager:
             alerts = json.load(answer)
         return {alert["labels"]["alertname"]: alert["status"]["state"] for alert in alerts}
 
-    def suppressed(self) -> set[tuple[str, str]]:
-        """Name and since of all alerts that are silenced."""
+    def silenced(self) -> list[dict[str, str]]:
+        """The labels of all alerts that are silenced."""
         with urllib.request.urlopen(f"{self.url}/api/v2/alerts", timeout=10) as answer:
             alerts = json.load(answer)
-        return {
-            (alert["labels"]["alertname"], alert["labels"].get("since", ""))
-            for alert in alerts
-            if alert["status"]["silencedBy"]
-        }
+        return [alert["labels"] for alert in alerts if alert["status"]["silencedBy"]]
+
+    def suppressed(self) -> set[tuple[str, str]]:
+        """Name and since of all alerts that are silenced."""
+        return {(each["alertname"], each.get("since", "")) for each in self.silenced()}
 
 
 @pytest.fixture
@@ -93,9 +102,9 @@ def ack(running: Alertmanager, capsys: pytest.CaptureFixture[str]) -> Callable[.
 
 def test_ack_silences_the_escalation_of_this_fault_only(running, ack):
     running.post(
-        fault("ComponentCritical", state="critical", **MOTOR),
-        escalation(state="critical", **MOTOR),
-        escalation("2026-01-02 10:00:00 +0000 UTC", state="critical", **MOTOR),
+        fault("ComponentCritical", **CRITICAL),
+        escalation(**CRITICAL),
+        escalation("2026-01-02 10:00:00 +0000 UTC", **CRITICAL),
     )
 
     assert "acknowledged: f/r1 Motor 1 CRITICAL" in ack("r1", "Motor 1", "--comment", "on it")
@@ -109,8 +118,7 @@ def test_ack_silences_the_escalation_of_this_fault_only(running, ack):
 
 
 def test_ack_silences_reminders_of_a_warning(running, ack):
-    warning = {"state": "warning", **MOTOR}
-    running.post(fault("ComponentWarning", **warning), escalation(step="0", **warning))
+    running.post(fault("ComponentWarning", **WARNING), escalation(step="0", **WARNING))
     ack("r1", "Motor 1", "--comment", "will look tomorrow")
 
     expected = {
@@ -121,11 +129,11 @@ def test_ack_silences_reminders_of_a_warning(running, ack):
 
 
 def test_an_acknowledged_warning_that_turns_critical_escalates(running, ack):
-    running.post(fault("ComponentWarning", state="warning", **MOTOR))
+    running.post(fault("ComponentWarning", **WARNING))
     ack("r1", "--comment", "will look tomorrow")
     running.post(
-        fault("ComponentCritical", state="critical", **MOTOR),
-        escalation(state="critical", **MOTOR),
+        fault("ComponentCritical", **CRITICAL),
+        escalation(**CRITICAL),
     )
 
     name = "RosDiagnosticsUnacknowledged"
@@ -134,9 +142,9 @@ def test_an_acknowledged_warning_that_turns_critical_escalates(running, ack):
 
 def test_acknowledging_a_silent_robot_does_not_acknowledge_its_components(running, ack):
     running.post(
-        fault("RobotSilent", fleet="f", robot="r1"),
-        escalation(of="robot", fleet="f", robot="r1"),
-        escalation(state="critical", **MOTOR),
+        fault("RobotSilent", robot="r1", **SILENT),
+        escalation(robot="r1", **SILENT),
+        escalation(**CRITICAL),
     )
     ack("r1", "--comment", "carried to the workshop")
 
@@ -147,15 +155,15 @@ def test_acknowledging_a_silent_robot_does_not_acknowledge_its_components(runnin
 
 def test_the_list_names_author_and_comment(running, ack):
     running.post(
-        fault("ComponentCritical", state="critical", **MOTOR),
-        fault("RobotSilent", fleet="f", robot="r2"),
+        fault("ComponentCritical", **CRITICAL),
+        fault("RobotSilent", robot="r2", **SILENT),
     )
     ack("r1", "--comment", "spare part ordered")
 
     listed = ack("--list")
     [first, second] = [line for line in listed.splitlines() if "2026" in line]
 
-    assert first.split()[:3] == ["r1", "Motor", "1"]
+    assert first.split()[:4] == ["f", "r1", "Motor", "1"]
     assert "ann" in first
     assert "spare part ordered" in first
     assert "nobody" in second
@@ -163,8 +171,27 @@ def test_the_list_names_author_and_comment(running, ack):
 
 
 def test_what_is_not_faulty_cannot_be_acknowledged(running, ack):
-    running.post(fault("RobotSilent", fleet="f", robot="r2"))
+    running.post(fault("RobotSilent", robot="r2", **SILENT))
 
-    assert "no alert is firing for 'r1'; there are alerts for f/r2" in ack(
+    assert "no alert is firing for 'r1'; there are alerts for f/r2 SILENT" in ack(
         "r1", "--comment", "x", code=1
     )
+
+
+def test_what_has_no_robot_is_acknowledged_by_its_own_name(running, ack):
+    site = {**SILENT, "scope": "site", "site": "hall"}
+    down = {"fleet": "f", "exporter": "berlin", "severity": "critical"}
+    name = "RosDiagnosticsExporterDown"
+    running.post(
+        fault("FleetPartDown", **site),
+        escalation(**site),
+        escalation(**(site | {"site": "yard"})),
+        fault("ExporterDown", **down),
+        escalation("", of=name, **down),
+        escalation("", of="RosDiagnosticsDomainDown", **down),
+    )
+    ack("--site", "hall", "--comment", "the switch")
+    ack("--alert", "ExporterDown", "--comment", "the server is being moved")
+
+    until(lambda: len(running.silenced()) == 2, "two escalations are silenced", 10)
+    assert {each.get("site", each.get("of")) for each in running.silenced()} == {"hall", name}

@@ -29,6 +29,8 @@ FAULT = {
     "labels": {
         "alertname": "RosDiagnosticsComponentCritical",
         "severity": "critical",
+        "scope": "component",
+        "state": "critical",
         "fleet": "f",
         "robot": "r1",
         "component": "Motor 1",
@@ -57,6 +59,8 @@ class WorkingHours:
         content = yaml.safe_load(text.replace(COMMENTED, COMMENTED.replace("# ", "")))
         content["global"]["smtp_smarthost"] = self.smtp
         content["route"]["group_interval"] = "1s"
+        for receiver in content["receivers"]:
+            receiver.pop("webhook_configs", None)  # no exporter is running
         around = [datetime.now(timezone.utc) + timedelta(days=days) for days in (-1, 0, 1)]
         days = {f"{day:%A}".lower() for day in around}  # midnight may be within the test
         others = {"monday", "tuesday", "wednesday", "thursday", "friday"} - days

@@ -42,10 +42,12 @@ def test_a_critical_and_its_recovery_are_sent_as_text_messages(post, sns_server)
             "fleet": "demo",
             "robot": "robot_1",
             "component": "Motor 1",
+            "scope": "component",
+            "state": "critical",
         },
         "annotations": {
             "summary": "Motor 1 of robot_1 is CRITICAL.",
-            "driver_message": "winding at 131 C " * 20,
+            "evidence": "winding at 131 C " * 20,
         },
     }
 
@@ -56,4 +58,6 @@ def test_a_critical_and_its_recovery_are_sent_as_text_messages(post, sns_server)
 
     problem, recovery = sent(sns_server)
     assert problem.startswith("PROBLEM demo: Motor 1 of robot_1 is CRITICAL. winding at 131 C")
-    assert recovery.startswith("RECOVERY demo: no longer: Motor 1 of robot_1 is CRITICAL.")
+    assert recovery.startswith(
+        "RECOVERY demo: Motor 1 of robot_1 is no longer CRITICAL. It lasted "
+    )

@@ -13,13 +13,7 @@ import yaml
 
 INTERVAL = "2s"  # of scrapes and evaluations
 
-SETTINGS = {
-    "exporter_down_after": 12,
-    "restart_grace": 10,
-    "gone_after": 10,
-    "pending_after": 40,
-    "falling_horizon": 600,
-}
+FAULTS = {"restart_grace": "10s", "pending_after": "40s", "confirm_after": "6s"}
 DURATIONS = {"stale_after": "5s", "confirm_after": "6s", "flap_interval": "1s"}
 
 # Addresses with an open and with a closed port, in place of pings: this machine answers pings to
@@ -184,5 +178,5 @@ def _found(domain_id: int, *names: str, **more: Any) -> dict[str, Any]:
 
 def _write(folder: Path, config: dict[str, Any]) -> Path:
     path = folder / "fleet.yml"
-    path.write_text(yaml.safe_dump(config, sort_keys=False))
+    path.write_text(yaml.safe_dump({**config, "faults": FAULTS}, sort_keys=False))
     return path

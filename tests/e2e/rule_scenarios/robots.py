@@ -126,15 +126,15 @@ NETWORK = (
                 silent("wedged"),
                 silent("dark"),
                 descriptions={
-                    silent("wedged"): "It answers pings",
-                    silent("dark"): "It does not answer pings",
+                    silent("wedged"): "it answers pings",
+                    silent("dark"): "it does not answer pings",
                 },
             ),
             step(("wedged: resume", "dark: resume")),
         ),
     ),
     Scenario(
-        "robots behind a dead uplink are UNREACHABLE; only the uplink fires",
+        "robots behind a dead uplink are UNREACHABLE, and its alert fires first",
         ("far_1", "far_2", "ap_9"),
         (
             step(BEGIN, until='probe_success{job="ros-diagnostics-uplink"} == 1'),
@@ -142,8 +142,9 @@ NETWORK = (
             step(
                 ("far_1: hang", "far_2: hang"),
                 UPLINK,
-                until='count(robot:ros_diagnostics_state:info{state="unreachable"}'
-                " and on (robot) time() - robot:ros_diagnostics_silent:start > 12) == 2",
+                silent("far_1"),
+                silent("far_2"),
+                until='count(robot:ros_diagnostics_state:info{state="unreachable"}) == 2',
             ),
             step(("far_1: resume", "far_2: resume"), UPLINK, until=rank("far_2", 0)),
             step("site: mend uplink"),
@@ -165,8 +166,8 @@ FLEETS = (
                 ("site: kill exporter", "lost/Motor 1: ok", "site: start exporter"),
                 *SHAFT,
                 silent("lost"),
-                until="time() - (fleet:ros_diagnostics_exporter_steady:start"
-                '{fleet="shaft"} > BEGAN) > 15',
+                until='ros_diagnostics_exporter_settled{fleet="shaft"} == 1'
+                ' and min_over_time(ros_diagnostics_exporter_settled{fleet="shaft"}[30s]) == 0',
             ),
             step("lost: resume", SHAFT[0], until=rank("lost", 0)),
             step("gap/Motor 1: ok", until=rank("gap", 0)),

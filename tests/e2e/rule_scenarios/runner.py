@@ -101,7 +101,7 @@ class Run:
         mine = [each for each in alerts if owns(progress.scenario, each["labels"])]
         firing = {name_of(each["labels"]) for each in mine if each["state"] == "firing"}
         descriptions = {
-            name_of(each["labels"]): each["annotations"]["description"] for each in mine
+            name_of(each["labels"]): " ".join(each["annotations"].values()) for each in mine
         }
         progress.waits_for = ""
         if firing != step.alerts:

@@ -19,7 +19,7 @@ class Step:
     ``actions`` are orders to robots and components (`worsens/Motor 1: error`, `mute: hang`) or to
     the site (`site: kill exporter`). ``until`` is a PromQL expression that must also return
     something; BEGAN in it is when the step began (Unix time). ``descriptions`` are words that the
-    description of an alert must contain.
+    texts of an alert must contain.
     """
 
     actions: tuple[str, ...]
@@ -74,7 +74,7 @@ def rank(robot: str, state: int) -> str:
 
 def in_trouble(robot: str, components: int, seconds: int = 12) -> str:
     """So many components of the robot have been in trouble for twice their confirm_after."""
-    started = f'component:ros_diagnostics_problem:start{{robot="{robot}"}}'
+    started = f'ros_diagnostics_component_problem_since_timestamp_seconds{{robot="{robot}"}}'
     return f"count(time() - {started} > {seconds}) == {components}"
 
 

@@ -225,14 +225,14 @@ def running(folder: Path) -> Iterator[tuple[ScenarioSite, prometheus_site.Site]]
             prometheus_site.running(
                 folder,
                 site.addresses,
-                {},
                 probes=site.probes(),
                 interval=fleets.INTERVAL,
-                prepare=lambda prometheus: short_clocks.scale(
-                    prometheus / "rules", fleets.SETTINGS
-                ),
+                prepare=lambda prometheus: short_clocks.scale(prometheus / "rules"),
             )
         )
+        # Counters are compared with their first sample, and states recorded from the first on.
+        scraped = f'count(up{{job=~"ros-diagnostics.*"}} == 1) >= {2 * len(fleets.FLEETS)}'
+        until(lambda: servers.query(scraped), "every exporter is scraped", 60)
         site.robots.start()
         site.robots.wait_for_output("ready: ", 60)
         site.orders = Orders(site.domain_id)

@@ -76,7 +76,8 @@ def scrape(tmp_path, ros_domain, dds_environment, free_port, start_process):
     path.write_text(FLEET.format(domain=ros_domain))
     listen = f"127.0.0.1:{free_port()}"
     exporter = [BIN / "ros-diagnostics-exporter", "--config.file", path]
-    start_process("exporter", [*exporter, "--web.listen-address", listen], dds_environment)
+    options = ["--web.listen-address", listen, "--storage.path", tmp_path / "exporter.db"]
+    start_process("exporter", [*exporter, *options], dds_environment)
     robots = [BIN / "virtual-robots", "--robots", "3", "--domain-id", str(ros_domain)]
     start_process("robots", robots, dds_environment)
 
@@ -117,7 +118,6 @@ def test_fleet_yml_is_what_the_metrics_say(scrape, ros_domain):
     }
     laser = {"component": "Laser 1", **one}
     assert scrape.values("component_stale_after_seconds", **one) == {(): 90.0}
-    assert scrape.values("component_confirm_after_seconds", **laser) == {(): 60.0}
     assert scrape.values("component_planned_stale", **laser) == {(): 1.0}
     ratios = scrape.values("ros_battery_charge_ratio", "component", **one)
     assert {*ratios} == {("Laptop Battery",), ("Robot Battery",)}

@@ -11,6 +11,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.model import ALL_PARTS
 from ros_diagnostics_exporter.service import Service
 from support.ros_publisher import Publisher, publisher
 from testbed.polling import until
@@ -32,7 +33,7 @@ class Running:
 
     def samples(self, name: str) -> dict[tuple[tuple[str, str], ...], float]:
         """Sorted labels -> value of every sample of ros_diagnostics_``name``."""
-        text = self.service.render_metrics(openmetrics=False).decode()
+        text = self.service.render_metrics(openmetrics=False, parts=ALL_PARTS).decode()
         return {
             tuple(sorted(sample.labels.items())): sample.value
             for family in text_string_to_metric_families(text)

@@ -50,8 +50,9 @@ class Exporter:
         command = [Path(sys.executable).parent / "ros-diagnostics-exporter", "--config.file", fleet]
         self._url = f"http://127.0.0.1:{port}"
         address = ["--web.listen-address", f"127.0.0.1:{port}"]
+        storage = ["--storage.path", folder / "exporter.db"]
         self._start, self._good, self._evil = start, good, evil
-        self.process = start("exporter", [*command, *address], domains.environment(good))
+        self.process = start("exporter", [*command, *address, *storage], domains.environment(good))
         self.robots = self._load("robots", good, "/r{}/diagnostics", "--topics", str(ROBOTS))
         until(lambda: self._is_serving() and len(self.fresh()) == ROBOTS, "all robots up")
 

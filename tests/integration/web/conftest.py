@@ -41,10 +41,12 @@ class Site:
         command = [BIN / "ros-diagnostics-exporter", "--config.file", self.fleet_file]
         address = ["--web.listen-address", f"127.0.0.1:{self.port}"]
         log = self.folder / "exporter.log"
+        flags = ("--storage.path", self.folder / "exporter.db", *flags)
         return Process("exporter", [*command, *address, *flags], self.environment, log)
 
     def run(self, *flags: str | Path) -> subprocess.CompletedProcess[str]:
         """Run the exporter until it exits."""
+        flags = ("--storage.path", self.folder / "exporter.db", *flags)
         command = [BIN / "ros-diagnostics-exporter", "--config.file", self.fleet_file, *flags]
         return subprocess.run(
             list(map(str, command)), capture_output=True, text=True, timeout=60, check=False

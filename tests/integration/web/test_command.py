@@ -24,19 +24,31 @@ def test_an_invalid_web_config_is_an_error_at_the_start(site, tmp_path):
         assert f"{web}:1: basic_auth_users.alice: is not a bcrypt hash" in ended.stderr
 
 
-def test_a_port_in_use_is_named(site, tmp_path):
+def test_a_port_in_use_is_named(site):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         address = f"127.0.0.1:{taken.getsockname()[1]}"
-        events = tmp_path / "events.jsonl"  # its thread must not keep the process alive
-        ended = site.run("--web.listen-address", address, "--events.path", events)
+        ended = site.run("--web.listen-address", address)
     assert ended.returncode == 1
     assert f"cannot listen on {address}: Address already in use" in ended.stderr
 
 
-def test_an_event_log_that_cannot_be_opened_is_an_error(site, tmp_path):
-    ended = site.run("--events.path", tmp_path / "missing" / "events")
-    assert ended.returncode == 2
-    assert f"--events.path: {tmp_path}/missing/events: No such file" in ended.stderr
+def test_the_database_of_another_exporter_is_not_used(site, ends):
+    exporter = ends(site.exporter()).start()
+    exporter.wait_for_output("serving fleet")
+    ended = site.run("--web.listen-address", f"127.0.0.1:{ports.free_port()}")
+    assert ended.returncode == 1
+    database = site.folder / "exporter.db"
+    assert f"{database} is in use by another exporter (pid {exporter.pid})" in ended.stderr
+    assert "give this one another --storage.path" in ended.stderr
+    assert exporter.stop() == 0
+
+
+def test_a_folder_that_is_missing_is_no_reason_not_to_start(site, ends, tmp_path):
+    exporter = ends(site.exporter("--storage.path", tmp_path / "missing" / "data" / "exporter.db"))
+    exporter.start()
+    exporter.wait_for_output("exporter.db cannot be written: .* No such file or directory")
+    assert site.ask("/api/v1/fleet")["robots"] == []
+    assert exporter.stop() == 0
 
 
 def test_config_check_prints_a_summary(site):
@@ -54,12 +66,12 @@ def notified(tmp_path: Path) -> Iterator[socket.socket]:
         yield sock
 
 
-def test_from_ready_to_sigterm(site, ends, notified, tmp_path):
-    second, events = ports.free_port(), tmp_path / "events.jsonl"
+def test_from_ready_to_sigterm(site, ends, notified):
+    second = ports.free_port()
     exporter = ends(
         site.exporter(
             *("--web.listen-address", f"127.0.0.1:{second}", "--web.enable-lifecycle"),
-            *("--events.path", events, "--log.format", "json"),
+            *("--log.format", "json"),
         )
     ).start()
     assert notified.recv(100) == b"READY=1"
@@ -67,9 +79,9 @@ def test_from_ready_to_sigterm(site, ends, notified, tmp_path):
     until(lambda: site.up() == site.up(second) == 2, exporter.describe)
 
     site.fault("error")
-    until(lambda: levels(events)[-1:] == [("OK", "ERROR")], exporter.describe)
+    until(lambda: levels(site)[:1] == [("OK", "ERROR")], exporter.describe)
     site.fault("ok")
-    until(lambda: levels(events)[-1:] == [("ERROR", "OK")], exporter.describe)
+    until(lambda: levels(site)[:1] == [("ERROR", "OK")], exporter.describe)
     found = site.ask("/api/v1/events?component=Motor%202&robot=robot_1&limit=2")["events"]
     assert [event["after"] for event in found] == ["OK", "ERROR"]
 
@@ -95,11 +107,7 @@ def test_the_json_log_wraps_the_lines_of_the_middleware(site, ends, tmp_path):
     assert {each["logger"] for each in records if "XMLPARSER" in each["msg"]} == {"output"}
 
 
-def levels(path: Path) -> list[tuple[str, str]]:
-    """Before and after of the changes of robot_1's second motor in the event log."""
-    events = [json.loads(line) for line in path.read_text().splitlines()]
-    return [
-        (event["before"], event["after"])
-        for event in events
-        if event.get("component") == "Motor 2" and event["robot"] == "robot_1"
-    ]
+def levels(site) -> list[tuple[str, str]]:
+    """Before and after of the changes of robot_1's second motor, the last one first."""
+    found = site.ask("/api/v1/events?component=Motor%202&robot=robot_1")["events"]
+    return [(event["before"], event["after"]) for event in found]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
+import sqlite3
 import sys
 import threading
 import urllib.error
 import urllib.request
+from contextlib import closing
 
 import pytest
 
@@ -133,10 +134,10 @@ def test_the_number_of_logged_problems_is_limited(site, ends):
 
 
 @pytest.fixture
-def state_file(site, ends):
-    """A state file of an exporter with two robots, one of them with a fault."""
-    path = site.folder / "state.json"
-    exporter = serving(ends(site.exporter("--storage.path", path)))
+def database(site, ends):
+    """The database of an exporter with two robots, one of them with a fault."""
+    path = site.folder / "exporter.db"
+    exporter = serving(ends(site.exporter()))
     robots = ends(site.robots(2)).start()
     until(lambda: site.up() == 2, exporter.describe)
     site.fault("error")
@@ -152,33 +153,83 @@ def levels(site, name: str) -> set[str]:
     return {each["level"] for each in robots[name]["components"]}
 
 
-def test_damaged_state_files_are_renamed_and_the_exporter_starts(site, ends, state_file):
-    whole = state_file.read_text()
-    content = json.loads(whole)
-    content["robots"]["robot_2"]["components"][0]["level"] = 7
-    wrong_byte = whole.encode()[:-100] + b"\xff" + whole.encode()[-99:]
-    damages = (wrong_byte, b'{"version": 1, "robots": []}', json.dumps(content).encode())
+def changed(path, statement: str) -> bytes:
+    """The bytes of a database after a change."""
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute(statement)
+    return path.read_bytes()
+
+
+def test_damaged_databases_are_renamed_and_the_exporter_starts(site, ends, database):
+    whole = database.read_bytes()
+    wrong_level = "json_set(data, '$.components[0].level', 7)"
+    wrong_robot = changed(
+        database, f"UPDATE robots SET data = {wrong_level} WHERE name = 'robot_2'"
+    )
+    zeros = whole[:4096] + bytes(len(whole) - 4096)
+    damages = (zeros, b'{"version": 1, "robots": []}', wrong_robot)
     for number, damaged in enumerate(damages, 1):
-        state_file.write_bytes(damaged)
-        exporter = serving(ends(site.exporter("--storage.path", state_file)))
-        until(state_file.exists, exporter.describe)
-        assert metric(site, "storage_last_write_successful") == 1
+        database.write_bytes(damaged)
+        exporter = serving(ends(site.exporter()))
+        aside = database.with_name(f"exporter.db.damaged-{number}")
+        exporter.wait_for_output(f"it is kept as {aside}")
+        until(lambda: metric(site, "storage_last_write_successful") == 1, exporter.describe)
         known = [robot["robot"] for robot in site.ask("/api/v1/fleet")["robots"]]
         assert known == (["robot_1"] if damaged is damages[-1] else [])
-        aside = state_file.with_name(f"state.json.damaged-{number}")
         assert aside.read_bytes() == damaged
-        assert exporter.output().count(f"it is kept as {aside}") == 1
         assert exporter.stop() == 0
-    assert set(json.loads(state_file.read_text())["robots"]) == {"robot_1"}
+    with closing(sqlite3.connect(database)) as connection:
+        assert list(connection.execute("SELECT name FROM robots")) == [("robot_1",)]
 
 
-def test_an_unreadable_state_file_is_not_overwritten(site, ends, state_file):
-    target = state_file.rename(site.folder / "elsewhere.json")
+def test_an_unreadable_database_is_not_overwritten(site, ends, database):
+    target = database.rename(site.folder / "elsewhere.db")
     whole = target.read_bytes()
-    state_file.symlink_to(target)
-    exporter = serving(ends(site.exporter("--storage.path", state_file)))
+    database.symlink_to(target)
+    exporter = serving(ends(site.exporter()))
     assert metric(site, "storage_last_write_successful") == 0
     assert "cannot be read (Too many levels of symbolic links)" in exporter.output()
     assert exporter.stop() == 0
-    assert state_file.is_symlink()
+    assert database.is_symlink()
     assert target.read_bytes() == whole
+
+
+def test_state_faults_and_events_are_there_after_a_restart(site, ends, database):
+    exporter = serving(ends(site.exporter()))
+    robots = {robot["robot"]: robot for robot in site.ask("/api/v1/fleet")["robots"]}
+    assert robots.keys() == {"robot_1", "robot_2"}
+    found = site.ask("/api/v1/events?robot=robot_1&level=ERROR")["events"]
+    assert [each["component"] for each in found] == ["Motor 2"]
+    assert exporter.stop() == 0
+
+
+# The exporter on a machine whose disk no longer answers once it has written.
+HANGING = """
+import sys, threading
+from ros_diagnostics_exporter.cli import main as cli
+from ros_diagnostics_exporter.state import database
+
+write = database.Database.write
+def write_or_hang(self, *arguments, **more):
+    write(self, *arguments, **more)
+    threading.Event().wait()
+database.Database.write = write_or_hang
+sys.exit(cli.main())
+"""
+
+
+def test_a_hanging_disk_of_the_database_stops_nothing(site, ends):
+    program = site.exporter()
+    command = [sys.executable, "-c", HANGING, *program.argv[1:]]
+    exporter = Process("exporter", command, site.environment, site.folder / "hanging.log")
+    serving(ends(exporter))
+    robots = ends(site.robots(2)).start()
+    until(lambda: site.up() == 2, exporter.describe)
+    until(lambda: metric(site, "storage_last_write_successful") == 0, exporter.describe)
+    robots.stop()
+    until(lambda: site.up() == 0, exporter.describe)
+    found = site.ask("/api/v1/events?kind=robot&limit=2")["events"]
+    assert {each["after"] for each in found} == {"silent"}
+
+    assert exporter.stop(30) == 0
+    assert "the state is not written a last time" in exporter.output()

@@ -63,3 +63,35 @@ def test_an_alertmanager_user_without_a_password_file_is_rejected(capsys):
     with pytest.raises(SystemExit):
         flags.parse(["--alertmanager.url", "http://a:9093", "--alertmanager.user", "ann"])
     assert "--alertmanager.password-file" in capsys.readouterr().err
+
+
+def test_the_database_is_in_systemds_folder_or_in_data(monkeypatch):
+    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+    assert flags.parse([]).storage_path == Path("data/exporter.db")
+    monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/a:/var/lib/b")
+    assert flags.parse([]).storage_path == Path("/var/lib/a/exporter.db")
+    assert flags.parse(["--storage.path", "x.db"]).storage_path == Path("x.db")
+    assert flags.parse(["--storage.path=none"]).storage_path is None
+
+
+def test_retention_is_a_duration_and_a_size():
+    options = flags.parse(["--storage.retention.time=12h", "--storage.retention.size=2GB"])
+    assert options.storage_retention_time == 12 * 3600
+    assert options.storage_retention_size == 2 << 30
+    options = flags.parse([])
+    assert options.storage_retention_time == 90 * 86400
+    assert options.storage_retention_size == 256 << 20
+
+
+@pytest.mark.parametrize(
+    ("flag", "error"),
+    [
+        ("--storage.path=", "'' is no file; none keeps nothing"),
+        ("--storage.retention.time=90", "'90' is not a duration such as 90d"),
+        ("--storage.retention.size=1TB", "'1TB' is not a size such as 256MB"),
+    ],
+)
+def test_a_wrong_storage_flag_is_named(capsys, flag, error):
+    with pytest.raises(SystemExit):
+        flags.parse([flag])
+    assert error in capsys.readouterr().err

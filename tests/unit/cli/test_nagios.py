@@ -2,13 +2,16 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 
 import bcrypt
 import pytest
 
 from ros_diagnostics_exporter.cli.check_nagios import check, main
-from support.web_server import component, fleet, robot
+from support.web_server import broken, component, fleet, problem, robot
 
+MUTE = "its publisher sends nothing (mute)"
+GONE = "nobody publishes on its topics (publisher_gone)"
 NO_VALUES = {"values": []}
 GROUPS = [
     {"group": "/Motor", "level": "ERROR", "message": "Error"},
@@ -18,11 +21,18 @@ GROUPS = [
 BROKEN = robot(
     "robot_1",
     component("Motor 1", "OK", **NO_VALUES),
-    component("Motor 2", "ERROR", **NO_VALUES),
+    component("Motor 2", "ERROR", message="Over temperature", **NO_VALUES),
     component("Laser 1", "OK", group="/Laser", **NO_VALUES),
-    component("Robot Battery", "WARN", group="/Power"),
+    component("Robot Battery", "WARN", message="Charge|soon", group="/Power"),
     groups=GROUPS,
+    problems=[
+        broken("Motor 2"),
+        broken("Motor 2", "warning"),
+        broken("Robot Battery", "warning", group="/Power", confirmed=None),
+    ],
 )
+MOTOR_2 = "/Motor/Motor 2 (confirmed, for 1 min: Over temperature)"
+BATTERY = "/Power/Robot Battery (not confirmed yet, 5 s left, for 1 min: Charge/soon)"
 
 
 def checked(name: str = "", *robots) -> tuple[int, str]:
@@ -32,43 +42,132 @@ def checked(name: str = "", *robots) -> tuple[int, str]:
 
 
 def test_all_sensors_ok():
-    assert checked("Laser") == (0, "OK - OK sensor(s) list: /Laser, /Laser/Laser 1")
+    assert checked("Laser") == (0, "OK - OK sensor(s) list: /Laser/Laser 1")
 
 
-def test_states_are_listed_worst_first_with_parents():
+def test_states_are_listed_worst_first_with_how_the_problems_stand():
     code, text = checked()
     assert code == 2
     assert text.removeprefix("CRITICAL - ").split(" sensor(s) list: ") == [
         "CRITICAL",
-        "/Motor, /Motor/Motor 2, WARNING",
-        "/Power, /Power/Robot Battery, OK",
-        "/Laser, /Laser/Laser 1, /Motor/Motor 1",
+        f"{MOTOR_2}, WARNING",
+        f"{BATTERY}, OK",
+        "/Laser/Laser 1, /Motor/Motor 1",
     ]
 
 
 def test_a_warning_alone():
-    assert checked("battery") == (1, "WARNING - WARNING sensor(s) list: /Power/Robot Battery")
+    assert checked("battery") == (1, f"WARNING - WARNING sensor(s) list: {BATTERY}")
 
 
 @pytest.mark.parametrize("name", ["motor 2", "MOTOR 2", "Motor 2"])
 def test_case_does_not_matter(name):
-    assert checked(name) == (2, "CRITICAL - CRITICAL sensor(s) list: /Motor/Motor 2")
+    assert checked(name) == (2, f"CRITICAL - CRITICAL sensor(s) list: {MOTOR_2}")
 
 
 def test_a_planned_stale_sensor_is_listed_and_does_not_count():
     planned = component("Pendant", "STALE", group="", planned_stale=True, **NO_VALUES)
     failed = {**planned, "state": "CRITICAL", "level_before_stale": "ERROR"}
     listed = "STALE sensor(s) list: Pendant"
-    assert checked("pendant", robot("robot_1", planned)) == (0, f"OK - {listed}")
-    assert checked("pendant", robot("robot_1", failed)) == (2, f"CRITICAL - {listed}")
+    assert checked("pendant", robot("robot_1", planned)) == (0, f"OK - {listed} (planned)")
+    found = checked("pendant", robot("robot_1", failed, problems=[broken("Pendant", group="")]))
+    assert found == (2, f"CRITICAL - {listed} (confirmed, for 1 min: Pendant reports STALE)")
 
 
 def test_stale_sensors_have_their_own_list_and_are_critical():
     stale = robot("robot_1", component("Motor 1", "STALE"), component("Motor 2", "OK"), groups=[])
     assert checked("", stale) == (
         2,
-        "CRITICAL - STALE sensor(s) list: /Motor/Motor 1, OK sensor(s) list: /Motor/Motor 2",
+        (
+            "CRITICAL - STALE sensor(s) list: /Motor/Motor 1 (Motor 1 reports STALE), "
+            "OK sensor(s) list: /Motor/Motor 2"
+        ),
     )
+
+
+def test_why_a_problem_is_quiet_is_in_the_text_and_does_not_change_the_code():
+    quiet = broken(confirmed=None, quiet="common")
+    shown = robot("robot_1", component("Motor 1", "ERROR"), problems=[quiet])
+    assert checked("", shown) == (
+        2,
+        (
+            "CRITICAL - CRITICAL sensor(s) list: /Motor/Motor 1 (quiet: the same component failed "
+            "on many robots, for 1 min: Motor 1 reports ERROR)"
+        ),
+    )
+
+
+def test_in_maintenance_everything_is_listed_and_nothing_counts(monkeypatch):
+    monkeypatch.setenv("TZ", "UTC")
+    time.tzset()
+    planned = {"maintenance": True, "maintenance_until": 72_000.0}
+    code, text = checked("motor 2", {**BROKEN, **planned})
+    assert (code, text.split(": ", 1)[0]) == (0, "OK - in maintenance until 20:00")
+    assert MOTOR_2 in text
+    endless = {"maintenance": True, "maintenance_until": None}
+    silent = {**BROKEN, **endless, "up": False, "silent_reason": "mute"}
+    assert checked("", silent) == (0, f"OK - in maintenance: robot robot_1 is silent: {MUTE}")
+
+
+MISSING = problem("check", "critical", check="motors")
+SHORT = {"check": "motors", "patterns": ["^Motor [0-9]", "Drive"], "found": 1, "expected": 2}
+FINDS = "CRITICAL sensor(s) list: check motors finds 1 of 2 (not confirmed yet, 5 s left"
+
+
+@pytest.mark.parametrize("name", ["", "motor", "drive"])
+def test_a_check_that_misses_components_is_critical_where_it_is_meant(name):
+    shown = robot(
+        "robot_1",
+        component("Motor 1", "OK"),
+        component("Laser", "OK", group=""),
+        short_checks=[SHORT],
+        problems=[MISSING],
+    )
+    code, text = checked(name, shown)
+    assert (code, FINDS in text) == (2, True)
+    assert checked("laser", shown) == (0, "OK - OK sensor(s) list: Laser")
+    _, line = check(fleet(shown), "robot_1", name)
+    assert " | critical=0;;;0" in line  # a check is no sensor
+
+
+def test_a_value_beyond_its_threshold_counts():
+    low = {"bound": "low", "severity": "critical", "value": 13.0}
+    values = [{"key": "Level", "value": "12.3 V", "number": 12.3, "unit": "V", "thresholds": [low]}]
+    beyond = problem("value", "critical", component="Battery", key="Level", bound="low")
+    shown = robot("robot_1", component("Battery", "OK", group="", values=values), problems=[beyond])
+    assert checked("", shown) == (
+        2,
+        (
+            "CRITICAL - CRITICAL sensor(s) list: Battery "
+            "(Level 12.3 V, low threshold 13: not confirmed yet, 5 s left, for 1 min)"
+        ),
+    )
+    again = {**beyond, "well": True, "confirmed": 1_010.0, "quiet": "maintenance"}
+    assert checked("", {**shown, "problems": [again]})[0] == 0
+
+
+def test_performance_data_have_thresholds_as_ranges_and_units_of_the_guidelines():
+    def datum(unit: str, *thresholds: tuple[str, str, float]) -> str:
+        given = [
+            dict(zip(("bound", "severity", "value"), each, strict=True)) for each in thresholds
+        ]
+        value = {"key": "K", "value": "1", "number": 1.0, "unit": unit, "thresholds": given}
+        shown = robot("robot_1", component("C", "OK", values=[value]))
+        return check(fleet(shown), "robot_1", "")[1].rpartition("ok=1;;;0 ")[2]
+
+    low, high = ("low", "warning", 20.0), ("high", "critical", 90.5)
+    assert datum("%", low) == "'C K'=1%;20:;"
+    assert datum("s", high) == "'C K'=1s;;~:90.5"
+    assert datum("kB", low, high, ("low", "critical", -5.0)) == "'C K'=1KB;20:;-5:90.5"
+    assert datum("degC") == "'C K [degC]'=1"
+
+
+def test_the_text_fits_into_what_nagios_reads():
+    many = [component(f"Motor {n}" + "x" * 240, "ERROR", message="x" * 4_000) for n in range(500)]
+    bad = [broken(f"Motor {n}" + "x" * 240, quiet="common", confirmed=None) for n in range(500)]
+    _, line = check(fleet(robot("robot_1", *many, problems=bad)), "robot_1", "")
+    assert "critical=500;;;0" in line
+    assert len(line) < 8_192
 
 
 def test_no_matching_sensor_is_critical():
@@ -77,14 +176,14 @@ def test_no_matching_sensor_is_critical():
 
 def test_a_silent_or_unknown_robot_is_unknown():
     silent = {**BROKEN, "up": False, "silent_reason": "publisher_gone"}
-    assert checked("", silent) == (3, "UNKNOWN - robot robot_1 is silent: publisher_gone")
+    assert checked("", silent) == (3, f"UNKNOWN - robot robot_1 is silent: {GONE}")
     assert checked("", robot("other")) == (3, "UNKNOWN - the exporter knows no robot 'robot_1'")
 
 
 def test_performance_data_has_the_counts_and_the_numbers():
     _, line = check(fleet(BROKEN), "robot_1", "")
     assert line.partition(" | ")[2] == (
-        "critical=2;;;0 stale=0;;;0 warning=2;;;0 ok=3;;;0 'Robot Battery Level [V]'=12.3"
+        "critical=1;;;0 stale=0;;;0 warning=1;;;0 ok=2;;;0 'Robot Battery Level [V]'=12.3"
     )
 
 
@@ -106,7 +205,7 @@ def test_the_command_asks_the_exporter(serve, capsys):
     server = serve(fleet_snapshot=lambda: fleet(BROKEN, robot("robot_2")))
     url = f"http://{server.addresses[0]}"
     assert main(["-H", "robot_1", "-N", "laser", "--url", url]) == 0
-    assert capsys.readouterr().out.startswith("OK - OK sensor(s) list: /Laser, /Laser/Laser 1 | ")
+    assert capsys.readouterr().out.startswith("OK - OK sensor(s) list: /Laser/Laser 1 | ")
     assert main(["-H", "robot_3", "--url", url]) == 3
 
 
@@ -154,7 +253,7 @@ def test_another_server_or_an_http_error_is_unknown(serve, capsys):
 def test_an_unexpected_response_is_unknown_and_not_a_warning(serve, capsys):
     server = serve(fleet_snapshot=lambda: fleet({"robot": "robot_1"}))
     assert main(["-H", "robot_1", "--url", f"http://{server.addresses[0]}"]) == 3
-    assert capsys.readouterr().out == "UNKNOWN - KeyError: 'up'\n"
+    assert capsys.readouterr().out == "UNKNOWN - KeyError: 'problems'\n"
 
 
 def test_a_response_that_drips_in_byte_by_byte_times_out(capsys):

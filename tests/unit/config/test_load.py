@@ -28,7 +28,15 @@ def test_minimal_file_is_a_fleet_with_the_default_profile(fleet_of):
     assert fleet.name == "demo"
     assert (fleet.robots, fleet.discoveries, fleet.shared, fleet.maintenance) == ((),) * 4
     assert [*fleet.profiles] == ["default"]
+    assert fleet.exporter == ""
     assert (fleet.profiles["default"].stale_after, fleet.domain_ids) == (10.0, ())
+
+
+@pytest.mark.parametrize(
+    ("written", "name"), [("berlin", "berlin"), ('"Hall 2/B"', "Hall 2/B"), ("7", "7")]
+)
+def test_an_exporter_has_a_name_as_a_label_has_a_value(fleet_of, written, name):
+    assert fleet_of(f"fleet: demo\nexporter: {written}").exporter == name
 
 
 def test_robot_has_its_topics_profile_and_labels(fleet_of):

@@ -36,6 +36,14 @@ WHOLE = {
     "BoundEntry": lambda entry: {
         "profiles": {"default": {"values": [{"thresholds": {"low": entry}}]}}
     },
+    "FaultsEntry": lambda entry: {"faults": entry},
+    "FlappingEntry": lambda entry: {"faults": {"flapping": entry}},
+    "ManyEntry": lambda entry: {"faults": {"many": entry}},
+    "SiteEntry": lambda entry: {"faults": {"site": entry}},
+    "CommonEntry": lambda entry: {"faults": {"common": entry}},
+    "WarningHoursEntry": lambda entry: {
+        "faults": {"warning_hours": {"weekly": ["daily 06:00-18:00"], **entry}}
+    },
     "LimitsEntry": lambda entry: {"limits": entry},
     "MaintenanceEntry": lambda entry: {
         "maintenance": [
@@ -114,7 +122,7 @@ def test_default_in_the_schema_applies_to_a_missing_key(load_data, name):
 
 
 # Wrong only together with the rest of the file.
-BETWEEN_ENTRIES = {"one-topic", "duplicate-robots", "profiles", "limits"}
+BETWEEN_ENTRIES = {"one-topic", "duplicate-robots", "profiles", "limits", "faults-order"}
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("bad-*.yml")), ids=lambda path: path.stem)

@@ -48,6 +48,20 @@ profiles:
                 "7: profiles.default.values[1]: is converted, but its label still has the unit",
             ],
         ),
+        (
+            """robots: [{name: a}]
+profiles:
+  default:
+    stale_after: 5000
+    components: [{match: Laser, stale_after: 1h}, {match: Door, stale_after: 2h}]""",
+            [
+                (
+                    "5: profiles.default.stale_after: is 1h23m20s: silence is noticed only after "
+                    "that; write the unit, as in 5s or 500ms"
+                ),
+                "6: profiles.default.components[1].stale_after: is 2h: silence is noticed only",
+            ],
+        ),
         ("robots: [{name: a, domain_id: 0}, {name: b, domain_id: 232}]", []),
     ],
 )

@@ -5,7 +5,7 @@ from zoneinfo import ZoneInfo
 
 import pytest
 
-from ros_diagnostics_exporter.state.maintenance import in_maintenance
+from ros_diagnostics_exporter.state.maintenance import in_maintenance, maintenance_until
 
 BERLIN = ZoneInfo("Europe/Berlin")
 
@@ -127,3 +127,54 @@ def test_selector_picks_robots_by_all_of_its_labels(fleet_of, selector, selected
 
 def test_without_downtimes_nothing_is_in_maintenance(fleet_of):
     assert not in_maintenance(fleet_of("fleet: demo"), {"robot": "r"}, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("times", "at", "end"),
+    [
+        ("end: 2026-03-02T12:00:00+01:00", "2026-03-01T00:00", "2026-03-02T12:00"),
+        ("weekly: [Mon 22:00-06:00]", "2026-03-02T23:00", "2026-03-03T06:00"),
+        ("weekly: ['Mon 22:00-24:00', 'Tue 00:00-06:00']", "2026-03-02T23:00", "2026-03-03T06:00"),
+        ("weekly: [Sat 22:00-06:00]", "2026-03-29T01:00", "2026-03-29T06:00"),  # 5 h: summer time
+        (
+            "weekly: [Mon 22:00-06:00], end: 2026-03-03T01:00:00+01:00",
+            "2026-03-02T23:00",
+            "2026-03-03T01:00",
+        ),
+    ],
+)
+def test_the_end_of_a_downtime(fleet_of, times, at, end):
+    zone = ", time_zone: Europe/Berlin" if "weekly" in times else ""
+    fleet = fleet_of(f"""
+        fleet: demo
+        maintenance:
+          - {{name: x, comment: y, selector: {{robot: "*"}}, {times}{zone}}}
+    """)
+    labels = {"robot": "r", "fleet": "demo"}
+    assert maintenance_until(fleet, labels, unix(at)) == unix(end)
+    assert not in_maintenance(fleet, labels, unix(end))
+
+
+def test_downtimes_that_follow_one_another_end_with_the_last(fleet_of):
+    fleet = fleet_of("""
+        fleet: demo
+        maintenance:
+          - {name: a, comment: y, selector: {robot: "*"}, end: 2026-03-02T12:00:00+01:00}
+          - {name: b, comment: y, selector: {robot: "*"}, start: 2026-03-02T11:00:00+01:00,
+             end: 2026-03-02T13:00:00+01:00}
+          - {name: c, comment: y, selector: {robot: "other"}, end: 2026-03-02T14:00:00+01:00}
+    """)
+    ends = maintenance_until(fleet, {"robot": "r", "fleet": "demo"}, unix("2026-03-01T00:00"))
+    assert ends == unix("2026-03-02T13:00")
+
+
+@pytest.mark.parametrize(
+    "times", ["start: 2026-03-01T00:00:00+01:00", "weekly: [daily 00:00-24:00]"]
+)
+def test_a_downtime_without_an_end_in_sight(fleet_of, times):
+    fleet = fleet_of(f"""
+        fleet: demo
+        maintenance: [{{name: x, comment: y, selector: {{robot: "*"}}, {times}}}]
+    """)
+    labels = {"robot": "r", "fleet": "demo"}
+    assert maintenance_until(fleet, labels, unix("2026-03-02T12:00")) is None

@@ -15,7 +15,10 @@ CHECKOUT = Path(__file__).parents[3]
 README = (CHECKOUT / "README.md").read_text()
 DOCUMENTS = [
     CHECKOUT / name
-    for name in ("README.md", "CONTRIBUTING.md", "docs/architecture.md", "docs/CHANGELOG.md")
+    for name in (
+        *("README.md", "CONTRIBUTING.md", "docs/architecture.md", "docs/CHANGELOG.md"),
+        "docs/on-call.md",
+    )
 ]
 COMMANDS = Path(sysconfig.get_path("scripts"))
 

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from copy import copy
+from dataclasses import replace
 
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, WarningHours
 from ros_diagnostics_exporter.faults.model import ComponentName, ComponentReport, ValueReport
-from ros_diagnostics_exporter.faults.settings import (
-    CauseSettings,
-    ComponentSettings,
-    FleetSettings,
-    RobotSettings,
-)
+from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from support.fault_histories import (
     BATTERY,
     ERROR,
@@ -43,7 +40,7 @@ JUDGED = {
     "strict": ComponentSettings(3, stale_is_critical=True),
 }
 FLEETS = (
-    FleetSettings(
+    FaultSettings(
         confirm_after=4,
         restart_grace=7,
         pending_after=15,
@@ -53,7 +50,7 @@ FLEETS = (
         site=CauseSettings(2, 0.5),
         common=CauseSettings(3, 0.5),
     ),
-    FleetSettings(
+    FaultSettings(
         confirm_after=2,
         restart_grace=3,
         pending_after=5,
@@ -64,6 +61,9 @@ FLEETS = (
         common=CauseSettings(4, 0.9, absolute=2),
     ),
 )
+# Monday 13:46:40, when a history begins: the hours are every second minute of the next ones.
+EVERY_SECOND_MINUTE = tuple((0, 827 + 2 * each, 828 + 2 * each) for each in range(8))
+FLEETS = (*FLEETS, replace(FLEETS[0], warning_hours=WarningHours(EVERY_SECOND_MINUTE, "UTC")))
 ROBOT_SETTINGS = (
     RobotSettings({"site": "hall"}, 3, 4, 6),
     RobotSettings({"site": "yard", "team": "red"}, 5, 4, 6),
@@ -106,7 +106,7 @@ class Both:
     def __init__(self, *, reborn: bool, compare: bool) -> None:
         self.player = Player(FLEETS[0])
         self.player.writes = reborn
-        self.model = Model(FLEETS[0])
+        self.model = Model(FLEETS[0], int(WALL))
         self.reborn = reborn
         self.compare = compare
         self.second = 0
@@ -243,7 +243,7 @@ def run(history, *, reborn: bool = False, compare: bool = False) -> Both:
     for gap, event, is_reborn in history:
         both.go(gap)
         both.do(event, reborn=is_reborn)
-    both.go(60)
+    both.go(120)
     both.do(("go", 0), reborn=False)
     return both
 

@@ -1,6 +1,6 @@
 """Many problems that are one: of a robot, of a component on many robots, of a site."""
 
-from ros_diagnostics_exporter.faults.settings import CauseSettings, FleetSettings
+from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings
 from support.fault_histories import (
     ERROR,
     OK,
@@ -98,6 +98,17 @@ def test_planned_stale_ones_do_not_count_and_neither_does_a_robot_that_boots():
         (50, back("r1", levels(PARTS, STALE, total=10)), "recovered robot/silent r1"),
         (55, levels(PARTS, OK, total=10)),
         (100, None),
+    )
+
+
+def test_a_fleet_that_charges_with_planned_stale_components_has_no_fault():
+    thirty = [f"r{number}" for number in range(1, 31)]
+    play(
+        (0, together(*[level("camera", STALE, robot, planned_stale=True) for robot in thirty])),
+        (3600, None),
+        (3600, together(*[level("camera", OK, robot, planned_stale=True) for robot in thirty])),
+        (3700, None),
+        robots=thirty,
     )
 
 
@@ -244,7 +255,7 @@ def _common_ends():
 def test_other_settings_of_the_fleet_hold_at_once():
     play(
         (0, on_robots(SIX[:2], level, "camera", ERROR)),
-        (5, FleetChange(FleetSettings(common=CauseSettings(2, 0.1)))),
+        (5, FleetChange(FaultSettings(common=CauseSettings(2, 0.1)))),
         (15, None, "began common/critical camera"),
         robots=TEN,
     )
@@ -323,7 +334,7 @@ def test_robots_in_maintenance_are_no_part_of_what_a_share_is_of():
         (20, on_robots(TEN[:2], silent)),
         (30, None, "began site/silent hall"),
         robots=TEN,
-        settings=FleetSettings(site=CauseSettings(2, 0.5)),
+        settings=FaultSettings(site=CauseSettings(2, 0.5)),
     )
 
 

@@ -1,5 +1,10 @@
 """Faults of components: confirmation, nesting, what ends them and what does not."""
 
+from itertools import permutations
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import FaultSettings
 from support.fault_histories import (
     ERROR,
     OK,
@@ -13,8 +18,11 @@ from support.fault_histories import (
     maintenance,
     moved,
     play,
+    player,
+    restart,
     robot_settings,
     silent,
+    texts,
 )
 
 
@@ -124,6 +132,30 @@ def test_stale_ends_neither_a_warning_nor_a_critical():
     )
 
 
+@pytest.mark.parametrize("order", list(permutations((WARN, ERROR, STALE))), ids=str)
+def test_in_every_order_only_a_fresh_lower_level_ends_a_state(order):
+    """Confirmed at once, as the trouble lasts; each state ends with the first fresh better one."""
+    last = player(["r1"], FaultSettings())
+    last.go(0, level("motor", order[0]))
+    last.go(10)
+    for second, to in zip((20, 40), order[1:], strict=True):
+        last.go(second, level("motor", to))
+    states = {each.identity.state.value for each in last.faults.faults()}
+    assert (
+        states
+        == {
+            (WARN, ERROR, STALE): {"warning", "stale", "critical"},
+            (WARN, STALE, ERROR): {"warning", "stale", "critical"},
+            (ERROR, WARN, STALE): {"warning", "stale"},
+            (ERROR, STALE, WARN): {"warning"},
+            (STALE, WARN, ERROR): {"warning", "critical"},
+            (STALE, ERROR, WARN): {"warning"},
+        }[order]
+    )
+    ended = texts(last.go(60, level("motor", OK)))
+    assert ended == [f"recovered component/{state} r1 motor" for state in sorted(states)]
+
+
 def test_an_error_that_no_longer_reports_is_still_critical():
     play(
         (0, level("motor", ERROR)),
@@ -218,12 +250,27 @@ def test_labels_are_those_of_the_beginning_for_the_life_of_a_fault():
     }
 
 
+def test_labels_that_changed_in_fleet_yml_while_the_exporter_was_down_do_not_change_a_fault():
+    last = play(
+        (0, robot_settings(site="hall")),
+        (0, level("motor", ERROR)),
+        (10, None, "began component/critical r1 motor"),
+        (20, restart()),
+        (20, robot_settings(site="yard")),
+        (21, back("r1", level("motor", ERROR))),
+        (100, None),
+    )
+    (fault,) = last.faults.faults()
+    assert fault.labels == {"site": "hall"}
+
+
 def test_evidence_is_fixed_once():
     last = play((0, level("motor", ERROR)), (10, None, "began component/critical r1 motor"))
-    identity = next(iter(last.faults.faults())).identity
+    fault = next(iter(last.faults.faults()))
 
-    last.faults.describe(identity, "x" * 5000)
-    last.faults.describe(identity, "another")
+    described = last.faults.describe(fault, "x" * 5000)
+    assert described.evidence == "x" * 4096
+    assert last.faults.describe(described, "another") is described
     last.reborn(11)
 
     assert next(iter(last.faults.faults())).evidence == "x" * 4096

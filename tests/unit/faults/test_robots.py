@@ -1,6 +1,6 @@
 """Faults of robots: silent, pending, coming and going; and restarts of the exporter."""
 
-from ros_diagnostics_exporter.faults.settings import FleetSettings
+from ros_diagnostics_exporter.config.fleet import FaultSettings
 from support.fault_histories import (
     ERROR,
     OK,
@@ -152,7 +152,7 @@ def test_nothing_that_rests_on_absence_begins_within_restart_grace():
 
 
 def test_a_soft_problem_keeps_its_clock_over_a_restart_that_takes_long():
-    first = player(["r1"], FleetSettings())
+    first = player(["r1"], FaultSettings())
     first.go(0, level("motor", ERROR))
     first.reborn(300)
 
@@ -162,14 +162,14 @@ def test_a_soft_problem_keeps_its_clock_over_a_restart_that_takes_long():
 
 
 def test_without_its_rows_an_exporter_judges_anew_and_tells_no_recovery():
-    lost = player(["r1"], FleetSettings())
+    lost = player(["r1"], FaultSettings())
 
     assert lost.go(0, restart(), back("r1", level("motor", ERROR))) == []
     assert [each.what for each in lost.go(10)] == ["began"]
 
 
 def test_settled_once_restart_grace_is_over():
-    last = player(["r1"], FleetSettings())
+    last = player(["r1"], FaultSettings())
     last.go(0, restart())
 
     assert not last.faults.settled(instant(29))
@@ -177,7 +177,7 @@ def test_settled_once_restart_grace_is_over():
 
 
 def test_both_halves_of_a_pair_give_the_same_identity_and_labels():
-    halves = [player(["r1"], FleetSettings()) for _ in range(2)]
+    halves = [player(["r1"], FaultSettings()) for _ in range(2)]
     settings = robot_settings(site="hall")
     halves[0].go(0, settings, level("motor", ERROR))
     halves[1].go(3, settings, level("motor", ERROR))  # it was deaf for a moment

@@ -45,3 +45,11 @@ def test_the_heap_stays_as_small_as_what_is_live():
         timers.clear(key)
 
     assert timers.entries <= 64
+
+
+def test_a_timer_at_the_latest_only_moves_forward():
+    timers = Timers()
+    for due in (5.0, 3.0, 4.0):
+        timers.set_at_latest("a", due)
+    timers.set_at_latest("b", float("inf"))
+    assert (timers.next, len(timers)) == (3.0, 1)

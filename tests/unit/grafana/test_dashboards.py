@@ -124,6 +124,71 @@ def test_links_of_a_table_use_columns_that_it_has(panel):
     assert set(used) <= titles
 
 
+@pytest.mark.parametrize("uid", BOARDS)
+def test_links_encode_the_names_in_them(uid: str):
+    """A component may be called "A & B", "50 %" or "#1"."""
+    used = re.findall(r"\$\{(__(?:data|field)\.[^}]*)\}", json.dumps(BOARDS[uid]))
+
+    assert [each for each in used if not each.endswith(":percentencode")] == []
+
+
+@pytest.mark.parametrize("uid", BOARDS)
+def test_variables_of_one_name_are_of_one_kind(uid: str):
+    """Links and the menu pass them: several robots are no value of a variable that is one."""
+    kinds = {
+        (each["name"], other["name"])
+        for each in BOARDS[uid]["templating"]["list"]
+        for board in BOARDS.values()
+        for other in board["templating"]["list"]
+        if each["name"] == other["name"] and each.get("multi") != other.get("multi")
+    }
+
+    assert kinds == set()
+
+
+@pytest.mark.parametrize("panel", ALL_PANELS)
+def test_a_timeline_has_the_colours_of_its_mappings(panel):
+    """By thresholds Grafana merges the values by them, and every state has the lowest's colour."""
+    if panel["type"] != "state-timeline":
+        return
+    defaults = panel["fieldConfig"]["defaults"]
+
+    assert defaults["mappings"]
+    assert defaults["color"]["mode"] == "fixed"
+    assert "thresholds" not in defaults
+
+
+@pytest.mark.parametrize("panel", ALL_PANELS)
+def test_a_number_without_data_is_on_no_colour(panel):
+    """The lowest threshold's colour is also that of a panel without data."""
+    if panel["type"] != "stat":
+        return
+    (lowest, *_rest) = panel["fieldConfig"]["defaults"]["thresholds"]["steps"]
+
+    assert lowest["value"] is None
+    assert lowest["color"] in {"text", "panel-bg"} or _maps_nothing(panel)
+
+
+def _maps_nothing(panel) -> bool:
+    specials = [
+        each for each in panel["fieldConfig"]["defaults"]["mappings"] if each["type"] == "special"
+    ]
+    return [each["options"]["result"]["color"] for each in specials] == ["panel-bg"]
+
+
+@pytest.mark.parametrize("uid", BOARDS)
+def test_every_dashboard_begins_with_the_state_of_the_monitoring(uid: str):
+    monitoring, data_as_of, *_others = BOARDS[uid]["panels"]
+
+    assert (monitoring["title"], data_as_of["title"]) == ("Monitoring", "Data as of")
+    (dead,) = (
+        each["options"]["result"]
+        for each in monitoring["fieldConfig"]["defaults"]["mappings"]
+        if each["type"] == "special"
+    )
+    assert dead["text"].startswith("Prometheus does not answer")
+
+
 @pytest.mark.parametrize("panel", ALL_PANELS)
 def test_an_empty_table_shows_a_text_and_an_empty_cell_nothing(panel):
     if panel["type"] != "table":
@@ -141,6 +206,10 @@ def test_an_empty_table_shows_a_text_and_an_empty_cell_nothing(panel):
     assert columns == without_text
 
 
+def shown_unit(unit: str) -> str:
+    return {"degC": "°C", "degF": "°F"}.get(unit, unit)
+
+
 def test_a_value_is_shown_in_the_unit_of_its_legend():
     from fleet_dashboards.lib import palette
 
@@ -155,7 +224,7 @@ def test_a_value_is_shown_in_the_unit_of_its_legend():
         found = [
             grafana_unit
             for regexp, grafana_unit in shown.items()
-            if re.search(regexp.strip("/"), f"Motor 1: Temperature [{unit}]")
+            if re.search(regexp.strip("/"), f"Motor 1: Temperature in {shown_unit(unit)}")
         ]
         assert found == [wanted]
 

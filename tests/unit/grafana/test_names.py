@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from ros_diagnostics_exporter.metrics.self_metrics import ALL_FAMILIES
-from support.committed_dashboards import BOARDS, ROOT, Query, filled, queries
+from support.committed_dashboards import ROOT, Query, filled, queries
 
 QUERIES = list(queries())
 FAMILIES = {family.name: family for family in ALL_FAMILIES}
@@ -36,7 +36,7 @@ MATCHER = re.compile(r"(\w+)\s*(?:=~|!~|!=|=)")
 
 def metric_names(expr: str) -> set[str]:
     """The names of series in an expression: what is no string, label, keyword or function."""
-    bare = re.sub(r'"(?:\\.|[^"\\])*"', '""', expr)
+    bare = re.sub(r'"(?:\\.|[^"\\])*"|`[^`]*`', '""', expr)
     bare = re.sub(r"\{[^}]*\}|\[[^\]]*\]", " ", bare)
     bare = re.sub(r"\b(by|without|on|ignoring|group_left|group_right)\s*\([^)]*\)", " ", bare)
     found = re.finditer(r"(?<![\w:.])([A-Za-z_:][\w:]*)(\s*\()?", bare)
@@ -52,14 +52,14 @@ def selectors(expr: str) -> Iterator[tuple[str, str]]:
 def test_metrics_and_recorded_series_exist(query: Query):
     names = metric_names(filled(query.expr))
 
-    assert names, "no metric"
+    assert names or "__name__" in query.expr, "no metric"
     unknown = {name for name in names if name not in FAMILIES and name not in RECORDED}
     assert all(FOREIGN.fullmatch(name) for name in unknown), unknown
 
 
 @pytest.mark.parametrize("query", QUERIES, ids=str)
 def test_matchers_use_labels_that_the_metric_has(query: Query):
-    for name, matchers in selectors(query.expr):
+    for name, matchers in selectors(filled(query.expr)):
         family = FAMILIES.get(name)
         if family is not None and not family.open:
             assert set(MATCHER.findall(matchers)) <= {*family.labels, "job", "instance"}, name
@@ -92,19 +92,3 @@ def test_promtool_accepts_every_expression(tmp_path: Path):
     )
 
     assert result.returncode == 0, result.stdout + result.stderr
-
-
-def test_links_in_alerts_use_dashboards_and_variables_that_exist():
-    urls = {
-        rule["annotations"]["dashboard_url"]
-        for path in (ROOT / "prometheus" / "rules").glob("*.yml")
-        for group in yaml.safe_load(path.read_text())["groups"]
-        for rule in group["rules"]
-        if "dashboard_url" in rule.get("annotations", {})
-    }
-    assert urls
-
-    for url in urls:
-        board = BOARDS[re.search(r"/d/([\w-]+)", url)[1]]
-        variables = {each["name"] for each in board["templating"]["list"]}
-        assert set(re.findall(r"[?&]var-(\w+)=", url)) <= variables, url

@@ -10,6 +10,7 @@ pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python
 
 from fleet_dashboards.lib import palette
 from ros_diagnostics_exporter.ingest.units import _SPELLINGS
+from ros_diagnostics_exporter.severity import COLOURS
 
 # Matrices for linear RGB: Machado, Oliveira, Fernandes 2009, severity 1.0.
 VISION = {
@@ -71,10 +72,55 @@ def test_any_two_states_differ_in_colour(vision: str):
     assert close == []
 
 
+def luminance(colour: str) -> float:
+    """Relative luminance: WCAG 2."""
+    red, green, blue = linear(colour)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+def text_on(background: str) -> str:
+    """The colour of Grafana's text: getTextColorForBackground of @grafana/ui."""
+    red, green, blue = (int(background[at : at + 2], 16) for at in (1, 3, 5))
+    return "#202226" if 0.299 * red + 0.587 * green + 0.114 * blue > 180 else "#f7f8fa"
+
+
+BACKGROUNDS = {
+    **{state.word: state.colour for state in palette.STATES},
+    "MAINTENANCE": palette.MAINTENANCE_COLOUR,
+    "UNREACHABLE": palette.UNREACHABLE_COLOUR,
+    "UNDETERMINED": palette.UNDETERMINED_COLOUR,
+    "NEUTRAL": palette.NEUTRAL,
+}
+
+
+@pytest.mark.parametrize("background", BACKGROUNDS.values(), ids=BACKGROUNDS)
+def test_text_on_a_colour_is_legible(background: str):
+    """A contrast of at least 4.5:1: WCAG 2, level AA."""
+    darker, lighter = sorted((luminance(background), luminance(text_on(background))))
+
+    assert (lighter + 0.05) / (darker + 0.05) >= 4.5
+
+
 def test_red_and_green_are_similar_in_the_simulation_of_deuteranopia():
     assert difference("#D65F5F", "#8A8A3A", "normal") > 2 * difference(
         "#D65F5F", "#8A8A3A", "deuteranopia"
     )
+
+
+def test_the_exporters_page_and_status_command_have_the_same_colours():
+    assert {state.word: state.colour for state in palette.STATES} == {
+        state: colour for state, (colour, _text) in COLOURS.items()
+    }
+
+
+@pytest.mark.parametrize("state", COLOURS)
+def test_a_text_on_a_colour_has_the_contrast_that_wcag_wants(state: str):
+    red, green, blue = 0.2126, 0.7152, 0.0722
+    bright, dark = sorted(
+        (red * rgb[0] + green * rgb[1] + blue * rgb[2] for rgb in map(linear, COLOURS[state])),
+        reverse=True,
+    )
+    assert (bright + 0.05) / (dark + 0.05) >= 4.5
 
 
 def test_ranks_are_those_of_the_recorded_states():

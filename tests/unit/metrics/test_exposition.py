@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from types import SimpleNamespace
+from typing import get_args
 
 import pytest
 from hypothesis import given, settings
@@ -26,8 +27,14 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.self_metrics import EXPORTER_FAMILIES, Exporter, SelfMetrics
-from ros_diagnostics_exporter.model import Status, Topic
+from ros_diagnostics_exporter.metrics.self_metrics import (
+    EOF,
+    EXPORTER_FAMILIES,
+    Exporter,
+    SelfMetrics,
+)
+from ros_diagnostics_exporter.model import Part, Status
+from ros_diagnostics_exporter.state.rejections import REASONS, FleetRejectionReason
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
 HOSTILE = [
@@ -152,7 +159,7 @@ def full_scenario() -> StateDriver:
         profile=profile,
         labels={"site": "hall", "robot_group": "carriers"},
     )
-    driver = StateDriver(fleet=Fleet("f", (robot,)))
+    driver = StateDriver(fleet=Fleet("f", (robot,), exporter="e"))
     battery = Status(WARN, "Battery", "Low", "b-1", (("Voltage", "21.5 V"), ("Charge", "17")))
     parts = [battery, Status(OK, "Laser"), Status(3, "Cam", "gone"), Status(200, "Odd", "what")]
     driver.agg(*tree(All=parts))
@@ -165,7 +172,6 @@ def test_every_family_but_those_of_absent_things_is_served_with_its_labels():
     driver = full_scenario()
     samples = driver.samples()
     absent = {"check_expected_components", "robot_clock_offset_seconds", "robot_silent_reason"}
-    absent |= {"acknowledged_timestamp_seconds", "acknowledged_since_timestamp_seconds"}
     for family in metrics.FLEET_FAMILIES:
         name = family.name.removeprefix(metrics.PREFIX)
         if name in absent:
@@ -204,17 +210,9 @@ def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
 
     promoted = driver.sample("ros_charge_ratio", key="Charge")
     value = driver.sample("component_value", key="Charge", unit="ratio")
-    monitored = driver.sample("component_guarded_value", key="Charge", unit="ratio")
+    monitored = driver.sample("component_monitored_value", key="Charge", unit="ratio")
     bound = driver.sample("component_value_threshold", key="Charge", unit="ratio")
     assert (promoted, value, monitored, bound) == (0.17, 0.17, 0.17, 0.2)
-
-
-def test_rules_find_when_a_component_turned_error_by_itself():
-    driver = full_scenario()
-
-    [(labels, since)] = driver.samples()["component_error_since_timestamp_seconds"].items()
-    assert dict(labels)["component"] == "Laser"
-    assert since == driver.sample("component_since_timestamp_seconds", component="Laser")
 
 
 def test_a_threshold_stands_beside_its_value():
@@ -234,7 +232,7 @@ def test_rules_find_the_values_with_thresholds_by_themselves():
     driver.agg(*tree(All=[Status(OK, "Battery", "OK", "b-1", values)]))
 
     assert driver.sample("component_value", key="Current") == 3
-    [(labels, value)] = driver.samples()["component_guarded_value"].items()
+    [(labels, value)] = driver.samples()["component_monitored_value"].items()
     assert (dict(labels)["key"], dict(labels)["unit"], value) == ("Voltage", "V", 21.5)
 
 
@@ -243,7 +241,7 @@ def test_values_of_a_stale_component_are_not_shown():
     driver.at(10)
 
     assert driver.sample("component_level", component="Battery") == STALE
-    assert not {"component_value", "component_guarded_value"} & driver.samples().keys()
+    assert not {"component_value", "component_monitored_value"} & driver.samples().keys()
 
     driver.agg(*tree(All=[Status(OK, "Battery", "OK", "b-1", (("Voltage", "25 V"),))]))
     assert driver.sample("component_value", component="Battery", key="Voltage") == 25
@@ -307,13 +305,84 @@ def test_the_series_of_the_last_scrape_are_counted_by_family():
 
     counted = sum(driver.exposition.series.values())
     assert counted == sum(1 for line in text.splitlines() if not line.startswith(b"#"))
+    for part in Part:
+        driver.exposition.render(parts={part})
+        assert sum(driver.exposition.series.values()) == counted
 
 
-def test_the_exporters_own_families_are_those_of_the_table():
+def families_of(text: bytes) -> set[str]:
+    """The full names of the families that have samples."""
+    return {
+        sample.name
+        for family in text_string_to_metric_families(text.decode())
+        for sample in family.samples
+    }
+
+
+@pytest.mark.parametrize("openmetrics", [False, True])
+def test_the_parts_are_the_whole(openmetrics):
+    def lines(parts):
+        both = (each.render(openmetrics=openmetrics, parts=parts) for each in sources)
+        return sorted(line for text in both for line in text.splitlines() if b"process" not in line)
+
+    driver = full_scenario()
+    driver.at(1.5)
+    driver.exposition.render()
+    sources = driver.exposition, self_metrics(driver)
+    parts = [lines({part}) for part in Part]
+    assert all(parts)
+    assert sorted(line for part in parts for line in part) == lines(frozenset(Part))
+    assert lines({Part.FAULTS, Part.EXPORTER}) == sorted(parts[0] + parts[2])
+    assert not lines(set())
+
+
+def test_what_alerts_on_faults_need_is_a_part():
+    driver = full_scenario()
+    for second in range(2, 20):
+        driver.at(second)
+        driver.agg(*tree(All=[Status(ERROR, "Laser")]))
+    driver.at(40)
+
+    found = families_of(driver.exposition.render(parts={Part.FAULTS}))
+    found |= families_of(self_metrics(driver).render(parts={Part.FAULTS}))
+    assert {name.removeprefix(metrics.PREFIX) for name in found} == {
+        *("fault_start_timestamp_seconds", "fault_info", "component_problem_level"),
+        *("robot_up", "robot_silent_reason", "robot_maintenance", "exporter_settled"),
+    }
+
+
+def test_values_that_changed_between_two_scrapes_of_faults_are_served_later():
     driver = full_scenario()
     driver.exposition.render()
-    topic = Topic(0, "/shared")
-    driver.state._registry.rejections.reject_robot(topic, "x", "robot_limit", driver.now)
+    voltage = Status(WARN, "Battery", "Low", "b-1", (("Voltage", "19.5 V"), ("Charge", "16")))
+    driver.agg(*tree(All=[voltage]))
+
+    faults = driver.exposition.render(parts={Part.FAULTS})
+    assert b"component_value" not in faults
+    assert b"ros_battery_charge_ratio" not in faults
+    driver.exposition.render(parts={Part.FAULTS})
+    assert driver.sample("component_value", key="Voltage") == 19.5
+    assert driver.sample("ros_battery_charge_ratio") == pytest.approx(0.16)
+
+
+def test_every_reason_of_a_rejection_is_counted_from_0_on():
+    driver = StateDriver()
+    counted = {"fleet": "f", "robot": "r"}
+    assert driver.samples()["robot_rejected_total"] == {
+        tuple(sorted({**counted, "reason": reason}.items())): 0 for reason in REASONS
+    }
+    driver.raw(Status(200, "Odd"))
+    assert driver.sample("robot_rejected_total", reason="bad_level") == 1
+    assert driver.sample("robot_rejected_total", reason="rate") == 0
+
+    own = self_metrics(driver).render().decode()
+    for reason in get_args(FleetRejectionReason):
+        line = f'exporter_rejected_total{{fleet="f",reason="{reason}"}} 0.0'
+        assert line in own
+
+
+def self_metrics(driver: StateDriver) -> SelfMetrics:
+    """The exporter's own metrics, with everything that they are read from."""
     part = SimpleNamespace(successful=True, time=1.0, written_at=1.0, answers=lambda _now: True)
     listener = SimpleNamespace(
         domain_ids=(0,), last_looks={0: 1.0}, decode_seconds=1.0, ingest_seconds=1.0
@@ -321,11 +390,17 @@ def test_the_exporters_own_families_are_those_of_the_table():
     exporter = Exporter(
         driver.state, driver.exposition, listener, part, part, part, ("jazzy", "rmw_fastrtps_cpp")
     )
-    own = SelfMetrics(exporter)
+    return SelfMetrics(exporter)
+
+
+def test_the_exporters_own_families_are_those_of_the_table():
+    driver = full_scenario()
+    driver.exposition.render()
+    own = self_metrics(driver)
 
     for text, parse in (
         (own.render(), text_string_to_metric_families),
-        (own.render(openmetrics=True), openmetrics_parser.text_string_to_metric_families),
+        (own.render(openmetrics=True) + EOF, openmetrics_parser.text_string_to_metric_families),
     ):
         families = {
             sample.name: set(sample.labels)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
+from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics import fault_text
+from ros_diagnostics_exporter.metrics.fault_text import FaultText
 from ros_diagnostics_exporter.model import Status
 from support.state_driver import ERROR, OK, WALL, WARN, StateDriver
 
@@ -33,7 +35,7 @@ def test_a_fault_is_there_from_its_confirmation_to_its_end():
     assert START not in driver.samples()
     driver.raw_every(1, 32, HOT)
     identity = {"fleet": "f", "scope": "component", "state": "critical", "robot": "r"}
-    identity["component"] = "Motor"
+    identity |= {"component": "Motor", "severity": "critical"}
     assert driver.samples()[START] == {tuple(sorted(identity.items())): WALL + 20}
     evidence = identity | {"evidence": 'Hot "92"'}
     assert driver.samples()[INFO] == {tuple(sorted(evidence.items())): 1}
@@ -42,14 +44,50 @@ def test_a_fault_is_there_from_its_confirmation_to_its_end():
     assert not {START, INFO} & driver.samples().keys()
 
 
+@pytest.mark.parametrize("exporter", ["", "berlin"])
+def test_both_families_have_the_same_labels_but_for_the_evidence(exporter):
+    own = {"site": "hall", "team": "blue", "evidence": "mine", "severity": "mine"}
+    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW, labels=own)
+    driver = StateDriver(fleet=Fleet("f", (robot,), exporter=exporter))
+    driver.raw_every(1, 20, MOTOR)
+    driver.raw_every(1, 40, HOT)
+
+    [start], [info] = (map(dict, driver.samples()[name]) for name in (START, INFO))
+    assert info.pop("evidence") == 'Hot "92"'
+    assert start == info
+    assert set(start) - {"team"} <= set(metrics.FAULT_START.labels)
+    assert (start.get("exporter", ""), start["team"]) == (exporter, "blue")
+
+
+@pytest.mark.parametrize(
+    ("identity", "expected"),
+    [
+        (Identity(Scope.COMPONENT, State.CRITICAL), "critical"),
+        (Identity(Scope.COMPONENT, State.WARNING), "warning"),
+        (Identity(Scope.COMPONENT, State.STALE), "warning"),
+        (Identity(Scope.CHECK, State.CRITICAL), "critical"),
+        (Identity(Scope.VALUE, State.WARNING), "warning"),
+        (Identity(Scope.ROBOT, State.SILENT), "critical"),
+        (Identity(Scope.ROBOT, State.PENDING), "warning"),
+        (Identity(Scope.ROBOT, State.FLAPPING), "warning"),
+        (Identity(Scope.ROBOT, State.MANY, severity="critical"), "critical"),
+        (Identity(Scope.ROBOT, State.MANY, severity="warning"), "warning"),
+        (Identity(Scope.FLAPPING, State.FLAPPING), "warning"),
+        (Identity(Scope.SITE, State.SILENT), "critical"),
+        (Identity(Scope.COMMON, State.CRITICAL), "critical"),
+    ],
+)
+def test_every_fault_has_its_severity(identity, expected):
+    texts = FaultText().render("f", "", [Fault(identity, 1.0, 2.0, {})])
+    for family in (metrics.FAULT_START, metrics.FAULT_INFO):
+        assert f'severity="{expected}"' in texts[family.name].decode()
+
+
 def test_a_fault_keeps_the_robots_labels_of_when_it_began_and_its_identity():
     driver = in_fault(site="hall", team="blue", check="mine")
     (labels,) = driver.samples()[START]
     assert {"site": "hall", "team": "blue"}.items() <= dict(labels).items()
     assert "check" not in dict(labels)
-    (labels,) = driver.samples()[INFO]
-    assert dict(labels)["site"] == "hall"
-    assert set(dict(labels)) <= set(metrics.FAULT_INFO.labels)
 
     robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW, labels={"team": "red"})
     driver.state.configure(Fleet("f", (robot,)), driver.now)
@@ -67,10 +105,17 @@ def test_a_fleet_of_another_name_has_its_faults_under_it():
     assert driver.sample(START, fleet="f") is None
 
 
+def test_an_exporter_of_another_name_has_its_faults_under_it():
+    driver = in_fault()
+    assert driver.sample(START) == WALL + 20
+    driver.state.configure(Fleet("f", driver.state.fleet.robots, exporter="berlin"), driver.now)
+    assert [dict(labels)["exporter"] for labels in driver.samples()[START]] == ["berlin"]
+
+
 def test_a_fault_that_lasts_is_rendered_once(monkeypatch):
     driver = in_fault()
     first = driver.exposition.render()
-    monkeypatch.setattr(fault_text, "_lines", None)
+    monkeypatch.setattr(fault_text, "_render", None)
     assert driver.exposition.render() == first
 
 

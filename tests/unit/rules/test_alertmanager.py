@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from support.shipped_rules import ALERTMANAGER, run_tool
+from support.shipped_rules import ALERTMANAGER, alerts, run_tool
 
 MOTOR = {"fleet": "f", "robot": "r1", "group": "/Motor", "component": "Motor 1"}
 
@@ -56,144 +56,188 @@ def test_amtool_accepts_configuration_and_templates():
     assert "SUCCESS" in output
 
 
-@pytest.mark.parametrize(
-    ("status", "labels", "subject"),
-    [
-        (
-            "firing",
-            {"alertname": "ComponentCritical", **MOTOR},
-            "PROBLEM ** f/r1 Motor 1 is CRITICAL",
-        ),
-        (
-            "resolved",
-            {"alertname": "ComponentCritical", **MOTOR},
-            "RECOVERY ** f/r1 Motor 1 is no longer CRITICAL",
-        ),
-        (
-            "firing",
-            {"alertname": "ComponentWarning", **MOTOR},
-            "PROBLEM ** f/r1 Motor 1 is WARNING",
-        ),
-        ("firing", {"alertname": "ComponentStale", **MOTOR}, "PROBLEM ** f/r1 Motor 1 is STALE"),
-        (
-            "firing",
-            {"alertname": "ValueWarning", **MOTOR, "key": "Level"},
-            "PROBLEM ** f/r1 Motor 1 Level is WARNING",
-        ),
-        (
-            "firing",
-            {"alertname": "ComponentFlapping", **MOTOR},
-            "FLAPPING ** f/r1 Motor 1 started flapping",
-        ),
-        (
-            "resolved",
-            {"alertname": "ComponentFlapping", **MOTOR},
-            "FLAPPING ** f/r1 Motor 1 stopped flapping",
-        ),
-        (
-            "firing",
-            {"alertname": "RobotSilent", "fleet": "f", "robot": "r1"},
-            "PROBLEM ** f/r1 is SILENT",
-        ),
-        (
-            "firing",
-            {"alertname": "Maintenance", "fleet": "f", "robot": "r1"},
-            "MAINTENANCE ** f/r1 began",
-        ),
-        (
-            "resolved",
-            {"alertname": "Maintenance", "fleet": "f", "robot": "r1"},
-            "MAINTENANCE ** f/r1 ended",
-        ),
-        (
-            "firing",
-            {"alertname": "Unacknowledged", "step": "1", "state": "critical", **MOTOR},
-            "ESCALATION 1 ** f/r1 Motor 1 is CRITICAL and not acknowledged",
-        ),
-        (
-            "firing",
-            {"alertname": "Unacknowledged", "step": "2", "fleet": "f", "robot": "r1"},
-            "ESCALATION 2 ** f/r1 is SILENT and not acknowledged",
-        ),
-        (
-            "firing",
-            {
-                "alertname": "Unacknowledged",
-                "step": "1",
-                "state": "critical in many components",
-                "fleet": "f",
-                "robot": "r1",
-            },
-            "ESCALATION 1 ** f/r1 is CRITICAL IN MANY COMPONENTS and not acknowledged",
-        ),
-        (
-            "firing",
-            {"alertname": "Unacknowledged", "step": "0", "state": "warning", **MOTOR},
-            "REMINDER ** f/r1 Motor 1 is WARNING and not acknowledged",
-        ),
-        (
-            "firing",
-            {"alertname": "FleetPartDown", "fleet": "f", "site": "hall"},
-            "PROBLEM ** f site hall is SILENT",
-        ),
-        (
-            "firing",
-            {"alertname": "CommonCause", "fleet": "f", "component": "Cam 1"},
-            "PROBLEM ** f Cam 1 of many robots is CRITICAL",
-        ),
-        (
-            "resolved",
-            {"alertname": "ManyComponents", "fleet": "f", "robot": "r1"},
-            "RECOVERY ** f/r1 many components is no longer CRITICAL",
-        ),
-        (
-            "firing",
-            {"alertname": "UplinkDown", "fleet": "f", "uplink": "ap-1"},
-            "PROBLEM ** f uplink ap-1 is DOWN",
-        ),
-        ("firing", {"alertname": "ExporterDown", "fleet": "f"}, "PROBLEM ** f exporter is DOWN"),
-        (
-            "firing",
-            {"alertname": "AlertmanagerDown", "instance": "a:9093"},
-            "PROBLEM ** Alertmanager a:9093 is DOWN",
-        ),
-    ],
-)
-def test_subject(status: str, labels: dict[str, str], subject: str, tmp_path: Path):
-    labels = {**labels, "alertname": "RosDiagnostics" + labels["alertname"]}
+MOTOR_FAULT = {**MOTOR, "scope": "component", "state": "critical", "severity": "critical"}
+R1 = {"fleet": "f", "robot": "r1"}
+SILENT = {**R1, "scope": "robot", "state": "silent", "severity": "critical"}
+MANY = {**R1, "scope": "robot", "state": "many", "severity": "critical"}
+SUBJECTS = [
+    # status, alert, labels, the subject
+    ("firing", "ComponentCritical", MOTOR_FAULT, "PROBLEM ** f/r1 Motor 1 is CRITICAL"),
+    (
+        "resolved",
+        "ComponentCritical",
+        MOTOR_FAULT,
+        "RECOVERY ** f/r1 Motor 1 is no longer CRITICAL",
+    ),
+    (
+        "firing",
+        "ComponentWarning",
+        {**MOTOR_FAULT, "state": "warning"},
+        "PROBLEM ** f/r1 Motor 1 is WARNING",
+    ),
+    (
+        "firing",
+        "ComponentStale",
+        {**MOTOR_FAULT, "state": "stale"},
+        "PROBLEM ** f/r1 Motor 1 is STALE",
+    ),
+    (
+        "firing",
+        "ValueWarning",
+        {**MOTOR, "scope": "value", "state": "warning", "key": "Level", "bound": "low"},
+        "PROBLEM ** f/r1 Motor 1 Level is WARNING: too low",
+    ),
+    (
+        "firing",
+        "CheckShort",
+        {**R1, "scope": "check", "state": "critical", "check": "motors"},
+        "PROBLEM ** f/r1 check motors is CRITICAL: too few components",
+    ),
+    (
+        "firing",
+        "ComponentFlapping",
+        {**MOTOR, "scope": "flapping", "state": "flapping"},
+        "FLAPPING ** f/r1 Motor 1 started flapping",
+    ),
+    (
+        "resolved",
+        "ComponentFlapping",
+        {**MOTOR, "scope": "flapping", "state": "flapping"},
+        "FLAPPING ** f/r1 Motor 1 stopped flapping",
+    ),
+    (
+        "firing",
+        "RobotFlapping",
+        {**SILENT, "state": "flapping"},
+        "FLAPPING ** f/r1 started flapping",
+    ),
+    ("firing", "RobotSilent", SILENT, "PROBLEM ** f/r1 is SILENT"),
+    ("firing", "Maintenance", R1, "MAINTENANCE ** f/r1 began"),
+    ("resolved", "Maintenance", R1, "MAINTENANCE ** f/r1 ended"),
+    (
+        "firing",
+        "Unacknowledged",
+        {**MOTOR_FAULT, "step": "1"},
+        "ESCALATION 1 ** f/r1 Motor 1 is CRITICAL and not acknowledged",
+    ),
+    (
+        "firing",
+        "Unacknowledged",
+        {**SILENT, "step": "2"},
+        "ESCALATION 2 ** f/r1 is SILENT and not acknowledged",
+    ),
+    (
+        "firing",
+        "Unacknowledged",
+        {**MANY, "step": "1"},
+        "ESCALATION 1 ** f/r1 is CRITICAL in many components and not acknowledged",
+    ),
+    (
+        "firing",
+        "Unacknowledged",
+        {**MOTOR_FAULT, "state": "warning", "step": "0"},
+        "REMINDER ** f/r1 Motor 1 is WARNING and not acknowledged",
+    ),
+    (
+        "firing",
+        "Unacknowledged",
+        {"fleet": "f", "of": "RosDiagnosticsExporterDown", "severity": "critical", "step": "1"},
+        "ESCALATION 1 ** f exporter is DOWN and not acknowledged",
+    ),
+    (
+        "firing",
+        "FleetPartDown",
+        {"fleet": "f", "scope": "site", "state": "silent", "site": "hall"},
+        "PROBLEM ** f site hall is SILENT",
+    ),
+    (
+        "firing",
+        "CommonCause",
+        {"fleet": "f", "scope": "common", "state": "critical", "component": "Cam 1"},
+        "PROBLEM ** f Cam 1 of many robots is CRITICAL",
+    ),
+    (
+        "resolved",
+        "ManyComponents",
+        MANY,
+        "RECOVERY ** f/r1 is no longer CRITICAL in many components",
+    ),
+    (
+        "firing",
+        "UplinkDown",
+        {"fleet": "f", "uplink": "ap-1"},
+        "PROBLEM ** f uplink ap-1 is DOWN",
+    ),
+    ("firing", "ExporterDown", {"fleet": "f"}, "PROBLEM ** f exporter is DOWN"),
+    (
+        "firing",
+        "DomainDown",
+        {"fleet": "f", "domain_id": "7"},
+        "PROBLEM ** f exporter in domain 7 is DOWN",
+    ),
+    (
+        "firing",
+        "AlertmanagerDown",
+        {"instance": "a:9093"},
+        "PROBLEM ** Alertmanager a:9093 is DOWN",
+    ),
+    (
+        "firing",
+        "PrometheusNotNotifying",
+        {"instance": "p:9090"},
+        "PROBLEM ** Prometheus p:9090 is not sending notifications",
+    ),
+    (
+        "firing",
+        "UnknownRejected",
+        {"fleet": "f", "reason": "robot_limit"},
+        "PROBLEM ** f exporter is rejecting messages of unknown robots",
+    ),
+    ("firing", "OnCallEnds", {}, "PROBLEM ** the rota of people on call is near its end"),
+]
+
+
+@pytest.mark.parametrize(("status", "alert", "labels", "subject"), SUBJECTS)
+def test_subject(status: str, alert: str, labels: dict[str, str], subject: str, tmp_path: Path):
+    labels = {**labels, "alertname": f"RosDiagnostics{alert}"}
 
     output = render("ros_diagnostics.email.subject", data(status, labels), tmp_path)
 
     assert output == f"** {subject}"
 
 
+@pytest.mark.parametrize("name", sorted(set(alerts()) - {"RosDiagnosticsWatchdog"}))
+def test_no_subject_has_the_name_of_its_alert(name: str, tmp_path: Path):
+    """Those with a state of their own are faults; the others need a text in email.tmpl."""
+    faults = ("Component", "Value", "Check", "Many", "Robot", "Fleet", "Common", "Unacknowledged")
+    own = name.removeprefix("RosDiagnostics")
+    state = {"state": "critical"} if own.startswith(faults) and "Served" not in own else {}
+    labels = {**R1, **state, "alertname": name}
+
+    assert own not in render("ros_diagnostics.email.subject", data("firing", labels), tmp_path)
+
+
 @pytest.mark.parametrize("part", ["text", "html"])
 def test_mail_has_fault_evidence_links_and_commands(part: str, tmp_path: Path):
-    labels = {"alertname": "RosDiagnosticsComponentCritical", "severity": "critical", **MOTOR}
+    labels = {"alertname": "RosDiagnosticsComponentCritical", **MOTOR_FAULT}
     problem = data(
         "firing",
         {**labels, "site": "hall"},
-        description="Motor 1 failed.",
+        description="What it means.",
+        evidence="over <current>; values: Current: 12 A",
         since="2026-01-01 10:00:00.123 +0000 UTC",
-        driver_message="over <current>",
-        values="Current 12 A; Duty 1 ratio; ",
-        neighbours="all OK",
-        runbook_url="http://runbook",
-        dashboard_url="http://dashboard",
     )
 
     output = render(f"ros_diagnostics.email.{part}", problem, tmp_path)
 
     for expected in (
-        "** PROBLEM ** f/r1 Motor 1 is CRITICAL",
-        "Motor 1 failed.",
+        "Motor 1 of r1 (fleet f, site hall) is CRITICAL since 2026-01-01 10:00:00 UTC. Act now.",
         "2026-01-01 10:00:00 UTC",
         "over &lt;current&gt;" if part == "html" else "over <current>",
-        "Current 12 A\nDuty 1 ratio<" if part == "html" else "Current 12 A; Duty 1 ratio\n",
-        "all OK",
+        "values: Current: 12 A",
+        "What it means.",
         "hall",
-        "http://runbook",
-        "http://dashboard",
+        "http://localhost:9090/user/alerts/RosDiagnosticsComponentCritical.md",
         "http://alertmanager:9093/#/silences/new?filter=%7Balertname%3D%22RosDiagnosticsComponent",
         "component%3D%22Motor%201%22",
     ):
@@ -211,8 +255,7 @@ def test_the_command_in_a_mail_is_no_other_command_for_a_shell(
 ):
     labels = {
         "alertname": "RosDiagnosticsComponentCritical",
-        "severity": "critical",
-        **MOTOR,
+        **MOTOR_FAULT,
         "component": component,
     }
     mail = html.unescape(render(f"ros_diagnostics.email.{part}", data("firing", labels), tmp_path))
@@ -226,21 +269,34 @@ def test_the_command_in_a_mail_is_no_other_command_for_a_shell(
 
 @pytest.mark.parametrize("part", ["text", "html"])
 def test_mail_about_a_recovery_has_its_end_and_no_commands(part: str, tmp_path: Path):
-    labels = {"alertname": "RosDiagnosticsComponentCritical", "severity": "critical", **MOTOR}
+    labels = {"alertname": "RosDiagnosticsComponentCritical", **MOTOR_FAULT}
 
     output = render(f"ros_diagnostics.email.{part}", data("resolved", labels), tmp_path)
 
-    assert "Over since 2026-01-01 11:00:00 UTC." in output
+    assert "Motor 1 of r1 (fleet f) is no longer CRITICAL." in output
+    assert (
+        "It lasted from 2026-01-01 10:00:00 UTC to 2026-01-01 11:00:00 UTC, 1 h after the alert."
+        in output
+    )
+    assert "What ended it: a fresh message with a better level." in output
     assert "silences/new" not in output
     assert "ros-diagnostics-ack" not in output
 
 
-def test_mail_about_flapping_has_no_command_to_acknowledge(tmp_path: Path):
-    labels = {"alertname": "RosDiagnosticsComponentFlapping", "severity": "warning", **MOTOR}
+def test_mail_about_a_clock_has_no_command_to_acknowledge(tmp_path: Path):
+    labels = {"alertname": "RosDiagnosticsClockOffset", "severity": "warning", **R1}
 
     output = render("ros_diagnostics.email.text", data("firing", labels), tmp_path)
 
     assert "ros-diagnostics-ack" not in output
+
+
+def test_without_an_address_of_grafana_a_mail_has_no_link_to_it(tmp_path: Path):
+    labels = {"alertname": "RosDiagnosticsRobotSilent", **SILENT}
+
+    for part in ("text", "html"):
+        output = render(f"ros_diagnostics.email.{part}", data("firing", labels), tmp_path)
+        assert "ashboard" not in output
 
 
 def test_all_mails_about_one_component_are_one_thread(tmp_path: Path):
@@ -253,20 +309,127 @@ def test_all_mails_about_one_component_are_one_thread(tmp_path: Path):
     assert threads == {"<f.r1.Motor-1@ros-diagnostics>"}
 
 
+DURATIONS = [
+    ("10:00:07", "7 s"),
+    ("10:02:00", "2 min"),
+    ("10:59:59", "59 min 59 s"),
+    ("11:00:00", "1 h"),
+    ("11:00:05", "1 h 5 s"),
+    ("20:10:00", "10 h 10 min"),
+]
+
+
+@pytest.mark.parametrize(("end", "lasted"), DURATIONS)
+def test_a_recovery_says_how_long_it_lasted(end: str, lasted: str, tmp_path: Path):
+    labels = {"alertname": "RosDiagnosticsRobotSilent", **SILENT}
+    over = data("resolved", labels, summary="r1 is silent.")
+    over["alerts"][0]["endsAt"] = f"2026-01-01T{end}Z"
+
+    mail = render("ros_diagnostics.email.text", over, tmp_path)
+    message = render("ros_diagnostics.sms", over, tmp_path)
+
+    assert f" UTC, {lasted} after the alert." in mail
+    assert message == f"RECOVERY f: r1 is no longer silent. It lasted {lasted}."
+
+
 def test_text_message_about_a_recovery(tmp_path: Path):
     labels = {"alertname": "RosDiagnosticsUplinkDown", "fleet": "f", "uplink": "ap-1"}
     over = data("resolved", labels, summary="Uplink ap-1 of fleet f does not answer.")
 
     output = render("ros_diagnostics.sms", over, tmp_path)
 
-    assert output == "RECOVERY f: no longer: Uplink ap-1 of fleet f does not answer."
+    assert output == "RECOVERY f: Uplink ap-1 of fleet f answers again. It lasted 1 h."
 
 
 def test_text_message_has_at_most_160_characters(tmp_path: Path):
     labels = {"alertname": "RosDiagnosticsComponentCritical", **MOTOR}
-    long = data("firing", labels, summary="Motor 1 of r1 is CRITICAL.", driver_message="ä" * 300)
+    long = data("firing", labels, summary="Motor 1 of r1 is CRITICAL.", evidence="ä" * 300)
 
     output = render("ros_diagnostics.sms", long, tmp_path)
 
     assert output.startswith("PROBLEM f: Motor 1 of r1 is CRITICAL. ääää")
     assert len(output) == 160
+
+
+ESCALATIONS = [
+    (MOTOR_FAULT, "Motor 1 of r1 is CRITICAL and not acknowledged. hot"),
+    (
+        {**MOTOR, "scope": "value", "state": "critical", "key": "Level", "bound": "low"},
+        "Level of Motor 1 of r1 is low and not acknowledged. hot",
+    ),
+    (
+        {**R1, "scope": "check", "state": "critical", "check": "motors"},
+        "check motors of r1 is CRIT",
+    ),
+    (SILENT, "r1 is SILENT and not acknowledged. hot"),
+    ({"fleet": "f", "scope": "site", "state": "silent", "site": "hall"}, "hall is SILENT and not"),
+    (
+        {"fleet": "f", "scope": "common", "state": "critical", "component": "Cam 1"},
+        "Cam 1 of many robots is CRITICAL and not acknowledged. hot",
+    ),
+    ({"fleet": "f", "of": "RosDiagnosticsExporterDown"}, "Exporter Down is not acknowledged."),
+    (
+        {"fleet": "f", "of": "RosDiagnosticsUplinkDown", "uplink": "ap-1"},
+        "Uplink Down ap-1 is not acknowledged.",
+    ),
+]
+
+
+@pytest.mark.parametrize(("fault", "text"), ESCALATIONS)
+def test_text_message_of_an_escalation(fault: dict[str, str], text: str, tmp_path: Path):
+    labels = {"alertname": "RosDiagnosticsUnacknowledged", **fault, "step": "1"}
+
+    output = render("ros_diagnostics.sms", data("firing", labels, evidence="hot"), tmp_path)
+
+    assert output.startswith(f"ESCALATION 1 f: {text}")
+
+
+OTHERS = [
+    ("firing", {"summary": "The disk of db1 is full."}, "PROBLEM ** The disk of db1 is full."),
+    ("resolved", {"summary": "The disk is full."}, "RECOVERY ** over: The disk is full."),
+    ("firing", {}, "PROBLEM ** Disk Full"),
+    ("firing", {"summary": "full\nBcc: x@example.org"}, "PROBLEM ** full?Bcc: x@example.org"),
+]
+
+
+@pytest.mark.parametrize(("status", "texts", "subject"), OTHERS)
+def test_subject_of_an_alert_of_other_rules(
+    status: str, texts: dict[str, str], subject: str, tmp_path: Path
+):
+    alert = data(status, {"alertname": "DiskFull", "severity": "warning"}, **texts)
+
+    assert render("ros_diagnostics.email.subject", alert, tmp_path) == f"** {subject}"
+    assert "RosDiagnostics" not in render("ros_diagnostics.email.text", alert, tmp_path)
+
+
+@pytest.mark.parametrize("part", ["text", "html"])
+def test_an_alert_of_other_rules_has_its_own_runbook(part: str, tmp_path: Path):
+    url = "https://wiki.example.org/disk"
+    alert = data("firing", {"alertname": "DiskFull"}, summary="It is full.", runbook_url=url)
+
+    assert url in render(f"ros_diagnostics.email.{part}", alert, tmp_path)
+
+
+HOSTILE = "\x1b[2J\u202egnol\n\u2028{{ .ExternalURL }}<script>\x03" + "x" * 500
+
+
+@pytest.mark.parametrize("part", ["subject", "text", "html"])
+def test_names_and_texts_of_a_robot_stay_text(part: str, tmp_path: Path):
+    labels = {
+        "alertname": "RosDiagnosticsComponentCritical",
+        **MOTOR_FAULT,
+        "robot": HOSTILE,
+        "component": HOSTILE,
+    }
+    alert = data("firing", labels, evidence=HOSTILE, description=HOSTILE)
+
+    output = render(f"ros_diagnostics.email.{part}", alert, tmp_path)
+
+    assert not [char for char in output if char in "\x1b\u202e\u2028\x03"]
+    assert "{{ .ExternalURL }}" in html.unescape(output)
+    if part == "subject":
+        assert len(output) < 300
+        assert "\n" not in output
+    else:
+        assert ("<script>" in output) == (part == "text")
+        assert "--comment" not in output

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 import yaml
 
-from e2e.rule_scenarios import fleets
 from support import short_clocks
 from support.shipped_rules import ROOT, run_tool
 
@@ -17,30 +16,39 @@ LONG = re.compile(r"\b\d+[mhd]\b")
 
 
 @pytest.fixture
-def rules(tmp_path: Path) -> Path:
-    """A copy of the shipped rules with short durations."""
-    shutil.copytree(ROOT / "prometheus" / "rules", tmp_path / "rules")
-    short_clocks.scale(tmp_path / "rules", fleets.SETTINGS)
-    return tmp_path / "rules"
+def prometheus(tmp_path: Path) -> Path:
+    """A copy of the shipped folder with short durations."""
+    shutil.copytree(ROOT / "prometheus", tmp_path / "prometheus")
+    short_clocks.set_interval(tmp_path / "prometheus", 2)
+    short_clocks.scale(tmp_path / "prometheus" / "rules")
+    return tmp_path / "prometheus"
 
 
-def test_promtool_accepts_the_rules_with_short_durations(rules: Path):
-    run_tool("promtool", "check", "rules", *rules.glob("*.yml"))
+def test_promtool_accepts_the_configuration_with_short_durations(prometheus: Path):
+    run_tool("promtool", "check", "config", prometheus / "prometheus.yml")
 
 
 @pytest.mark.parametrize("name", short_clocks.SCALED)
-def test_no_duration_of_minutes_is_left(name: str, rules: Path):
-    groups = yaml.safe_load((rules / name).read_text())["groups"]
+def test_no_duration_of_minutes_is_left(name: str, prometheus: Path):
+    groups = yaml.safe_load((prometheus / "rules" / name).read_text())["groups"]
     clocks = [str(group.get("interval", "")) for group in groups]
     for rule in (rule for group in groups for rule in group["rules"]):
         clocks += [rule["expr"], rule.get("for", ""), rule.get("keep_firing_for", "")]
     assert [clock for clock in clocks if LONG.search(clock)] == []
 
 
-def test_an_unknown_setting_is_an_error(tmp_path: Path):
-    shutil.copytree(ROOT / "prometheus" / "rules", tmp_path / "rules")
-    with pytest.raises(LookupError, match="no patience"):
-        short_clocks.scale(tmp_path / "rules", {"patience": 1})
+def test_every_scrape_and_evaluation_follows_the_interval(prometheus: Path):
+    config = yaml.safe_load((prometheus / "prometheus.yml").read_text())
+    rules = yaml.safe_load((prometheus / "rules" / "states.yml").read_text())
+
+    assert config["global"]["scrape_interval"] == "2s"
+    assert {job.get("scrape_interval") for job in config["scrape_configs"]} == {None}
+    assert [group["interval"] for group in rules["groups"]] == ["2s", "12s"]
+
+
+def test_a_number_that_is_not_there_is_an_error(prometheus: Path):
+    with pytest.raises(LookupError, match="have the number 1800"):
+        short_clocks.scale(prometheus / "rules")
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,12 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
 
 import pytest
 
 from ros_diagnostics_exporter.alertmanager import Alertmanager
+from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.model import Instant
 from support.silences import MOTOR, listed
 
@@ -184,3 +186,55 @@ def test_the_password_is_read_from_its_file_at_each_look(server, tmp_path):
     alertmanager.update("f", NOW)
     assert server.asked[-1][1]["Authorization"] == "Basic YW5uOnNlY3JldA=="
     assert alertmanager.answers(NOW)
+
+
+ID = "0b8f1c52-52d5-4a11-9f1a-7fd8c9a1e0aa"
+SILENCE = {"createdBy": "ann\n", "comment": "on it", "endsAt": "2026-01-31T10:05:00.250Z"}
+
+
+def alert(name: str, state: str = "active", **status: list[str]) -> dict[str, Any]:
+    return {
+        "fingerprint": name,
+        "labels": {"alertname": name, "fleet": "f", "robot": "r"},
+        "receivers": [{"name": "email"}, {"name": "sms"}],
+        "status": {"state": state, "silencedBy": [], "inhibitedBy": [], **status},
+    }
+
+
+def answering(answer: Callable[[str], Any]) -> Reply:
+    """Replies with the JSON for the path that is asked for."""
+    return lambda handler: say(json.dumps(answer(handler.path)).encode())(handler)
+
+
+def test_what_alertmanager_holds_back_is_explained(server):
+    uplink = {**alert("UplinkDown"), "labels": {"alertname": "UplinkDown", "uplink": "ap_1"}}
+    own = [
+        alert("A"),
+        alert("B", "suppressed", silencedBy=[ID]),
+        alert("C", "suppressed", inhibitedBy=["UplinkDown"]),
+    ]
+
+    def answer(path: str) -> Any:
+        if path.startswith("/api/v2/silence/"):
+            return SILENCE
+        return own if "robot" in path else [*own, uplink]
+
+    server.reply = answering(answer)
+    assert asked(server).explain("f", "r", None) == [
+        "alert A r: active, for email, sms",
+        "alert B r: silenced by ann until 2026-01-31 10:05 UTC: on it",
+        "alert C r: inhibited by UplinkDown ap_1",
+    ]
+
+
+@pytest.mark.parametrize(
+    "wrong", [None, {}, [{}], [alert("A", silencedBy=["../../etc"])], [alert("A") | {"status": 1}]]
+)
+def test_an_answer_that_explains_nothing_is_an_error(server, wrong):
+    server.reply = answering(lambda _path: wrong)
+    with pytest.raises(UnreachableError, match="not an Alertmanager"):
+        asked(server).explain("f", "r", None)
+
+
+def asked(server: ThreadingHTTPServer) -> Alertmanager:
+    return Alertmanager([f"http://127.0.0.1:{server.server_port}"])

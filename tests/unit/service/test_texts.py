@@ -6,6 +6,7 @@ import json
 import logging
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,10 +17,13 @@ from rich.console import Console
 from ros_diagnostics_exporter.cli import ack
 from ros_diagnostics_exporter.cli.check_nagios import check
 from ros_diagnostics_exporter.cli.status import view
+from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.logs import set_up
 from ros_diagnostics_exporter.texts import natural, one_line, printable, to_json
-from ros_diagnostics_exporter.web.pages import landing
+from ros_diagnostics_exporter.web.pages import landing, missing_robot, robot_page
+from support.web_server import broken, component, problem, robot
+from support.web_server import fleet as fleet_of
 
 CHECKOUT = Path(__file__).parents[3]
 # Every category, surrogates and what is not assigned too; the awkward ones more often.
@@ -32,35 +36,40 @@ TEXTS = st.text(st.characters(exclude_categories=()) | st.sampled_from(AWKWARD +
 
 def fleet(name: str, text: str) -> dict:
     """A fleet as /api/v1/fleet shows it, ``text`` wherever a robot may have put it."""
-    component = {
-        "component": text,
-        "group": f"/{text}",
-        "level": "ERROR",
-        "level_before_stale": None,
-        "state": "CRITICAL",
-        "planned_stale": False,
-        "message": text,
-        "since": 1_000.0,
-        "values": [{"key": text, "value": text, "number": 1.0, "unit": text}],
-    }
-    robot = {
-        "robot": name,
-        "up": True,
-        "silent_reason": None,
-        "last_message": 1_000.0,
-        "maintenance": False,
-        "short_checks": [{"check": text, "found": 1, "expected": 2}],
-        "groups": [{"group": f"/{text}", "level": "ERROR"}],
-        "components": [component],
-    }
-    others = [{**robot, "robot": other} for other in (f"{name}1", f"1{name}", "robot_2")]
-    return {"fleet": text, "time": 1_060.0, "robots": [robot, *others]}
+    motor = component(text, "ERROR", group=f"/{text}", message=text)
+    motor["values"] = [{"key": text, "value": text, "number": 1.0, "unit": text}]
+    about = {"group": f"/{text}", "component": text, "evidence": text}
+    problems = [
+        broken(**about),
+        problem("value", "warning", key=text, **about),
+        problem("check", "critical", check=text),
+        problem("check", "critical", check="other", evidence=text),
+    ]
+    given = robot(
+        name,
+        motor,
+        labels={"site": text},
+        short_checks=[{"check": text, "patterns": [text], "found": 1, "expected": 2}],
+        groups=[{"group": f"/{text}", "level": "ERROR"}],
+        problems=problems,
+    )
+    others = [{**given, "robot": other} for other in (f"{name}1", f"1{name}", "robot_2")]
+    common = problem("common", "critical", component=text, evidence=text)
+    return {**fleet_of(given, *others, problems=[common]), "fleet": text}
 
 
 @given(TEXTS, TEXTS)
-def test_the_landing_page_has_only_printable_text(name, text):
-    page = landing(fleet(name, text), "/metrics")
-    assert page.replace("\n", "").isprintable()
+def test_the_pages_have_only_printable_text(name, text):
+    event = Event(1_000.0, "level", name, text, text, "OK", "ERROR", text)
+    log = EventLog()
+    log.record(event)
+    fault = {"scope": "value", "state": "warning", "severity": "warning", "key": text}
+    log.record(replace(event, kind="fault_began", **fault))
+    given = fleet(name, text)
+    robots = robot_page(given, name, log.find(Wanted()))
+    assert robots is not None
+    for page in (landing(given, "/metrics"), robots, missing_robot(given, text)):
+        assert page.replace("\n", "").isprintable()
 
 
 @given(TEXTS, TEXTS, st.booleans())
@@ -127,6 +136,8 @@ ALERT = {
     "labels": {
         "alertname": "RosDiagnosticsComponentCritical",
         "fleet": "f",
+        "scope": "component",
+        "state": "critical\x1b[2J",
         "robot": "r\u202e\x1b[2J",
         "component": "[/bold]\x9b",
     },
@@ -147,19 +158,19 @@ def test_the_ack_command_prints_only_printable_text(monkeypatch, capsys, argumen
     assert "[/bold]" in out
 
 
-def test_the_documented_jq_line_prints_only_printable_text(tmp_path):
+def test_the_documented_jq_line_prints_only_printable_text():
     """The line is run as docs/deployment.md has it."""
     if shutil.which("jq") is None:
         pytest.skip("needs jq")
     (line,) = [
-        each
+        each.strip()
         for each in (CHECKOUT / "docs" / "deployment.md").read_text().splitlines()
-        if each.startswith("jq ")
+        if each.startswith("    jq ")
     ]
     event = {"after": "ERROR", "time": 1, "robot": "r", "component": "c", "message": AWKWARD}
-    (tmp_path / "events.jsonl").write_text(json.dumps(event) + "\n")
+    answer = json.dumps({"events": [event]})
     done = subprocess.run(
-        ["sh", "-c", line], cwd=tmp_path, capture_output=True, text=True, check=True
+        ["sh", "-c", line], input=answer, capture_output=True, text=True, check=True
     )
     assert done.stdout.rstrip("\n").isprintable()
     assert json.loads(done.stdout) == [1, "r", "c", AWKWARD]

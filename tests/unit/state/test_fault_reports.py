@@ -7,11 +7,15 @@ import re
 from dataclasses import replace
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.fleet import (
+    CauseSettings,
     Check,
     ComponentRule,
     Discovery,
+    FaultSettings,
     Fleet,
     Maintenance,
     Profile,
@@ -20,6 +24,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
+from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import Reason, Row
 from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
@@ -63,9 +68,7 @@ def restarted(driver: StateDriver, rows: list[Row]) -> StateDriver:
     written = {name: robot.persist(driver.now) for name, robot in driver.state.robots.items()}
     again.state.restore(written, again.now)
     stored = json.loads(json.dumps(rows))
-    again.state.restore_faults(
-        [Row(kind, tuple(key), fields) for kind, key, fields in stored], again.now
-    )
+    again.restore_faults([Row(kind, tuple(key), fields) for kind, key, fields in stored])
     return again
 
 
@@ -129,6 +132,55 @@ def test_a_component_has_its_own_confirm_after_and_follows_a_reload():
     assert faults(driver) == {("component", "critical", "r", "Motor")}
 
 
+def test_a_warning_is_dated_from_when_it_left_ok_and_a_critical_from_when_it_turned_critical():
+    driver = settled(MOTOR)
+    left_ok = driver.now.wall
+    stand(driver, 20, WARM)
+    turned = driver.now.wall
+    stand(driver, 20, HOT)
+    since = {each.identity.state: each.since for each in driver.state.faults()}
+    assert since == {"warning": left_ok, "critical": turned}
+    assert driver.component("Motor").problem_since == left_ok
+
+
+def test_silence_is_no_trouble_of_a_component_that_was_ok_before():
+    driver = settled(MOTOR, LASER)
+    driver.at(driver.now.mono + 100)
+    back = driver.now.wall
+    stand(driver, 12, WARM, LASER)
+    (fault,) = driver.state.faults()
+    assert fault.since == driver.component("Motor").problem_since == back
+
+
+steps = st.lists(
+    st.tuples(
+        st.sampled_from([1, 1, 1, 3, 8, 30]),
+        st.lists(st.sampled_from([OK, WARN, ERROR, STALE, None]), min_size=2, max_size=2),
+        st.booleans(),
+    ),
+    min_size=1,
+    max_size=25,
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(steps)
+def test_the_since_of_a_fault_is_that_of_its_component_whatever_happened(history):
+    driver = settled(MOTOR, LASER, confirm_after=2.0)
+    for seconds, levels, restarts in history:
+        parts = list(zip((MOTOR, LASER), levels, strict=True))
+        for _ in range(2):
+            driver.raw(*(each._replace(level=to) for each, to in parts if to is not None))
+        driver.at(driver.now.mono + seconds)
+        if restarts and seconds == 30:
+            driver = restarted(driver, driver.fault_rows())
+            driver.raw(MOTOR)
+        for fault in driver.state.faults():
+            if fault.identity.state in ("warning", "stale") and fault.identity.component:
+                found = driver.component(fault.identity.component)
+                assert found.problem_since == fault.since
+
+
 def test_a_component_that_the_config_ignores_has_no_fault():
     driver = settled(MOTOR)
     stand(driver, 12, HOT)
@@ -185,8 +237,8 @@ def test_the_evidence_says_what_was_known_when_the_fault_began():
     stand(driver, 12, hot, LASER._replace(level=WARN))
     evidence = {each.identity.component: each.evidence for each in driver.state.faults()}
     assert evidence == {
-        "Motor": "Hot \\u202eagain; values: Temperature: 91 C; also: Laser WARN",
-        "Laser": "also: Motor ERROR",
+        "Motor": "Hot \\u202eagain; values: Temperature: 91 C; also faulty: Laser WARNING",
+        "Laser": "also faulty: Motor CRITICAL",
     }
 
 
@@ -198,6 +250,56 @@ def test_the_evidence_is_bounded_and_printable_whatever_a_robot_sends():
     (fault,) = driver.state.faults()
     assert len(fault.evidence) <= 512
     assert fault.evidence.isprintable()
+
+
+# -- events --------------------------------------------------------------------------------------
+
+
+def fault_events(driver: StateDriver) -> list[Event]:
+    return [each for each in driver.events if each.kind in ("fault_began", "fault_ended")]
+
+
+def test_a_fault_that_begins_and_one_that_ends_are_events_with_its_labels():
+    driver = settled(MOTOR)
+    since = driver.now.wall
+    stand(driver, 12, HOT)
+    driver.raw(MOTOR)
+    began, ended = fault_events(driver)
+    assert began == Event(
+        time=since + 10,
+        kind="fault_began",
+        robot="r",
+        component="Motor",
+        message="Hot",
+        scope="component",
+        state="critical",
+        severity="critical",
+        since=since,
+    )
+    assert ended == replace(began, time=driver.now.wall, kind="fault_ended", reason="recovered")
+
+
+def test_what_a_person_removes_ends_as_removed_and_is_of_its_site():
+    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW, labels={"site": "hall"})
+    driver = StateDriver(fleet=Fleet("f", (robot,)))
+    driver.raw_every(1, SETTLED, MOTOR)
+    stand(driver, 12, WARM)
+    driver.state.forget("r", "Motor", driver.now)
+    found = [(each.kind, each.severity, each.site, each.reason) for each in fault_events(driver)]
+    assert found == [
+        ("fault_began", "warning", "hall", ""),
+        ("fault_ended", "warning", "hall", "removed"),
+    ]
+
+
+def test_a_restart_is_no_event_but_a_robot_that_the_config_no_longer_has_is():
+    before = StateDriver()
+    before.raw_every(1, SETTLED, HOT)
+    rows = before.fault_rows()
+    assert fault_events(restarted(before, rows)) == []
+    before.state.fleet = Fleet("f")
+    (ended,) = fault_events(restarted(before, rows))
+    assert (ended.kind, ended.component, ended.reason) == ("fault_ended", "Motor", "removed")
 
 
 # -- robots --------------------------------------------------------------------------------------
@@ -214,7 +316,7 @@ def test_a_silent_robot_is_one_fault_and_its_components_keep_theirs():
     assert faults(driver) == {("robot", "silent", "r"), critical}
     (silent,) = (each for each in driver.state.faults() if each.identity.state == "silent")
     assert silent.since == last
-    assert silent.evidence == "publisher_gone"
+    assert silent.evidence == "nobody publishes on its topics"
 
     driver.agg(*tree(Parts=[HOT, LASER]))
     assert faults(driver) == {critical}
@@ -260,6 +362,55 @@ def test_a_slow_driver_is_no_stale_component_after_its_robots_return():
     assert faults(driver) == {("component", "stale", "r", "Slow")}
     driver.raw(slow)
     assert faults(driver) == set()
+
+
+def test_a_raw_robot_that_falls_silent_has_no_stale_component_before():
+    """A component is late after 5 s, its robot silent after 20 s."""
+    driver = settled(MOTOR, LASER, stale_after=20.0, confirm_after=3.0)
+    stand(driver, 10, HOT, LASER)
+    critical = ("component", "critical", "r", "Motor")
+    assert faults(driver) == {critical}
+    last = driver.now.mono - 1
+    driver.at(last + 10)
+    assert (driver.level("Motor"), driver.level("Laser")) == (STALE, STALE)
+    driver.at(last + 22)
+    assert faults(driver) == {critical}
+    driver.at(last + 24)
+    assert faults(driver) == {critical, ("robot", "silent", "r")}
+
+
+def test_a_raw_component_that_is_late_is_stale_once_another_is_received_after_that():
+    driver = settled(MOTOR, LASER, stale_after=60.0, confirm_after=3.0)
+    last = driver.now.mono - 1
+    driver.at(last + 30)
+    assert faults(driver) == set()
+    driver.raw(LASER)
+    driver.at(last + 32)
+    assert driver.level("Motor") == STALE
+    assert faults(driver) == set()  # its confirm_after
+    driver.at(last + 34)
+    assert faults(driver) == {("component", "stale", "r", "Motor")}
+
+
+def test_a_component_with_a_short_time_of_its_own_is_not_stale_because_the_robot_is_silent():
+    rule = ComponentRule(re.compile("Motor"), stale_after=3.0, confirm_after=0.0)
+    driver = StateDriver(Source.AGG, components=(rule,))
+    for second in range(int(SETTLED)):
+        driver.at(second)
+        driver.agg(*tree(Parts=[MOTOR, LASER]))
+    driver.at(SETTLED + 8)
+    assert driver.level("Motor") == STALE
+    assert faults(driver) == set()
+    driver.agg(*tree(Parts=[LASER]))
+    assert faults(driver) == {("component", "stale", "r", "/Parts", "Motor")}
+
+
+def test_a_component_that_reports_stale_after_the_robots_return_is_stale():
+    driver = settled(MOTOR, LASER)
+    driver.at(driver.now.mono + 60)
+    stand(driver, 1, LASER)
+    stand(driver, 25, MOTOR._replace(level=STALE), LASER)
+    assert faults(driver) == {("component", "stale", "r", "Motor")}
 
 
 def in_maintenance(begin: float, end: float) -> Fleet:
@@ -331,7 +482,7 @@ def test_a_value_beyond_its_threshold_is_a_fault_until_it_is_back_beyond_the_hys
     stand(driver, 3, volt("9.4"))
     assert faults(driver) == {BELOW}
     (fault,) = driver.state.faults()
-    assert fault.evidence == "9.4, low threshold 10"
+    assert fault.evidence == "9.4, below the threshold of 10"
     stand(driver, 3, volt("10.1"))
     assert faults(driver) == {BELOW}
     stand(driver, 1, volt("10.3"))
@@ -383,7 +534,7 @@ def test_an_expected_component_that_is_missing_is_a_fault_of_its_check():
     driver = settled(MOTOR, checks=(Check("all"), motors))
     assert faults(driver) == {("check", "critical", "r", "motors")}
     (fault,) = driver.state.faults()
-    assert fault.evidence == "1 of 2 components"
+    assert fault.evidence == "1 of 2 components report"
     driver.raw(MOTOR, Status(OK, "Motor 2"))
     assert faults(driver) == set()
 
@@ -441,7 +592,7 @@ def test_a_fault_survives_a_restart_until_the_component_is_received_better():
     before = StateDriver(confirm_after=10.0)
     before.raw_every(1, SETTLED, MOTOR)
     stand(before, 12, HOT)
-    after = restarted(before, before.state.fault_rows(before.now))
+    after = restarted(before, before.fault_rows())
     critical = {("component", "critical", "r", "Motor")}
     assert faults(after) == critical
     assert after.state.faults() == before.state.faults()
@@ -455,31 +606,83 @@ def test_a_fault_survives_a_restart_until_the_component_is_received_better():
     assert faults(after) == set()
 
 
+def test_an_exporter_pair_gives_the_same_faults_whenever_each_started_and_was_deaf():
+    halves = []
+    for starts, deaf in ((0, range(0)), (25, range(100, 130))):
+        half = StateDriver(Source.AGG)
+        for second in range(200):
+            half.at(second)
+            hot = HOT if 60 <= second < 90 or second >= 110 else MOTOR
+            if second >= starts and second not in deaf:
+                half.agg(*tree(Parts=[hot, LASER._replace(level=WARN)]))
+        halves.append(
+            {(each.identity, *sorted(each.labels.items())) for each in half.state.faults()}
+        )
+    first, second = halves
+    assert first == second
+    assert len(first) == 2
+
+
 def test_a_component_that_never_returns_after_a_restart_is_stale():
     before = StateDriver()
     before.raw_every(1, SETTLED, MOTOR, LASER)
-    after = restarted(before, before.state.fault_rows(before.now))
+    after = restarted(before, before.fault_rows())
     stand(after, 60, LASER)
     assert faults(after) == set()  # its driver may be slow
     stand(after, 60, LASER)
     assert faults(after) == {("component", "stale", "r", "Motor")}
 
 
-def test_a_restart_without_rows_finds_the_fault_again():
-    before = StateDriver()
+def test_a_restart_without_rows_finds_the_fault_again_before_it_is_settled():
+    before = StateDriver(confirm_after=60.0)
     before.raw_every(1, SETTLED, MOTOR)
-    stand(before, 12, HOT)
+    stand(before, 70, HOT)
     after = restarted(before, [])
-    assert faults(after) == set()
-    stand(after, 12, HOT)
+    after.at(after.now.mono + 20)  # until the robot is received
+    while not faults(after):
+        assert not after.state.settled(after.now)
+        stand(after, 1, HOT)
     assert faults(after) == {("component", "critical", "r", "Motor")}
+    stand(after, 20, HOT)
+    assert after.state.settled(after.now)
+
+
+def test_a_second_restart_while_faults_are_judged_anew_does_not_settle_earlier():
+    before = restarted(settled(MOTOR, confirm_after=60.0), [])
+    start = before.now.mono
+    before.at(start + 20)
+    after = restarted(before, before.fault_rows())
+    after.at(start + 89)
+    assert not after.state.settled(after.now)
+    after.at(start + 90)
+    assert after.state.settled(after.now)
+
+
+def test_a_reload_applies_other_settings_of_faults():
+    driver = settled(MOTOR)
+    fleet = driver.state.fleet
+    stand(driver, 1, *(HOT._replace(name=f"Part {number}") for number in range(3)), MOTOR)
+    many = replace(fleet.faults, many=CauseSettings(3, 0.1))
+    driver.state.configure(replace(fleet, faults=many), driver.now)
+    stand(driver, 20, *(HOT._replace(name=f"Part {number}") for number in range(3)), MOTOR)
+    assert faults(driver) == {("robot", "many", "r", "critical")}
+
+
+def test_a_start_follows_the_settings_of_faults():
+    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
+    fleet = Fleet("f", (robot,), faults=FaultSettings(pending_after=100.0))
+    driver = restarted(StateDriver(fleet=fleet), [])
+    driver.at(99)
+    assert faults(driver) == set()
+    driver.at(101)
+    assert faults(driver) == {("robot", "pending", "r")}
 
 
 def test_rows_of_a_robot_that_is_no_longer_wanted_are_dropped():
     before = StateDriver()
     before.raw_every(1, SETTLED, HOT)
     before.state.fleet = Fleet("f")
-    assert faults(restarted(before, before.state.fault_rows(before.now))) == set()
+    assert faults(restarted(before, before.fault_rows())) == set()
 
 
 def test_rows_that_cannot_be_read_change_nothing():

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.fleet import Source
 from ros_diagnostics_exporter.model import Instant, Status
-from ros_diagnostics_exporter.state.storage import Storage
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
 
 STALE_AFTER = 7.3  # between two ticks, so that no comparison hangs on a rounding
@@ -34,6 +33,28 @@ class Expected:
     gaps: list[float] = field(default_factory=list)
     last_raw: float | None = None
     resume: float | None = None  # restored and not received since: when its level began
+    # OK until nothing was received any more: an array has to show that it is in trouble itself
+    is_doubtful: bool = False
+    listed: float = 0.0
+    absent_from: float = 0.0  # an array then, or later, shows that it is absent
+
+    def lose(self, wall: float, threshold: float) -> None:
+        """Nothing is received of it any more."""
+        if self.level != STALE:
+            self.is_doubtful = self.problem_since is None
+            self.absent_from = self.listed + threshold
+        self.set(STALE, wall)
+
+    def show(self, wall: float) -> None:
+        """An array shows that it is not OK."""
+        if self.is_doubtful:
+            self.problem_since, self.is_doubtful = wall, False
+
+    def report(self, level: int, wall: float) -> None:
+        self.set(level, wall)
+        if level == OK:
+            self.is_doubtful = False
+        self.show(wall)
 
     def set(self, level: int, wall: float) -> None:
         if level == self.level:
@@ -71,6 +92,7 @@ class Model:
         return max(5.0, 3 * max(component.gaps[-10:]))
 
     def receive(self, levels: dict[str, int], mono: float, wall: float) -> None:
+        returned = not self.up
         self.last, self.up = mono, True
         for name, level in levels.items():
             component = self.components.setdefault(name, Expected())
@@ -81,10 +103,16 @@ class Model:
                 component.last_raw = mono
             if level != STALE:
                 component.received = mono
-            component.set(level, wall)
-        if not self.raw and levels:
-            for name in self.components.keys() - levels.keys():
-                self.components[name].set(STALE, wall)
+            component.listed = mono
+            component.report(level, wall)
+        for name in self.components.keys() - levels.keys():
+            component = self.components[name]
+            if self.raw and returned:
+                component.absent_from = mono + self.threshold(component)
+            elif not self.raw and levels:
+                component.report(STALE, wall)
+            if not self.raw or mono >= component.absent_from:
+                component.show(wall)
 
     def tick(self, mono: float, wall: float) -> None:
         if not self.up:
@@ -92,13 +120,13 @@ class Model:
         if mono - self.last > STALE_AFTER:
             self.up = False
             for component in self.components.values():
-                component.set(STALE, wall)
+                component.lose(wall, self.threshold(component))
             return
         for component in self.components.values():
             if component.level == STALE or component.received is None:
                 continue
             if mono > component.received + self.threshold(component):
-                component.set(STALE, wall)
+                component.lose(wall, self.threshold(component))
 
     def restart(self, wall: float) -> None:
         self.up = False
@@ -112,7 +140,7 @@ class Model:
             if component.resume is not None:  # STALE since this process, not since the last one
                 component.since = wall
             if component.problem_since is None:
-                component.problem_since = wall
+                component.problem_since, component.is_doubtful = wall, True
 
 
 LEVELS = st.sampled_from([OK, WARN, ERROR, STALE])
@@ -151,13 +179,11 @@ class Play:
             self.model.tick(self.driver.now.mono, self.driver.now.wall)
 
     def restart(self, _nothing: None) -> None:
-        Storage(self.path).save(self.driver.state, self.driver.now, at_once=True)
+        self.driver.keep(self.path)
         wall = self.driver.now.wall + 2.0
-        self.driver = StateDriver(fleet=self.driver.state.fleet)
-        self.driver.now = Instant(0.0, wall)
+        self.driver = self.driver.restart(self.path, after=2.0)
         offset = wall
         self.driver.at = lambda seconds: self._at(seconds, offset)  # type: ignore[method-assign]
-        Storage(self.path).load(self.driver.state, self.driver.now)
         self.model.restart(wall)
 
     def _at(self, seconds: float, offset: float) -> None:
@@ -191,6 +217,7 @@ def test_the_state_keeps_the_rules_whatever_happens(source, actions):
         for what, argument in actions:
             getattr(play, what)(argument)
             play.compare()
+        play.driver.close()
 
 
 @settings(max_examples=100)
@@ -210,3 +237,4 @@ def test_absence_never_ends_a_fault(source, actions):
                 component = play.driver.component(name)
                 worst = component.level if component.level != STALE else component.before_stale
                 assert (worst in (WARN, ERROR)) == is_faulty
+        play.driver.close()

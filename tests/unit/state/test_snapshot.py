@@ -7,10 +7,20 @@ import re
 import pytest
 
 from ros_diagnostics_exporter.cli.check_nagios import check
-from ros_diagnostics_exporter.config.fleet import Check, ComponentRule
+from ros_diagnostics_exporter.config.fleet import (
+    Check,
+    ComponentRule,
+    Fleet,
+    Maintenance,
+    Robot,
+    Source,
+    Threshold,
+    ValueRule,
+)
 from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_exporter.state.snapshot import fleet_snapshot
-from support.state_driver import ERROR, OK, STALE, StateDriver
+from ros_diagnostics_exporter.regex import Pattern
+from ros_diagnostics_exporter.state.snapshot import faults, fleet_snapshot
+from support.state_driver import ERROR, OK, STALE, WALL, StateDriver
 
 PENDANT = ComponentRule(re.compile("Pendant"), planned_stale=True)
 
@@ -43,7 +53,8 @@ def test_a_check_is_short_until_it_finds_what_is_expected():
     driver = StateDriver(checks=(Check("all"), motors))
     assert robot(driver)["short_checks"] == []  # nothing is expected of a robot that is silent
     driver.raw(Status(OK, "Motor 1"))
-    assert robot(driver)["short_checks"] == [{"check": "motors", "found": 1, "expected": 2}]
+    short = {"check": "motors", "patterns": ["Motor"], "found": 1, "expected": 2}
+    assert robot(driver)["short_checks"] == [short]
     driver.raw(Status(ERROR, "Motor 2"))
     assert robot(driver)["short_checks"] == []
 
@@ -95,3 +106,77 @@ def test_a_number_is_that_of_the_text_beside_it():
 
     (arm,) = robot(driver)["components"]
     assert [(each["value"], each["number"]) for each in arm["values"]] == [("2", None)]
+
+
+HOT = Status(ERROR, "Motor", "Hot")
+
+
+def test_a_problem_is_soft_until_it_is_confirmed_and_keeps_its_since():
+    driver = StateDriver()
+    driver.raw_every(1, 40, Status(OK, "Motor"))
+    driver.raw_every(1, 45, HOT)
+    (soft,) = robot(driver)["problems"]
+    assert soft["confirmed"] is soft["quiet"] is None
+    assert (soft["scope"], soft["state"], soft["severity"]) == ("component", "critical", "critical")
+    assert (soft["component"], soft["since"], soft["due"]) == ("Motor", WALL + 40, WALL + 50)
+    assert faults(driver.state, driver.now)["faults"] == []
+
+    driver.raw_every(1, 60, HOT)
+    (hard,) = robot(driver)["problems"]
+    assert (hard["since"], hard["confirmed"]) == (WALL + 40, WALL + 50)
+    assert hard["evidence"] == "Hot"
+    assert driver.sample("fault_start_timestamp_seconds", state="critical") == hard["since"]
+    (fault,) = faults(driver.state, driver.now)["faults"]
+    same = fault.keys() & hard.keys()
+    assert {key: fault[key] for key in same} == {key: hard[key] for key in same}
+
+
+def test_a_silent_robot_has_the_problem_since_its_last_message():
+    driver = StateDriver()
+    driver.raw_every(1, 40, Status(OK, "Motor"))
+    driver.at(100)
+    (silent,) = (each for each in robot(driver)["problems"] if each["scope"] == "robot")
+    assert (silent["state"], silent["since"]) == ("silent", robot(driver)["last_message"])
+    assert silent["confirmed"] is not None
+
+
+def test_a_problem_in_maintenance_is_quiet_until_the_end_that_is_shown():
+    downtime = Maintenance("m", {"robot": (Pattern("r"),)}, "service", end=WALL + 7200)
+    made = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW, labels={"site": "hall"})
+    driver = StateDriver(fleet=Fleet("f", (made,), maintenance=(downtime,)))
+    driver.raw_every(1, 60, HOT)
+    shown = robot(driver)
+    assert shown["maintenance_until"] == WALL + 7200
+    assert [each["quiet"] for each in shown["problems"]] == ["maintenance"]
+
+
+def test_a_problem_of_many_robots_is_the_fleets():
+    made = [
+        Robot(f"r{n}", topic_raw=f"/r{n}/diagnostics", source=Source.RAW, labels={"site": "hall"})
+        for n in range(6)
+    ]
+    driver = StateDriver(fleet=Fleet("f", tuple(made)))
+    for second in range(60):
+        for each in made:
+            if second < 40:
+                driver._receive(each.topic_raw, (Status(OK, "Motor"),), 0.0)
+        driver.at(second + 1)
+    fleet = fleet_snapshot(driver.state, driver.now)
+    assert [(each["scope"], each["site"]) for each in fleet["problems"]] == [("site", "hall")]
+    shown = [each for each_robot in fleet["robots"] for each in each_robot["problems"]]
+    assert {(each["state"], each["quiet"]) for each in shown} == {("silent", "site")}
+    (fault,) = faults(driver.state, driver.now)["faults"]
+    assert (fault["scope"], fault["site"], fault["robot"]) == ("site", "hall", "")
+
+
+def test_a_value_has_its_thresholds_and_a_problem_beyond_them():
+    low = Threshold("low", "critical", 10.0)
+    rule = ValueRule(key=Pattern("Voltage"), thresholds=(low,))
+    driver = StateDriver(values=(rule,))
+    driver.raw(Status(OK, "Battery", values=(("Voltage", "9 V"), ("Cells", "7"))))
+    shown = robot(driver)
+    voltage, cells = shown["components"][0]["values"]
+    assert voltage["thresholds"] == [{"bound": "low", "severity": "critical", "value": 10.0}]
+    assert "thresholds" not in cells
+    (beyond,) = shown["problems"]
+    assert (beyond["scope"], beyond["key"], beyond["bound"]) == ("value", "Voltage", "low")

@@ -8,10 +8,15 @@ import logging
 import os
 import re
 import resource
+import shutil
+import sqlite3
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +24,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ros_diagnostics_exporter import events
 from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
     Discovery,
@@ -27,31 +33,47 @@ from ros_diagnostics_exporter.config.fleet import (
     Shared,
     Source,
 )
+from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
+from ros_diagnostics_exporter.state.database import MAGIC, Database, InUseError
 from ros_diagnostics_exporter.state.robot import Robot as ExporterRobot
 from ros_diagnostics_exporter.state.snapshot import fleet_snapshot, targets
-from ros_diagnostics_exporter.state.storage import MAX_BYTES, Storage
+from ros_diagnostics_exporter.state.storage import Retention, Storage
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
 
 HOT, COOL = Status(ERROR, "Motor", "Hot", "mc-1"), Status(OK, "Motor", "OK", "mc-1")
 LASER = Status(OK, "Laser")
 
 
-def restarted(
-    before: StateDriver, path, *, after: float = 5.0, fleet: Fleet | None = None
-) -> StateDriver:
-    """The state that a new process has which starts ``after`` seconds later."""
-    driver = StateDriver(Source.RAW, fleet=fleet or before.state.fleet)
-    # The monotonic clock of the new process is another one.
-    driver.now = Instant(0.0, before.now.wall + after)
-    Storage(path).load(driver.state, driver.now)
-    return driver
+def restarted(before: StateDriver, path, **more: Any) -> StateDriver:
+    """The state that a new process has which starts 5 s later."""
+    return before.restart(path, **more)
 
 
 def saved(driver: StateDriver, path) -> Storage:
-    storage = Storage(path)
-    storage.save(driver.state, driver.now)
-    return storage
+    return driver.keep(path)
+
+
+def content(path) -> dict[str, list[tuple[Any, ...]]]:
+    """What is in the database of a process that may be running."""
+    tables = ("robots", "faults", "events")
+    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as connection:
+        return {table: sorted(connection.execute(f"SELECT * FROM {table}")) for table in tables}
+
+
+def edited(path, *statements: str) -> None:
+    """Change the database of a process that has ended."""
+    with closing(sqlite3.connect(path)) as connection, connection:
+        for statement in statements:
+            connection.execute(statement)
+
+
+def of_version_0_1(path) -> dict[str, Any]:
+    """What the state file of version 0.1 would have."""
+    have = content(path)
+    rows = [[kind, json.loads(key), json.loads(text)] for kind, key, text in have["faults"]]
+    robots = {name: json.loads(text) for name, text in have["robots"]}
+    return {"version": 1, "written": WALL, "robots": robots, "faults": rows}
 
 
 def test_what_is_restored_is_stale_until_it_is_heard(tmp_path):
@@ -64,7 +86,6 @@ def test_what_is_restored_is_stale_until_it_is_heard(tmp_path):
 
     motor = after.component("Motor")
     assert (motor.level, motor.before_stale, motor.problem_since) == (STALE, ERROR, WALL + 1)
-    assert after.sample("component_level_before_stale", component="Motor") == ERROR
     assert after.sample("robot_up") == 0
     assert after.sample("robot_last_message_timestamp_seconds") == WALL + 1
 
@@ -121,9 +142,9 @@ def test_a_restart_is_no_problem_where_stale_counts_as_ok(tmp_path):
     motor = after.component("Motor")
     assert (motor.level, motor.before_stale, motor.problem_since) == (OK, None, None)
     after.at(100)
-    after.now = Instant(100.0, WALL + 105)
+    after.now = Instant(101.0, WALL + 106)
     after.raw(HOT)
-    assert (motor.level, motor.problem_since) == (ERROR, WALL + 105)
+    assert (motor.level, motor.problem_since) == (ERROR, WALL + 106)
 
 
 def test_a_restart_ends_no_problem_where_stale_counts_as_ok(tmp_path):
@@ -138,6 +159,7 @@ def test_a_restart_ends_no_problem_where_stale_counts_as_ok(tmp_path):
         after = restarted(again, tmp_path / "state")
         after.raw(HOT._replace(level=level))
         assert (after.level("Motor"), after.component("Motor").problem_since) == (level, WALL)
+        after.close()
 
 
 @pytest.mark.parametrize(
@@ -153,17 +175,6 @@ def test_what_was_not_ok_is_not_forgotten_after_a_restart_either(tmp_path, statu
     after = restarted(again, tmp_path / "state")
     after.at(200)
     assert bool(after.robot.components) == stays
-
-
-def test_a_file_of_a_version_before_is_read(tmp_path):
-    before = StateDriver(forget_after=100.0)
-    before.raw(HOT, LASER)
-    saved(before, tmp_path / "state")
-    text = (tmp_path / "state").read_text()
-    (tmp_path / "state").write_text(re.sub(r', "was_ok": (true|false)', "", text))
-    after = restarted(before, tmp_path / "state")
-    after.at(200)
-    assert [each.name for each in after.robot.components] == ["Motor"]
 
 
 def test_a_robot_that_never_published_does_not_survive_a_restart(tmp_path):
@@ -217,6 +228,7 @@ def test_a_discovered_robot_that_is_away_is_known_again_if_discovery_still_wants
     again = restarted(before, tmp_path / "state")
     assert again.component("Motor").before_stale == ERROR
     assert again.robot.source is Source.AGG
+    again.close()
 
     elsewhere = restarted(before, tmp_path / "state", fleet=Fleet("f"))
     assert not elsewhere.state.robots
@@ -226,14 +238,14 @@ HOUR = 3600.0
 
 
 def healthy(driver: StateDriver, path, topic: Topic, array: Array, *, hours: int) -> None:
-    """An array every half minute, the same ones all the time, saved as the exporter does."""
-    storage = Storage(path)
+    """An array every five minutes, the same ones all the time, saved as the exporter does."""
+    driver.storage = Storage(path)
     begin = driver.now
-    for turn in range(hours * 120 + 1):
-        driver.now = Instant(begin.mono + turn * 30.0, begin.wall + turn * 30.0)
+    for turn in range(hours * 12 + 1):
+        driver.now = Instant(begin.mono + turn * 300.0, begin.wall + turn * 300.0)
         driver.state.receive(topic, array, driver.now)
-        storage.save(driver.state, driver.now)
-    assert storage.successful
+        driver.save()
+    assert driver.storage.successful
 
 
 def test_what_was_fine_for_days_is_not_forgotten_by_a_restart(tmp_path):
@@ -245,7 +257,7 @@ def test_what_was_fine_for_days_is_not_forgotten_by_a_restart(tmp_path):
 
     assert {each.name for each in after.robot.components} == {"Motor", "Laser"}
     seen = after.sample("robot_last_message_timestamp_seconds")
-    assert before.now.wall - 60 <= seen <= before.now.wall
+    assert before.now.wall - 30 <= seen <= before.now.wall
 
 
 def test_a_discovered_robot_that_falls_silent_in_a_restart_stays_known(tmp_path):
@@ -265,10 +277,10 @@ def test_a_discovered_robot_that_falls_silent_in_a_restart_stays_known(tmp_path)
 def test_the_last_write_has_what_was_seen_last(tmp_path):
     before = StateDriver()
     before.raw(COOL)
-    storage = saved(before, tmp_path / "state")
+    saved(before, tmp_path / "state")
     before.at(7)
     before.raw(COOL)
-    storage.save(before.state, before.now, at_once=True)
+    before.save(at_once=True)
 
     after = restarted(before, tmp_path / "state")
     assert after.sample("robot_last_message_timestamp_seconds") == WALL + 7
@@ -278,31 +290,76 @@ def test_the_file_is_written_at_most_once_a_second_and_only_for_a_change(tmp_pat
     path = tmp_path / "state"
     driver = StateDriver()
     driver.raw(COOL)
-    storage = saved(driver, path)
-    first = path.read_text()
+    saved(driver, path)
+    first = content(path)
 
     driver.at(0.5)
     driver.raw(HOT)
-    storage.save(driver.state, driver.now)
-    assert path.read_text() == first
+    driver.save()
+    assert content(path) == first
 
     driver.at(1.5)
-    storage.save(driver.state, driver.now)
-    second = path.read_text()
+    driver.save()
+    second = content(path)
     assert second != first
 
     driver.at(4)
     driver.raw(HOT)
-    storage.save(driver.state, driver.now)
-    assert path.read_text() == second
+    driver.save()
+    assert content(path) == second
+    assert driver.storage.written_at == WALL + 1.5
 
 
-# What stands in a state file that is not one, and what the log says of it.
+def test_only_the_robots_that_changed_are_written(tmp_path):
+    path = tmp_path / "state"
+    driver = StateDriver(fleet=fleet_of("r", "s"))
+    receive(driver, "s", COOL)
+    driver.raw(COOL)
+    saved(driver, path)
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("UPDATE robots SET data = 'as it was' WHERE name = 's'")
+    for second in range(2, 20, 3):  # "last received" of both changes, too
+        driver.at(second)
+        driver.raw(HOT)
+        receive(driver, "s", COOL)
+        driver.save()
+
+    robots = dict(content(path)["robots"])
+    assert robots["s"] == "as it was"
+    assert json.loads(robots["r"])["components"][0]["level"] == ERROR
+
+
+def test_a_robot_that_is_forgotten_goes(tmp_path):
+    driver = StateDriver(fleet=fleet_of("r", "s"))
+    saved(driver, tmp_path / "state")
+    driver.state.configure(fleet_of("r"), driver.now)
+    driver.at(2)
+    driver.save()
+    assert [name for name, _text in content(tmp_path / "state")["robots"]] == ["r"]
+
+
+def fleet_of(*names: str) -> Fleet:
+    return Fleet(
+        "f",
+        tuple(Robot(name, topic_raw=f"/{name}/diagnostics", source=Source.RAW) for name in names),
+    )
+
+
+def receive(driver: StateDriver, robot: str, *statuses: Status) -> None:
+    topic = Topic(0, f"/{robot}/diagnostics")
+    driver.state.receive(topic, Array(0.0, statuses, 100), driver.now)
+
+
+# -- damaged ---------------------------------------------------------------------------------
+
+# What stands in a file that is not a database, and what the log says of it.
 DAMAGED = {
-    b"": "it is not JSON",
     b"{": "it is not JSON",
     b"[" * 100_000: "it is not JSON",
-    b"\xff\xfe": "it is not JSON",
+    b"\xff\xfe": "it is not a database",
+    MAGIC: "it is not a database",
+    MAGIC + bytes(84): "it is not a database",
+    MAGIC + b"\x10\x00\x02\x02" + bytes(10_000): "file is not a database",
     b'{"version": NaN, "robots": {}}': "it is not JSON",
     b'{"version": 1, "robots": {"\\ud800": {}}}': "it is not JSON",
     b"[]": "its version is None",
@@ -314,30 +371,53 @@ DAMAGED = {
 }
 
 
-@pytest.mark.parametrize(("content", "what"), DAMAGED.items(), ids=DAMAGED.values())
-def test_a_damaged_file_is_named_kept_aside_and_survived(tmp_path, caplog, content, what):
+@pytest.mark.parametrize(("raw", "what"), DAMAGED.items(), ids=map(str, range(len(DAMAGED))))
+def test_a_damaged_file_is_named_kept_aside_and_survived(tmp_path, caplog, raw, what):
     path = tmp_path / "state"
-    path.write_bytes(content)
-    driver = StateDriver()
+    path.write_bytes(raw)
+    driver = StateDriver().restart(path)
     with caplog.at_level(logging.ERROR):
-        storage = Storage(path)
-        storage.load(driver.state, driver.now)
+        driver.save()
 
     assert len(caplog.records) == 1
     assert f"{path} is damaged (" in caplog.text
     assert what in caplog.text
     assert len(caplog.text) < 1000
-    assert (tmp_path / "state.damaged-1").read_bytes() == content
-    storage.save(driver.state, driver.now)
-    assert storage.successful
+    assert (tmp_path / "state.damaged-1").read_bytes() == raw
+    assert driver.storage.successful
     assert restarted(driver, path).state.robots.keys() == {"r"}
 
 
-def edited(path, change) -> None:
-    """Apply ``change`` to the content of a state file."""
-    content = json.loads(path.read_text())
-    change(content["robots"])
-    path.write_text(json.dumps(content))
+def test_an_empty_file_is_a_new_one(tmp_path, caplog):
+    (tmp_path / "state").touch()
+    driver = StateDriver().restart(tmp_path / "state")
+    driver.save()
+    assert driver.storage.successful
+    assert not caplog.text
+
+
+@pytest.mark.parametrize(
+    ("statement", "what"),
+    [
+        ("PRAGMA user_version = 3", "its version is 3, not 2"),
+        ("PRAGMA user_version = 0", "its version is 0, not 2"),
+        ("DROP TABLE faults", "its tables are not those of this version"),
+        ("ALTER TABLE events ADD COLUMN more", "its tables are not those of this version"),
+    ],
+)
+def test_a_database_of_another_version_is_kept_aside(tmp_path, caplog, statement, what):
+    path = tmp_path / "state"
+    before = StateDriver()
+    before.raw(HOT)
+    saved(before, path)
+    before.close()
+    edited(path, statement)
+    after = restarted(before, path)
+    after.save()
+
+    assert f"{path} is damaged ({what}), 0 robots of it are restored" in caplog.text
+    assert (tmp_path / "state.damaged-1").exists()
+    assert after.storage.successful
 
 
 WRONG = {
@@ -355,32 +435,39 @@ WRONG = {
 
 @pytest.mark.parametrize("field", WRONG)
 def test_robots_that_are_whole_are_restored_from_a_damaged_file(tmp_path, caplog, field):
-    robots = tuple(
-        Robot(name, topic_raw=f"/{name}/diagnostics", source=Source.RAW) for name in ("r", "s")
-    )
-    before = StateDriver(fleet=Fleet("f", robots))
+    before = StateDriver(fleet=fleet_of("r", "s"))
     before.raw(HOT)
-    before.state.receive(Topic(0, "/s/diagnostics"), Array(0.0, (HOT,), 100), before.now)
+    receive(before, "s", HOT)
     path = tmp_path / "state"
     saved(before, path)
-    edited(path, lambda robots: robots["s"]["components"][0].update({field: WRONG[field]}))
+    before.close()
+    value = json.dumps(WRONG[field])
+    edited(
+        path,
+        f"UPDATE robots SET data = json_set(data, '$.components[0].{field}', json('{value}'))"
+        " WHERE name = 's'",
+    )
     after = restarted(before, path)
+    after.save()
 
     assert after.component("Motor").before_stale == ERROR
     assert not after.state.robots["s"].components
     assert f"robot 's': components.0.{field}" in caplog.text
     assert "1 robots of it are restored; it is kept as" in caplog.text
     assert "fleet" in fleet_snapshot(after.state, after.now)
+    assert len(list(after.log.find(Wanted(kind="level")))) == len(before.events) - 4
+    again = restarted(after, path)
+    assert again.component("Motor").before_stale == ERROR
 
 
 def test_no_damaged_file_overwrites_an_earlier_one_and_ten_are_kept(tmp_path, caplog):
     path = tmp_path / "state"
     for turn in range(12):
         path.write_text(f"damaged {turn}")
-        storage, driver = Storage(path), StateDriver()
-        storage.load(driver.state, driver.now)
-        storage.save(driver.state, driver.now)
-        assert storage.successful == (turn < 10)
+        driver = StateDriver().restart(path)
+        driver.save()
+        assert driver.storage.successful == (turn < 10)
+        driver.close()
 
     kept = [(tmp_path / f"state.damaged-{turn + 1}").read_text() for turn in range(10)]
     assert kept == [f"damaged {turn}" for turn in range(10)]
@@ -388,8 +475,32 @@ def test_no_damaged_file_overwrites_an_earlier_one_and_ten_are_kept(tmp_path, ca
     assert "10 such files are there; nothing is saved until" in caplog.text
 
 
+def test_damage_while_it_runs_is_kept_aside_and_everything_written_again(tmp_path, caplog):
+    path = tmp_path / "state"
+    driver = StateDriver()
+    driver.raw(HOT, *(Status(OK, f"c{number}", "x" * 4000) for number in range(50)))
+    saved(driver, path)
+    driver.storage.close()
+    with path.open("r+b") as file:
+        file.seek(3 * 4096)
+        file.write(b"\xff" * 4096 * 10)
+    for second in (2, 4):
+        driver.at(second)
+        driver.raw(COOL)
+        driver.save()
+
+    assert f"kept as {path}.damaged-1" in caplog.text
+    assert driver.storage.successful
+    after = restarted(driver, path)
+    assert len(after.robot.components) == 51
+    assert after.component("Motor").before_stale == OK
+
+
+# -- not readable, not writable --------------------------------------------------------------
+
+
 def planted(kind: str, path) -> None:
-    """Put something there that cannot be read as a state file."""
+    """Put something there that cannot be read as a database."""
     target = path.with_name("target")
     target.write_text("precious")
     if kind == "link":
@@ -416,22 +527,21 @@ def test_what_cannot_be_read_is_left_alone_and_nothing_is_saved_until_it_has_gon
     path = tmp_path / "state"
     planted(kind, path)
     mode = path.lstat().st_mode
-    driver, storage = StateDriver(), Storage(path)
-    storage.load(driver.state, driver.now)
+    driver = StateDriver().restart(path)
     driver.raw(HOT)
     for second in range(1, 4):
-        driver.at(second)
-        storage.save(driver.state, driver.now, at_once=second == 3)
-    assert not storage.successful
+        driver.now = Instant(float(second), WALL + second)
+        driver.save(at_once=second == 3)
+    assert not driver.storage.successful
     assert path.lstat().st_mode == mode
     assert (tmp_path / "target").read_text() == "precious"
-    assert caplog.text.count(f"state file {path} cannot be read") == 1
+    assert caplog.text.count(f"database {path} cannot be read") == 1
     assert sorted(each.name for each in tmp_path.iterdir()) == ["state", "target"]
 
     path.rename(tmp_path / "moved")
-    driver.at(5)
-    storage.save(driver.state, driver.now)
-    assert storage.successful
+    driver.now = Instant(5.0, WALL + 5)
+    driver.save()
+    assert driver.storage.successful
     assert restarted(driver, path).component("Motor").before_stale == ERROR
 
 
@@ -443,50 +553,100 @@ def test_a_disk_that_fails_to_read_does_not_stop_the_start(tmp_path, monkeypatch
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
     monkeypatch.setattr("ros_diagnostics_exporter.state.storage.read_regular", fail)
-    driver, storage = StateDriver(), Storage(path)
-    storage.load(driver.state, driver.now)
-    storage.save(driver.state, driver.now, at_once=True)
+    driver = StateDriver().restart(path)
+    driver.save(at_once=True)
 
-    assert not storage.successful
+    assert not driver.storage.successful
     assert path.read_text() == "precious"
     assert "cannot be read (Input/output error)" in caplog.text
+
+
+def test_a_disk_that_hangs_does_not_stop_the_start(tmp_path, monkeypatch, caplog):
+    path = tmp_path / "state"
+    path.write_text("precious")
+    hangs = threading.Event()
+    monkeypatch.setattr(
+        "ros_diagnostics_exporter.state.storage.read_regular",
+        lambda *_a, **_m: (hangs.wait(), b"")[1],
+    )
+    monkeypatch.setattr("ros_diagnostics_exporter.state.storage.LOADING", 0.05)
+    driver = StateDriver().restart(path)
+    driver.save(at_once=True)
+    hangs.set()
+
+    assert not driver.storage.successful
+    assert path.read_text() == "precious"
+    assert "no answer of the disk" in caplog.text
+
+
+def test_a_write_that_hangs_counts_as_failed_and_the_events_in_memory_are_found(
+    tmp_path, monkeypatch
+):
+    driver = StateDriver()
+    driver.raw(COOL)
+    saved(driver, tmp_path / "state")
+    begun, hangs = threading.Event(), threading.Event()
+
+    def hang(*_arguments, **_more):
+        begun.set()
+        hangs.wait()
+
+    monkeypatch.setattr(Database, "write", hang)
+    monkeypatch.setattr("ros_diagnostics_exporter.state.storage.HANGING", 0.0)
+    driver.at(2)
+    driver.raw(HOT)
+    thread = threading.Thread(target=driver.save)
+    thread.start()
+    begun.wait()
+    try:
+        assert not driver.storage.successful
+        driver.log.record(Event(WALL + 3, "config", after="read"))
+        assert [each["after"] for each in driver.log.find(Wanted(limit=2))] == ["read", "ERROR"]
+    finally:
+        hangs.set()
+        thread.join()
+
+
+def test_two_exporters_do_not_share_a_database(tmp_path):
+    driver = StateDriver()
+    saved(driver, tmp_path / "state")
+    other, state = Storage(tmp_path / "state"), StateDriver().state
+    with pytest.raises(
+        InUseError, match=rf"state is in use by another exporter \(pid {os.getpid()}"
+    ):
+        other.load(state, driver.now)
+    driver.close()
+    other.load(state, driver.now)
 
 
 def test_a_file_that_is_far_too_large_is_not_read_whole(tmp_path, caplog):
     path = tmp_path / "state"
     with path.open("wb") as file:
         file.truncate(1 << 30)
-    driver = StateDriver()
-    Storage(path).load(driver.state, driver.now)
+    StateDriver().restart(path).save()
 
-    assert f"it is larger than {MAX_BYTES} bytes" in caplog.text
+    assert "it is not a database" in caplog.text
     assert (tmp_path / "state.damaged-1").stat().st_size == 1 << 30
 
 
-def test_no_more_is_written_than_is_read_again(tmp_path, monkeypatch, caplog):
-    path = tmp_path / "state"
-    driver = StateDriver()
-    storage = saved(driver, path)
-    monkeypatch.setattr("ros_diagnostics_exporter.state.storage.MAX_BYTES", 200)
-    driver.at(2)
-    driver.raw(HOT)
-    storage.save(driver.state, driver.now)
-
-    assert not storage.successful
-    assert "larger than the 200 bytes that are read again" in caplog.text
-    assert '"components": []' in path.read_text()
-
-
-def test_a_planted_link_is_not_written_through(tmp_path):
+@pytest.mark.parametrize("suffix", ["-wal", "-shm", ".lock"])
+def test_a_planted_link_is_not_written_through(tmp_path, suffix):
     target = tmp_path / "target"
     target.write_text("precious")
-    (tmp_path / "state.new").symlink_to(target)
+    (tmp_path / f"state{suffix}").symlink_to(target)
     driver = StateDriver()
     driver.raw(HOT)
 
-    assert saved(driver, tmp_path / "state").successful
+    saved(driver, tmp_path / "state")
     assert target.read_text() == "precious"
-    assert not (tmp_path / "state").is_symlink()
+
+
+def test_the_files_are_the_users_own(tmp_path):
+    driver = StateDriver()
+    saved(driver, tmp_path / "data" / "exporter.db")
+    files = list((tmp_path / "data").iterdir())
+    assert {each.name.partition(".db")[2] for each in files} == {"", "-wal", "-shm", ".lock"}
+    assert {each.stat().st_mode & 0o077 for each in (tmp_path / "data", *files)} == {0}
 
 
 def test_half_of_a_character_makes_no_damaged_file(tmp_path, caplog):
@@ -499,20 +659,34 @@ def test_half_of_a_character_makes_no_damaged_file(tmp_path, caplog):
 
 
 def test_a_fault_of_our_own_is_shown_and_the_next_turn_saves(tmp_path, monkeypatch, caplog):
-    driver, storage = StateDriver(), Storage(tmp_path / "state")
+    driver = StateDriver()
+    driver.storage = Storage(tmp_path / "state")
     driver.raw(HOT)
     with monkeypatch.context() as patch:
         patch.setattr(ExporterRobot, "persist", lambda *_arguments: 1 / 0)
         for second in range(1, 4):
             driver.at(second)
-            storage.save(driver.state, driver.now)
-    assert not storage.successful
+            driver.save()
+    assert not driver.storage.successful
     assert caplog.text.count("ZeroDivisionError") == 1
 
     driver.at(5)
-    storage.save(driver.state, driver.now)
-    assert storage.successful
+    driver.save()
+    assert driver.storage.successful
     assert restarted(driver, tmp_path / "state").component("Motor").before_stale == ERROR
+
+
+def test_a_database_that_is_moved_away_is_written_anew(tmp_path):
+    path = tmp_path / "state"
+    driver = StateDriver()
+    driver.raw(HOT)
+    saved(driver, path)
+    path.rename(tmp_path / "moved")
+    driver.at(2)
+    driver.save()
+
+    assert content(path)["robots"]
+    assert len(content(path)["events"]) == len(driver.events)
 
 
 # -- anything at all in the file -------------------------------------------------------------
@@ -547,26 +721,34 @@ JUNK = st.one_of(
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory) -> bytes:
-    path = tmp_path_factory.mktemp("whole") / "state"
-    assert saved(EVENTFUL, path).successful
-    return path.read_bytes()
+def whole(tmp_path_factory) -> Path:
+    """A folder with a database, and one in which all of it is in the write-ahead log."""
+    folder = tmp_path_factory.mktemp("whole")
+    assert saved(EVENTFUL, folder / "live").successful
+    for suffix in ("", "-wal"):
+        shutil.copy(folder / f"live{suffix}", folder / f"log{suffix}")
+    EVENTFUL.close()
+    return folder
 
 
-def use(content: bytes) -> None:
-    """Start from a state file of this content, and ask for all that can be asked."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "state"
-        path.write_bytes(content)
-        after = restarted(EVENTFUL, path)
-        after.at(1)
-        after.agg(*tree(Motor=[COOL], Laser=[LASER]))
-        after.samples()
-        json.dumps(fleet_snapshot(after.state, after.now), allow_nan=False)
-        targets(after.state, "node", None)
-        again = restarted(after, path) if saved(after, path).successful else None
-        assert again is not None
-        assert "r" in again.state.robots
+def use(folder: Path) -> None:
+    """Start from the database in this folder, and ask for all that can be asked."""
+    after = restarted(EVENTFUL, folder / "state")
+    after.at(1)
+    after.agg(*tree(Motor=[COOL], Laser=[LASER]))
+    after.samples()
+    json.dumps(fleet_snapshot(after.state, after.now), allow_nan=False)
+    targets(after.state, "node", None)
+    for second in (2, 4):  # damage may be found only when it is written, or read
+        after.at(second)
+        after.save()
+    assert after.storage.successful
+    list(after.log.find(Wanted(limit=10_000)))
+    again = restarted(after, folder / "state")
+    last = [each["id"] for each in again.log.find(Wanted(kind="level", limit=1))]
+    again.close()
+    assert again.component("Motor").before_stale == OK
+    assert last == [each["id"] for each in after.log.find(Wanted(kind="level", limit=1))]
 
 
 def junk_put_in(content: Any, draw: st.DrawFn) -> Any:
@@ -588,105 +770,250 @@ def junk_put_in(content: Any, draw: st.DrawFn) -> Any:
     return content
 
 
+# A column with JSON, its table, and what identifies the row.
+COLUMNS = [("data", "robots", "name"), ("fields", "faults", "key"), ("key", "faults", "key")]
+
+
 @given(data=st.data())
-@settings(max_examples=150)
+@settings(max_examples=60)
 def test_any_values_in_the_file_neither_stop_the_start_nor_break_what_is_shown(whole, data):
-    content = json.loads(whole)
-    for _ in range(data.draw(st.integers(1, 3))):
-        content = junk_put_in(content, data.draw)
-        if not isinstance(content, dict | list):
-            break
-    use(json.dumps(content).encode())
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "state"
+        shutil.copy(whole / "live", path)
+        with closing(sqlite3.connect(path)) as connection, connection:
+            column, table, key = data.draw(st.sampled_from(COLUMNS))
+            rows = list(connection.execute(f"SELECT {key}, {column} FROM {table}"))
+            row, text = data.draw(st.sampled_from(rows))
+            junk = json.dumps(junk_put_in(json.loads(text), data.draw))
+            update = f"UPDATE OR REPLACE {table} SET {column} = ? WHERE {key} = ?"
+            connection.execute(update, (junk, row))
+        use(Path(folder))
 
 
 @given(data=st.data())
-@settings(max_examples=150)
+@settings(max_examples=60)
 def test_any_bytes_in_the_file_neither_stop_the_start_nor_break_what_is_shown(whole, data):
-    content = bytearray(whole)
-    for _ in range(data.draw(st.integers(1, 5))):
-        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
-    use(bytes(content))
+    with tempfile.TemporaryDirectory() as folder:
+        name = data.draw(st.sampled_from(["live", "log", "log-wal"]))
+        for suffix in ("", "-wal") if name.startswith("log") else ("",):
+            shutil.copy(whole / f"{name.partition('-')[0]}{suffix}", Path(folder, f"state{suffix}"))
+        path = Path(folder, "state-wal" if name == "log-wal" else "state")
+        raw = bytearray(path.read_bytes())
+        for _ in range(data.draw(st.integers(1, 5))):
+            raw[data.draw(st.integers(0, len(raw) - 1))] = data.draw(st.integers(0, 255))
+        path.write_bytes(bytes(raw))
+        use(Path(folder))
+
+
+def test_a_file_cut_off_anywhere_is_survived(whole, tmp_path):
+    raw = (whole / "live").read_bytes()
+    for length in range(0, len(raw), 4093):
+        folder = tmp_path / str(length)
+        folder.mkdir()
+        (folder / "state").write_bytes(raw[:length])
+        use(folder)
 
 
 def test_a_missing_file_is_the_first_start_and_no_error(tmp_path, caplog):
-    driver = StateDriver()
-    Storage(tmp_path / "state").load(driver.state, driver.now)
+    StateDriver().restart(tmp_path / "state")
 
     assert not caplog.text
 
 
-def test_a_folder_that_is_gone_is_said_once_a_minute_and_tried_again(tmp_path, caplog):
-    folder = tmp_path / "folder"
-    storage = Storage(folder / "state")
+def test_a_folder_that_cannot_be_made_is_said_once_a_minute_and_tried_again(tmp_path, caplog):
+    folder = tmp_path / "mount" / "folder"
     driver = StateDriver()
+    driver.storage = Storage(folder / "state")
     driver.raw(HOT)
     for second in range(1, 11):
         driver.at(second)
-        storage.save(driver.state, driver.now)
-    assert not storage.successful
+        driver.save()
+    assert not driver.storage.successful
     assert caplog.text.count("cannot be written") == 1
 
-    folder.mkdir()
+    folder.parent.mkdir()
     driver.at(12)
-    storage.save(driver.state, driver.now)
-    assert storage.successful
+    driver.save()
+    assert driver.storage.successful
     assert restarted(driver, folder / "state").component("Motor").before_stale == ERROR
 
 
-def test_every_prefix_of_the_file_is_refused_and_the_whole_is_read(tmp_path):
-    """A copy cut off anywhere must not be mistaken for a whole state."""
-    path = tmp_path / "state"
-    driver = StateDriver()
-    driver.raw(HOT, LASER)
-    saved(driver, path)
-    whole = path.read_text()
-
-    for length in range(0, len(whole.rstrip()) - 1, 7):
-        (tmp_path / "cut").write_text(whole[:length])
-        fresh = StateDriver()
-        Storage(tmp_path / "cut").load(fresh.state, fresh.now)
-        assert not fresh.robot.components
-    assert json.loads(whole)["version"] == 1
-
-
-def test_a_disk_that_takes_no_more_leaves_the_last_file_whole(tmp_path, caplog):
+def test_a_disk_that_takes_no_more_leaves_what_was_written(tmp_path, caplog):
     path = tmp_path / "state"
     driver = StateDriver()
     driver.raw(HOT)
-    storage = saved(driver, path)
-    whole = path.read_text()
+    saved(driver, path)
+    before = content(path)
 
     driver.at(2)
-    driver.raw(COOL, *(Status(OK, f"c{number}") for number in range(100)))
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))  # the real error of a real write
+    driver.raw(COOL, *(Status(OK, f"c{number}") for number in range(2000)))
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (131_072, limit[1]))  # the real error of real writes
     try:
-        storage.save(driver.state, driver.now)
+        driver.save()
     finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
 
-    assert not storage.successful
-    assert "File too large" in caplog.text
-    assert path.read_text() == whole
+    assert not driver.storage.successful
+    assert "cannot be written" in caplog.text
+    assert content(path) == before
+    driver.at(4)
+    driver.save()
+    assert driver.storage.successful
+    assert len(restarted(driver, path).robot.components) > 400
+    assert not (tmp_path / "state.damaged-1").exists()
 
+
+# -- events ----------------------------------------------------------------------------------
+
+
+def test_events_are_there_after_a_restart_and_ids_go_on(tmp_path):
+    before = StateDriver()
+    before.raw(HOT)
+    before.at(1)
+    before.raw(COOL)
+    saved(before, tmp_path / "state")
+    after = restarted(before, tmp_path / "state")
+    after.raw(HOT)
+    after.save()
+
+    found = list(after.log.find(Wanted()))
+    ids = [each["id"] for each in found]
+    assert ids == list(range(len(ids), 0, -1))
+    level = [(each["before"], each["after"]) for each in found if each["kind"] == "level"]
+    assert level[:2] == [("STALE", "ERROR"), ("ERROR", "OK")]
+    [*_more, known] = [each for each in found if each["after"] == "known"]
+    assert known == {"id": ids[-1], "time": WALL, "kind": "robot", "robot": "r", "after": "known"}
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        Wanted(robot="r"),
+        Wanted(component="c7"),
+        Wanted(kind="level", level="ERROR", limit=7),
+        Wanted(since=WALL + 3, until=WALL + 6),
+        Wanted(before=40, limit=5),
+        Wanted(robot="nobody"),
+        Wanted(before=1),
+    ],
+)
+def test_the_database_finds_what_the_memory_finds(tmp_path, wanted):
+    driver = StateDriver()
+    for second in range(10):
+        driver.at(second)
+        driver.raw(*(Status((second + n) % 2 * ERROR, f"c{n}") for n in range(10)))
+    saved(driver, tmp_path / "state")
+    in_memory = list(driver.log.find(wanted))
+    after = restarted(driver, tmp_path / "state")
+    after.save()
+    before_it = replace(wanted, before=wanted.before or len(driver.events) + 1)
+    assert list(after.log.find(before_it)) == in_memory
+
+
+def test_old_events_go_by_age_and_size(tmp_path):
+    driver = StateDriver()
+    driver.storage = Storage(tmp_path / "state", Retention(seconds=100.0, size=200_000))
+    for second in range(0, 4000, 20):
+        driver.now = Instant(float(second), WALL + second)
+        for number in range(20):
+            driver.log.record(Event(driver.now.wall, "config", message=f"{number} " + "x" * 50))
+        driver.save()
+    events = content(tmp_path / "state")["events"]
+    assert min(time for _id, time, *_texts in events) >= driver.now.wall - 100 - 20
+    assert len(events) >= 100
+
+    size = (tmp_path / "state").stat().st_size
+    for second in range(4000, 4400, 2):
+        driver.now = Instant(float(second), WALL + second)
+        for number in range(100):
+            driver.log.record(Event(driver.now.wall, "config", message=f"{number} " + "x" * 200))
+        driver.save()
+    driver.close()
+    assert size < (tmp_path / "state").stat().st_size < 400_000
+    assert content(tmp_path / "state")["events"][-1][1] == driver.now.wall
+
+
+def test_events_that_come_faster_than_the_disk_are_counted_and_the_newest_kept(
+    tmp_path, monkeypatch, caplog
+):
+    monkeypatch.setattr(events, "MAX_EVENTS", 50)
+    driver = StateDriver()
+    saved(driver, tmp_path / "state")
+    for number in range(80):
+        driver.log.record(Event(WALL, "config", message=str(number)))
+    driver.at(2)
+    driver.save()
+    assert "30 events are lost" in caplog.text
+    assert '"message": "79"' in content(tmp_path / "state")["events"][-1][-1]
+
+
+# -- version 0.1 -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["exporter.db", "state.json", "state"])
+def test_files_of_version_0_1_are_taken_over_once(tmp_path, caplog, name):
+    driver = StateDriver(forget_after=100.0)
+    driver.raw_every(1, 20, HOT, LASER)
+    saved(driver, tmp_path / "new")
+    state = of_version_0_1(tmp_path / "new")
+    for each in state["robots"]["r"]["components"]:
+        del each["was_ok"]
+    folder = tmp_path / "old"
+    folder.mkdir()
+    path = folder / "exporter.db"
+    (folder / name).write_text(json.dumps(state))
+    line = json.dumps(
+        {"time": WALL - 1.5, "kind": "level", "robot": "r", "after": "OK", "message": "x"}
+    )
+    (folder / "events.jsonl.1").write_text("[\n" + line + "\n")
+    (folder / "events.jsonl").write_text(f'{{"time": {WALL - 1:.0f}, "kind": "config"}}\n{{"ti')
+
+    with caplog.at_level(logging.INFO):
+        after = restarted(driver, path)
+        after.save()
+    [record] = caplog.records
+    assert record.getMessage() == (
+        f"database {path} has what was in the files of version 0.1: 1 robots, 4 lines of events; "
+        "they are renamed to end with .migrated"
+    )
+    assert after.component("Motor").before_stale == ERROR
+    assert after.state.faults() == driver.state.faults() != []
+    found = [each for each in after.log.find(Wanted()) if each["time"] < WALL]
+    assert found == [
+        {"id": 2, "time": WALL - 1, "kind": "config"},
+        {"id": 1, "time": WALL - 1.5, "kind": "level", "robot": "r", "after": "OK", "message": "x"},
+    ]
+    names = {each.name for each in folder.iterdir()}
+    migrated = {f"{each}.migrated" for each in (name, "events.jsonl.1", "events.jsonl")}
+    assert names == migrated | {path.name + suffix for suffix in ("", "-wal", "-shm", ".lock")}
+
+    again = restarted(after, path)
+    assert again.state.faults() == driver.state.faults()
+    again.at(200)
+    assert [each.name for each in again.robot.components] == ["Motor"]
+
+
+# -- killed ----------------------------------------------------------------------------------
 
 WRITER = """
 import sys
 from pathlib import Path
 from support.state_driver import ERROR, OK, StateDriver
 from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_exporter.state.storage import MAX_BYTES, Storage
+from ros_diagnostics_exporter.state.storage import Storage
 
-driver, storage = StateDriver(), Storage(Path(sys.argv[1]))
+driver = StateDriver()
+driver.storage = Storage(Path(sys.argv[1]))
 for turn in range(1_000_000):
     driver.raw(*(Status((ERROR, OK)[turn % 2], f"c{n}", "x" * (turn % 50)) for n in range(50)))
-    storage.save(driver.state, driver.now, at_once=True)
+    driver.save(at_once=True)
     if turn == 3:
         print("writing", flush=True)
 """
 
 
-def test_killed_at_any_moment_the_file_is_whole(tmp_path):
+def test_killed_at_any_moment_the_file_is_whole(tmp_path, caplog):
     path = tmp_path / "state"
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     for turn in range(6):
@@ -700,6 +1027,7 @@ def test_killed_at_any_moment_the_file_is_whole(tmp_path):
             while time.monotonic() < until:
                 pass
             writer.kill()
-        fresh = StateDriver()
-        Storage(path).load(fresh.state, fresh.now)
+        fresh = StateDriver().restart(path)
+        fresh.close()
         assert len(fresh.robot.components) == 50
+    assert not caplog.text

@@ -31,10 +31,19 @@ def test_prometheus_finds_this_runs_servers_under_the_shipped_jobs(configs):
 def test_rules_and_clocks_are_the_shipped_ones(configs):
     shipped = configuration.CHECKOUT / "prometheus"
     for path in shipped.rglob("*.yml"):
-        if path.name == "settings.yml" or path.parent.name == "targets":
+        if path.parent.name == "targets":
             continue
         copy = configs.prometheus.parent / path.relative_to(shipped)
         assert copy.read_text() == path.read_text()
+
+
+def test_links_in_notifications_lead_to_this_runs_servers(configs):
+    site = (configs.alertmanager.parent / "templates" / "site.tmpl").read_text()
+
+    runbooks = f"http://{ADDRESSES.prometheus}/user/alerts"
+    assert f'{{{{ define "site.runbooks_url" }}}}{runbooks}{{{{ end }}}}' in site
+    assert f"Dashboard:  http://{ADDRESSES.grafana}" in site
+    assert f'<a href="http://{ADDRESSES.grafana}' in site
 
 
 def test_alertmanager_sends_to_this_runs_mail_server(configs):

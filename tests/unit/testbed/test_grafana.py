@@ -21,6 +21,7 @@ def install(tmp_path, monkeypatch):
         binary.parent.mkdir(parents=True, exist_ok=True)
         binary.touch(mode=0o755)
         monkeypatch.setenv("PATH", str(binary.parent))
+        monkeypatch.delenv("GRAFANA", raising=False)
         return binary
 
     return install
@@ -28,6 +29,7 @@ def install(tmp_path, monkeypatch):
 
 def test_without_a_binary_there_is_no_command(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("GRAFANA", raising=False)
 
     assert grafana.command() is None
 

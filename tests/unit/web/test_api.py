@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import json
 import socket
+import threading
+import time
 
 import pytest
 
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.web import api
-from support.web_server import ask, component, fleet, robot
+from support.web_server import ask, broken, component, fleet, robot
 
 MOTOR = component("Motor 1", "ERROR")
 
@@ -82,6 +84,30 @@ def test_events_are_filtered_and_newest_first(serve):
     assert times("?component=Motor%201&limit=1") == [3.0]
     assert times("?since=2&until=3") == [2.0]
     assert times("?before=3&limit=1") == [2.0]
+
+
+def test_events_since_a_time_ago(serve):
+    log, now = EventLog(), time.time()
+    for ago in (7_000, 500, 10):
+        log.record(Event(now - ago, "robot", str(ago)))
+    server = serve(find_events=log.find)
+
+    def robots(query: str) -> list[str]:
+        answer = ask(server, f"/api/v1/events?{query}")
+        return [event["robot"] for event in json.loads(answer.body)["events"]]
+
+    assert robots("since=10m") == ["10", "500"]
+    assert robots("since=1h30m&until=1m") == ["500"]
+    assert robots("since=1h57m") == ["10", "500", "7000"]
+    assert robots(f"since={'9' * 400}w") == ["10", "500", "7000"]
+
+
+def test_the_faults_are_the_backends(serve):
+    lasting = {"fleet": "hall", "time": 1.0, "faults": [{**broken(), "labels": {}}]}
+    server = serve(faults=lambda: lasting)
+    assert json.loads(ask(server, "/api/v1/faults").body) == lasting
+    rejected = ask(server, "/api/v1/faults?robot=a")
+    assert (rejected.status, "robot" in rejected.text) == (400, True)
 
 
 def test_pages_of_events_have_a_size_limit(serve, monkeypatch):
@@ -251,3 +277,74 @@ def test_an_invalid_port_is_rejected(plain, port):
     answer = ask(plain, f"/sd/node?port={port}")
     assert answer.status == 400
     assert "port" in json.loads(answer.body)["error"]
+
+
+def test_notifications_are_given_to_the_backend_whole(serve):
+    bodies = []
+
+    def notified(body):
+        bodies.append(body)
+        return 2, 1
+
+    server = serve(notified=notified)
+    sent = b'{"a": "' + b"x" * 300_000 + b'"}'
+    answer = ask(server, "/api/v1/notifications", "POST", body=sent)
+    assert (answer.status, json.loads(answer.body)) == (200, {"recorded": 2, "ignored": 1})
+    assert bodies == [sent]
+    assert ask(server, "/api/v1/notifications").status == 405
+
+
+def test_a_message_that_is_too_large_or_wrong_or_of_another_site_is_rejected(serve):
+    def notified(_body):
+        raise ValueError("not a message")
+
+    server = serve(notified=notified)
+    path = "/api/v1/notifications"
+    assert ask(server, path, "POST", body=b"x" * (api.MAX_BODY + 1)).status == 413
+    wrong = ask(server, path, "POST", body=b"{}")
+    assert (wrong.status, json.loads(wrong.body)) == (400, {"error": "not a message"})
+    assert ask(server, path, "POST", body=b"{}", Origin="http://evil.example").status == 403
+    assert ask(server, f"{path}?receiver=x", "POST", body=b"{}").status == 400
+
+
+def test_all_bodies_together_take_a_bounded_part_of_the_memory(serve, monkeypatch):
+    monkeypatch.setattr(api, "MAX_BODIES", 1_000)
+    server = serve()
+    for _ in range(2):  # what was rejected is no longer counted
+        assert ask(server, "/api/v1/notifications", "POST", body=b"x" * 2_000).status == 503
+        assert ask(server, "/api/v1/notifications", "POST", body=b"{}").status == 200
+
+
+def test_why_is_the_backends_ledger(serve):
+    asked = []
+
+    def why(*given):
+        asked.append(given)
+        if given[0] != "r":
+            raise LookupError(f"no robot {given[0]!r}")
+        return {"entries": []}
+
+    server = serve(why=why)
+    assert json.loads(ask(server, "/api/v1/why?robot=r&component=c&at=5").body) == {"entries": []}
+    assert asked == [("r", "c", 5.0)]
+    missing = ask(server, "/api/v1/why?robot=x")
+    assert (missing.status, json.loads(missing.body)) == (404, {"error": "no robot 'x'"})
+    for query in ("", "?robot=", "?robot=r&at=soon", "?robot=r&x=1"):
+        assert ask(server, f"/api/v1/why{query}").status == 400
+
+
+def test_alertmanager_hanging_delays_no_other_request(serve):
+    held = threading.Event()
+
+    def why(robot, _component, _at, *, ask=True):
+        if ask:
+            held.wait(20)
+        return {"entries": []}
+
+    server = serve(why=why)
+    slow = threading.Thread(target=ask, args=(server, "/api/v1/why?robot=r"))
+    slow.start()
+    assert ask(server, "/api/v1/fleet").status == 200
+    assert ask(server, "/-/ready").status == 200
+    held.set()
+    slow.join()

@@ -1,20 +1,29 @@
 from __future__ import annotations
 
+from typing import get_args
+
 import pytest
 import schemathesis
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from schemathesis import GenerationMode
 
 from ros_diagnostics_exporter.events import Event, EventLog
+from ros_diagnostics_exporter.faults.model import Reason, Scope, State
+from ros_diagnostics_exporter.notifications import parse
+from ros_diagnostics_exporter.severity import QUIET
+from ros_diagnostics_exporter.severity import SILENT as SILENT_WORDS
+from ros_diagnostics_exporter.state.rejections import SilentReason
 from ros_diagnostics_exporter.web.app import openapi
 from ros_diagnostics_exporter.web.server import Server
-from support.web_server import FakeBackend, component, fleet, robot
+from support.web_server import FakeBackend, broken, component, fleet, problem, robot
 
 LOG = EventLog()
 LOG.record(Event(1.0, "level", "a", "/Motor", "Motor 1", "OK", "ERROR", "hot"))
 LOG.record(Event(2.0, "config"))
 SILENT = {"up": False, "silent_reason": "never_seen", "last_message": None, "topic": None}
+
+OF_PROBLEMS = {"due", "quiet", "well"}
 
 
 def _targets(job: str, port: int | None) -> list[dict]:
@@ -29,10 +38,30 @@ def _targets(job: str, port: int | None) -> list[dict]:
 def server():
     backend = FakeBackend(
         fleet_snapshot=lambda: fleet(
-            robot("a", component("Motor 1", "STALE"), component("Cam 1", "OK")),
-            robot("b", **SILENT),
+            robot(
+                "a",
+                component("Motor 1", "STALE"),
+                component("Cam 1", "OK"),
+                problems=[broken(), broken(confirmed=None, quiet="maintenance")],
+                maintenance=True,
+                maintenance_until=2_000.0,
+                short_checks=[{"check": "c", "patterns": ["x"], "found": 1, "expected": 2}],
+            ),
+            robot("b", **SILENT, problems=[problem("robot", "pending")]),
+            problems=[problem("site", "silent", site="hall")],
         ),
+        faults=lambda: {
+            "fleet": "hall",
+            "time": 1.0,
+            "faults": [
+                {
+                    **{key: broken()[key] for key in broken() if key not in OF_PROBLEMS},
+                    "labels": {"site": "hall"},
+                }
+            ],
+        },
         find_events=LOG.find,
+        notified=lambda body: (len(parse(body).alerts), 0),
         targets=_targets,
     )
     server = Server(backend, listen=["127.0.0.1:0"], lifecycle=True)
@@ -56,6 +85,8 @@ def test_the_server_conforms_to_its_description(operation, server):
     @given(case=valid_and_invalid)
     @settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
     def check(case):
+        # OpenAPI cannot say that two parameters are not to be combined.
+        assume(not {"collect[]", "exclude[]"} <= set(case.query or {}))
         case.call_and_validate(base_url=f"http://{server.addresses[0]}")
 
     check()
@@ -65,3 +96,13 @@ def test_the_description_follows_the_telemetry_path():
     assert "/m" in openapi("/m")["paths"]
     assert "/metrics" not in openapi("/m")["paths"]
     assert openapi("/")["paths"]["/"]["get"]["operationId"] == "metrics"
+
+
+def test_the_description_and_the_words_have_every_reason_scope_and_state():
+    schemas = openapi("/metrics")["components"]["schemas"]
+    identity = schemas["Identity"]["properties"]
+    quiet = schemas["Problem"]["allOf"][1]["properties"]["quiet"]["enum"]
+    assert set(identity["scope"]["enum"]) == {each.value for each in Scope}
+    assert set(identity["state"]["enum"]) == {each.value for each in State}
+    assert {each.value for each in Reason} <= set(quiet) - {None} == set(QUIET)
+    assert set(get_args(SilentReason)) == set(SILENT_WORDS)

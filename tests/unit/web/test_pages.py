@@ -1,13 +1,19 @@
 from __future__ import annotations
 
+import json
 from html.parser import HTMLParser
+from urllib.parse import urljoin
 
-from ros_diagnostics_exporter.severity import state_of
-from ros_diagnostics_exporter.web.pages import landing
-from support.web_server import ask, component, fleet, robot
+import pytest
+
+from ros_diagnostics_exporter.events import Event, EventLog, Wanted
+from ros_diagnostics_exporter.severity import QUIET, state_of
+from ros_diagnostics_exporter.web.pages import escape, landing, missing_robot, robot_page
+from support.web_server import ask, broken, component, fleet, problem, robot
 
 EVIL = "\"'><script>alert(1)</script><img src=x onerror=alert(1)>&amp;"
 SILENT = {"up": False, "silent_reason": "mute"}
+MUTE = problem("robot", "silent", since=900.0, confirmed=910.0)
 
 
 class _Reader(HTMLParser):
@@ -30,16 +36,36 @@ def read(page: str) -> _Reader:
 
 
 def test_all_texts_of_robots_are_escaped():
+    values = [{"key": EVIL, "value": EVIL, "number": None, "unit": EVIL}]
     evil = robot(
         EVIL,
-        component(EVIL, "ERROR", message=EVIL, group=EVIL, hardware_id=EVIL),
+        component(EVIL, "ERROR", message=EVIL, group=EVIL, hardware_id=EVIL, values=values),
         silent_reason=EVIL,
+        labels={EVIL: EVIL},
+        topic=EVIL,
+        address=EVIL,
+        profile=EVIL,
+        problems=[
+            problem("component", "critical", component=EVIL, group=EVIL),
+            problem("value", "warning", component=EVIL, key=EVIL, evidence=EVIL, confirmed=1.0),
+            problem("check", "critical", check=EVIL, evidence=EVIL, quiet=EVIL),
+            problem("robot", "silent"),
+        ],
     )
-    given = {**fleet(evil, {**evil, "up": False}), "fleet": EVIL, "version": EVIL}
-    page = read(landing(given, "/metrics"))
-    assert not {tag for tag, _ in page.tags} & {"script", "img"}
-    assert all(not name.startswith("on") for _, attrs in page.tags for name in attrs)
-    assert page.text.count(EVIL) >= 5
+    common = [problem("site", "silent", site=EVIL), problem("common", "critical", component=EVIL)]
+    given = fleet(evil, {**evil, "up": False}, problems=common)
+    given = {**given, "fleet": EVIL, "version": EVIL}
+    event = dict.fromkeys(("robot", "group", "component", "before", "after", "message"), EVIL)
+    events = [{"id": 1, "time": 1.0, "kind": kind, **event} for kind in ("level", "robot")]
+    for html in (
+        landing(given, "/metrics"),
+        robot_page(given, EVIL, events),
+        missing_robot(given, EVIL),
+    ):
+        page = read(html)
+        assert not {tag for tag, _ in page.tags} & {"script", "img"}
+        assert all(not name.startswith("on") for _, attrs in page.tags for name in attrs)
+        assert page.text.count(EVIL) >= 2
 
 
 def test_the_page_loads_nothing_and_its_policy_forbids_it(serve):
@@ -55,8 +81,38 @@ def test_the_page_loads_nothing_and_its_policy_forbids_it(serve):
 def test_all_links_of_the_page_work(serve):
     server = serve(telemetry_path="/m", fleet_snapshot=lambda: fleet(robot("a")))
     links = [attrs["href"] for tag, attrs in read(ask(server, "/").text).tags if tag == "a"]
-    assert len(links) >= 5
+    assert len(links) >= 6
     assert {ask(server, f"/{link}").status for link in links} == {200}
+
+
+@pytest.mark.parametrize(
+    "name", ["robot_1", "a b", "a/b", "a/../b", "50%25", "?x=1&y", "#1", "é\u202e", EVIL]
+)
+def test_each_robot_has_a_page_whose_links_work(serve, name):
+    given = fleet(robot(name, component("Motor 1", "OK")), robot("other"))
+    server = serve(fleet_snapshot=lambda: given)
+    (path,) = (
+        attrs["href"]
+        for tag, attrs in read(ask(server, "/").text).tags
+        if tag == "a" and attrs["href"].startswith("robots/") and "other" not in attrs["href"]
+    )
+    assert path.count("/") == 1  # so that the links of that page are relative to the same place
+    answer = ask(server, f"/{path}")
+    assert answer.status == 200
+    assert escape(name) in answer.text
+    links = [attrs["href"] for tag, attrs in read(answer.text).tags if tag == "a"]
+    assert len(links) >= 3
+    for link in links:
+        there = ask(server, urljoin(f"/{path}", link))
+        assert there.status == 200
+        if "fleet?" in link:
+            assert [each["robot"] for each in json.loads(there.body)["robots"]] == [name]
+
+
+def test_a_robot_that_there_is_not_is_404(serve):
+    answer = ask(serve(fleet_snapshot=lambda: fleet(robot("a"))), "/robots/b%3Cb%3E")
+    assert (answer.status, answer.headers["Content-Type"]) == (404, "text/html; charset=utf-8")
+    assert "There is no robot b&lt;b&gt;" in answer.text
 
 
 def test_a_silent_robot_is_unknown_and_one_never_seen_is_pending():
@@ -71,48 +127,186 @@ def test_a_silent_robot_is_unknown_and_one_never_seen_is_pending():
     assert state_of(robot("a")) == "OK"
 
 
+def text_of(*robots, **more) -> str:
+    return read(landing(fleet(*robots, **more), "/metrics")).text
+
+
 def test_problems_are_listed_worst_first_and_ok_robots_only_in_the_full_list():
-    given = fleet(
+    text = text_of(
         robot("fine", component("Motor 1", "OK")),
-        robot("warned", component("Motor 2", "WARN")),
-        robot("silent", component("Motor 3", "STALE"), **SILENT),
-        robot("broken", component("Motor 4", "ERROR", message="Over temperature")),
+        robot("warned", component("Motor 2", "WARN"), problems=[broken("Motor 2", "warning")]),
+        robot("silent", component("Motor 3", "STALE"), problems=[MUTE], **SILENT),
+        robot(
+            "broken",
+            component("Motor 4", "ERROR", message="Over temperature"),
+            problems=[broken("Motor 4")],
+        ),
     )
-    text = read(landing(given, "/metrics")).text
     problems, _, everything = text.partition("All robots: 4")
     order = [problems.index(name) for name in ("silent", "broken", "warned")]
     assert order == sorted(order)
     assert "fine" not in problems
-    assert "fine OK" in everything
-    assert "Motor 4: ERROR Over temperature for 1 min" in problems
+    assert "OK fine" in everything
+    assert (
+        "CRITICAL /Motor/Motor 4 confirmed since 00:16:40 UTC, for 1 minOver temperature"
+    ) in problems
+    assert (
+        "UNKNOWN robot is silent confirmed since 00:15:00 UTC, for 2 min"
+        "its publisher sends nothing (mute)"
+    ) in problems
     assert "Motor 3" not in problems  # of a silent robot everything is stale
 
 
+def test_of_robots_in_one_state_those_with_confirmed_problems_come_first():
+    def given(name: str, **changed) -> dict:
+        return robot(name, component("Motor 1", "ERROR"), problems=[broken(**changed)])
+
+    text = text_of(
+        given("a_quiet", confirmed=None, quiet="common"),
+        given("b_soft", confirmed=None),
+        given("c"),
+    )
+    order = [text.index(name) for name in ("c CRITICAL", "b_soft CRITICAL", "a_quiet CRITICAL")]
+    assert order == sorted(order)
+
+
+def test_a_problem_is_confirmed_or_not_yet_or_quiet_with_the_reason():
+    def shown(**changed) -> str:
+        given = robot("a", component("Motor 1", "ERROR"), problems=[broken(**changed)])
+        text = text_of({**given, "maintenance": True, "maintenance_until": 72_000.0})
+        return text.partition("/Motor/Motor 1 ")[2].partition(" since ")[0]
+
+    assert shown() == "confirmed"
+    assert shown(confirmed=None) == "not confirmed yet, 5 s left"
+    assert shown(confirmed=None, due=2_000.0) == "not confirmed yet, 15 min left"
+    assert shown(confirmed=None, due=1_060.0) == "not confirmed yet"
+    for reason, words in QUIET.items():
+        if reason != "maintenance":
+            assert shown(confirmed=None, quiet=reason) == f"quiet: {words}"
+    assert shown(confirmed=None, quiet="maintenance") == "quiet: maintenance until 20:00 UTC"
+    assert shown(quiet="flapping", well=True) == (
+        "confirmed; well again, still open: it is flapping"
+    )
+
+
+def test_a_milder_problem_that_goes_on_under_a_worse_one_is_not_listed():
+    motor = component("Motor 1", "ERROR")
+    problems = [broken(), broken(state="warning"), broken("Motor 2", "warning")]
+    assert text_of(robot("a", motor, problems=problems)).count("/Motor/Motor 1") == 1
+    problems[0] = broken(well=True, quiet="flapping")
+    assert text_of(robot("a", motor, problems=problems)).count("/Motor/Motor 1") == 2
+    many = [problem("robot", "many", severity=each) for each in ("critical", "warning")]
+    assert text_of(robot("a", motor, problems=many)).count("many components failed at once") == 1
+
+
+def test_maintenance_and_flapping_are_marked():
+    flapping = problem("flapping", "flapping", group="/Motor", component="Motor 1")
+    given = robot("a", component("Motor 1", "OK"), problems=[flapping])
+    text = text_of(given, robot("b", maintenance=True, maintenance_until=90_000.0, problems=[MUTE]))
+    assert "a OK flapping" in text
+    assert "flapping: 25% of its last states were changes" in text
+    assert "maintenance until 1970-01-02 01:00 UTC" in text
+
+
+def test_what_many_robots_have_in_common_comes_first():
+    site = problem("site", "silent", site="hall", confirmed=1_010.0, evidence="robots: a, b")
+    text = text_of(robot("a", problems=[MUTE], **SILENT), problems=[site])
+    assert "Of many robots: 1UNKNOWN many robots of site hall are silent confirmed" in text
+    assert text.index("of site hall") < text.index("Robots with problems")
+
+
 def test_a_silent_robots_earlier_fault_is_still_shown():
-    given = fleet(robot("a", component("Motor 1", "STALE", level_before_stale="ERROR"), **SILENT))
-    assert "Motor 1: STALE (was ERROR)" in read(landing(given, "/metrics")).text
+    stale = component("Motor 1", "STALE", level_before_stale="ERROR", state="CRITICAL")
+    given = robot("a", stale, problems=[MUTE, broken()], **SILENT)
+    assert "STALE, counts as CRITICAL (was ERROR): Motor 1 reports" in text_of(given)
 
 
-def test_the_size_of_the_page_is_limited():
-    long = component("Motor 1", "ERROR", message="&" * 100_000)
-    broken = [robot(f"robot_{n}", long) for n in range(1_000)]
-    page = landing(fleet(*broken), "/metrics")
-    assert "and 800 more robots with problems" in page
-    assert len(page) < 500_000
+def test_the_size_of_the_pages_is_limited():
+    values = [{"key": "&" * 1_000, "value": "&" * 1_000, "number": None, "unit": ""}] * 100
+    many = [
+        component(f"Motor {n}", "ERROR", message="&" * 100_000, values=values) for n in range(1_000)
+    ]
+    bad = [broken(f"Motor {n}", evidence="&" * 4_000) for n in range(1_000)]
+    given = fleet(*(robot(f"robot_{n}", *many, problems=bad) for n in range(300)))
+    page = landing(given, "/metrics")
+    assert "and 100 more robots with problems" in page
+    assert "and 990 more problems" in page
+    assert len(page) < 6_000_000
+    one = robot_page(given, "robot_1", [])
+    assert one is not None
+    assert "and 500 more components" in one
+    assert len(one) < 5_000_000
 
 
 def test_stale_counts_as_configured_in_fleet_yml():
     critical = component("Arm", "STALE", state="CRITICAL")
     planned = component("Pendant", "STALE", planned_stale=True)
-    text = read(landing(fleet(robot("a", critical, planned), robot("b", planned)), "/m")).text
-    assert state_of(robot("a", critical, planned)) == "CRITICAL"
-    assert state_of(robot("b", planned)) == "OK"
-    assert "Arm: STALE, counts as CRITICAL (was OK)" in text
+    given = (robot("a", critical, planned, problems=[broken("Arm")]), robot("b", planned))
+    text = text_of(*given)
+    assert state_of(given[0]) == "CRITICAL"
+    assert state_of(given[1]) == "OK"
+    assert "STALE, counts as CRITICAL (was OK): Arm reports STALE" in text
     assert "Pendant" not in text
 
 
 def test_a_failed_check_is_critical_and_shows_the_numbers():
-    short = {"check": "motors", "found": 1, "expected": 2}
-    given = robot("a", component("Motor 1", "OK"), short_checks=[short])
+    short = {"check": "motors", "patterns": [], "found": 1, "expected": 2}
+    missing = problem("check", "critical", check="motors")
+    given = robot("a", component("Motor 1", "OK"), short_checks=[short], problems=[missing])
     assert state_of(given) == "CRITICAL"
-    assert "check motors finds 1 of 2" in read(landing(fleet(given), "/m")).text
+    assert "check motors not confirmed yet, 5 s left" in text_of(given)
+    assert "finds 1 of 2" in text_of(given)
+
+
+def test_a_value_beyond_its_threshold_is_the_robots_state_and_shows_both_numbers():
+    low = {"bound": "low", "severity": "critical", "value": 13.0}
+    battery = component("Battery", "OK")
+    battery["values"][0]["thresholds"] = [low]
+    beyond = problem(
+        "value", "critical", group="/Motor", component="Battery", key="Level", bound="low"
+    )
+    given = robot("a", battery, problems=[beyond])
+    assert state_of(given) == "CRITICAL"
+    assert "/Motor/Battery: Level not confirmed yet" in text_of(given)
+    assert "12.3 V, low threshold 13" in text_of(given)
+    page = read(robot_page(fleet(given), "a", []) or "").text
+    assert "CRITICAL /Motor/Battery" in page.partition("Components: 1")[2]
+    assert "12.3 V (low critical 13)" in page
+
+
+def test_a_robots_page_has_its_components_problems_first_and_its_events():
+    log = EventLog()
+    log.record(Event(1_000.0, "level", "a", "/Motor", "Motor 2", "OK", "ERROR", "hot"))
+    fault = {"scope": "component", "state": "critical", "severity": "critical"}
+    of = {"robot": "a", "group": "/Motor", "component": "Motor 2", **fault}
+    log.record(Event(1_010.0, "fault_began", message="hot", since=1_000.0, **of))
+    log.record(Event(1_020.0, "fault_ended", reason="recovered", since=1_000.0, **of))
+    log.record(Event(1_040.0, "robot", "a", after="silent"))
+    given = robot(
+        "a",
+        component("Motor 1", "OK"),
+        component("Motor 2", "ERROR"),
+        problems=[broken("Motor 2", evidence="Motor 2 reports ERROR; values: Level: 13 V")],
+    )
+    text = read(robot_page(fleet(given), "a", log.find(Wanted(robot="a"))) or "").text
+    assert "When confirmed: Motor 2 reports ERROR; values: Level: 13 V" in text
+    components, _, events = text.partition("Components: 2")[2].partition("Recent events")
+    assert components.index("CRITICAL /Motor/Motor 2") < components.index("OK /Motor/Motor 1")
+    assert components.count("12.3 V") == 1  # values of what is in trouble
+    assert "00:17:20 UTC, 20 s ago robot is silent" in events
+    assert "50 s ago fault began: CRITICAL /Motor/Motor 2: hot" in events
+    assert "40 s ago fault recovered: CRITICAL /Motor/Motor 2" in events
+    assert "00:16:40 UTC, 1 min ago /Motor/Motor 2 OK → ERROR: hot" in events
+    assert events.index("silent") < events.index("hot")
+
+
+def test_a_robots_page_has_the_ledger_of_its_faults_and_who_was_notified():
+    motor = component("Motor 1", "ERROR")
+    of = fleet(robot("r", motor, problems=[broken(notified={"email": 1_000.0})]))
+    entries = [{"time": 1_001.0, "text": "notification sent to <email>"}]
+
+    page = robot_page(of, "r", [], entries)
+
+    assert "for 1 min; notified 1 min ago: email</span>" in page
+    assert "00:16:41 UTC</span> notification sent to &lt;email&gt;</li>" in page
+    assert "The last faults in order" not in robot_page(of, "r", [])

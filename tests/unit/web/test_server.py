@@ -6,6 +6,7 @@ import threading
 
 import pytest
 
+from ros_diagnostics_exporter.model import Part
 from ros_diagnostics_exporter.web.server import ListenError, Server, parse_address
 from support.web_server import FakeBackend, ask, wait_until
 
@@ -77,7 +78,7 @@ def test_not_ready_returns_the_reason(serve):
 
 
 def test_an_error_in_the_backend_is_a_500_and_logged(serve, caplog):
-    def broken(openmetrics: bool) -> bytes:
+    def broken(openmetrics: bool, _parts: frozenset[Part]) -> bytes:
         raise RuntimeError("the state is on fire")
 
     server = serve(render_metrics=broken)
@@ -89,7 +90,7 @@ def test_an_error_in_the_backend_is_a_500_and_logged(serve, caplog):
 def test_concurrent_scrapes_share_one_rendering(serve):
     entered, release, calls = threading.Event(), threading.Event(), []
 
-    def slow(openmetrics: bool) -> bytes:
+    def slow(openmetrics: bool, _parts: frozenset[Part]) -> bytes:
         calls.append(openmetrics)
         entered.set()
         assert release.wait(20)

@@ -1,0 +1,86 @@
+"""The ledger of a robot's faults: what happened in order, from leaving OK to the last notification.
+
+Events are given as /api/v1/events returns them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+from ros_diagnostics_exporter.severity import event_text, notice, standing, subject
+from ros_diagnostics_exporter.texts import one_line
+
+BEFORE = 3_600.0  # seconds that are looked at where there was no fault
+LATE = 600.0  # seconds after a fault's end in which its recovery is notified
+_OF_MANY = {"site": "site", "common": "component"}  # scope -> what of it names the robots
+_FAULT = ("scope", "state", "group", "component", "check", "key", "bound", "since")
+
+Event = dict[str, Any]
+
+
+class Window(NamedTuple):
+    """The Unix times between which events belong to the ledger."""
+
+    since: float
+    until: float
+
+
+def window(began: Iterable[Event], ended: Iterable[Event], at: float) -> Window:
+    """The time of the faults that lasted ``at`` a Unix time, or else of the last one before.
+
+    Args:
+        began: The faults that began before, the newest first.
+        ended: Those that ended, whenever.
+        at: Of what time the ledger is to be.
+    """
+    ends = {_fault(each): each["time"] for each in ended}
+    faults = [(each["since"], ends.get(_fault(each), float("inf"))) for each in began]
+    lasting = [each for each in faults if each[1] >= at] or faults[:1]
+    if not lasting:
+        return Window(at - BEFORE, at + LATE)
+    # A level's event is as old as the trouble, to the rounding of what is stored.
+    return Window(min(each[0] for each in lasting) - 1, max(each[1] for each in lasting) + LATE)
+
+
+def _fault(event: Event) -> tuple[Any, ...]:
+    return tuple(event.get(name, "") for name in _FAULT)
+
+
+def entries(
+    own: Iterable[Event], of_many: Iterable[Event], component: str | None, site: str
+) -> list[dict[str, Any]]:
+    """Time and sentence of each event that is of the robot, in order.
+
+    Args:
+        own: The robot's events.
+        of_many: Events of no robot: those of its site, and of components on many robots, count.
+        component: Only this component's events and those of the whole robot; None for all.
+        site: The robot's.
+    """
+    kept = [each for each in own if component is None or each.get("component") in (None, component)]
+    common = {each.get("component") for each in kept} if component is None else {component}
+    for each in of_many:
+        name = each.get(_OF_MANY.get(each.get("scope", ""), ""))
+        if name is not None and (name == site if each["scope"] == "site" else name in common):
+            kept.append(each)
+    kept.sort(key=lambda each: (each["time"], each["id"]))
+    return [{"time": each["time"], "text": one_line(event_text(each))} for each in kept]
+
+
+def standings(problems: Iterable[dict[str, Any]], now: float, maintenance_end: str) -> list[str]:
+    """Of each problem whether it is confirmed, or why it is quiet, and who was notified."""
+    return [
+        one_line(
+            "; ".join(
+                filter(
+                    None,
+                    (
+                        f"{each['state']} {subject(each)}: {standing(each, now, maintenance_end)}",
+                        notice(each, now),
+                    ),
+                )
+            )
+        )
+        for each in problems
+    ]

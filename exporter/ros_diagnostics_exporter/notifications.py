@@ -1,0 +1,254 @@
+"""Who was notified of each fault, and who acknowledged it.
+
+Alertmanager posts here what it sends to a receiver, as
+https://prometheus.io/docs/alerting/latest/configuration/#webhook_config describes (version 4). That
+says that the notification was handed to the receiver, not that a mail or text message arrived:
+each integration of a receiver is sent and retried on its own.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, NamedTuple
+
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+
+from ros_diagnostics_exporter.alertmanager import (
+    AUTHOR_LENGTH,
+    IDENTITY,
+    NAME_LENGTH,
+    Acknowledgement,
+    clean,
+)
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.faults.model import Fault, severity_of
+
+MAX_BODY = 1024 * 1024  # bytes; a message about one alert has some thousand
+MAX_ALERTS = 1_000  # of a message
+MAX_NOTIFIED = 100  # events of a fault; a reminder a day, for a quarter of a year
+MAX_RECEIVERS = 20  # of a fault
+MAX_ENDED = 1_000  # faults that ended, for which notifications may still come
+SAME = 1.0  # seconds by which an acknowledgement may differ from when its fault began
+
+Key = tuple[str, ...]  # which fault: the labels of _KEY as Alertmanager has them
+_KEY = IDENTITY[1:]  # without the fleet
+_Text = Annotated[str, Field(max_length=NAME_LENGTH)]
+
+
+class _Alert(BaseModel):
+    status: Literal["firing", "resolved"]
+    labels: Annotated[dict[_Text, _Text], Field(max_length=100)]
+
+
+class Message(BaseModel):
+    """What is read of a message of Alertmanager's webhook."""
+
+    version: Literal["4"]
+    receiver: Annotated[str, Field(min_length=1, max_length=NAME_LENGTH)]
+    alerts: Annotated[list[_Alert], Field(max_length=MAX_ALERTS)]
+
+
+_MESSAGE = TypeAdapter(Message)
+
+
+def parse(body: bytes) -> Message:
+    """A message of Alertmanager's webhook.
+
+    Raises:
+        ValueError: It is none, or has more than the limits above; the text names the field.
+    """
+    try:
+        return _MESSAGE.validate_json(body)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
+        place = ".".join(map(str, first["loc"])) or "the body"
+        raise ValueError(
+            f"not a message of Alertmanager's webhook, version 4: {place:.80}: {first['msg']:.120}"
+        ) from error
+
+
+def key_of(labels: Mapping[str, str]) -> Key:
+    """Which fault of a fleet these labels name."""
+    return tuple(as_served(labels.get(name, "")) for name in _KEY)
+
+
+def as_served(text: str) -> str:
+    """A label's value as Prometheus, and thus Alertmanager, gets it."""
+    return text if text.isascii() else text.encode("utf-8", "replace").decode()
+
+
+def _labels(event: Event) -> dict[str, str]:
+    """The fields of an event that name its fault."""
+    return {name: str(getattr(event, name)) for name in _KEY}
+
+
+def key_of_fault(fault: Fault) -> Key:
+    """Which fault it is."""
+    return key_of(_fault_labels(fault))
+
+
+def _fault_labels(fault: Fault) -> dict[str, str]:
+    identity = fault.identity
+    return {
+        **identity._asdict(),
+        "scope": identity.scope.value,
+        "state": identity.state.value,
+        "severity": severity_of(identity),
+        "site": identity.site or fault.labels.get("site", ""),
+    }
+
+
+@dataclass(eq=False)
+class _Known:
+    """One fault: ``labels`` as in its events, ``receivers`` -> when last notified that it lasts."""
+
+    labels: dict[str, str]
+    since: float
+    is_over: bool = False
+    receivers: dict[str, float] = field(default_factory=dict)
+    notified: int = 0
+    over: set[str] = field(default_factory=set)  # receivers that were notified of its end
+    acknowledged: set[float] = field(default_factory=set)  # when
+
+
+class Received(NamedTuple):
+    """What came of a message: events to be recorded, and the number of alerts ignored."""
+
+    events: list[Event]
+    ignored: int
+
+
+class Notifications:
+    """The faults that last, or have just ended, with what is known of each. Safe from any thread.
+
+    ``note`` is to be called with each event that is recorded: those that the other methods return
+    count only then.
+    """
+
+    def __init__(self, lasting: Iterable[Fault] = ()) -> None:
+        self._lock = threading.Lock()
+        self._known: dict[Key, list[_Known]] = {}  # of one identity, the newest last
+        self._ended: deque[tuple[Key, _Known]] = deque()
+        self._ever = False
+        for fault in lasting:
+            labels = _fault_labels(fault)
+            self._known.setdefault(key_of(labels), []).append(_Known(labels, fault.since))
+
+    def note(self, event: Event) -> None:
+        """Follow an event; one of another kind than those of faults is none of this."""
+        if event.since is None:
+            return
+        with self._lock:
+            key = key_of(_labels(event))
+            known = self._find(key, event.since)
+            if event.kind in {"fault_began", "fault_ended"}:
+                if known is None:
+                    known = _Known(_labels(event), event.since)
+                    self._known.setdefault(key, []).append(known)
+                if event.kind == "fault_ended" and not known.is_over:
+                    self._end(key, known)
+            elif known is not None and event.kind == "acknowledged":
+                known.acknowledged.add(event.time)
+            elif event.kind == "notified":
+                self._ever = True
+                _count(known, event)
+
+    def _find(self, key: Key, since: float) -> _Known | None:
+        return next((each for each in self._known.get(key, ()) if each.since == since), None)
+
+    def _end(self, key: Key, known: _Known) -> None:
+        known.is_over = True
+        self._ended.append((key, known))
+        if len(self._ended) > MAX_ENDED:
+            key, oldest = self._ended.popleft()
+            self._known[key].remove(oldest)
+            if not self._known[key]:
+                del self._known[key]
+
+    def receive(self, message: Message, fleet: str, wall: float) -> Received:
+        """The events of a message that came at Unix time ``wall``.
+
+        Alerts of other fleets, that are of no fault, or of one that is not known are ignored.
+        """
+        receiver = clean(message.receiver, AUTHOR_LENGTH)
+        events: list[Event] = []
+        with self._lock:
+            for alert in message.alerts:
+                labels, is_firing = alert.labels, alert.status == "firing"
+                known = None
+                if labels.get("fleet") == as_served(fleet):
+                    known = self._choose(key_of(labels), receiver, is_firing=is_firing)
+                if known is None or known.notified >= MAX_NOTIFIED:
+                    continue
+                step = clean(labels.get("step", ""), 8)
+                events.append(
+                    Event(
+                        wall,
+                        "notified",
+                        **known.labels,
+                        since=known.since,
+                        after=alert.status,
+                        receiver=receiver,
+                        step=step,
+                    )
+                )
+        return Received(events, len(message.alerts) - len(events))
+
+    def _choose(self, key: Key, receiver: str, *, is_firing: bool) -> _Known | None:
+        """The newest fault of that identity; for a recovery, the newest that ended without one."""
+        found = self._known.get(key, [])
+        if not is_firing:
+            ended = [
+                each
+                for each in found
+                if each.is_over and receiver in each.receivers and receiver not in each.over
+            ]
+            found = ended or found
+        return found[-1] if found else None
+
+    def acknowledge(self, acknowledgements: Iterable[Acknowledgement]) -> list[Event]:
+        """The events of those acknowledgements that are new, of faults that last."""
+        events: list[Event] = []
+        with self._lock:
+            for each in acknowledgements:
+                for known in self._known.get(each.fault[1:], ()):
+                    is_its = abs(known.since - each.since) <= SAME and not known.is_over
+                    if is_its and each.at not in known.acknowledged:
+                        events.append(
+                            Event(
+                                each.at,
+                                "acknowledged",
+                                **known.labels,
+                                since=known.since,
+                                message=each.comment,
+                                author=each.author,
+                            )
+                        )
+        return events
+
+    def lasting(self) -> dict[Key, dict[str, float]] | None:
+        """Of each fault that lasts, if anybody was notified: receiver -> when last, Unix time.
+
+        None if there never was one: then Alertmanager may not be configured to post them.
+        """
+        with self._lock:
+            if not self._ever:
+                return None
+            return {
+                key: dict(found[-1].receivers)
+                for key, found in self._known.items()
+                if found[-1].receivers and not found[-1].is_over
+            }
+
+
+def _count(known: _Known | None, event: Event) -> None:
+    if known is None:
+        return
+    known.notified += 1
+    if event.after == "resolved":
+        known.over.add(event.receiver)
+    elif event.receiver in known.receivers or len(known.receivers) < MAX_RECEIVERS:
+        known.receivers[event.receiver] = event.time

@@ -1,0 +1,1 @@
+"""On call: who is notified when, from a file; built into a configuration of Alertmanager."""

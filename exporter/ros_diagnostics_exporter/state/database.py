@@ -1,0 +1,362 @@
+"""The SQLite file of the state: schema, lock, one transaction for what changed, and how it is read.
+
+WAL with synchronous=FULL: a transaction that was committed outlives a kill and a power cut. It
+costs a flush of the disk for each transaction, of which there is one a second at most.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import os
+import sqlite3
+import stat
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from ros_diagnostics_exporter.events import Event, Wanted, filled
+
+VERSION = 2  # of the schema; 1 was a JSON file
+APPLICATION = 0x524F5344  # "ROSD", for `file`
+MAGIC = b"SQLite format 3\0"
+FORMATS = (b"\1\1", b"\2\2")  # bytes 18 and 19 of the header: rollback journal, WAL
+BUSY = 5.0  # seconds that a backup tool, for example, may hold the file
+WAL_BYTES = 16 * 1024 * 1024  # to which the write-ahead log is cut after a checkpoint
+MAX_ID = 2**52  # of an event; above 2**53, JSON numbers are not exact
+BLOCK = 200  # events that are read at a time
+SCHEMA = (
+    "CREATE TABLE robots (name TEXT PRIMARY KEY, data TEXT NOT NULL)",
+    "CREATE TABLE seen (robot TEXT PRIMARY KEY, time REAL NOT NULL) WITHOUT ROWID",
+    "CREATE TABLE faults (kind TEXT, key TEXT, fields TEXT, PRIMARY KEY (kind, key)) WITHOUT ROWID",
+    (
+        "CREATE TABLE events (id INTEGER PRIMARY KEY,"
+        " time REAL, kind TEXT, robot TEXT, component TEXT, after TEXT, data TEXT)"
+    ),
+    "CREATE INDEX events_of_robot ON events (robot)",
+)
+_EVENT = TypeAdapter(Event)
+# What SQLite says where not the content of the file is wrong (sqlite3ErrStr; the codes are known
+# to Python 3.11 and newer only).
+_NO_DAMAGE = (
+    "attempt to write a readonly database",
+    "database is locked",
+    "database or disk is full",
+    "disk I/O error",
+    "interrupted",
+    "out of memory",
+    "unable to open database file",
+)
+
+
+class InUseError(Exception):
+    """Another process has the database open; the text names the file and the process."""
+
+
+class DamagedError(Exception):
+    """The file is no database of this version; the text says why."""
+
+
+def is_damage(error: Exception) -> bool:
+    """Whether the content of the file, not the disk or a permission, is what is wrong."""
+    if isinstance(error, DamagedError):
+        return True
+    return isinstance(error, sqlite3.DatabaseError) and not str(error).startswith(_NO_DAMAGE)
+
+
+@dataclass
+class Changes:
+    """What one transaction writes; ``everything``: all other robots and faults go."""
+
+    everything: bool
+    robots: list[tuple[str, str]]  # name, JSON
+    gone: list[str]
+    seen: list[tuple[str, float]]
+    faults: dict[tuple[str, str], str | None]  # (kind, key) -> JSON; None: it has gone
+    events: Iterable[tuple[int, Event]]
+
+
+class Lock:
+    """Keeps a second exporter from the database, until it is closed or the process ends.
+
+    Raises:
+        InUseError: another process has it.
+        OSError: the lock file cannot be made.
+    """
+
+    def __init__(self, database: Path) -> None:
+        path = database.with_name(database.name + ".lock")
+        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            owner = os.read(self._file, 20).decode("ascii", "replace").strip()
+            os.close(self._file)
+            raise InUseError(f"{database} is in use by another exporter (pid {owner})") from error
+        os.truncate(self._file, 0)
+        os.pwrite(self._file, b"%d\n" % os.getpid(), 0)
+
+    def close(self) -> None:
+        """Let another process have the database."""
+        os.close(self._file)
+
+
+class Database:
+    """The open file; made if it is not there. For one thread at a time.
+
+    Raises:
+        DamagedError, sqlite3.Error: it is damaged, see `is_damage`.
+        OSError, sqlite3.OperationalError: it cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._inode = _prepare(path)
+        self._connection = sqlite3.connect(
+            path, timeout=BUSY, isolation_level=None, check_same_thread=False
+        )
+        self._connection.text_factory = _decode  # a damaged text is no reason to read no further
+        try:
+            self._set_up()
+        except BaseException:
+            self._connection.close()
+            raise
+
+    def _set_up(self) -> None:
+        connection = self._connection
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = FULL")
+        connection.execute(f"PRAGMA journal_size_limit = {WAL_BYTES}")
+        found = tuple(self._ask("SELECT sql FROM sqlite_master WHERE sql <> '' ORDER BY rowid"))
+        [(version,)] = connection.execute("PRAGMA user_version")
+        if not found and version == 0:
+            self._create()
+        elif version != VERSION:
+            raise DamagedError(f"its version is {version}, not {VERSION}")
+        elif found != SCHEMA:
+            raise DamagedError("its tables are not those of this version")
+
+    def _create(self) -> None:
+        with self._transaction():
+            for statement in SCHEMA:
+                self._connection.execute(statement)
+            self._connection.execute(f"PRAGMA user_version = {VERSION}")
+            self._connection.execute(f"PRAGMA application_id = {APPLICATION}")
+
+    def close(self) -> None:
+        """Close the file."""
+        self._connection.close()
+
+    @property
+    def is_moved(self) -> bool:
+        """Whether another file, or none, is at the path now."""
+        try:
+            return _inode(os.lstat(self._path)) != self._inode
+        except FileNotFoundError:
+            return True
+
+    # -- reading -----------------------------------------------------------------------------
+
+    def check(self, seconds: float) -> str:
+        """What is wrong with the file; "" if nothing was found in ``seconds``."""
+        timer = threading.Timer(seconds, self._connection.interrupt)
+        timer.start()
+        try:
+            found = self._ask("PRAGMA quick_check(1)")
+        except sqlite3.OperationalError as error:
+            if is_damage(error):
+                raise
+            return ""  # interrupted: what is read is checked as it is read
+        finally:
+            timer.cancel()
+        return "" if found == ["ok"] else str(found[0]).replace("\n", " ")
+
+    def robots(self) -> Iterator[tuple[Any, Any, Any]]:
+        """Of each robot its name, its JSON and when it was last received, as they are there."""
+        yield from self._connection.execute(
+            "SELECT name, data, time FROM robots LEFT JOIN seen ON robot = name ORDER BY name"
+        )
+
+    def faults(self) -> Iterator[tuple[Any, Any, Any]]:
+        """Of each row of the faults its kind, key and fields, as they are there."""
+        yield from self._connection.execute("SELECT kind, key, fields FROM faults")
+
+    def last_event(self) -> int:
+        """The highest id of an event; 0 if there is none."""
+        [found] = self._ask("SELECT coalesce(max(id), 0) FROM events")
+        return int(found) if 0 <= found <= MAX_ID else 0
+
+    def _ask(self, query: str) -> list[Any]:
+        return [value for (value,) in self._connection.execute(query)]
+
+    # -- writing -----------------------------------------------------------------------------
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        self._connection.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self._connection.execute("COMMIT")
+        except BaseException:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+            raise
+
+    def write(self, changes: Changes, *, oldest: float, most: int) -> None:
+        """Write what changed, and delete the oldest events.
+
+        Args:
+            changes: What changed.
+            oldest: Unix time before which events go.
+            most: Bytes of the database above which the oldest events go.
+        """
+        with self._transaction():
+            if changes.everything:
+                for table in ("robots", "seen", "faults"):
+                    self._connection.execute(f"DELETE FROM {table}")  # noqa: S608 - our own names
+            self._write_robots(changes)
+            self._write_faults(changes.faults)
+            self._write_events(changes.events, oldest, most)
+
+    def _write_robots(self, changes: Changes) -> None:
+        execute = self._connection.executemany
+        gone = [(_text(name),) for name in changes.gone]
+        execute("DELETE FROM robots WHERE name = ?", gone)
+        execute("DELETE FROM seen WHERE robot = ?", gone)
+        execute(
+            "INSERT INTO robots VALUES (?, ?)"
+            " ON CONFLICT (name) DO UPDATE SET data = excluded.data",
+            [(_text(name), _text(data)) for name, data in changes.robots],
+        )
+        execute(
+            "INSERT OR REPLACE INTO seen VALUES (?, ?)",
+            [(_text(name), time) for name, time in changes.seen],
+        )
+
+    def _write_faults(self, rows: dict[tuple[str, str], str | None]) -> None:
+        gone = [(kind, _text(key)) for (kind, key), text in rows.items() if text is None]
+        self._connection.executemany("DELETE FROM faults WHERE kind = ? AND key = ?", gone)
+        self._connection.executemany(
+            "INSERT OR REPLACE INTO faults VALUES (?, ?, ?)",
+            [
+                (kind, _text(key), _text(text))
+                for (kind, key), text in rows.items()
+                if text is not None
+            ],
+        )
+
+    def _write_events(self, events: Iterable[tuple[int, Event]], oldest: float, most: int) -> None:
+        written = self._connection.executemany(
+            "INSERT OR REPLACE INTO events VALUES (?, ?, ?, ?, ?, ?, ?)",
+            (_event_row(number, event) for number, event in events),
+        ).rowcount
+        count = 1000 + 2 * max(0, written)  # so that they go faster than they come
+        [pages, free, size] = (
+            self._ask(f"PRAGMA {name}")[0] for name in ("page_count", "freelist_count", "page_size")
+        )
+        if (pages - free) * size <= most:
+            first = self._ask("SELECT time FROM events ORDER BY id LIMIT 1")
+            if not first or first[0] >= oldest:
+                return
+        else:
+            oldest = float("inf")
+        self._connection.execute(
+            "DELETE FROM events WHERE time < ?"
+            " AND id IN (SELECT id FROM events ORDER BY id LIMIT ?)",
+            (oldest, count),
+        )
+
+
+def rename_database(path: Path, to: Path) -> None:
+    """Rename a database that nobody has open, with its write-ahead log.
+
+    Raises:
+        OSError: it cannot be renamed.
+    """
+    path.rename(to)
+    for suffix in ("-wal", "-shm"):  # a log that stays would be applied to the next database
+        with suppress(FileNotFoundError):
+            path.with_name(path.name + suffix).rename(to.with_name(to.name + suffix))
+
+
+def find_events(path: Path, wanted: Wanted) -> Iterator[tuple[int, Event]]:
+    """The written events that match, newest first, by a connection of its own.
+
+    Raises:
+        sqlite3.Error: they cannot be read.
+    """
+    conditions = ["id < ?"]
+    values: list[int | float | str] = [wanted.before or 1 << 62]
+    for condition, value in (
+        ("kind = ?", wanted.kind),
+        ("robot = ?", wanted.robot),
+        ("component = ?", wanted.component),
+        ("after = ?", wanted.level),
+        ("time >= ?", wanted.since),
+        ("time < ?", wanted.until),
+    ):
+        if value is not None:
+            conditions.append(condition)
+            values.append(_text(value) if isinstance(value, str) else value)
+    query = f"SELECT id, data FROM events WHERE {' AND '.join(conditions)}"  # noqa: S608
+    uri = path.absolute().as_uri() + "?mode=ro"
+    with closing(sqlite3.connect(uri, uri=True, timeout=BUSY, isolation_level=None)) as connection:
+        connection.text_factory = _decode
+        found = connection.execute(f"{query} ORDER BY id DESC LIMIT ?", (*values, wanted.limit))
+        while rows := found.fetchmany(BLOCK):
+            for number, text in rows:
+                event = _event(text)
+                if event is not None:
+                    yield number, event
+
+
+def _prepare(path: Path) -> tuple[int, int]:
+    """Make the file if it is not there, and look at its header; its device and inode."""
+    path.parent.mkdir(mode=0o700, exist_ok=True)
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY
+    descriptor = os.open(path, flags, 0o600)
+    try:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            raise OSError(errno.EINVAL, "it is not a regular file")
+        header = os.read(descriptor, 20)
+    finally:
+        os.close(descriptor)
+    is_database = header.startswith(MAGIC) and header[18:] in FORMATS
+    if header and not is_database:
+        raise DamagedError("it is not a database")
+    return _inode(status)
+
+
+def _inode(status: os.stat_result) -> tuple[int, int]:
+    return status.st_dev, status.st_ino
+
+
+def _event_row(number: int, event: Event) -> tuple[int | float | str, ...]:
+    # What can be asked for is apart; everything is in the JSON.
+    texts = (event.kind, event.robot, event.component, event.after)
+    data = json.dumps(filled(event), ensure_ascii=False)
+    return number, event.time, *map(_text, (*texts, data))
+
+
+def _event(data: Any) -> Event | None:
+    """An event of the database; None if it is damaged."""
+    try:
+        return _EVENT.validate_json(data)
+    except ValidationError:
+        return None
+
+
+def _decode(raw: bytes) -> str:
+    return raw.decode("utf-8", "replace")
+
+
+def _text(text: str) -> str:
+    """Without lone surrogates, which SQLite does not take."""
+    return text if text.isascii() else text.encode("utf-8", "replace").decode()

@@ -1,0 +1,234 @@
+"""What fleet.yml names and nothing is: checks, rules, discovery and downtimes that match nothing.
+
+Of the running exporter, or, with `--config.check --live`, of a file against a running exporter.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from itertools import islice
+from typing import Any
+
+from ros_diagnostics_exporter.config.fleet import (
+    Discovery,
+    Fleet,
+    Profile,
+    Source,
+    ValueRule,
+    topics_of,
+)
+from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.regex import Pattern
+from ros_diagnostics_exporter.state.discovery import robot_name
+from ros_diagnostics_exporter.state.maintenance import selects
+from ros_diagnostics_exporter.state.robot import Robot
+from ros_diagnostics_exporter.state.rules import (
+    SEARCHED,
+    check_matches,
+    value_matches,
+)
+
+log = logging.getLogger(__name__)
+
+KINDS = ("check", "component", "discovery", "maintenance", "shared", "value")
+GRACE = 300.0  # seconds for which nothing has to match until it is reported
+MOST_COMPARED = 1000  # names among which the nearest is looked for
+
+Part = tuple[str, str, tuple[str, ...]]  # of a robot: group, component, keys of its values
+
+
+@dataclass(frozen=True, order=True)
+class Unmatched:
+    """An entry of fleet.yml that matches nothing: one of `KINDS`, its text, the nearest name."""
+
+    what: str
+    entry: str
+    nearest: str = field(default="", compare=False)
+
+    def __str__(self) -> str:
+        """One line, for people."""
+        hint = f"; the nearest is {self.nearest!r}" if self.nearest else ""
+        return f"{self.what} {self.entry} matches nothing{hint}"
+
+
+@dataclass(frozen=True)
+class KnownRobot:
+    """What of a robot entries can match."""
+
+    name: str
+    labels: Mapping[str, str]
+    domain_id: int
+    topic: str
+    profile: str
+    components: tuple[Part, ...]
+
+
+def known_robot(robot: Robot) -> KnownRobot:
+    """What is known of a robot of the state."""
+    settings = robot.settings
+    return KnownRobot(
+        name=settings.name,
+        labels=settings.labels,
+        domain_id=settings.domain_id,
+        topic=settings.topic_agg or settings.topic_raw or "",
+        profile=settings.profile.name,
+        components=tuple(
+            (each.group, each.name, () if each.last is None else _keys(each.last.values))
+            for each in robot.components
+            if each.level >= 0
+        ),
+    )
+
+
+def _keys(values: Iterable[tuple[str, str]]) -> tuple[str, ...]:
+    return tuple(key for key, _value in values)
+
+
+def known_from_json(fleet: Mapping[str, Any]) -> list[KnownRobot]:
+    """The robots of /api/v1/fleet.
+
+    Raises:
+        KeyError, TypeError: It is not what an exporter of this version serves.
+    """
+    return [
+        KnownRobot(
+            name=robot["robot"],
+            labels=robot["labels"],
+            domain_id=robot["domain_id"],
+            topic=robot["topic"] or "",
+            profile=robot["profile"],
+            components=tuple(
+                (each["group"], each["component"], tuple(value["key"] for value in each["values"]))
+                for each in robot["components"]
+            ),
+        )
+        for robot in fleet["robots"]
+    ]
+
+
+def find_unmatched(fleet: Fleet, known: Iterable[KnownRobot], wall: float) -> list[Unmatched]:
+    """The entries that match nothing of what is known, sorted; none until components were received.
+
+    Rules of a profile count once components of its robots were received. Rules that ignore
+    components, and downtimes that are over at ``wall`` (Unix seconds), do not count.
+    """
+    robots = list(known)
+    received = [each for each in robots if each.components]
+    if not received:
+        return []
+    found = {
+        *_sources(fleet, robots),
+        *_maintenance(fleet, robots, wall),
+        *_of_profiles(fleet, received),
+    }
+    return sorted(found)
+
+
+def _sources(fleet: Fleet, robots: list[KnownRobot]) -> Iterator[Unmatched]:
+    for discovery in fleet.discoveries:
+        if not any(_is_found(discovery, robot) for robot in robots):
+            only = _written(discovery.include)
+            entry = f"{discovery.template}{only and f' include {only}'}"
+            yield Unmatched("discovery", entry, _nearest(only, [each.name for each in robots]))
+    places = {(each.topic, each.domain_id) for each in robots}
+    for shared in fleet.shared:
+        if (shared.topic, shared.domain_id) not in places:
+            yield Unmatched("shared", shared.topic)
+
+
+def _is_found(discovery: Discovery, robot: KnownRobot) -> bool:
+    topics = topics_of(robot.topic, Source.AUTO)
+    return any(each and robot_name(discovery, each, robot.domain_id) for each in topics)
+
+
+def _maintenance(fleet: Fleet, robots: list[KnownRobot], wall: float) -> Iterator[Unmatched]:
+    labels = [{**each.labels, "fleet": fleet.name, "robot": each.name} for each in robots]
+    for each in fleet.maintenance:
+        is_over = each.end is not None and each.end <= wall
+        if not is_over and not any(selects(each, of) for of in labels):
+            selector = {label: _written(patterns) for label, patterns in each.selector.items()}
+            near = (
+                _nearest(selector[name], (of.get(name, "") for of in labels)) for name in selector
+            )
+            entry = ", ".join(f"{label}={text}" for label, text in selector.items())
+            yield Unmatched("maintenance", f"{each.name}: {entry}", next(filter(None, near), ""))
+
+
+def _of_profiles(fleet: Fleet, robots: list[KnownRobot]) -> Iterator[Unmatched]:
+    """Entries of profiles; one that several profiles inherit may match in any of them."""
+    matched: dict[Unmatched, bool] = {}
+    for profile in fleet.profiles.values():
+        parts = {
+            part for each in robots if each.profile == profile.name for part in each.components
+        }
+        if parts:
+            for entry, matches in _rules(profile, parts):
+                matched[entry] = matched.get(entry, False) or matches
+    yield from (entry for entry, matches in matched.items() if not matches)
+
+
+def _rules(profile: Profile, parts: Collection[Part]) -> Iterator[tuple[Unmatched, bool]]:
+    """(entry, whether it matches anything) of all rules of a profile."""
+    names = dict.fromkeys(name for _group, name, _keys in parts)
+    for check in profile.checks:
+        text = _written(check.patterns)
+        matches = any(check_matches(check, group, name) for group, name, _keys in parts)
+        near = "" if matches else _nearest(text, names)
+        yield Unmatched("check", f"{check.name}: {text}", near), matches
+    for rule in profile.components:
+        if not rule.ignore:
+            text = _written([rule.pattern])
+            matches = any(rule.pattern.search(name[:SEARCHED]) for name in names)
+            yield Unmatched("component", text, "" if matches else _nearest(text, names)), matches
+    for value in profile.values:
+        yield _value(value, parts)
+
+
+def _value(rule: ValueRule, parts: Collection[Part]) -> tuple[Unmatched, bool]:
+    component, key = (_written(filter(None, [each])) for each in (rule.component, rule.key))
+    entry = f"component {component or 'any'}, key {key or 'any'}"
+    if any(value_matches(rule, name, each) for _group, name, keys in parts for each in keys):
+        return Unmatched("value", entry), True
+    anywhere = replace(rule, key=None)
+    keys = [key for _, name, keys in parts for key in keys if value_matches(anywhere, name, key)]
+    names = [name for _group, name, _keys in parts]
+    near = _nearest(key, keys) if keys else _nearest(component, names)
+    return Unmatched("value", entry, near), False
+
+
+def _nearest(text: str, names: Iterable[str]) -> str:
+    """The name that is most similar to the text, "" if none is."""
+    known = {each.casefold(): each for each in islice(dict.fromkeys(names), MOST_COMPARED) if each}
+    close = get_close_matches(text.casefold(), known, 1)
+    return known[close[0]] if close else ""
+
+
+def _written(patterns: Iterable[Pattern]) -> str:
+    """Patterns as in fleet.yml: without escapes, * for anything."""
+    texts = (re.sub(r"\\(\W)", r"\1", each.pattern.replace(".*", "*")) for each in patterns)
+    return " or ".join(texts)
+
+
+class UnmatchedWatch:
+    """Reports the entries that have matched nothing for `GRACE`, one log line each."""
+
+    def __init__(self) -> None:
+        self.entries: tuple[Unmatched, ...] = ()
+        self._since: dict[Unmatched, float] = {}
+
+    def update(self, found: Iterable[Unmatched], now: Instant) -> None:
+        """Take what matches nothing now."""
+        self._since = {each: self._since.get(each, now.mono) for each in found}
+        entries = tuple(each for each, at in self._since.items() if now.mono - at >= GRACE)
+        for each in entries:
+            if each not in self.entries:
+                log.warning("fleet.yml: %s", each)
+        self.entries = entries
+
+    def counts(self) -> dict[str, int]:
+        """How many entries of each kind match nothing; all kinds."""
+        return {kind: sum(each.what == kind for each in self.entries) for kind in KINDS}

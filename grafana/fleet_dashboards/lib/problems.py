@@ -1,0 +1,223 @@
+"""The table of problems: confirmed faults, and what is in trouble and not confirmed yet."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from grafana_foundation_sdk.builders import table
+
+from fleet_dashboards.lib import links, palette, tables
+from fleet_dashboards.lib.palette import State
+from fleet_dashboards.lib.promql import HELD, label
+from fleet_dashboards.lib.tables import Column
+
+# A fault's identity; a row has the labels of it that apply.
+IDENTITY = "fleet, scope, state, site, robot, group, component, check, key, bound"
+# A warning goes on under a critical fault of the same component or value: only the worst is shown.
+_NESTED = "fleet, scope, robot, group, component, check, key, bound"
+_COMPONENT = "fleet, robot, group, component"
+_CONFIRMED, _NOT_YET = "yes", "not yet"
+
+
+class _Kind(NamedTuple):
+    """Faults that are shown alike: which, in which state, and what is put before their evidence."""
+
+    matchers: str
+    state: State
+    text: str = ""
+    named_by: str = ""  # the label before the evidence
+
+
+_KINDS = (
+    _Kind('scope="component", state="critical"', palette.CRITICAL),
+    _Kind('scope="component", state="stale"', palette.STALE),
+    _Kind('scope="component", state="warning"', palette.WARNING),
+    _Kind('scope="value", state="critical"', palette.CRITICAL, named_by="key"),
+    _Kind('scope="value", state="warning"', palette.WARNING, named_by="key"),
+    _Kind('scope="check"', palette.CRITICAL, named_by="check"),
+    _Kind('scope="robot", state="silent"', palette.UNKNOWN),
+    _Kind('scope="robot", state="pending"', palette.PENDING),
+    _Kind('scope="robot", state="flapping"', palette.WARNING, "comes and goes"),
+    _Kind(
+        'scope="robot", state="many", severity="critical"',
+        palette.CRITICAL,
+        "many components failed at once",
+    ),
+    _Kind(
+        'scope="robot", state="many", severity!="critical"',
+        palette.WARNING,
+        "many components failed at once",
+    ),
+    _Kind('scope="flapping"', palette.WARNING, "flapping"),
+    _Kind('scope="site"', palette.UNKNOWN, "many robots of the site are silent"),
+    _Kind('scope="common"', palette.CRITICAL, "on many robots at once"),
+)
+
+
+def _confirmed(matchers: str) -> str:
+    """Return the confirmed faults with the rank of their states, and a message."""
+    return "\nor\n".join(_ranked(kind, matchers) for kind in _KINDS)
+
+
+def _ranked(kind: _Kind, matchers: str) -> str:
+    found = f"{HELD}{{{matchers}, {kind.matchers}}} * 0 + {kind.state.rank}"
+    if kind.state is palette.WARNING:
+        worse = f'{HELD}{{{matchers}, state=~"critical|stale"}}'
+        found = f"({found} unless on ({_NESTED}) {worse})"
+    if kind.state is palette.STALE:
+        found = f'({found} unless on ({_NESTED}) {HELD}{{{matchers}, state="critical"}})'
+    if kind.named_by:
+        found = f'label_join({found}, "message", ": ", "{kind.named_by}", "evidence")'
+    else:
+        text = f"{kind.text}: $1" if kind.text else "$1"
+        found = label(found, "message", text, "evidence", "(.*)")
+    return label(found, "confirmed", _CONFIRMED)
+
+
+def _soft(matchers: str, covered: str) -> str:
+    """Return what is in trouble and not confirmed, as ranks with a message.
+
+    Nothing is known of the components of a silent robot, and ``covered`` is shown as one fault.
+    """
+    components = f"component:ros_diagnostics_state:rank{{{matchers}}}"
+    planned = "ros_diagnostics_component_planned_stale"
+    robots = f"robot:ros_diagnostics_state:rank{{{matchers}}}"
+    silent = f"max by (fleet, robot) (ros_diagnostics_robot_up{{{matchers}}}) == 0"
+    component = f"""
+    {components}
+    unless on ({_COMPONENT}) ({components} == 2 and on ({_COMPONENT}) {planned} == 1)
+    unless on ({_COMPONENT}) {HELD}{{scope=~"component|flapping"}}
+    unless on (fleet, robot) ({silent})
+{covered}
+"""
+    robot = f"""
+    {robots} and on (fleet, robot) ({silent})
+    unless on (fleet, robot) {HELD}{{scope="robot", state=~"silent|pending|flapping"}}
+    unless on (fleet, robot)
+      (robot:ros_diagnostics:info and on (fleet, site) {HELD}{{scope="site"}})
+"""
+    message = f"""
+    group by ({_COMPONENT}, message) (ros_diagnostics_component_message_info{{{matchers}}})
+"""
+    reason = label(
+        f"ros_diagnostics_robot_silent_reason{{{matchers}}} == 1", "message", "$1", "reason", "(.*)"
+    )
+    found = f"{_with_message(component, message, _COMPONENT)}\nor\n"
+    found += _with_message(robot, reason, "fleet, robot")
+    return label(f"({found})", "confirmed", _NOT_YET)
+
+
+def _with_message(expr: str, messages: str, by: str) -> str:
+    one = f"topk by ({by}) (1,\n{messages}\n)"
+    return f"""
+  (
+{expr}
+  )
++ on ({by}) group_left (message)
+  0 * {one}
+or
+  (
+{expr}
+  )
+  unless on ({by}) {one}
+"""
+
+
+def _since(matchers: str, states: str) -> str:
+    """Return when the trouble began, of faults and of what is not confirmed; Unix time."""
+    began = "ros_diagnostics_component_problem_since_timestamp_seconds"
+    received = "ros_diagnostics_robot_last_message_timestamp_seconds"
+    return f"""
+    max by ({IDENTITY}) ({HELD}{{{matchers}}})
+  or
+    max by ({_COMPONENT}) ({began}{{{states}}})
+  or
+    max by (fleet, robot) ({received}{{{states}}} > 0)
+"""
+
+
+ACKNOWLEDGED = "ros_diagnostics_fault_acknowledged_timestamp_seconds"
+
+
+def _acknowledged(matchers: str) -> str:
+    """Return every fault with a label ``acknowledged``: "ann: spare part ordered", or "nobody"."""
+    by_whom = f"""
+    group by ({IDENTITY}, acknowledged) (
+      label_join({ACKNOWLEDGED}{{{matchers}}}, "acknowledged", ": ", "author", "comment")
+    )
+"""
+    nobody = label(f"group by ({IDENTITY}) ({HELD}{{{matchers}}})", "acknowledged", "nobody")
+    return f"{by_whom}\nor on ({IDENTITY})\n  {nobody}"
+
+
+def _in_maintenance(matchers: str) -> str:
+    """Return 1 for each robot in maintenance, 0 for others."""
+    return f"max by (fleet, robot) (ros_diagnostics_robot_maintenance{{{matchers}}})"
+
+
+ROBOT = Column("robot", "Robot", link=links.TO_ROBOT, width=120, filtered=True)
+_COLUMNS = (
+    tables.STATE._replace(width=95),
+    ROBOT,
+    Column("component", "Component", link=links.TO_COMPONENT, width=150, filtered=True),
+    Column("message", "Message", mappings=palette.reason_mappings(), min_width=300),
+    Column("B", "Since", unit=tables.TIME, width=145),
+    Column("C", "For", unit=tables.DURATION, width=100),
+    Column("confirmed", "Confirmed", width=85),
+    Column("acknowledged", "Acknowledged", width=150),
+    tables.MAINTENANCE._replace(width=100),
+    tables.FLEET._replace(width=80),
+)
+
+
+def problem_table(
+    title: str,
+    description: str,
+    matchers: str,
+    *,
+    proof: str,
+    of_states: str = "",
+    selected: str = "",
+    covered: str = "",
+    filters: str = "",
+    hidden: tuple[str, ...] = (),
+) -> table.Panel:
+    """Return the table of problems, worst first and of those the oldest first.
+
+    Args:
+        title: Of the panel.
+        description: Of the panel.
+        matchers: Which faults, by labels that they have.
+        proof: Has a value if having no row means that there is no problem.
+        of_states: Of the states and families of robots, which have fewer labels; `matchers` if "".
+        selected: Restricts what is not confirmed; PromQL that follows its expression.
+        covered: Leaves out of that what belongs to a larger fault; PromQL, too.
+        filters: Of the variables, for all rows; PromQL, too.
+        hidden: Titles of columns that are not shown.
+    """
+    states = of_states or matchers
+    rows = f"""
+  max by ({IDENTITY}, message, confirmed) (
+{_confirmed(matchers)}
+or
+    {_soft(states, covered)}
+    {selected}
+  ) {filters}
+"""
+    since = _since(matchers, states)
+    return tables.joined(
+        title,
+        description,
+        {
+            "A": rows,
+            "B": f"(\n{since}\n) * 1000",
+            "C": f"floor(time() - (\n{since}\n))",
+            "E": _acknowledged(matchers),
+            "F": _in_maintenance(states),
+        },
+        [column._replace(hidden=column.title in hidden) for column in _COLUMNS],
+        by=IDENTITY,
+        by_of={"F": "fleet, robot"},
+        empty=tables.Empty("No problems", proof),
+        sort=("State", "Since"),
+    )

@@ -1,0 +1,312 @@
+"""The dashboards in a real Grafana, seen in Chromium: texts, colours, links, a dead monitoring."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from typing import Any, NamedTuple
+from urllib.parse import parse_qs, urlsplit
+
+import pytest
+
+from e2e.dashboards import browser, odd_names
+from e2e.dashboards.watched_fleet import WatchedFleet
+from support import prometheus_site
+from support.committed_dashboards import BOARDS
+from support.served_fleet import serving
+from testbed.polling import until
+
+ABSENT = browser.missing()
+pytestmark = [
+    pytest.mark.e2e,
+    pytest.mark.slow,
+    pytest.mark.timeout(900),
+    pytest.mark.skipif(bool(ABSENT), reason=f"dashboards were not looked at: no {ABSENT}"),
+]
+
+FLEET = "ros-diagnostics-fleet"
+ROBOT = "ros-diagnostics-robot"
+COMPONENT = "ros-diagnostics-component"
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with browser.windows() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def grafana(watched: WatchedFleet, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    with browser.serving(tmp_path_factory.mktemp("grafana") / "data", watched.site) as address:
+        yield address
+
+
+@pytest.fixture
+def page(chromium: Any, grafana: str) -> Iterator[browser.Page]:
+    yield from window(chromium, grafana, browser.TALL)
+
+
+def window(chromium: Any, address: str, size: tuple[int, int]) -> Iterator[browser.Page]:
+    width, height = size
+    page = chromium.new_page(viewport={"width": width, "height": height})
+    try:
+        yield browser.Page(address, page)
+    finally:
+        page.close()
+
+
+# --- A fleet in every state ---
+
+
+@pytest.mark.parametrize("board", BOARDS)
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_every_panel_shows_data_and_no_error(page: browser.Page, board: str, theme: str):
+    chosen = {"fleet": "hall", "robot": "broken"} if board == ROBOT else {}
+    page.open(board, theme=theme, last="6h", **chosen)  # recorded until half an hour ago
+    page.wait_for("Data as of", ":")
+    titles = shown(board)
+    without = ""
+
+    def all_have_data() -> bool:
+        nonlocal without
+        texts = {title: page.text(title) for title in titles}
+        without = ", ".join(title for title, text in texts.items() if "No data" in text)
+        return not without
+
+    until(all_have_data, lambda: f"data in {without}", 150, every=1)
+    page.page.wait_for_load_state("networkidle")
+    errors = page.page.locator(
+        ".panel-info-corner--error, [data-testid='data-testid Panel status error']"
+    )
+    assert errors.count() == 0
+
+
+def shown(board: str) -> list[str]:
+    """The titles of all panels whose row is open, without those with a variable in it."""
+    return [
+        panel["title"]
+        for panel in BOARDS[board]["panels"]
+        if panel["type"] != "row" and "$" not in panel["title"]
+    ]
+
+
+def test_problems_are_listed_with_state_message_and_acknowledgement(page: browser.Page):
+    page.open(FLEET)
+    page.wait_for("Problems", "spare part ordered")
+    rows = page.rows("Problems")
+
+    (motor,) = (row for row in rows if row[1:3] == ["broken", "Motor 1"])
+    assert motor[0] == "CRITICAL"
+    assert motor[3].startswith("Motor failure; values: Temperature: 42 degC")
+    assert motor[6:8] == ["yes", "ann: spare part ordered"]
+    (silent,) = (row for row in rows if row[1] == "silent")
+    assert silent[0] == "UNKNOWN"
+    assert silent[3].startswith("its publisher is gone")
+    (fresh,) = (row for row in rows if row[1] == "fresh")
+    assert fresh[6] == "not yet"
+    (maintained,) = (row for row in rows if row[1] == "maintained")
+    assert "planned" in maintained
+    assert [row[0] for row in rows] == sorted(
+        (row[0] for row in rows), key=["UNKNOWN", "CRITICAL", "STALE", "WARNING", "PENDING"].index
+    )
+
+
+def test_a_flapping_component_is_one_row_that_stays(page: browser.Page):
+    page.open(FLEET, state="== 1")
+    page.wait_for("Problems", "flapping: Loose")
+
+    rows = [row for row in page.rows("Problems") if row[1:3] == ["flapping", "Sensor 1"]]
+    assert [row[6] for row in rows] == ["yes"]
+
+
+@pytest.mark.parametrize(
+    ("rank", "state"),
+    [(4, "UNKNOWN"), (3, "CRITICAL"), (2, "STALE"), (1, "WARNING"), (-1, "PENDING")],
+)
+def test_a_state_has_its_colour_in_a_table(page: browser.Page, rank: int, state: str):
+    page.open(FLEET, state=f"== {rank}")
+    page.wait_for("Problems", state)
+
+    assert page.background("Problems", state) == f"rgb({', '.join(map(str, COLOURS[state]))})"
+
+
+COLOURS = {
+    "CRITICAL": (193, 18, 31),
+    "UNKNOWN": (27, 58, 134),
+    "STALE": (147, 80, 201),
+    "WARNING": (255, 217, 47),
+    "OK": (31, 127, 99),
+    "PENDING": (208, 208, 208),
+}
+
+
+@pytest.mark.parametrize(
+    ("board", "title", "states"),
+    [
+        (FLEET, "States of the robots", set(COLOURS)),
+        (ROBOT, "States of the components", {"CRITICAL", "WARNING", "OK"}),
+        (COMPONENT, "State over time", {"CRITICAL", "STALE", "OK"}),
+    ],
+)
+def test_a_timeline_has_the_colours_of_the_states(
+    page: browser.Page, board: str, title: str, states: set[str]
+):
+    chosen = {ROBOT: {"fleet": "hall", "robot": "broken"}, COMPONENT: {"component": "Motor 1"}}
+    page.open(board, **chosen.get(board, {}))
+    page.wait_for(title, "CRITICAL")
+    missing: set[str] = set()
+
+    def all_are_there() -> bool:
+        nonlocal missing
+        found = page.pixels(title)
+        missing = {state for state in states if not any(near(COLOURS[state], c) for c in found)}
+        return not missing
+
+    until(all_are_there, lambda: f"colours of {missing}: {page.pixels(title)}", 30, every=1)
+    others = set(COLOURS) - states
+    assert not [c for c in page.pixels(title) for state in others if near(COLOURS[state], c)]
+
+
+def near(one: tuple[int, int, int], other: tuple[int, int, int]) -> bool:
+    return all(abs(a - b) <= 4 for a, b in zip(one, other, strict=True))
+
+
+def test_a_click_on_a_component_compares_it_across_the_fleet(page: browser.Page):
+    page.open(FLEET)
+    page.wait_for("Problems", "Motor 1")
+    page.panel("Problems").get_by_role("link", name="Motor 1").first.click()
+
+    page.wait_for("State on each robot", "broken")
+    page.wait_for("Robots by state of the component", "CRITICAL")
+
+
+def test_the_menu_leads_from_a_component_to_a_robot(page: browser.Page):
+    """It passes all variables: "All" robots of one page are no robot of the other."""
+    page.open(COMPONENT, component="Motor 1", robots="$__all")
+    page.wait_for("State on each robot", "broken")
+    page.page.get_by_text("ROS diagnostics", exact=True).last.click()
+    target = page.page.locator(f"a[href*='/d/{ROBOT}']").first.get_attribute("href")
+    page.follow(target)
+
+    page.wait_for("All components", "Battery")
+
+
+def test_a_value_with_a_metric_of_its_own_is_shown(page: browser.Page):
+    page.open(ROBOT, fleet="annex", robot="well")
+
+    page.wait_for("Batteries", "Battery: Level in %")
+    page.wait_for("Values with a metric of their own", "ros_battery_charge_ratio")
+    page.wait_for("Problems", "No problems")
+
+
+def test_a_component_is_useful_without_a_choice(page: browser.Page):
+    page.open(COMPONENT)
+
+    page.wait_for("Robots by state of the component", "CRITICAL")
+    page.wait_for("Outliers", "hall")
+
+
+def test_on_a_phone_the_first_screen_has_problems(chromium: Any, grafana: str):
+    for page in window(chromium, grafana, browser.PHONE):
+        page.open(FLEET)
+        page.wait_for("Problems", "CRITICAL")
+
+        box = page.panel("Problems").bounding_box()
+        assert box["y"] < browser.PHONE[1] - 200
+
+
+def test_on_a_wall_one_screen_has_problems_robots_and_the_time(chromium: Any, grafana: str):
+    for page in window(chromium, grafana, browser.WALL):
+        page.follow(f"/d/{FLEET}?kiosk&from=now-10m&to=now")
+        page.wait_for("Problems", "CRITICAL")
+
+        for title in ("Data as of", "Robots by state", "Problems", "States of the robots"):
+            box = page.panel(title).bounding_box()
+            assert box["y"] + box["height"] <= browser.WALL[1], title
+
+
+# --- Odd names, and a monitoring that dies ---
+
+
+class OddSite(NamedTuple):
+    """A fleet with odd names, and how to end its exporter and Prometheus."""
+
+    grafana: str
+    fleet: odd_names.OddFleet
+    site: prometheus_site.Site
+    exporter: ExitStack
+    servers: ExitStack
+
+
+@pytest.fixture(scope="module")
+def odd(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OddSite]:
+    folder = tmp_path_factory.mktemp("odd")
+    fleet = odd_names.OddFleet(folder)
+    with ExitStack() as exporter, ExitStack() as servers:
+        address = exporter.enter_context(serving(fleet.served.scrape))
+        site = servers.enter_context(prometheus_site.running(folder, {"odd": address}))
+        with browser.serving(folder / "grafana", site) as grafana:
+            fault = 'fleet:ros_diagnostics_fault_start:held{scope="component"}'
+            until(lambda: site.query(fault), "a confirmed fault", 60, every=0.5)
+            yield OddSite(grafana, fleet, site, exporter, servers)
+
+
+@pytest.fixture
+def odd_page(chromium: Any, odd: OddSite) -> Iterator[browser.Page]:
+    yield from window(chromium, odd.grafana, browser.TALL)
+
+
+def test_links_with_odd_names_lead_to_their_robot_and_component(odd_page: browser.Page):
+    odd_page.open(FLEET)
+    odd_page.wait_for("Problems", odd_names.COMPONENT)
+    to_robot = odd_page.link("Problems", odd_names.ROBOT)
+    to_component = odd_page.link("Problems", odd_names.COMPONENT)
+
+    assert parse_qs(urlsplit(to_robot).query)["var-robot"] == [odd_names.ROBOT]
+    assert parse_qs(urlsplit(to_component).query)["var-component"] == [odd_names.COMPONENT]
+    odd_page.follow(to_robot)
+    odd_page.wait_for("Problems", odd_names.COMPONENT)
+    odd_page.wait_for("Values without a unit", odd_names.KEY)
+    odd_page.follow(to_component)
+    odd_page.wait_for("State on each robot", odd_names.ROBOT)
+    odd_page.wait_for("Outliers", odd_names.ROBOT)
+
+
+def test_a_healthy_fleet_has_no_problems(odd: OddSite, odd_page: browser.Page):
+    odd.fleet.broken = False
+    odd_page.open(FLEET)
+
+    odd_page.wait_for("Problems", "No problems")
+    odd.fleet.broken = True
+    odd_page.page.reload()
+    odd_page.wait_for("Problems", "CRITICAL")
+
+
+def test_a_dead_exporter_is_announced_and_its_faults_stay(odd: OddSite, odd_page: browser.Page):
+    odd.exporter.close()
+    odd_page.open(ROBOT)
+
+    odd_page.wait_for("Monitoring", "The exporter of odd does not answer")
+    odd_page.wait_for("Problems", odd_names.COMPONENT)
+    odd_page.open(FLEET)
+    odd_page.wait_for("Problems", odd_names.COMPONENT)
+    (row,) = odd_page.rows("Problems")
+    assert row[0] == "CRITICAL"
+    assert row[4], "since when"
+    assert row[6] == "yes"
+
+
+def test_a_dead_prometheus_looks_well_nowhere(odd: OddSite, odd_page: browser.Page):
+    odd.exporter.close()
+    odd.servers.close()
+
+    for board in BOARDS:
+        odd_page.open(board)
+        odd_page.wait_for("Monitoring", "Prometheus does not answer")
+        assert "linear-gradient" in odd_page.background("Monitoring", DEAD)
+        texts = {title: odd_page.text(title) for title in shown(board)}
+        well = [title for title, text in texts.items() if text in {"OK", "0"} or "No pro" in text]
+        assert well == []
+
+
+DEAD = "Prometheus does not answer: nothing on this page is known"

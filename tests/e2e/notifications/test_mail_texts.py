@@ -1,0 +1,309 @@
+"""Every kind of alert through a real Alertmanager: the mail, its HTML, and the text message.
+
+docs/notifications.md shows some of them: `pytest --update` on this file rewrites them there.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from support.alerts import post_alerts
+from support.every_alert import ENDED, ESCALATION, every_alert
+from support.notification_samples import updated
+from support.sns import SENT, with_text_messages
+from testbed import http
+from testbed.configuration import CHECKOUT
+from testbed.mail import Inbox, Mail, MailServer
+from testbed.polling import until
+from testbed.ports import free_port
+from testbed.processes import Process
+from testbed.programs import alertmanager
+
+DOCUMENT = CHECKOUT / "docs" / "notifications.md"
+# Words of configuration files, of Prometheus and of the exporter that an operator need not know.
+JARGON = re.compile(r"RosDiagnostics|confirm_after|scope|evidence|publisher_gone|mute|\$labels")
+NUMBER = "+49000000"  # and that of the alert
+LINK_OR_COMMAND = re.compile(r"^(Runbook|Silence): .*|^ros-diagnostics-ack .*", re.MULTILINE)
+
+
+def name_of(alert: dict[str, Any]) -> str:
+    """RobotSilent; of escalation also the step, and of what it is."""
+    labels = alert["labels"]
+    of = [labels.get(key, "") for key in ("step", "of", "scope", "state")]
+    return " ".join([labels["alertname"], *(of if labels["alertname"] == ESCALATION else ())])
+
+
+ALERTS = {
+    name_of(each): each
+    for each in every_alert()
+    if each["labels"]["alertname"] != "RosDiagnosticsWatchdog"  # sent to nobody
+}
+STEPS = {name: each for name, each in ALERTS.items() if "step" in each["labels"]}
+RECOVERING = {name: each for name, each in ALERTS.items() if name not in STEPS}
+BY_TEXT = {
+    name: each
+    for name, each in ALERTS.items()
+    if each["labels"]["severity"] == "critical" and each["labels"].get("step") != "0"
+}
+BY_TEXT_RECOVERING = {name: each for name, each in BY_TEXT.items() if name in RECOVERING}
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What Alertmanager sent, by the name of the alert."""
+
+    problems: dict[str, Mail]
+    recoveries: dict[str, Mail]
+    texts: dict[str, str]
+    text_recoveries: dict[str, str]
+
+
+class Site:
+    """An Alertmanager with the shipped configuration and templates, and what it sent.
+
+    The alerts are numbered: each has its own address and telephone number.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.sns, smtp, self.address = (f"127.0.0.1:{free_port()}" for _ in range(3))
+        shutil.copytree(CHECKOUT / "alertmanager", folder / "alertmanager")
+        config = folder / "alertmanager" / "alertmanager.yml"
+        config.write_text(yaml.safe_dump(_numbered(with_text_messages(self.sns), smtp)))
+        self.inbox = Inbox()
+        self.smtp = MailServer(smtp, self.inbox)
+        moto = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", self.sns[10:]]
+        options = alertmanager(config, self.address, folder / "data")
+        external = "--web.external-url="
+        argv = [each for each in options if not each.startswith(external)]
+        argv.append(f"{external}http://alertmanager.example.org:9093/")
+        self.programs = [
+            Process("moto", moto, None, folder / "moto.log"),
+            Process("alertmanager", argv, None, folder / "alertmanager.log"),
+        ]
+
+    def start(self) -> None:
+        self.smtp.start()
+        for each in self.programs:
+            each.start()
+        until(lambda: http.answers(self.address, "/-/ready"), "Alertmanager is ready", 60)
+        until(lambda: http.answers(self.sns, SENT), "moto's server answers", 60)
+
+    def stop(self) -> None:
+        for each in self.programs:
+            each.stop()
+        self.smtp.stop()
+
+    def post(self, alerts: dict[str, dict[str, Any]], **more: str) -> None:
+        """Send the alerts, with more fields."""
+        numbers = {name: str(number) for number, name in enumerate(ALERTS)}
+        numbered = [
+            {**each, **more, "labels": {**each["labels"], "number": numbers[name]}}
+            for name, each in alerts.items()
+        ]
+        post_alerts(self.address, *numbered)
+
+    def mails(self) -> list[tuple[str, Mail]]:
+        """All mails, each with the name of its alert."""
+        names = list(ALERTS)
+        return [
+            (names[int(each.recipients[0].partition("@")[0])], each) for each in self.inbox.mails()
+        ]
+
+    def texts(self) -> list[tuple[str, str]]:
+        """All text messages, each with the name of its alert."""
+        names = list(ALERTS)
+        return [(names[int(number)], text) for number, text in sent_to(self.sns)]
+
+
+@contextmanager
+def running(folder: Path) -> Iterator[Site]:
+    site = Site(folder)
+    try:
+        site.start()
+        yield site
+    finally:
+        site.stop()
+
+
+def sent_to(sns: str) -> list[tuple[str, str]]:
+    services = http.get_json(sns, SENT)
+    return [
+        (each["phone_number"].removeprefix(NUMBER), each["message"])
+        for each in services.get("sns", {}).get("SMS", [])
+    ]
+
+
+def _numbered(config: dict[str, Any], smtp: str) -> dict[str, Any]:
+    config["global"]["smtp_smarthost"] = smtp
+    config["route"]["group_interval"] = "1s"
+    for receiver in config["receivers"]:
+        for each in receiver.get("email_configs", ()):
+            each["to"] = "{{ .CommonLabels.number }}@localhost"
+        for each in receiver.get("sns_configs", ()):
+            each["phone_number"] = f"{NUMBER}{{{{ .CommonLabels.number }}}}"
+    return config
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    """An Alertmanager that has sent nothing yet."""
+    with running(tmp_path) as site:
+        yield site
+
+
+@pytest.fixture(scope="module")
+def received(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sent]:
+    """All alerts of ALERTS as firing, then all as resolved."""
+    with running(tmp_path_factory.mktemp("site")) as site:
+        site.post(ALERTS)
+        problems = _all(site.mails, ALERTS)
+        texts = _all(site.texts, BY_TEXT)
+        site.post(ALERTS, endsAt=ENDED)
+        recoveries = _all(site.mails, [*problems, *RECOVERING])[len(problems) :]
+        text_recoveries = _all(site.texts, [*texts, *BY_TEXT_RECOVERING])[len(texts) :]
+        yield Sent(dict(problems), dict(recoveries), dict(texts), dict(text_recoveries))
+
+
+def _all(sent: Callable[[], list[tuple[str, Any]]], names: Any) -> list[tuple[str, Any]]:
+    """Wait until something was sent for each of the names."""
+
+    def count() -> bool:
+        return len(sent()) >= len(names)
+
+    until(count, lambda: f"{len(sent())} of {len(names)}: {[name for name, _ in sent()]}", 120)
+    return sent()
+
+
+def said(mail: Mail) -> str:
+    """The text without links and commands."""
+    return LINK_OR_COMMAND.sub("", mail.text)
+
+
+@pytest.mark.parametrize("name", ALERTS)
+def test_a_mail_about_a_fault(received: Sent, name: str):
+    alert, mail = ALERTS[name], received.problems[name]
+    texts, labels = alert["annotations"], alert["labels"]
+    lead = mail.text.splitlines()[0]
+
+    assert " since 2026-01-12 03:04:" in lead
+    urgency = {"critical": "UTC. Act now.", "warning": "next working hours.", "info": "UTC."}
+    assert lead.endswith(urgency[labels["severity"]])
+    for key in ("fleet", "robot", "component", "check", "key", "uplink"):
+        assert labels.get(key, "") in lead
+    for line in re.split("; (?=values|robots|components)", texts.get("evidence", "")):
+        assert f"  {line}\n" in mail.text or not line
+    assert texts.get("description", "") in mail.text
+    assert re.search(r"^First step: .*\.$", mail.text, re.MULTILINE)
+    [runbook] = re.findall(r"^Runbook: .*/(.*)$", mail.text, re.MULTILINE)
+    assert (CHECKOUT / "docs" / "alerts" / runbook).exists()
+    assert "Unacknowledged" not in runbook
+    assert "http://alertmanager.example.org:9093/#/silences/new?" in mail.text
+    assert "ashboard" not in mail.text + mail.html
+    assert not JARGON.findall(said(mail) + mail.subject)
+    assert not re.search(r"\n\n\n|[ \t]$", mail.text, re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", ALERTS)
+def test_its_html_says_the_same(received: Sent, name: str):
+    mail = received.problems[name]
+    text = html.unescape(re.sub(r"<[^>]*>", "", mail.html))
+
+    for line in said(mail).splitlines():
+        assert re.sub(r"^(Path|Group|Team): +", "", line).strip() in text
+    assert '<meta name="color-scheme" content="light dark">' in mail.html
+    assert "width=device-width" in mail.html
+
+
+@pytest.mark.parametrize("name", RECOVERING)
+def test_a_mail_about_a_recovery_has_three_lines(received: Sent, name: str):
+    mail = received.recoveries[name]
+    lead, lasted, ended = mail.text.strip().splitlines()
+
+    assert " is no longer " in lead
+    assert lasted.startswith("It lasted from 2026-01-12 03:04:")
+    assert lasted.endswith(" to 2026-01-12 04:16:30 UTC, 1 h 12 min 15 s after the alert.")
+    assert re.fullmatch("What ended it: .+[.]", ended)
+    assert not JARGON.findall(mail.text + mail.subject)
+    for line in (lead, lasted, ended):
+        assert line in html.unescape(mail.html)
+    assert "<a " not in mail.html
+
+
+@pytest.mark.parametrize("name", BY_TEXT)
+def test_a_text_message(received: Sent, name: str):
+    message, labels = received.texts[name], ALERTS[name]["labels"]
+
+    assert re.match(r"(PROBLEM|ESCALATION \d)( f)?: \S", message)
+    assert len(message) <= 160
+    assert not JARGON.findall(message)
+    for key in ("robot", "component", "check", "key", "uplink"):
+        assert labels.get(key, "") in message
+
+
+@pytest.mark.parametrize("name", BY_TEXT_RECOVERING)
+def test_a_text_message_about_a_recovery(received: Sent, name: str):
+    message = received.text_recoveries[name]
+
+    assert re.match(r"RECOVERY( f)?: .*(no longer|again|over: )", message)
+    assert message.endswith(" It lasted 1 h 12 min 15 s.")
+    assert len(message) <= 160
+
+
+def test_the_samples_in_the_documentation_are_what_is_sent(
+    received: Sent, expect_text: Callable[[str, Path], None]
+):
+    """If not, run this file with --update."""
+    fault, of_fault = "RosDiagnosticsComponentCritical", f"{ESCALATION} 1  component critical"
+    mails = {
+        "The mail about a fault": received.problems[fault],
+        "Its escalation": received.problems[of_fault],
+        "Its recovery": received.recoveries[fault],
+        "A silent site": received.problems["RosDiagnosticsFleetPartDown"],
+        "The reminder of a warning": received.problems[f"{ESCALATION} 0  component warning"],
+        "The monitoring itself": received.problems["RosDiagnosticsExporterDown"],
+    }
+    samples = {
+        what: f"Subject: {mail.subject}\n\n{mail.text.strip()}" for what, mail in mails.items()
+    }
+    texts = (received.texts[fault], received.texts[of_fault], received.text_recoveries[fault])
+    samples["Text messages"] = "\n\n".join(texts)
+    expect_text(updated(DOCUMENT.read_text("utf-8"), samples), DOCUMENT)
+
+
+HOSTILE = (
+    "a\r\nBcc: all@example.org\r\n\r\n<b>\u202e{{ .ExternalURL }}\x1b[2J$(reboot)" + "x" * 2000
+)
+
+
+def test_what_a_robot_publishes_neither_adds_a_header_nor_breaks_a_mail(site: Site):
+    names = {"fleet": "f", "robot": HOSTILE, "component": HOSTILE}
+    labels = {**ALERTS["RosDiagnosticsComponentCritical"]["labels"], **names}
+    texts = dict.fromkeys(("summary", "evidence", "description"), HOSTILE)
+    other = {"alertname": "SomebodyElses", "severity": "critical", "number": "1"}
+
+    post_alerts(
+        site.address,
+        {"labels": {**labels, "number": "0"}, "annotations": texts},
+        {"labels": other, "annotations": texts},
+    )
+
+    until(lambda: len(site.inbox.mails()) == 2, lambda: f"{site.inbox.mails()}", 60)
+    for mail in site.inbox.mails():
+        assert mail.recipients in (("0@localhost",), ("1@localhost",))
+        assert "a??Bcc: all@example.org????<b>?{{ .ExternalURL }}?[2J$(reboot)x" in mail.subject
+        assert len(mail.subject) < 300
+        assert not set("\u202e\x1b") & set(mail.text + mail.html + mail.subject)
+        assert "<b>" not in mail.html.replace("<b>First step:", "")
+    until(lambda: len(sent_to(site.sns)) == 2, lambda: f"{sent_to(site.sns)}", 60)
+    assert all(len(text) == 160 for _, text in sent_to(site.sns))

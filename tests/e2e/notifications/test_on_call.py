@@ -1,0 +1,245 @@
+"""Mails to the person on call from a real Alertmanager, across handovers and clock changes.
+
+Alertmanager's hours have minutes, and its clock is the real one. So handovers are at one of the
+next full minutes, and `zic` makes zones whose clocks change then.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ros_diagnostics_exporter.cli.oncall import main
+from support.alerts import post_alerts, reload
+from support.oncall import with_marker
+from testbed.configuration import CHECKOUT
+from testbed.http import answers
+from testbed.mail import Inbox, MailServer
+from testbed.polling import until
+from testbed.programs import alertmanager, own
+
+UTC = timezone.utc
+MINUTE, HOUR, DAY = timedelta(minutes=1), timedelta(hours=1), timedelta(days=1)
+GROUP_INTERVAL = 5  # seconds, in the shipped alertmanager.yml
+PEOPLE = ("anna", "ben", "carla", "dan", "eva", "finn")
+
+
+def now() -> datetime:
+    return datetime.now(UTC)
+
+
+def next_minute(at_least: float) -> datetime:
+    """The first full minute that is so many seconds ahead."""
+    return (now() + timedelta(seconds=at_least, minutes=1)).replace(second=0, microsecond=0)
+
+
+def wait_until(when: datetime) -> None:
+    until(lambda: now() >= when, f"{when:%H:%M:%S}", (when - now()).total_seconds() + 10)
+
+
+def fault(component: str, team: str = "robots") -> dict[str, Any]:
+    labels = {
+        "alertname": "RosDiagnosticsComponentCritical",
+        "severity": "critical",
+        "scope": "component",
+        "state": "critical",
+        "fleet": "f",
+        "robot": "r",
+        "component": component,
+        "team": team,
+    }
+    return {"labels": labels}
+
+
+def problem(component: str) -> str:
+    return f"** PROBLEM ** f/r {component} is CRITICAL"
+
+
+def recovery(component: str) -> str:
+    return f"** RECOVERY ** f/r {component} is no longer CRITICAL"
+
+
+@dataclass
+class Site:
+    """An Alertmanager, not yet started, and the mails that it sends."""
+
+    folder: Path
+    address: str
+    inbox: Inbox
+    start_process: Callable[..., Any]
+    zones: Path
+
+    def start(self, teams: str, *options: str, zone: str = "Asia/Kolkata") -> None:
+        """Build with these teams and start Alertmanager."""
+        people = "".join(f"  {name}: {{email: {name}@localhost}}\n" for name in PEOPLE)
+        text = f"time_zone: {zone}\npeople:\n{people}{teams}"
+        (self.folder / "oncall.yml").write_text(text)
+        subprocess.run(
+            [own("ros-diagnostics-oncall"), "build", *options],
+            cwd=self.folder,
+            env=os.environ | {"PYTHONTZPATH": f"{self.zones}:/usr/share/zoneinfo"},
+            check=True,
+            timeout=60,
+        )
+        config = self.folder / "alertmanager-oncall.yml"
+        argv = alertmanager(config, self.address, self.folder / "data")
+        self.start_process("alertmanager", argv)
+        until(lambda: answers(self.address, "/-/ready"), "Alertmanager is ready", 30)
+
+    def subjects(self, person: str) -> list[str]:
+        """The subjects of all mails to the person, in the order of their arrival."""
+        address = f"{person}@localhost"
+        return [each.subject for each in self.inbox.mails() if address in each.recipients]
+
+    def wait_for(self, person: str, *subjects: str, seconds: float = 30) -> None:
+        """Wait until the person has exactly these mails, in any order."""
+        until(
+            lambda: sorted(self.subjects(person)) == sorted(subjects),
+            lambda: f"{person} has {subjects}: {self.subjects(person)}",
+            seconds,
+        )
+
+    def make_zone(self, name: str, change: datetime, before: int, after: int) -> None:
+        """A zone whose clocks change at an instant; offsets from UTC in hours."""
+        source = self.zones / f"{name}.zone"
+        end = f"{change:%Y %b %d %H:%M}u"
+        source.write_text(
+            f"Zone\tTest/{name}\t{before}\t-\tT{before}\t{end}\n\t{after}\t-\tT{after}\n"
+        )
+        zic = shutil.which("zic") or "/usr/sbin/zic"
+        subprocess.run([zic, "-d", self.zones, source], check=True, timeout=60)
+
+
+@pytest.fixture
+def site(
+    tmp_path: Path, free_port: Callable[[], int], start_process: Callable[..., Any]
+) -> Iterator[Site]:
+    shutil.copytree(CHECKOUT / "alertmanager", tmp_path / "alertmanager")
+    zones = tmp_path / "zones"
+    zones.mkdir()
+    inbox, smtp = Inbox(), f"127.0.0.1:{free_port()}"
+    config = tmp_path / "alertmanager" / "alertmanager.yml"
+    with_marker(config)
+    config.write_text(config.read_text().replace("localhost:25", smtp))
+    server = MailServer(smtp, inbox)
+    server.start()
+    address = f"127.0.0.1:{free_port()}"
+    yield Site(tmp_path / "alertmanager", address, inbox, start_process, zones)
+    server.stop()
+
+
+def team(name: str, matcher: str, since: datetime, people: str, zone: str = "UTC") -> str:
+    """A team that hands over every day at the time of day of ``since``, in the zone."""
+    return f"""
+  - name: {name}
+    matchers: [{matcher}]
+    levels:
+      first:
+        receiver: on-call
+        like: [email]
+        shifts:
+          - {{people: [{people}], since: {since:%Y-%m-%dT%H:%M}, every: day, time_zone: {zone}}}"""
+
+
+def test_across_a_handover_and_across_clock_changes_everybody_gets_what_is_theirs(site: Site):
+    """One team hands over at T.
+
+    At T the clocks of a second team go forward by an hour, and it hands over half an hour after
+    what they showed: at T. Those of a third go back by an hour, and it hands over at what they
+    showed, which they show an hour after T: not at T.
+    """
+    change = next_minute(at_least=20)
+    local = change.replace(tzinfo=None)
+    site.make_zone("Forward", change, 1, 2)
+    site.make_zone("Back", change, 2, 1)
+    yesterday = local - DAY
+    teams = "teams:" + "".join(
+        (
+            team("plain", "team = plain", yesterday, "anna, ben"),
+            team(
+                "forward", "team = forward", yesterday + HOUR + 30 * MINUTE, "carla, dan",
+                "Test/Forward",
+            ),
+            team("back", "team = back", yesterday + 2 * HOUR, "eva, finn", "Test/Back"),
+        )
+    )  # fmt: skip
+    site.start(teams)
+
+    lasting = [fault("Lasting", name) for name in ("plain", "forward", "back")]
+    post_alerts(site.address, *lasting)
+    for person in ("anna", "carla", "eva"):
+        site.wait_for(person, problem("Lasting"))
+    assert now() < change, "the machine is too slow for this test"
+    # Groups of which some are looked at just before T, some after it.
+    short = [fault(f"Short {n}", "plain") for n in range(GROUP_INTERVAL)]
+    for n, each in enumerate(short):
+        wait_until(change - timedelta(seconds=GROUP_INTERVAL + 2 - n))
+        post_alerts(site.address, each)
+    wait_until(change - timedelta(seconds=0.5))
+    post_alerts(site.address, *short, resolved=True)
+
+    # Who comes on call gets what lasts; who is not gets nothing.
+    site.wait_for("ben", problem("Lasting"))
+    site.wait_for("dan", problem("Lasting"))
+    # What was resolved before T is a recovery for the person who had the problem.
+    names = [f"Short {n}" for n in range(GROUP_INTERVAL)]
+    pairs = [text(name) for name in names for text in (problem, recovery)]
+    site.wait_for("anna", problem("Lasting"), *pairs)
+    post_alerts(site.address, *lasting, resolved=True)
+    for person in ("ben", "dan", "eva"):
+        site.wait_for(person, problem("Lasting"), recovery("Lasting"))
+    site.wait_for("anna", problem("Lasting"), recovery("Lasting"), *pairs)
+    assert site.subjects("finn") == []
+
+
+def test_after_the_end_of_what_was_built_everybody_is_notified(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+):
+    site.start("teams:" + team("plain", 'robot = "r"', now() - 40 * DAY, "anna, ben"))
+    monkeypatch.chdir(site.folder)
+    assert main(["build", "--weeks", "2"], now=now() - 15 * DAY) == 0
+    reload(site.address)
+
+    post_alerts(site.address, fault("Motor"))
+
+    for person in ("anna", "ben"):
+        site.wait_for(person, problem("Motor"))
+    post_alerts(site.address, fault("Motor"), resolved=True)
+    for person in ("anna", "ben"):
+        site.wait_for(person, problem("Motor"), recovery("Motor"))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_who_is_back_after_minutes_gets_a_fault_that_ended_meanwhile_and_begins_again(site: Site):
+    """Alertmanager remembers for days that a receiver got a problem, and not that it ended."""
+    first = next_minute(at_least=15)
+    teams = "teams:" + team("plain", 'robot = "r"', now() - 8 * DAY, "anna")
+    override = (
+        f"\noverrides:\n  - {{person: ben, start: '{first.isoformat()}', "
+        f"end: '{(first + 2 * MINUTE).isoformat()}'}}\n"
+    )
+    site.start(teams + override)
+    post_alerts(site.address, fault("Motor"))
+    site.wait_for("anna", problem("Motor"))
+    wait_until(first + MINUTE + timedelta(seconds=2))  # anna is not notified any more
+    site.wait_for("ben", problem("Motor"))
+    post_alerts(site.address, fault("Motor"), resolved=True)
+    site.wait_for("ben", problem("Motor"), recovery("Motor"))
+    assert site.subjects("anna") == [problem("Motor")]
+
+    wait_until(first + 3 * MINUTE + timedelta(seconds=2))  # and neither is ben
+    post_alerts(site.address, fault("Motor"))
+
+    site.wait_for("anna", problem("Motor"), problem("Motor"))
+    post_alerts(site.address, fault("Motor"), resolved=True)
+    site.wait_for("anna", problem("Motor"), problem("Motor"), recovery("Motor"))
+    assert site.subjects("ben") == [problem("Motor"), recovery("Motor")]

@@ -1,0 +1,97 @@
+"""A real exporter that is killed, with a real publisher whose levels change all the time."""
+
+from __future__ import annotations
+
+import threading
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+
+from ros_diagnostics_exporter.model import Status
+from support.ros_publisher import publisher
+from testbed.polling import until
+from testbed.processes import Process
+
+pytestmark = pytest.mark.integration
+
+FLEET = """\
+fleet: hall
+profiles: {{default: {{stale_after: 5s, confirm_after: 500ms}}}}
+robots:
+  - {{name: r1, domain_id: {domain}, topic: /r1/diagnostics, source: raw, labels: {{site: a}}}}
+"""
+FAULT = "ros_diagnostics_fault_start_timestamp_seconds"
+
+
+@contextmanager
+def changing(domain_id: int) -> Iterator[None]:
+    """A component is in trouble all the time, another one changes 20 times a second."""
+    stop = threading.Event()
+
+    def work() -> None:
+        turn = 0
+        while not stop.wait(0.05):
+            turn += 1
+            blink = Status(turn % 2 * 2, "Blink", f"turn {turn}")
+            robot.send("/r1/diagnostics", Status(2, "Motor", "Hot"), blink)
+
+    with publisher(domain_id) as robot:
+        robot.offer("/r1/diagnostics")
+        thread = threading.Thread(target=work)
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()
+
+
+def faults(site) -> dict[tuple[tuple[str, str], ...], float]:
+    """The faults of the motor: labels -> since when."""
+    with suppress(OSError):
+        with urllib.request.urlopen(f"http://127.0.0.1:{site.port}/metrics", timeout=20) as answer:
+            families = text_string_to_metric_families(answer.read().decode())
+        return {
+            tuple(sorted(each.labels.items())): each.value
+            for family in families
+            for each in family.samples
+            if each.name == FAULT and each.labels.get("component") == "Motor"
+        }
+    return {}
+
+
+def newest(site) -> dict[str, Any]:
+    """The last change of a level that the exporter knows."""
+    found = site.ask("/api/v1/events?kind=level&component=Blink&limit=1")["events"]
+    return found[0] if found else {"id": 0, "time": 0.0}
+
+
+def kill_later_than_a_second(site, exporter: Process) -> dict[str, Any]:
+    """Kill the exporter when the event that is returned is older than a second."""
+    known = newest(site)
+    until(lambda: newest(site)["time"] > known["time"] + 1.2, "time passes")
+    exporter.kill()
+    return known
+
+
+@pytest.mark.parametrize("rounds", [2, pytest.param(10, marks=pytest.mark.slow)])
+def test_a_kill_loses_no_fault_and_no_event_older_than_a_second(site, ends, rounds):
+    site.fleet_file.write_text(FLEET.format(domain=site.domain_id))
+    with changing(site.domain_id):
+        exporter = ends(site.exporter()).start()
+        until(lambda: len(faults(site)) == 1, exporter.describe)
+        before = faults(site)
+        until(lambda: newest(site)["id"] > 0, exporter.describe)
+        for _ in range(rounds):
+            event = kill_later_than_a_second(site, exporter)
+            exporter = ends(site.exporter()).start()
+            until(lambda: faults(site), exporter.describe)
+            assert faults(site) == before
+            found = site.ask(f"/api/v1/events?limit=1&before={event['id'] + 1}")["events"]
+            assert found == [event]
+            until(lambda last=event: newest(site)["id"] > last["id"], exporter.describe)
+        assert exporter.stop() == 0

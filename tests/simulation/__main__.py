@@ -1,0 +1,62 @@
+"""``./run simulate``: one seed or many, and the story of one that fails."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+from simulation.checks import BrokenError, Judge
+from simulation.shrink import as_test, shrink
+from simulation.story import Story, generate
+
+
+def main() -> int:
+    """Play the seeds; 1 where one of them fails."""
+    options = _parser().parse_args()
+    for seed in range(options.seed, options.seed + options.seeds):
+        story = generate(seed, options.robots, options.days)
+        begin = time.perf_counter()
+        judge = Judge(story)
+        try:
+            judge.run()
+        except BrokenError as error:
+            _explain(story, error, reduce=not options.no_shrink)
+            return 1
+        seconds = time.perf_counter() - begin
+        print(
+            f"seed {seed}: {options.robots} robots, {options.days:g} days, {len(story.events)} "
+            f"events, {judge.notified} faults, {len(judge.mails.sent)} mails in {seconds:.1f} s: "
+            f"{options.days * 86_400 / seconds:,.0f} times real time",
+            flush=True,
+        )
+    return 0
+
+
+def _explain(story: Story, error: BrokenError, *, reduce: bool) -> None:
+    print(f"seed {story.seed} fails: {error}", flush=True)
+    if not reduce:
+        return
+    print(f"reducing its {len(story.events)} events ...", flush=True)
+    shortest, error = shrink(story, error)
+    print(f"{error}\n{as_test(shortest)}")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="./run simulate",
+        description="Play seeded histories of a fleet through the exporter's state and judgement "
+        "of faults, and check after each event that nothing is missed, sent twice or made up.",
+    )
+    parser.add_argument("--seed", type=int, default=1, help="the first seed (default: 1)")
+    parser.add_argument("--seeds", type=int, default=1, help="how many of them (default: 1)")
+    parser.add_argument("--robots", type=int, default=20, help="robots of the fleet (default: 20)")
+    parser.add_argument("--days", type=float, default=30, help="simulated days (default: 30)")
+    parser.add_argument(
+        "--no-shrink", action="store_true", help="do not reduce a failing seed to a few events"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

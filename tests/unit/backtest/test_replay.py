@@ -1,0 +1,100 @@
+"""Recordings are judged as the running exporter judges what it receives."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Robot, Source
+from support.bags import BEGIN, every_second, fleet, judged, texts, write_bag, write_json
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_a_bag_gives_its_faults_with_begin_and_end(tmp_path, storage):
+    bag = write_bag(
+        tmp_path / "bag",
+        every_second(range(200), {"motor": range(40, 90), "laser": range(150, 200)}),
+        storage,
+    )
+
+    result = judged(fleet(), bag)
+
+    assert texts(result) == ["40 50 90 motor critical", "150 160 lasts laser critical"]
+    assert (result.messages, result.robots, result.unknown) == (200, ("r",), ())
+    assert (result.begin, result.end) == (BEGIN, BEGIN + 199)
+
+
+def test_the_json_form_gives_the_same_as_a_bag(tmp_path):
+    rows = every_second(range(120), {"motor": range(40, 90)})
+
+    result = judged(fleet(), write_json(tmp_path / "recording.json", rows))
+
+    assert texts(result) == texts(judged(fleet(), write_bag(tmp_path / "bag", rows)))
+    assert texts(result) == ["40 50 90 motor critical"]
+
+
+def test_what_is_over_before_it_is_confirmed_is_a_short_outage(tmp_path):
+    bag = write_bag(tmp_path / "bag", every_second(range(100), {"motor": [40, 41, 42]}))
+
+    result = judged(fleet(), bag)
+
+    assert result.notifications == []
+    (outage,) = result.outages
+    assert (outage.component, outage.worst, outage.verdict) == ("motor", "ERROR", "short")
+    assert (outage.begin, outage.end) == (BEGIN + 40, BEGIN + 43)
+
+
+def test_a_silent_robot_is_notified_and_its_components_are_not(tmp_path):
+    seconds = [*range(60), *range(120, 200)]
+    bag = write_bag(tmp_path / "bag", every_second(seconds, {"motor": []}))
+
+    result = judged(fleet(), bag)
+
+    assert texts(result) == ["59 79.25 120 r silent"]
+    (outage,) = [each for each in result.outages if each.worst == "silent"]
+    assert (outage.robot, outage.component, outage.verdict) == ("r", "", "notified")
+
+
+def test_between_two_recordings_nothing_is_known(tmp_path):
+    """As while the exporter is stopped: the fault goes on, and the pause is no silence."""
+    first = write_bag(tmp_path / "1", every_second(range(60), {"motor": range(40, 60)}))
+    second = write_bag(
+        tmp_path / "2", every_second(range(1000, 1100), {"motor": range(1000, 1050)})
+    )
+
+    assert texts(judged(fleet(), second, first)) == ["40 50 1050 motor critical"]
+
+
+def test_a_declared_robot_that_was_not_recorded_is_not_missed(tmp_path):
+    other = Robot("other", topic_raw="/other/diagnostics", source=Source.RAW)
+    of_two = Fleet("f", (*fleet().robots, other))
+    bag = write_bag(tmp_path / "bag", every_second(range(2000), {"motor": []}))
+
+    assert texts(judged(of_two, bag)) == []
+
+
+def test_robots_are_discovered_in_a_recording(tmp_path):
+    discovery = Discovery(re.compile("/(?P<robot>[^/]+)/diagnostics"), "/{robot}/diagnostics")
+    discovering = Fleet("f", discoveries=(discovery,))
+    bag = write_bag(tmp_path / "bag", every_second(range(100), {"motor": range(40, 90)}))
+
+    result = judged(discovering, bag)
+
+    assert result.robots == ("r",)
+    assert texts(result) == ["40 50 90 motor critical"]
+
+
+def test_topics_of_no_robot_are_named(tmp_path):
+    rows = every_second(range(10), {"motor": []}, topic="/diagnostics")
+
+    result = judged(fleet(), write_bag(tmp_path / "bag", rows))
+
+    assert (result.messages, result.unknown) == (0, ("/diagnostics",))
+
+
+def test_what_was_recorded_on_a_robot_is_put_below_its_namespace(tmp_path):
+    rows = every_second(range(100), {"motor": range(40, 90)}, topic="/diagnostics")
+    bag = write_bag(tmp_path / "bag", rows)
+
+    assert texts(judged(fleet(), bag, namespace="/r")) == ["40 50 90 motor critical"]

@@ -1,0 +1,71 @@
+"""The section `faults` of fleet.yml: how faults are judged, and what --config.check says of it."""
+
+from ros_diagnostics_exporter.config.check import describe
+from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, WarningHours
+
+MINIMAL = "fleet: x\nrobots: [{name: r1}]\n"
+
+
+def test_without_the_section_the_defaults_apply(fleet_of):
+    fleet = fleet_of(MINIMAL)
+    assert fleet.faults == FaultSettings()
+    assert "faults" not in describe(fleet)
+
+
+def test_every_key_of_the_section_is_applied(fleet_of):
+    fleet = fleet_of(
+        MINIMAL
+        + "faults:\n"
+        + "  restart_grace: 1m\n"
+        + "  pending_after: 1h\n"
+        + "  confirm_after: 20s\n"
+        + "  flapping: {start: 0.5, stop: 0.3}\n"
+        + "  value_hysteresis: 0.05\n"
+        + "  many: {components: 3, share: 0.4}\n"
+        + "  site: {robots: 4, share: 0.6}\n"
+        + "  common: {robots: 6, share: 0.2, absolute: 30}\n"
+        + "  warning_hours: {weekly: [Mon-Fri 06:00-18:00], time_zone: Europe/Berlin}\n"
+    )
+    assert fleet.faults == FaultSettings(
+        confirm_after=20.0,
+        restart_grace=60.0,
+        pending_after=3600.0,
+        flapping_start=0.5,
+        flapping_stop=0.3,
+        value_hysteresis=0.05,
+        many=CauseSettings(3, 0.4),
+        site=CauseSettings(4, 0.6),
+        common=CauseSettings(6, 0.2, absolute=30),
+        warning_hours=WarningHours(tuple((day, 360, 1080) for day in range(5)), "Europe/Berlin"),
+    )
+    described = describe(fleet).partition("faults (8):\n")[2].splitlines()
+    assert described == [
+        "  no fault for want of data within 1m after a start",
+        "  declared robots that were never received after 1h",
+        "  flapping from 0.5 until below 0.3",
+        "  values come back by 0.05 of their threshold",
+        "  many components of a robot: 3 and 0.4 of all",
+        "  silent robots of a site: 4 and 0.6 of all, confirmed after 20s",
+        "  robots with the same component CRITICAL: 6 and 0.2 of all, or 30, confirmed after 20s",
+        "  warnings begin Mon,Tue,Wed,Thu,Fri 06:00-18:00 Europe/Berlin",
+    ]
+
+
+def test_a_part_of_an_entry_leaves_the_rest_at_its_default(fleet_of):
+    found = fleet_of(MINIMAL + "faults: {many: {share: 0.1}, flapping: {stop: 0.1}}").faults
+    assert found.many == CauseSettings(8, 0.1)
+    assert (found.flapping_start, found.flapping_stop) == (0.4, 0.1)
+
+
+def test_the_longest_confirm_after_is_that_of_any_profile_in_use(fleet_of):
+    text = """
+        fleet: x
+        robots: [{name: r1, profile: slow}]
+        profiles:
+          slow: {confirm_after: 1m, components: [{match: Laser, confirm_after: %s}]}
+          unused: {confirm_after: 1h}
+    """
+    assert fleet_of(text % "5m").longest_confirm_after == 300
+    assert fleet_of(text % "1s").longest_confirm_after == 60
+    everything = "faults: {confirm_after: 2m}"
+    assert fleet_of(MINIMAL + everything).longest_confirm_after == 120

@@ -1,0 +1,50 @@
+"""The shipped oncall.yml is right, and docs/on-call.md shows it and what the command prints."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from datetime import datetime, timezone
+from typing import Any
+
+import pytest
+
+from support.oncall import MARKER
+from support.shipped_rules import ALERTMANAGER, ROOT, run_tool
+
+PAGE = (ROOT / "docs" / "on-call.md").read_text()
+SHIPPED = (ALERTMANAGER / "oncall.yml").read_text()
+NOW = datetime(2026, 11, 22, 2, tzinfo=timezone.utc)
+# Each shown command with what it prints.
+SHOWN = re.findall(
+    r"^\$ ros-diagnostics-oncall ([^\n#]*)(?:#[^\n]*)?\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL
+)
+
+
+def test_the_page_shows_the_shipped_file_and_the_route():
+    comment, _, content = SHIPPED.partition("\n")
+
+    assert comment.startswith("# ")
+    assert f"```yaml\n{content}```" in PAGE
+    assert f"```yaml\n{MARKER}```" in PAGE
+
+
+def test_the_shipped_file_can_be_built(run: Callable[..., Any], folder: Any):
+    code, _, errors = run(SHIPPED, "build")  # today
+
+    assert (code, errors) == (0, "")
+    assert "SUCCESS" in run_tool("amtool", "check-config", folder / "alertmanager-oncall.yml")
+
+
+@pytest.mark.parametrize(("command", "shown"), SHOWN, ids=lambda text: text[:20])
+def test_the_page_shows_what_the_command_prints(run: Callable[..., Any], command: str, shown: str):
+    text = SHIPPED
+    if command.strip() == "check":
+        text = SHIPPED.replace("daily 08:00-20:00", "daily 08:00-19:00")
+    _, output, errors = run(text, *command.split(), now=NOW)
+
+    assert (output + errors).startswith(shown.removesuffix("...\n"))
+
+
+def test_two_commands_are_shown():
+    assert len(SHOWN) == 2

@@ -1,0 +1,270 @@
+"""What is wrong with oncall.yml: file, line, key, value and the way out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+NOW = datetime(2027, 3, 22, 12, tzinfo=timezone.utc)
+BASE = """
+time_zone: Europe/Berlin
+people:
+  anna: {email: anna@example.org}
+  ben: {phone: "+4915112345602"}
+teams:
+  - name: robots
+    levels:
+      first:
+        receiver: on-call
+        like: [email, sms]
+        shifts:
+          - {people: [anna, ben], since: 2027-01-04T09:00}
+      second:
+        receiver: escalation-1
+        shifts:
+          - {people: [anna], since: 2027-01-04T09:00}
+"""
+
+
+@pytest.fixture
+def errors(run: Callable[..., Any]) -> Callable[..., list[str]]:
+    """The lines that `build` writes to standard error about a text."""
+
+    def errors(text: str) -> list[str]:
+        code, output, lines = run(text, "build", "--weeks", "3", now=NOW)
+        assert (code, output) == (2, "")
+        return lines.splitlines()
+
+    return errors
+
+
+def test_the_file_that_the_others_are_made_of_is_right(run: Callable[..., Any]):
+    assert run(BASE, "build", now=NOW)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            "time_zone: Europe/Berlin",
+            "time_zone: Europe/Berlln",
+            ('oncall.yml:2: time_zone: "Europe/Berlln" is not a time zone known here; use a name '
+            "from the IANA list, such as Europe/Berlin (install tzdata if it is missing)"),
+        ),
+        (
+            "[anna, ben]",
+            "[anna, bne]",
+            ("oncall.yml:13: teams[robots].levels.first.shifts[0].people[1]: "
+            '"bne" is unknown; did you mean ben?'),
+        ),
+        (
+            "{email: anna@example.org}",
+            "{email: anna}",
+            ('oncall.yml:4: people.anna.email: "anna" is not an address; '
+            "write it like anna@example.org"),
+        ),
+        (
+            '"+4915112345602"',
+            "015112345602",
+            ("oncall.yml:5: people.ben.phone: 15112345602 is not a telephone number; "
+            'write it with its country, in quotes: "+4915112345678"'),
+        ),
+        (
+            "{email: anna@example.org}",
+            "{}",
+            "oncall.yml:4: people.anna: cannot be reached; add email or phone",
+        ),
+        (
+            "since: 2027-01-04T09:00}\n      second",
+            "since: 2027-01-04T09:00Z}\n      second",
+            ("oncall.yml:13: teams[robots].levels.first.shifts[0]: since 2027-01-04T09:00:00+00:00 "
+            "has an offset, which clocks change; write the time of day of every handover, "
+            "in time_zone"),
+        ),
+        (
+            "since: 2027-01-04T09:00}\n      second",
+            "since: 2027-01-04T09:00, evry: day}\n      second",
+            ("oncall.yml:13: teams[robots].levels.first.shifts[0].evry: is not a key; "
+            "did you mean every?"),
+        ),
+        (
+            "receiver: escalation-1",
+            "receiver: nobody",
+            ('oncall.yml:14: teams[robots].levels.second: alertmanager.yml has no receiver '
+            '"nobody"; name receivers to copy in like, such as like: [email]'),
+        ),
+        (
+            "receiver: escalation-1",
+            "receiver: sms",
+            ("oncall.yml:15: teams[robots].levels.second.receiver: "
+            'no route of alertmanager.yml has the receiver "sms"; add one, such as '
+            "{matchers: [severity = critical], receiver: sms, continue: true}"),
+        ),
+        (
+            "people: [anna], since",
+            "people: [ben], since",
+            ('oncall.yml:5: people.ben: "ben" cannot be reached by email_configs of robots/second; '
+            "add the person's email or phone"),
+        ),
+        (
+            "people: [anna], since: 2027-01-04T09:00",
+            "people: [anna], since: 2027-03-24T09:00",
+            ("oncall.yml:14: teams[robots].levels.second: from 2027-03-22 Mon 13:00 "
+            "CET until 2027-03-24 Wed 09:00 CET nobody is on call; "
+            "add a shift, hours or an override"),
+        ),
+    ],
+)  # fmt: skip
+def test_a_wrong_value(errors: Callable[..., list[str]], old: str, new: str, expected: str):
+    assert old in BASE
+
+    assert expected in errors(BASE.replace(old, new))
+
+
+def test_gaps_and_overlaps_have_their_hours(errors: Callable[..., list[str]]):
+    shifts = """
+          - {people: [anna], since: 2027-01-04T08:00, hours: [Mon-Fri 08:00-20:00]}
+          - {people: [ben], since: 2027-01-04T08:00, hours: [daily 19:00-08:00]}
+"""
+    before, _, after = BASE.partition("          - {people: [anna, ben]")
+
+    found = errors(before.rstrip() + shifts + after.partition("\n")[2])
+
+    place = "oncall.yml:9: teams[robots].levels.first: "
+    both = "anna and ben are all on call"
+    assert found == [
+        (
+            f"{place}from 2027-03-22 Mon 19:00 CET until 2027-03-22 Mon 20:00 CET {both}; "
+            "leave one of them"
+        ),
+        (
+            f"{place}from 2027-03-23 Tue 19:00 CET until 2027-03-23 Tue 20:00 CET {both}; "
+            "leave one of them"
+        ),
+        (
+            f"{place}from 2027-03-24 Wed 19:00 CET until 2027-03-24 Wed 20:00 CET {both}, "
+            "and 18 more gaps or overlaps until 2027-04-12 Mon 14:00 CEST; leave one of them"
+        ),
+    ]
+
+
+def test_zones_that_change_their_clocks_on_different_days_leave_a_gap(
+    errors: Callable[..., list[str]],
+):
+    """From New York's change until Berlin's, two weeks later, nobody has an hour of the morning."""
+    shifts = """
+          - {people: [anna], since: 2027-01-04T00:00, hours: [daily 08:00-20:00]}
+          - {people: [ben], since: 2027-01-04T00:00, hours: [daily 14:00-02:00],
+             time_zone: America/New_York}
+"""
+    before, _, after = BASE.partition("          - {people: [anna, ben]")
+
+    found = errors(before.rstrip() + shifts + after.partition("\n")[2])
+
+    place = "oncall.yml:9: teams[robots].levels.first: "
+    assert (
+        f"{place}from 2027-03-23 Tue 07:00 CET until 2027-03-23 Tue 08:00 CET nobody is on call; "
+        "add a shift, hours or an override" in found
+    )
+
+
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        (
+            "{person: ben, start: 2027-03-24T09:00, end: 2027-03-24T08:00, level: first}",
+            ('overrides[0].end: "2027-03-24 08:00:00" is not after "2027-03-24 09:00:00"; '
+            "let it end after its start"),
+        ),
+        (
+            "{person: ben, start: 2027-03-24T09:00, end: 2027-03-25T09:00}",
+            ("overrides[0]: puts ben on call for robots/first, robots/second at once; "
+            "add instead_of, or team and level"),
+        ),
+        (
+            "{person: ben, start: 2027-03-24T09:00, end: 2027-03-25T09:00, level: frist}",
+            'overrides[0].level: "frist" is unknown; did you mean first?',
+        ),
+        (
+            "{person: ben, start: 2027-03-24T09:00:30, end: 2027-03-25T09:00, level: first}",
+            'overrides[0]: "2027-03-24 09:00:30" has seconds; use a full minute',
+        ),
+    ],
+)  # fmt: skip
+def test_a_wrong_override(errors: Callable[..., list[str]], override: str, expected: str):
+    found = errors(f"{BASE}overrides:\n  - {override}\n")
+
+    assert found == [f"oncall.yml:19: {expected}"]
+
+
+def test_overrides_of_two_people_at_once_have_their_hours(errors: Callable[..., list[str]]):
+    found = errors(
+        BASE + "overrides:\n"
+        "  - {person: anna, level: first, start: 2027-03-28T00:00, end: 2027-03-28T04:00}\n"
+        "  - {person: ben, level: first, start: 2027-03-28T01:00, end: 2027-03-28T12:00}\n"
+    )
+
+    assert found == [
+        (
+            "oncall.yml:9: teams[robots].levels.first: from 2027-03-28 Sun 01:00 CET "
+            "until 2027-03-28 Sun 04:00 CEST anna and ben are all on call; leave one of them"
+        )
+    ]
+
+
+def test_a_team_behind_one_that_gets_all_alerts(errors: Callable[..., list[str]]):
+    more = "  - {name: arms, matchers: [team = arms], levels: {first: {receiver: on-call, "
+    more += "like: [email], shifts: [{people: [anna], since: 2027-01-04}]}}}\n"
+
+    assert errors(BASE + more) == [
+        (
+            "oncall.yml:18: teams[arms]: gets no alerts: a team without matchers, before it, gets "
+            "all; move the team without matchers to the end"
+        )
+    ]
+
+
+@pytest.mark.parametrize("key", ["active_time_intervals: [working-hours]", "routes: []"])
+def test_a_route_with_hours_of_its_own(errors: Callable[..., list[str]], folder: Path, key: str):
+    config = folder / "alertmanager.yml"
+    config.write_text(config.read_text().replace("on-call, cont", f"on-call, {key}, cont"))
+    line = config.read_text()[: config.read_text().index(key)].count("\n") + 1
+
+    assert errors(BASE) == [
+        (
+            f'alertmanager.yml:{line}: route: "{key.partition(":")[0]}" is not possible in the '
+            'route to "on-call"; remove it: hours are in oncall.yml'
+        )
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("a: [", "is not valid YAML"),
+        ("- a", "has no route"),
+        ("receivers: []", "has no route"),
+        ("route: {group_interval: soon, routes: [{}]}", "'soon' is not a duration"),
+    ],
+)
+def test_an_unusable_alertmanager_yml(
+    errors: Callable[..., list[str]], folder: Path, text: str, what: str
+):
+    (folder / "alertmanager.yml").write_text(text)
+
+    found = errors(BASE)
+
+    assert found[0].startswith("alertmanager.yml: ")
+    assert what in "".join(found)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "people: 1", "a: b: c"])
+def test_an_unusable_oncall_yml(errors: Callable[..., list[str]], text: str):
+    found = errors(text)
+
+    assert all(line.startswith("oncall.yml:") for line in found)
+    assert found

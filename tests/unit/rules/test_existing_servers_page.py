@@ -1,0 +1,62 @@
+"""The pieces of docs/existing-servers.md are accepted by amtool, and are what is shipped."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from support.shipped_rules import ALERTMANAGER, ROOT, run_tool
+
+PAGE = (ROOT / "docs" / "existing-servers.md").read_text()
+SHIPPED = yaml.safe_load((ALERTMANAGER / "alertmanager.yml").read_text())
+
+
+def piece(key: str) -> Any:
+    found = re.search(rf"```yaml\n# alertmanager.yml, under {key}:\n(.*?)```", PAGE, re.DOTALL)
+    assert found
+    return yaml.safe_load(found[1])
+
+
+def test_the_routes_are_those_that_are_shipped():
+    (route,) = piece("routes")
+    for key in ("group_by", "group_wait", "group_interval", "repeat_interval"):
+        assert route[key] == SHIPPED["route"][key]
+    about = [each for each in SHIPPED["route"]["routes"] if "matchers" in each]
+    assert [each["matchers"] for each in route["routes"]] == [each["matchers"] for each in about]
+
+
+def test_mails_and_inhibition_are_those_that_are_shipped():
+    ours = {each["name"]: each.get("email_configs") for each in piece("receivers")}
+    shipped = {each["name"]: each.get("email_configs") for each in SHIPPED["receivers"]}
+
+    assert ours == {
+        "robots-none": None,
+        "robots": shipped["email"],
+        "robots-reminder": shipped["reminder"],
+        "robots-escalation-1": shipped["escalation-1"],
+        "robots-escalation-2": shipped["escalation-2"],
+    }
+    # Without the exporter's webhook, whose failures are inhibited, in receivers of a site's own.
+    of_webhook = ["alertname = RosDiagnosticsAlertmanagerNotNotifying", "integration = webhook"]
+    rules = [each for each in SHIPPED["inhibit_rules"] if each["target_matchers"] != of_webhook]
+    assert piece("inhibit_rules") == rules
+
+
+def test_amtool_finds_the_receiver_that_the_page_names(tmp_path: Path):
+    config = tmp_path / "alertmanager.yml"
+    own = {"receiver": "robots-none", "routes": piece("routes")}
+    content = {"route": own, "receivers": piece("receivers")}
+    content["inhibit_rules"] = piece("inhibit_rules")
+    content["global"] = SHIPPED["global"]
+    config.write_text(yaml.safe_dump(content))
+
+    run_tool("amtool", "check-config", config)
+    found = re.search(
+        r"`amtool (config routes test) --config.file=\S+ (.*?)`\nprints `(.*?)`", PAGE
+    )
+    assert found
+    route = f"--config.file={config}"
+    assert run_tool("amtool", *found[1].split(), route, *found[2].split()) == f"{found[3]}\n"

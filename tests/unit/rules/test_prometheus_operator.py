@@ -1,0 +1,67 @@
+"""What prometheus_operator.py writes: the shipped rules, as objects of its operator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+import prometheus_operator
+from support.shipped_rules import PROMETHEUS, RULE_FILES, run_tool
+
+
+def objects(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str, Any]]:
+    assert prometheus_operator.main(arguments) == 0
+    return list(yaml.safe_load_all(capsys.readouterr().out))
+
+
+def test_the_rules_come_back_as_they_are(capsys, tmp_path: Path):
+    found = objects(capsys, "--servers")
+
+    assert [each["metadata"]["name"] for each in found] == [
+        f"ros-diagnostics-{path.stem}" for path in RULE_FILES
+    ]
+    for each, path in zip(found, RULE_FILES, strict=True):
+        assert each["spec"] == yaml.safe_load(path.read_text())
+        copy = tmp_path / path.name
+        copy.write_text(yaml.safe_dump({"groups": each["spec"]["groups"]}))
+        run_tool("promtool", "check", "rules", copy)
+
+
+def test_rules_about_the_servers_are_left_out(capsys):
+    names = {each["metadata"]["name"] for each in objects(capsys)}
+
+    assert "ros-diagnostics-faults" in names
+    assert "ros-diagnostics-servers" not in names
+
+
+def test_namespace_and_labels_are_on_every_object(capsys):
+    found = objects(capsys, "--namespace=m", "--label=release=prom", "--target=e:9877")
+
+    assert all(each["metadata"]["namespace"] == "m" for each in found)
+    assert all(each["metadata"]["labels"] == {"release": "prom"} for each in found)
+
+
+def test_exporters_are_scraped_as_in_prometheus_yml(capsys):
+    found = objects(capsys, "--target=a:9877", "--target=b:9877")
+    scrapes = {
+        each["metadata"]["name"]: each["spec"] for each in found if each["kind"] == "ScrapeConfig"
+    }
+
+    config = yaml.safe_load((PROMETHEUS / "prometheus.yml").read_text())
+    shipped = {each["job_name"]: each for each in config["scrape_configs"]}
+    assert scrapes.keys() == {"ros-diagnostics-faults", "ros-diagnostics"}
+    for name, spec in scrapes.items():
+        interval = shipped[name].get("scrape_interval", config["global"]["scrape_interval"])
+        assert spec["scrapeInterval"] == interval
+        assert spec["params"] == shipped[name]["params"]
+        assert spec["honorLabels"] is shipped[name]["honor_labels"] is True
+        assert spec["staticConfigs"] == [{"targets": ["a:9877", "b:9877"]}]
+
+
+def test_a_wrong_label_is_rejected(capsys):
+    with pytest.raises(SystemExit):
+        prometheus_operator.main(["--label=release"])
+    assert "'release' is not NAME=VALUE" in capsys.readouterr().err

@@ -1,0 +1,80 @@
+"""The ledger: which faults it is of, and what of the events belongs to it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from ros_diagnostics_exporter.ledger import LATE, Window, entries, standings, window
+from support.web_server import broken, problem
+
+MOTOR = {"scope": "component", "state": "critical", "severity": "critical", "group": "/M"}
+
+
+def event(number: int, time: float, kind: str, component: str = "Motor 1", **more: Any):
+    of = {"robot": "r", "component": component} if component else {}
+    return {"id": number, "time": time, "kind": kind, **of, **more}
+
+
+def fault(kind: str, since: float, time: float, **more: Any) -> dict[str, Any]:
+    return event(int(time), time, kind, since=since, **MOTOR, **more)
+
+
+OLD, OLD_END = fault("fault_began", 100, 110), fault("fault_ended", 100, 150, reason="recovered")
+NEW = fault("fault_began", 300, 310)
+
+
+@pytest.mark.parametrize(
+    ("at", "found"),
+    [
+        (120, Window(99, 150 + LATE)),  # lasts
+        (200, Window(99, 150 + LATE)),  # the last one before
+        (400, Window(299, float("inf"))),
+    ],
+)
+def test_the_time_is_that_of_the_faults_that_lasted_then(at, found):
+    began = [each for each in (NEW, OLD) if each["time"] < at]
+    assert window(began, [OLD_END], at) == found
+
+
+def test_without_a_fault_it_is_the_hour_before():
+    assert window([], [], 10_000) == Window(6_400, 10_000 + LATE)
+
+
+def test_everything_that_happened_is_in_order_and_of_others_nothing():
+    notified = fault("notified", 300, 312, receiver="email", after="firing")
+    acknowledged = fault("acknowledged", 300, 330, author="ann", message="on it")
+    level = event(1, 300, "level", before="OK", after="ERROR", message="hot", group="/M")
+    silent = {"id": 2, "time": 320, "kind": "robot", "robot": "r", "after": "silent"}
+    other = event(3, 320, "level", "Motor 2", before="OK", after="WARN")
+    site = {**MOTOR, "scope": "site", "state": "silent", "site": "hall"}
+    of_many = [
+        {"id": 4, "time": 325, "kind": "fault_began", **site},
+        {"id": 5, "time": 325, "kind": "fault_began", **site, "site": "yard"},
+        {"id": 6, "time": 326, "kind": "config", "after": "read"},
+    ]
+    own = [acknowledged, silent, notified, other, NEW, level]
+    assert [each["text"] for each in entries(own, of_many, "Motor 1", "hall")] == [
+        "/M/Motor 1 OK → ERROR: hot",
+        "fault began: CRITICAL /M/Motor 1",
+        "notification sent to email: CRITICAL /M/Motor 1",
+        "robot is silent",
+        "fault began: UNKNOWN many robots of site hall are silent",
+        "acknowledged by ann: CRITICAL /M/Motor 1: on it",
+    ]
+    assert len(entries(own, of_many, None, "hall")) == 7
+
+
+def test_a_robots_texts_stay_on_their_line():
+    level = event(1, 300, "level", before="OK", after="ERROR", message="a\n\x1b[31mb")
+    [only] = entries([level], [], None, "")
+    assert only["text"].isprintable()
+
+
+def test_what_is_now_says_why_nobody_is_notified():
+    quiet = problem("component", "critical", quiet="maintenance", group="/M", component="Motor 1")
+    assert standings([quiet, broken(notified={"email": 1_000.0})], 1_060.0, " until 14:00 UTC") == [
+        "critical /M/Motor 1: quiet: maintenance until 14:00 UTC; nobody is notified",
+        "critical /Motor/Motor 1: confirmed; notified 1 min ago: email",
+    ]
