@@ -174,8 +174,12 @@ class Judge:
                 self._fail("a silence ended although nothing was received", event)
 
     def _removed(self, event: Event) -> None:
-        if not self.world.removed & {(event.robot, ""), (event.robot, event.component)}:
+        if not self._is_removed(event):
             self._fail("a fault was removed by nobody", event)
+
+    def _is_removed(self, event: Event) -> bool:
+        """Whether its robot or component was taken out in this tick."""
+        return bool(self.world.removed & {(event.robot, ""), (event.robot, event.component)})
 
     def _part_recovered(self, event: Event) -> None:
         known, part = self._known(event)
@@ -187,6 +191,8 @@ class Judge:
 
     def _known(self, event: Event) -> tuple[Delivered, Part | None]:
         known = self.world.delivered[event.robot]
+        if self._is_removed(event):
+            known = self.world.before_removal[event.robot]
         return known, known.parts.get(event.component)
 
     def _in_maintenance(self, robot: str) -> bool:
