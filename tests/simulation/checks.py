@@ -128,9 +128,7 @@ class Judge:
             beyond = part.charge < LOW[event.state] * (1 + HYSTERESIS)  # once it was below
             return "" if beyond else "a fault of a value within its threshold began"
         if event.state == "stale":
-            # The state takes two raw arrays at one time for a very fast driver.
-            late = 5.0 if self.world.delivered[event.robot].bursts else STALE_AFTER / 2
-            stale = part.stale or at - part.received >= late
+            stale = part.stale or at - part.received >= STALE_AFTER / 2
             return "" if stale else "a component that is received is STALE"
         if part.level != LEVEL_OF[event.state]:
             return "a fault of another level than was delivered began"

@@ -77,7 +77,6 @@ class Delivered:
     raw: bool
     parts: dict[str, Part] = field(default_factory=dict)
     last: float | None = None
-    bursts: bool = False  # several of its arrays came at one time
     gap: float = 0.0  # when it last was not received for longer than a period
     quiet: float = 0.0  # when it last was in maintenance, not configured, or otherwise configured
 
@@ -303,7 +302,6 @@ class World:
         now = self.now
         self.state.receive(Topic(0, f"/{robot}/d"), Array(0.0, array, 100), now)
         known = self.delivered[robot]
-        known.bursts = known.bursts or known.last == now.mono
         found = {each.name.rpartition("/")[2]: each for each in array if each.name != "/g"}
         for name, status in found.items():
             _note(known.parts.setdefault(name, Part()), status, now.mono)
