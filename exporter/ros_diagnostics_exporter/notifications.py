@@ -24,7 +24,7 @@ from ros_diagnostics_exporter.alertmanager import (
     clean,
 )
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import Fault, severity_of
+from ros_diagnostics_exporter.faults.model import Fault, as_texts
 
 MAX_BODY = 1024 * 1024  # bytes; a message about one alert has some thousand
 MAX_ALERTS = 1_000  # of a message
@@ -87,18 +87,7 @@ def _labels(event: Event) -> dict[str, str]:
 
 def key_of_fault(fault: Fault) -> Key:
     """Which fault it is."""
-    return key_of(_fault_labels(fault))
-
-
-def _fault_labels(fault: Fault) -> dict[str, str]:
-    identity = fault.identity
-    return {
-        **identity._asdict(),
-        "scope": identity.scope.value,
-        "state": identity.state.value,
-        "severity": severity_of(identity),
-        "site": identity.site or fault.labels.get("site", ""),
-    }
+    return key_of(as_texts(fault.identity, fault.labels))
 
 
 @dataclass(eq=False)
@@ -134,7 +123,7 @@ class Notifications:
         self._ended: deque[tuple[Key, _Known]] = deque()
         self._ever = False
         for fault in lasting:
-            labels = _fault_labels(fault)
+            labels = as_texts(fault.identity, fault.labels)
             self._known.setdefault(key_of(labels), []).append(_Known(labels, fault.since))
 
     def note(self, event: Event) -> None:

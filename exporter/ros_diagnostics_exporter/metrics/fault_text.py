@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
-from ros_diagnostics_exporter.faults.model import Fault, Identity, severity_of
+from ros_diagnostics_exporter.faults.model import Fault, Identity, as_texts
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import number
 from ros_diagnostics_exporter.metrics.families import Family
@@ -76,11 +76,7 @@ def _render(fleet: str, exporter: str, fault: Fault) -> _Lines:
     identity = {
         "fleet": fleet,
         "exporter": exporter,
-        **fault.identity._asdict(),
-        "scope": fault.identity.scope.value,
-        "state": fault.identity.state.value,
-        "severity": severity_of(fault.identity),
-        "site": fault.identity.site or fault.labels.get("site", ""),
+        **as_texts(fault.identity, fault.labels),
     }
     own = {name: text for name, text in fault.labels.items() if name not in _RESERVED}
     labels = _labels(identity | own)

@@ -25,7 +25,7 @@ from ros_diagnostics_exporter.faults.model import (
     Row,
     Scope,
     ValueReport,
-    severity_of,
+    as_texts,
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant, Level
@@ -494,21 +494,11 @@ class RobotReports:
 
 
 def _event(what: str, fault: Fault, at: float) -> Event:
-    identity = fault.identity
     return Event(
         time=at,
         kind="fault_began" if what == "began" else "fault_ended",
-        robot=identity.robot,
-        group=identity.group,
-        component=identity.component,
+        **as_texts(fault.identity, fault.labels),
         message=fault.evidence,
-        scope=identity.scope.value,
-        state=identity.state.value,
-        site=identity.site or fault.labels.get("site", ""),
-        check=identity.check,
-        key=identity.key,
-        bound=identity.bound,
-        severity=severity_of(identity),
         since=fault.since,
         reason="" if what == "began" else what,
     )
