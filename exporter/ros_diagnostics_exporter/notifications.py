@@ -25,6 +25,7 @@ from ros_diagnostics_exporter.alertmanager import (
 )
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import Fault, as_texts
+from ros_diagnostics_exporter.texts import encodable
 
 MAX_BODY = 1024 * 1024  # bytes; a message about one alert has some thousand
 MAX_ALERTS = 1_000  # of a message
@@ -72,12 +73,7 @@ def parse(body: bytes) -> Message:
 
 def key_of(labels: Mapping[str, str]) -> Key:
     """Which fault of a fleet these labels name."""
-    return tuple(as_served(labels.get(name, "")) for name in _KEY)
-
-
-def as_served(text: str) -> str:
-    """A label's value as Prometheus, and thus Alertmanager, gets it."""
-    return text if text.isascii() else text.encode("utf-8", "replace").decode()
+    return tuple(encodable(labels.get(name, "")) for name in _KEY)
 
 
 def _labels(event: Event) -> dict[str, str]:
@@ -168,7 +164,7 @@ class Notifications:
             for alert in message.alerts:
                 labels, is_firing = alert.labels, alert.status == "firing"
                 known = None
-                if labels.get("fleet") == as_served(fleet):
+                if labels.get("fleet") == encodable(fleet):
                     known = self._choose(key_of(labels), receiver, is_firing=is_firing)
                 if known is None or known.notified >= MAX_NOTIFIED:
                     continue

@@ -11,8 +11,8 @@ from ros_diagnostics_exporter.faults.model import Fault, Identity, as_texts
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import number
 from ros_diagnostics_exporter.metrics.families import Family
-from ros_diagnostics_exporter.notifications import Key, as_served
-from ros_diagnostics_exporter.texts import escape
+from ros_diagnostics_exporter.notifications import Key
+from ros_diagnostics_exporter.texts import encodable, escape
 
 # A robot's own labels by these names are left out: they would be read as the fault's identity.
 _RESERVED = {label for family in metrics.FAULT_FAMILIES for label in family.labels} - {"site"}
@@ -83,7 +83,7 @@ def _render(fleet: str, exporter: str, fault: Fault) -> _Lines:
     return _Lines(
         fault,
         labels,
-        tuple(as_served(text) for text in identity_of(identity)),
+        tuple(encodable(text) for text in identity_of(identity)),
         start=_sample(metrics.FAULT_START, labels, {}, fault.since),
         info=_sample(metrics.FAULT_INFO, labels, {"evidence": fault.evidence}),
     )
