@@ -36,6 +36,7 @@ NAME_LENGTH = 1024  # of a robot or a component
 SENTENCE_LENGTH = 1000
 EXPLAINED = 50  # alerts of a robot, and silences
 MOST = 1000  # acknowledgements; the newest are kept
+SAME = 1.0  # seconds by which an acknowledgement may differ from when its fault began
 
 # 2026-01-01 10:00:00.123 +0000 UTC as rules print it, 2026-01-01T10:00:00.123Z as Alertmanager does
 _MOMENT = re.compile(
@@ -63,6 +64,10 @@ class Acknowledgement(NamedTuple):
     comment: str
     at: float
     until: float
+
+    def is_of(self, since: float) -> bool:
+        """Whether it is of the fault that began then, not of an earlier or later one."""
+        return abs(self.since - since) <= SAME
 
 
 def read(silences: Any, fleet: str) -> list[Acknowledgement]:

@@ -32,7 +32,6 @@ MAX_ALERTS = 1_000  # of a message
 MAX_NOTIFIED = 100  # events of a fault; a reminder a day, for a quarter of a year
 MAX_RECEIVERS = 20  # of a fault
 MAX_ENDED = 1_000  # faults that ended, for which notifications may still come
-SAME = 1.0  # seconds by which an acknowledgement may differ from when its fault began
 
 Key = tuple[str, ...]  # which fault: the labels of _KEY as Alertmanager has them
 _KEY = IDENTITY[1:]  # without the fleet
@@ -200,7 +199,7 @@ class Notifications:
         with self._lock:
             for each in acknowledgements:
                 for known in self._known.get(each.fault[1:], ()):
-                    is_its = abs(known.since - each.since) <= SAME and not known.is_over
+                    is_its = each.is_of(known.since) and not known.is_over
                     if is_its and each.at not in known.acknowledged:
                         events.append(
                             Event(

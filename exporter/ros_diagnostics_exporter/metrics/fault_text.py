@@ -16,7 +16,6 @@ from ros_diagnostics_exporter.texts import encodable, escape
 
 # A robot's own labels by these names are left out: they would be read as the fault's identity.
 _RESERVED = {label for family in metrics.FAULT_FAMILIES for label in family.labels} - {"site"}
-SAME = 1.0  # seconds by which an acknowledgement may differ from when its fault began
 
 
 class _Lines(NamedTuple):
@@ -98,7 +97,7 @@ def _acknowledged(
         by_fault.setdefault(each.fault, []).append(each)
     for line in lines if by_fault else ():
         named = by_fault.get(line.key, ())
-        found = [each for each in named if abs(each.since - line.fault.since) <= SAME]
+        found = [each for each in named if each.is_of(line.fault.since)]
         if found:
             words = {"author": found[-1].author, "comment": found[-1].comment}
             yield _sample(metrics.FAULT_ACKNOWLEDGED, line.labels, words, found[-1].at)
