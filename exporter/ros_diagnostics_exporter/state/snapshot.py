@@ -12,7 +12,7 @@ from ros_diagnostics_exporter.config.fleet import Robot as Settings
 from ros_diagnostics_exporter.faults.model import ProblemView, as_texts
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.notifications import Key, key_of
-from ros_diagnostics_exporter.severity import clock, component_state
+from ros_diagnostics_exporter.severity import component_state
 from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.maintenance import maintenance_until
 from ros_diagnostics_exporter.state.robot import Robot
@@ -69,11 +69,6 @@ def robot_snapshot(
         "problems": [_problem(view, notified) for view in views],
     }
     return {**known, "maintenance_until": _maintenance_until(state.fleet, known, now)}
-
-
-def until_text(until: float | None, now: float) -> str:
-    """The end of a maintenance as `standing` takes it; "" for none."""
-    return "" if until is None else f" until {clock(until, now, local=False, seconds=False)}"
 
 
 def faults(state: State, now: Instant, notified: Notified | None = None) -> dict[str, Any]:
