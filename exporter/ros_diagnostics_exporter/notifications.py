@@ -23,6 +23,7 @@ from ros_diagnostics_exporter.alertmanager import (
     Acknowledgement,
     clean,
 )
+from ros_diagnostics_exporter.config.errors import first_error
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import Fault, as_texts
 from ros_diagnostics_exporter.texts import encodable
@@ -63,11 +64,8 @@ def parse(body: bytes) -> Message:
     try:
         return _MESSAGE.validate_json(body)
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        place = ".".join(map(str, first["loc"])) or "the body"
-        raise ValueError(
-            f"not a message of Alertmanager's webhook, version 4: {place:.80}: {first['msg']:.120}"
-        ) from error
+        wrong = first_error(error, "the body")
+        raise ValueError(f"not a message of Alertmanager's webhook, version 4: {wrong}") from error
 
 
 def key_of(labels: Mapping[str, str]) -> Key:
