@@ -2,7 +2,7 @@
 
 Alertmanager posts here what it sends to a receiver, as
 https://prometheus.io/docs/alerting/latest/configuration/#webhook_config describes (version 4). That
-says that the notification was handed to the receiver, not that a mail or text message arrived:
+says that the notification was passed to the receiver, not that a mail or text message arrived:
 each integration of a receiver is sent and retried on its own.
 """
 
@@ -76,11 +76,6 @@ def key_of(labels: Mapping[str, str]) -> Key:
 def _labels(event: Event) -> dict[str, str]:
     """The fields of an event that name its fault."""
     return {name: str(getattr(event, name)) for name in _KEY}
-
-
-def key_of_fault(fault: Fault) -> Key:
-    """Which fault it is."""
-    return key_of(as_texts(fault.identity, fault.labels))
 
 
 @dataclass(eq=False)
