@@ -328,7 +328,8 @@ class RobotReports:
         for component in changed:
             if not component.is_stale or self._is_reported_stale(component):
                 continue
-            absent = nextafter(component.listed, inf)  # an aggregator's array is complete
+            # An aggregator's next array: those since that lacked it were of one that just started.
+            absent = nextafter(self._last, inf)
             if self._is_raw(component):
                 absent = component.listed + component.stale_after(default, raw=True)
             if absent > self._last:

@@ -441,6 +441,20 @@ def test_a_component_that_the_second_of_two_arrays_at_one_moment_lacks_is_in_tro
     assert (stale.identity.component, stale.identity.state.value) == ("Motor", "stale")
 
 
+def test_an_aggregator_that_starts_before_its_robot_falls_silent_shows_nothing_to_be_stale():
+    driver = StateDriver(Source.AGG, stale_after=5.0, confirm_after=3.0)
+    driver.agg(*tree(Parts=[MOTOR]))
+    driver.at(1)
+    driver.agg(Status(STALE, "/Parts", "Stale"))
+    driver.at(7)  # the component is late, and then the robot is silent
+
+    assert driver.level("Motor") == STALE
+    assert [each.identity.state.value for each in driver.state.problems(driver.now)] == ["silent"]
+    driver.agg(Status(STALE, "/Parts", "Stale"))
+    problems = {each.identity.state.value: each for each in driver.state.problems(driver.now)}
+    assert problems["stale"].since == driver.now.wall
+
+
 def in_maintenance(begin: float, end: float) -> Fleet:
     robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
     selector = {"robot": (re.compile("r"),)}

@@ -211,12 +211,14 @@ class Play:
 
 SEND_A, SEND_NONE = ("send", {"A": OK}), ("send", {})
 STALE_AFTER_A_RESTART = [SEND_A, ("restart", None), SEND_NONE, ("send", {"A": STALE})]
+LATE_BEFORE_SILENCE = [SEND_A, ("wait", 0.25), SEND_NONE, ("wait", 8.0), SEND_NONE]
 MISSING_AT_ONE_MOMENT = [SEND_A, ("send", {"B/x": OK}), ("wait", 0.25), SEND_NONE]
 
 
 @settings(max_examples=200)
 @example(Source.RAW, [*STALE_AFTER_A_RESTART, ("wait", 0.25), ("send", {"A": WARN})])
 @example(Source.AGG, MISSING_AT_ONE_MOMENT)
+@example(Source.AGG, LATE_BEFORE_SILENCE)
 @given(st.sampled_from([Source.RAW, Source.AGG]), st.lists(ACTIONS, max_size=25))
 def test_the_state_keeps_the_rules_whatever_happens(source, actions):
     with tempfile.TemporaryDirectory() as folder:
