@@ -255,7 +255,7 @@ class RobotReports:
             return True
         if components.names_version != self._names_version:
             return True
-        if self.robot.up and self._has_found_awaited:
+        if self._awaited and self.robot.up and self._has_found_awaited:
             return True
         return self._presence_at(now) != self._presence
 
