@@ -8,6 +8,8 @@ import urllib.request
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from ros_diagnostics_exporter.cli import ack
 from testbed import http
 from testbed.polling import until
@@ -27,6 +29,7 @@ def recorded(stack: Any) -> list[dict[str, Any]]:
     return get(stack, "/api/v1/events?kind=notified&limit=1000")["events"][::-1]
 
 
+@pytest.mark.slow
 def test_the_record_equals_the_mailbox_with_an_escalation_silenced_and_alertmanager_killed(
     stack, wait_for_mails, wait_for_scrapes, tmp_path
 ):
