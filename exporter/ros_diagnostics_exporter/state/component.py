@@ -169,6 +169,11 @@ class Component:
         return changed
 
     @property
+    def last_recorded(self) -> int:
+        """The level of its last event: of an earlier process, until it is received or STALE."""
+        return self.level if self._resume is None else self._resume[0]
+
+    @property
     def was_ok(self) -> bool:
         """Whether it was OK when it was last received, and its values within their thresholds.
 
