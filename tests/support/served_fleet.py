@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from types import SimpleNamespace
 from urllib.parse import urlsplit
 
@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import ALL_PARTS, Instant, Part
 from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.web.scrape import wanted_parts
-from testbed.ports import free_port
+from support.loopback import answering
 
 Speak = Callable[[State, Instant], None]
 
@@ -89,15 +89,5 @@ def serving(scrape: Callable[[Collection[Part]], bytes]) -> Iterator[str]:
             with suppress(ConnectionError):  # the scraper ends before us
                 self.wfile.write(body)
 
-        def log_message(self, *_: object) -> None:
-            """Say nothing of every scrape."""
-
-    server = ThreadingHTTPServer(("127.0.0.1", free_port()), Handler)
-    thread = threading.Thread(target=server.serve_forever, args=(0.05,))
-    thread.start()
-    try:
-        yield f"127.0.0.1:{server.server_port}"
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
+    with answering(Handler) as address:
+        yield address
