@@ -227,6 +227,12 @@ class Components:
             component.problem_since = since
             self._versions.levels += 1
 
+    def set_quiet(self, component: Component, because: str) -> None:
+        """Set by which condition of the config the trouble of a component is no fault; "": none."""
+        if component.quiet_because != because:
+            component.quiet_because = because
+            self._versions.levels += 1
+
     def mark_missing(self, component: Component, now: Instant) -> None:
         """Make a component STALE, because its aggregator's array does not have it."""
         component.missing = True
