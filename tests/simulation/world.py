@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from random import Random
 
 from ros_diagnostics_exporter.backtest.replay import Restarts
-from ros_diagnostics_exporter.config.fleet import FaultSettings as Settings
 from ros_diagnostics_exporter.config.fleet import (
+    CauseSettings,
     Fleet,
     Maintenance,
     Profile,
@@ -19,6 +19,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
+from ros_diagnostics_exporter.config.fleet import FaultSettings as Settings
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.state.state import State
@@ -36,15 +37,25 @@ from simulation.story import (
     site_of,
 )
 
+LATE = (PERIOD + 2) * TICK  # seconds by which messages and ticks may delay what is due
 WALL = 1_700_000_000.0
 STALE_AFTER = 1500.0
 CONFIRM_AFTER = 1200.0
 FLAP_INTERVAL = 1800.0
+# Seconds without anything else after which it is clear what is to be: longer than the 21 intervals
+# in which changes count as flapping.
+CALM = 24 * FLAP_INTERVAL
 HYSTERESIS = 0.02
 GRACE = 1800.0
 LOW = {"warning": 20.0, "critical": 10.0}
 BATTERY = COMPONENTS[0]
-SETTINGS = Settings(confirm_after=600.0, restart_grace=GRACE, pending_after=7200.0)
+PENDING_AFTER = 7200.0
+SETTINGS = Settings(
+    confirm_after=600.0,
+    restart_grace=GRACE,
+    pending_after=PENDING_AFTER,
+    site=CauseSettings(2, 0.5),  # a fleet of ten robots has sites of two
+)
 _THRESHOLDS = tuple(Threshold("low", severity, number) for severity, number in LOW.items())
 _PROFILE = Profile(
     stale_after=STALE_AFTER,
@@ -120,6 +131,21 @@ class World:
     def mono(self, wall: float) -> float:
         return wall - self.offset
 
+    def declared(self) -> list[Delivered]:
+        """What was delivered of the robots that the config has."""
+        return [each for name, each in self.delivered.items() if name not in self._undeclared]
+
+    def in_trouble(self, part: str) -> int:
+        """How many robots have a component in trouble, or had it not long ago."""
+        return sum(
+            known.parts[part].level == ERROR or self._changed(known.parts[part])
+            for known in self.delivered.values()
+            if part in known.parts
+        )
+
+    def _changed(self, part: Part) -> bool:
+        return bool(part.changes) and self.now.mono - part.changes[-1] < CALM
+
     # -- config ------------------------------------------------------------------------------
 
     def _fleet(self) -> Fleet:
@@ -156,7 +182,7 @@ class World:
         for event in events:
             getattr(self, f"_do_{event.what}")(event.who, *event.how)
         for number, name in enumerate(self.robots):
-            if (self.tick + number) % PERIOD == 0:
+            if (self.tick + number) % self.story.period == 0:
                 self._publish(name)
         if self.state is not None:
             self.state.tick(self.now)
@@ -218,6 +244,7 @@ class World:
 
     def _do_declared(self, robot: str, declared: bool) -> None:
         (self._undeclared.discard if declared else self._undeclared.add)(robot)
+        self.delivered[robot].quiet = self.now.mono
         if self.state is not None:
             self._forget_undeclared()
         self._configure()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from types import MappingProxyType
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
@@ -41,7 +40,7 @@ class FaultText:
         exporter: str,
         faults: Iterable[Fault],
         acknowledgements: Iterable[Acknowledgement] = (),
-        notified: Mapping[Key, Mapping[str, float]] = MappingProxyType({}),
+        notified: Mapping[Key, Mapping[str, float]] | None = None,
     ) -> dict[str, bytes]:
         """By the family's name.
 
@@ -50,7 +49,7 @@ class FaultText:
             exporter: The exporter's; "" for none.
             faults: All that last.
             acknowledgements: Those in force, the newest last; of other faults, too.
-            notified: Of each fault, when each receiver was last notified.
+            notified: Of each fault, when each receiver was last notified; None: not known.
         """
         source = fleet, exporter
         known = self._lines if source == self._source else {}
@@ -104,10 +103,14 @@ def _acknowledged(
 
 
 def _notified(
-    lines: Iterable[_Lines], notified: Mapping[Key, Mapping[str, float]]
+    lines: Iterable[_Lines], notified: Mapping[Key, Mapping[str, float]] | None
 ) -> Iterator[str]:
-    for line in lines if notified else ():
-        for receiver, at in notified.get(line.key[1:], {}).items():
+    """Who was notified when; of a fault of which nobody was, one sample without a receiver: 0."""
+    if notified is None:
+        return
+    for line in lines:
+        receivers = notified.get(line.key[1:]) or {"": 0.0}
+        for receiver, at in receivers.items():
             yield _sample(metrics.FAULT_NOTIFIED, line.labels, {"receiver": receiver}, at)
 
 

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ros_diagnostics_exporter.config.fleet import ComponentRule, ValueRule
+from ros_diagnostics_exporter.config.fleet import ComponentRule, Threshold, ValueRule
 from ros_diagnostics_exporter.faults.flapping import SLOTS
 from ros_diagnostics_exporter.ingest.values import Number, parse_numbers
 from ros_diagnostics_exporter.model import Instant, Level, Status
@@ -66,6 +66,7 @@ class Component:
         "missing",
         "name",
         "problem_since",
+        "quiet_because",
         "raw_received",
         "received",
         "reported",
@@ -94,6 +95,7 @@ class Component:
         self.before_stale: int | None = None
         self.since = now.wall
         self.problem_since: float | None = None
+        self.quiet_because = ""  # the condition of fleet.yml by which its trouble is no fault now
         self.changes = 0
         self.received: float | None = None
         self.raw_received: float | None = None
@@ -169,6 +171,11 @@ class Component:
         return changed
 
     @property
+    def last_recorded(self) -> int:
+        """The level of its last event: of an earlier process, until it is received or STALE."""
+        return self.level if self._resume is None else self._resume[0]
+
+    @property
     def was_ok(self) -> bool:
         """Whether it was OK when it was last received, and its values within their thresholds.
 
@@ -179,7 +186,7 @@ class Component:
         level: int | None = self.effective_level(self.last.level)
         if level == STALE and self.rule is not None and self.rule.planned_stale:
             level = self.before_stale
-        beyond = any(value.is_beyond_threshold for value in self.values.all)
+        beyond = any(value.beyond for value in self.values.all)
         return level in (None, OK) and not beyond
 
     def persist(self, now: Instant) -> PersistedComponent:
@@ -274,13 +281,13 @@ class Value:
         return (self.metric is not None) + 2 + len(self.rule.thresholds)
 
     @property
-    def is_beyond_threshold(self) -> bool:
-        """Whether it is beyond one of its thresholds."""
-        thresholds = () if self.rule is None else self.rule.thresholds
-        return any(
-            self.number < each.value if each.bound == "low" else self.number > each.value
-            for each in thresholds
-        )
+    def beyond(self) -> list[Threshold]:
+        """Its thresholds that it is beyond."""
+        return [
+            each
+            for each in (() if self.rule is None else self.rule.thresholds)
+            if (self.number < each.value if each.bound == "low" else self.number > each.value)
+        ]
 
 
 class ComponentValues:

@@ -100,6 +100,7 @@ def _problem(view: ProblemView, notified: Notified | None) -> dict[str, Any]:
         "confirmed": None if fault is None else fault.confirmed,
         "due": view.due,
         "quiet": None if view.quiet is None else view.quiet.value,
+        "because": view.because,
         "well": view.well,
         "evidence": "" if fault is None else fault.evidence,
         "notified": {} if fault is None else _notified(identity, notified),
@@ -213,6 +214,7 @@ def _component(component: Component, *, stale_is_critical: bool) -> dict[str, An
             level, before, stale_is_critical=stale_is_critical and not planned
         ),
         "planned_stale": planned,
+        "quiet_because": component.quiet_because,
         "message": component.message,
         "level_since": component.since,
         "changes": component.changes,
