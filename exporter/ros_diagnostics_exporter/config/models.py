@@ -537,6 +537,9 @@ class ManyEntry(Entry):
     share: Share | None = optional(
         "At least this share of all that it has, too.", example=0.3, default=0.5
     )
+    absolute: Count | None = optional(
+        "Or so many components, however many it has.", example=40, default=20
+    )
 
 
 class SiteEntry(Entry):
@@ -544,6 +547,9 @@ class SiteEntry(Entry):
 
     robots: Count | None = optional("At least so many of its robots.", example=3, default=5)
     share: Share | None = optional("At least this share of them, too.", example=0.3, default=0.5)
+    absolute: Count | None = optional(
+        "Or so many robots, however large the site is.", example=50, default=20
+    )
 
 
 class CommonEntry(Entry):
@@ -551,7 +557,7 @@ class CommonEntry(Entry):
 
     robots: Count | None = optional("At least so many robots.", example=3, default=5)
     share: Share | None = optional(
-        "At least this share of the fleet, too.", example=0.2, default=0.3
+        "At least this share of the fleet, too.", example=0.2, default=0.25
     )
     absolute: Count | None = optional(
         "Or so many robots, however large the fleet is.", example=50, default=20
