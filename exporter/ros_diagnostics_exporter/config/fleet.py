@@ -130,6 +130,8 @@ class Profile:
     checks: tuple[Check, ...] = (Check("all"),)  # "all" is always the first
     components: tuple[ComponentRule, ...] = ()
     values: tuple[ValueRule, ...] = ()
+    # what the robot does -> components that it needs for it, any searched in the name
+    tasks: Mapping[str, tuple[Pattern, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

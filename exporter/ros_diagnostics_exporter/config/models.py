@@ -34,6 +34,7 @@ from ros_diagnostics_exporter.config.scalars import (
     Name,
     Namespace,
     PositiveDuration,
+    TaskName,
     TimeZone,
     Topic,
     WeeklyTime,
@@ -337,6 +338,11 @@ class ProfileEntry(Entry):
     values: list[ValueEntry] | None = optional(
         "How key-values are read; the first entry that matches applies.",
         example=[{"key": "PID", "keep": False}],
+    )
+    tasks: dict[TaskName, Words | None] | None = optional(
+        "What the robot does, and words of the names of the components that it needs for it: "
+        "notifications say what it can no longer do, and what it still can.",
+        example={"drive": ["Motor", "Laser"], "lift": ["Lift"]},
     )
 
 
