@@ -150,8 +150,7 @@ def shown_problems(
     """
     if not of["problems"]:
         return [], 0
-    until = of.get("maintenance_until")
-    end = "" if until is None else f" until {clock(until, now, local=local, seconds=False)}"
+    end = until_text(of.get("maintenance_until"), now, local=local)
     found = [
         (problem_state(each), standing(each, now, end), subject(each), each)
         for each in _without_milder(of["problems"])
@@ -229,6 +228,11 @@ def standing(problem: dict[str, Any], now: float, maintenance_end: str = "") -> 
         return f"quiet: {quiet}"
     left = math.ceil(problem["due"] - now)
     return f"not confirmed yet, {span(left)} left" if left > 0 else "not confirmed yet"
+
+
+def until_text(until: float | None, now: float, *, local: bool) -> str:
+    """The end of a maintenance as `standing` takes it; "" for none."""
+    return "" if until is None else f" until {clock(until, now, local=local, seconds=False)}"
 
 
 def notice(problem: dict[str, Any], now: float) -> str:

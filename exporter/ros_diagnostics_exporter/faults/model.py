@@ -61,6 +61,20 @@ def severity_of(identity: Identity) -> Literal["critical", "warning"]:
     return "critical" if identity.state in (State.CRITICAL, State.SILENT) else "warning"
 
 
+def as_texts(identity: Identity, own: Mapping[str, str]) -> dict[str, str]:
+    """An identity with its severity as metrics, events and the API have it, by name.
+
+    ``own`` are the robot's own labels: a fault of a robot is of the site that they name, if any.
+    """
+    return {
+        **identity._asdict(),
+        "scope": identity.scope.value,
+        "state": identity.state.value,
+        "severity": severity_of(identity),
+        "site": identity.site or own.get("site", ""),
+    }
+
+
 @dataclass(frozen=True)
 class Fault:
     """A confirmed problem.

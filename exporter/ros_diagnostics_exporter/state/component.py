@@ -28,7 +28,8 @@ OK, WARN, ERROR, STALE = (int(level) for level in Level)
 GAPS_KEPT = 10
 GAP_FACTOR = 3.0
 LEAST_STALE_AFTER = 5.0
-# Received once, a component has no gap yet; monitors that publish once a minute exist (Autoware).
+# Received once, or several times at one moment, a component has not yet shown how often it is
+# published; monitors that publish once a minute exist (Autoware).
 STALE_AFTER_FIRST = 90.0
 
 _DIGITS = re.compile(r"[0-9]+")
@@ -44,7 +45,7 @@ class Component:
     ``reported`` is the level that the robot reported, ``level`` the one after the config's
     overrides; both are STALE while nothing fresh is known. ``since`` and ``problem_since`` are Unix
     time, ``received`` and ``listed`` monotonic: the last fresh status, and the last array that
-    contained the component.
+    contained the component. ``missing``: the last array of its aggregator does not.
     """
 
     __slots__ = (
@@ -62,6 +63,7 @@ class Component:
         "level",
         "listed",
         "message",
+        "missing",
         "name",
         "problem_since",
         "quiet_because",
@@ -98,6 +100,7 @@ class Component:
         self.received: float | None = None
         self.raw_received: float | None = None
         self.listed = now.mono
+        self.missing = False
         self.gaps: deque[float] = deque(maxlen=GAPS_KEPT)
         self.flaps: FlapHistory | None = None
         self.last: Status | None = None
@@ -166,6 +169,11 @@ class Component:
         self.level, self.since, self.problem_since = level, since, problem_since
         self.before_stale = None
         return changed
+
+    @property
+    def last_recorded(self) -> int:
+        """The level of its last event: of an earlier process, until it is received or STALE."""
+        return self.level if self._resume is None else self._resume[0]
 
     @property
     def was_ok(self) -> bool:
@@ -240,7 +248,7 @@ class Component:
             return self.rule.stale_after
         if not raw:
             return default
-        if not self.gaps:
+        if len(self.gaps) < GAPS_KEPT and sum(self.gaps) < LEAST_STALE_AFTER:
             return max(STALE_AFTER_FIRST, default)
         return max(LEAST_STALE_AFTER, GAP_FACTOR * max(self.gaps))
 

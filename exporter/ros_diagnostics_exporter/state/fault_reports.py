@@ -26,7 +26,7 @@ from ros_diagnostics_exporter.faults.model import (
     Scope,
     ValueReport,
     Verdict,
-    severity_of,
+    as_texts,
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant, Level
@@ -273,7 +273,7 @@ class RobotReports:
             return True
         if components.names_version != self._names_version:
             return True
-        if self.robot.up and self._last >= self._awaited_next:
+        if self.robot.up and self._has_found_awaited:
             return True
         return self._presence_at(now) != self._presence
 
@@ -385,9 +385,19 @@ class RobotReports:
         return self.robot.source is Source.RAW or component.raw_received is not None
 
     def _is_reported_stale(self, component: Component) -> bool:
-        """Whether the last array has the component, as STALE."""
+        """Whether the last array has the component as STALE, or is an aggregator's without it."""
+        if component.missing:
+            return True
         last = component.last
         return last is not None and last.level == Level.STALE and component.listed >= self._last
+
+    @property
+    def _has_found_awaited(self) -> bool:
+        """Whether the last array shows one of them to be absent, or has it as STALE.
+
+        That is no change of its level, which was STALE before for want of anything received.
+        """
+        return self._last >= self._awaited_next or any(map(self._is_reported_stale, self._awaited))
 
     def _find_awaited(self) -> None:
         """Have those reported that are received now, or that an array shows to be absent."""
@@ -548,21 +558,11 @@ class RobotReports:
 
 
 def _event(what: str, fault: Fault, at: float) -> Event:
-    identity = fault.identity
     return Event(
         time=at,
         kind="fault_began" if what == "began" else "fault_ended",
-        robot=identity.robot,
-        group=identity.group,
-        component=identity.component,
+        **as_texts(fault.identity, fault.labels),
         message=fault.evidence,
-        scope=identity.scope.value,
-        state=identity.state.value,
-        site=identity.site or fault.labels.get("site", ""),
-        check=identity.check,
-        key=identity.key,
-        bound=identity.bound,
-        severity=severity_of(identity),
         since=fault.since,
         reason="" if what == "began" else what,
     )

@@ -312,7 +312,7 @@ def _marks(robot: dict[str, Any], now: float) -> Iterator[str]:
 def _problem(shown: ShownProblem, now: float, *, evidence: bool = False) -> str:
     problem, before = shown.problem, ""
     hard = "hard" if problem["confirmed"] is not None else "soft"
-    if evidence and problem["evidence"] and problem["evidence"] != shown.message:
+    if evidence and not shown.message.startswith(problem["evidence"]):
         before = f"<p class='text dim'>When confirmed: {_text(problem['evidence'])}</p>"
     return (
         f"<li>{_chip(shown.state)} <span class=what>{_text(shown.subject)}</span> "
