@@ -85,6 +85,7 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
         "profile": "default",
         "maintenance": False,
         "maintenance_until": None,
+        "work": "",
         "problems": [],
         "short_checks": [],
         "groups": [{"group": "/Motor", "level": "OK", "message": "OK"}],

@@ -130,6 +130,8 @@ class Profile:
     checks: tuple[Check, ...] = (Check("all"),)  # "all" is always the first
     components: tuple[ComponentRule, ...] = ()
     values: tuple[ValueRule, ...] = ()
+    # what the robot does -> components that it needs for it, any searched in the name
+    tasks: Mapping[str, tuple[Pattern, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -215,9 +217,9 @@ class FaultSettings:
     flapping_start: float = 0.4
     flapping_stop: float = 0.2
     value_hysteresis: float = 0.02
-    many: CauseSettings = CauseSettings(8, 0.5)
-    site: CauseSettings = CauseSettings(5, 0.5)
-    common: CauseSettings = CauseSettings(5, 0.3, absolute=20)
+    many: CauseSettings = CauseSettings(8, 0.5, absolute=20)
+    site: CauseSettings = CauseSettings(5, 0.5, absolute=20)
+    common: CauseSettings = CauseSettings(5, 0.25, absolute=20)
     warning_hours: WarningHours | None = None  # None = always
 
 

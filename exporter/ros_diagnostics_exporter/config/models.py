@@ -34,6 +34,7 @@ from ros_diagnostics_exporter.config.scalars import (
     Name,
     Namespace,
     PositiveDuration,
+    TaskName,
     TimeZone,
     Topic,
     WeeklyTime,
@@ -338,6 +339,11 @@ class ProfileEntry(Entry):
         "How key-values are read; the first entry that matches applies.",
         example=[{"key": "PID", "keep": False}],
     )
+    tasks: dict[TaskName, Words | None] | None = optional(
+        "What the robot does, and words of the names of the components that it needs for it: "
+        "notifications say what it can no longer do, and what it still can.",
+        example={"drive": ["Motor", "Laser"], "lift": ["Lift"]},
+    )
 
 
 SourceWord = Literal["agg", "raw", "both", "auto"]
@@ -537,6 +543,9 @@ class ManyEntry(Entry):
     share: Share | None = optional(
         "At least this share of all that it has, too.", example=0.3, default=0.5
     )
+    absolute: Count | None = optional(
+        "Or so many components, however many it has.", example=40, default=20
+    )
 
 
 class SiteEntry(Entry):
@@ -544,6 +553,9 @@ class SiteEntry(Entry):
 
     robots: Count | None = optional("At least so many of its robots.", example=3, default=5)
     share: Share | None = optional("At least this share of them, too.", example=0.3, default=0.5)
+    absolute: Count | None = optional(
+        "Or so many robots, however large the site is.", example=50, default=20
+    )
 
 
 class CommonEntry(Entry):
@@ -551,7 +563,7 @@ class CommonEntry(Entry):
 
     robots: Count | None = optional("At least so many robots.", example=3, default=5)
     share: Share | None = optional(
-        "At least this share of the fleet, too.", example=0.2, default=0.3
+        "At least this share of the fleet, too.", example=0.2, default=0.25
     )
     absolute: Count | None = optional(
         "Or so many robots, however large the fleet is.", example=50, default=20

@@ -26,6 +26,7 @@ from ros_diagnostics_exporter.config.models import (
 )
 from ros_diagnostics_exporter.config.patterns import written
 from ros_diagnostics_exporter.config.validate import Placed
+from ros_diagnostics_exporter.regex import Pattern
 
 E = TypeVar("E")
 R = TypeVar("R")
@@ -121,6 +122,7 @@ def _extended(
         # The first match wins, so the own rules come before the inherited ones.
         components=(*_every(_components, entry.components), *parent.components),
         values=(*_every(_values, entry.values), *parent.values),
+        tasks=_tasks(parent.tasks, placed, problems),
         **settings,
     )
 
@@ -146,6 +148,23 @@ def _checks(
             remedy = suggestion(name, [each for each in checks if each != ALL])
             problems.append(placed.problem(*where, what=what, remedy=remedy))
     return tuple(checks.values())
+
+
+def _tasks(
+    inherited: Mapping[str, tuple[Pattern, ...]],
+    placed: Placed[ProfileEntry],
+    problems: list[Problem],
+) -> Mapping[str, tuple[Pattern, ...]]:
+    """The parent's tasks with those of `placed` added, replaced and removed."""
+    tasks = dict(inherited)
+    for name, patterns in (placed.entry.tasks or {}).items():
+        if patterns is not None:
+            tasks[name] = patterns
+        elif tasks.pop(name, None) is None:
+            what = "is removed (null), but no profile that is extended has it"
+            remedy = suggestion(name, list(tasks))
+            problems.append(placed.problem("tasks", name, what=what, remedy=remedy))
+    return MappingProxyType(tasks)
 
 
 def _components(entry: ComponentEntry) -> list[ComponentRule]:

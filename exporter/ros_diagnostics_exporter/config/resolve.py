@@ -204,13 +204,12 @@ def _cause(
 ) -> CauseSettings:
     if entry is None:
         return default
-    number = entry.components if isinstance(entry, ManyEntry) else entry.robots
-    absolute = entry.absolute if isinstance(entry, CommonEntry) else None
-    return CauseSettings(
-        default.number if number is None else number,
-        default.share if entry.share is None else entry.share,
-        default.absolute if absolute is None else absolute,
-    )
+    given = entry.components if isinstance(entry, ManyEntry) else entry.robots
+    number = default.number if given is None else given
+    absolute = entry.absolute
+    if absolute is None and default.absolute is not None:
+        absolute = max(default.absolute, number)  # a number that is written down counts
+    return CauseSettings(number, default.share if entry.share is None else entry.share, absolute)
 
 
 def _downtimes(

@@ -26,6 +26,7 @@ TEN_YEARS = 10 * 365 * 86_400.0
 _TOPIC = r"(?:/[A-Za-z_][A-Za-z0-9_]*)+"
 _ADDRESS = r"[A-Za-z0-9_](?:[A-Za-z0-9._:-]*[A-Za-z0-9_])?|::[A-Fa-f0-9:.]*"
 _RANGE = r"(\d{1,3})-(\d{1,3})"
+_TASK = r"[^\W_](?:[\w '-]{0,38}\w)?"
 _LABEL = r"[A-Za-z_][A-Za-z0-9_]*"
 
 # Labels of the exporter, of its rules and of Prometheus. (The table of metrics cannot be imported
@@ -142,6 +143,15 @@ def name(value: Any) -> str:
             f"{quoted(found)} cannot be a name",
             f"use 1 to {MAX_NAME} characters, no slashes and no spaces at the ends",
         )
+    return found
+
+
+def task_name(value: Any) -> str:
+    """A task, as it follows "can" and "cannot"."""
+    found = text(value)
+    if not re.fullmatch(_TASK, found):
+        what = f"{quoted(found)} cannot be a task"
+        raise WrongValueError(what, "write what the robot can do in 1 to 40 letters: lift pallets")
     return found
 
 
@@ -299,6 +309,11 @@ Name = Annotated[
     str,
     PlainValidator(name),
     _schema("name", type="string", pattern="^[^/]+$", maxLength=MAX_NAME),
+]
+TaskName = Annotated[
+    str,
+    PlainValidator(task_name),
+    _schema("task", type="string", pattern="^[^;,/]+$", maxLength=40),
 ]
 Address = Annotated[str, PlainValidator(address), _schema("host", type="string", minLength=1)]
 Folder = Annotated[str, PlainValidator(folder), _schema("folder", type="string", minLength=1)]

@@ -1,7 +1,7 @@
 """What was known of a fault when it began, in one line of text for people.
 
 The templates of notifications break the line before `values:`, `robots:`, `components:` and
-`also faulty:`.
+`also faulty:`, and put what is after `work:` into the first line of a mail.
 """
 
 from __future__ import annotations
@@ -13,10 +13,13 @@ from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.severity import SILENT
 from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.robot import Robot
+from ros_diagnostics_exporter.state.work import work
 from ros_diagnostics_exporter.texts import one_line
 
+WORK = "work: "
 LENGTH = 512  # characters of the whole
 _TEXT_LENGTH = 160  # of one text of a robot
+_WORK_LENGTH = 240
 _MOST_NAMED = 5  # of values, components or robots
 
 _WORDS = {Level.WARN: "WARNING", Level.ERROR: "CRITICAL"}  # as alerts name them
@@ -41,7 +44,15 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> str:
         parts = list(_of_component(identity, found[1], found[0]))
     else:
         parts = list(_of_robot(identity, found[0]))
+    if found is not None and (text := _work(identity, *found)):
+        parts.insert(0, f"{WORK}{text[:_WORK_LENGTH]}")
     return "; ".join(filter(None, parts))[:LENGTH]
+
+
+def _work(identity: Identity, robot: Robot, component: Component | None) -> str:
+    """What the robot can no longer do; nothing of one that is silent."""
+    is_broken = identity.scope is Scope.VALUE and identity.state is State.CRITICAL
+    return work(robot, component if is_broken else None)
 
 
 def _of_component(identity: Identity, component: Component, robot: Robot) -> Iterator[str]:

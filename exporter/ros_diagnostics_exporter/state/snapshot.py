@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.maintenance import maintenance_until
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.state import State
+from ros_diagnostics_exporter.state.work import work
 
 # job -> the port of a robot with an address; None where the query has to name it
 PORTS = {"node": 9100, "ssh": 22, "http": 80, "tcp": None}
@@ -172,6 +173,7 @@ def _robot(robot: Robot) -> dict[str, Any]:
         "topic": settings.topic_agg or settings.topic_raw,
         "profile": settings.profile.name,
         "maintenance": robot.maintenance,
+        "work": work(robot),
         "short_checks": list(_short_checks(robot)) if robot.up else [],
         "groups": [
             {"group": path, "level": Level(level).name, "message": message}

@@ -36,7 +36,7 @@ from ros_diagnostics_exporter.state.rules import (
 
 log = logging.getLogger(__name__)
 
-KINDS = ("check", "component", "condition", "discovery", "maintenance", "shared", "value")
+KINDS = ("check", "component", "condition", "discovery", "maintenance", "shared", "task", "value")
 GRACE = 300.0  # seconds for which nothing has to match until it is reported
 MOST_COMPARED = 1000  # names among which the nearest is looked for
 
@@ -187,6 +187,11 @@ def _rules(profile: Profile, parts: Collection[Part]) -> Iterator[tuple[Unmatche
             matches = any(rule.pattern.search(name[:SEARCHED]) for name in names)
             yield Unmatched("component", text, "" if matches else _nearest(text, names)), matches
             yield from _conditions(rule.conditions, rule.pattern, parts)
+    for task, patterns in profile.tasks.items():
+        text = written(patterns)
+        matches = any(_is_named(part, patterns) for part in parts)
+        near = "" if matches else _nearest(text, names)
+        yield Unmatched("task", f"{task}: {text}", near), matches
     for value in profile.values:
         yield _value(value, parts)
         yield from _conditions(value.conditions, value.component, parts)

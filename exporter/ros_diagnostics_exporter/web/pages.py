@@ -212,6 +212,7 @@ def _facts(robot: dict[str, Any], now: float) -> Iterator[str]:
     silent = "" if robot["up"] else f"; silent: {silent_text(robot['silent_reason'])}"
     facts = {
         "Last message": f"{ago}{silent}",
+        "Work": robot.get("work", ""),
         "Topic": f"{robot['topic']} in domain {robot['domain_id']}",
         "Profile": robot["profile"],
         "Address": robot["address"],

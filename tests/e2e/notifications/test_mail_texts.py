@@ -198,10 +198,11 @@ def test_a_mail_about_a_fault(received: Sent, name: str):
 
     assert " since 2026-01-12 03:04:" in lead
     urgency = {"critical": "UTC. Act now.", "warning": "next working hours.", "info": "UTC."}
-    assert lead.endswith(urgency[labels["severity"]])
+    work, evidence = re.findall("^(?:work: ([^;]*); )?(.*)$", texts.get("evidence", ""))[0]
+    assert lead.endswith(urgency[labels["severity"]] + (f" The robot {work}." if work else ""))
     for key in ("fleet", "robot", "component", "check", "key", "uplink"):
         assert labels.get(key, "") in lead
-    for line in re.split("; (?=values|robots|components)", texts.get("evidence", "")):
+    for line in re.split("; (?=values|robots|components)", evidence):
         assert f"  {line}\n" in mail.text or not line
     assert texts.get("description", "") in mail.text
     assert re.search(r"^First step: .*\.$", mail.text, re.MULTILINE)
@@ -258,6 +259,18 @@ def test_a_text_message_about_a_recovery(received: Sent, name: str):
     assert re.match(r"RECOVERY( f)?: .*(no longer|again|over: )", message)
     assert message.endswith(" It lasted 1 h 12 min 15 s.")
     assert len(message) <= 160
+
+
+def test_what_the_robot_can_no_longer_do_is_in_the_first_line_and_in_the_text_message(
+    received: Sent,
+):
+    name = "RosDiagnosticsComponentCritical"
+    work = "obot cannot drive but can still lift and charge."
+    mail = received.problems[name]
+    assert mail.text.splitlines()[0].endswith(f"Act now. The r{work}")
+    assert mail.text.count("work: ") == mail.html.count("work: ") == 0
+    assert "What was known then:\n  over current\n  values: Current: 12.5 A\n" in mail.text
+    assert f" is CRITICAL. R{work} over current; values" in received.texts[name]
 
 
 def test_the_samples_in_the_documentation_are_what_is_sent(

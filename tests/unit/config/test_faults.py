@@ -21,8 +21,8 @@ def test_every_key_of_the_section_is_applied(fleet_of):
         + "  confirm_after: 20s\n"
         + "  flapping: {start: 0.5, stop: 0.3}\n"
         + "  value_hysteresis: 0.05\n"
-        + "  many: {components: 3, share: 0.4}\n"
-        + "  site: {robots: 4, share: 0.6}\n"
+        + "  many: {components: 3, share: 0.4, absolute: 9}\n"
+        + "  site: {robots: 24, share: 0.6}\n"
         + "  common: {robots: 6, share: 0.2, absolute: 30}\n"
         + "  warning_hours: {weekly: [Mon-Fri 06:00-18:00], time_zone: Europe/Berlin}\n"
     )
@@ -33,8 +33,8 @@ def test_every_key_of_the_section_is_applied(fleet_of):
         flapping_start=0.5,
         flapping_stop=0.3,
         value_hysteresis=0.05,
-        many=CauseSettings(3, 0.4),
-        site=CauseSettings(4, 0.6),
+        many=CauseSettings(3, 0.4, absolute=9),
+        site=CauseSettings(24, 0.6, absolute=24),
         common=CauseSettings(6, 0.2, absolute=30),
         warning_hours=WarningHours(tuple((day, 360, 1080) for day in range(5)), "Europe/Berlin"),
     )
@@ -44,8 +44,8 @@ def test_every_key_of_the_section_is_applied(fleet_of):
         "  declared robots that were never received after 1h",
         "  flapping from 0.5 until below 0.3",
         "  values come back by 0.05 of their threshold",
-        "  many components of a robot: 3 and 0.4 of all",
-        "  silent robots of a site: 4 and 0.6 of all, confirmed after 20s",
+        "  many components of a robot: 3 and 0.4 of all, or 9",
+        "  silent robots of a site: 24 and 0.6 of all, or 24, confirmed after 20s",
         "  robots with the same component CRITICAL: 6 and 0.2 of all, or 30, confirmed after 20s",
         "  warnings begin Mon,Tue,Wed,Thu,Fri 06:00-18:00 Europe/Berlin",
     ]
@@ -53,7 +53,7 @@ def test_every_key_of_the_section_is_applied(fleet_of):
 
 def test_a_part_of_an_entry_leaves_the_rest_at_its_default(fleet_of):
     found = fleet_of(MINIMAL + "faults: {many: {share: 0.1}, flapping: {stop: 0.1}}").faults
-    assert found.many == CauseSettings(8, 0.1)
+    assert found.many == CauseSettings(8, 0.1, absolute=20)
     assert (found.flapping_start, found.flapping_stop) == (0.4, 0.1)
 
 

@@ -16,9 +16,11 @@ from support.fault_histories import (
     maintenance,
     on_robots,
     play,
+    player,
     restart,
     robot_settings,
     silent,
+    texts,
     together,
     value,
 )
@@ -192,6 +194,33 @@ def test_nineteen_of_a_thousand_are_nineteen():
     )
 
 
+ELEVEN, FORTY = ([f"r{number}" for number in range(1, last + 1)] for last in (11, 40))
+
+
+def test_eleven_of_forty_robots_that_fail_within_confirm_after_are_one():
+    play(
+        *((float(n), level("camera", ERROR, robot)) for n, robot in enumerate(ELEVEN[:9])),
+        (9, on_robots(ELEVEN[9:], level, "camera", ERROR)),
+        (18, None),
+        (19, None, "began common/critical camera"),
+        (3600, on_robots(ELEVEN, level, "camera", OK), "recovered common/critical camera"),
+        (3700, None),
+        robots=FORTY,
+    )
+
+
+def test_eleven_of_forty_robots_one_by_one_are_those_before_the_tenth_and_one():
+    """With the default confirm_after of 10 s; a longer one than it takes them makes it one."""
+    steps = [(6.0 * n, level("camera", ERROR, robot)) for n, robot in enumerate(ELEVEN)]
+    found = player(FORTY, FaultSettings())
+    changes = [text for at, event in steps for text in texts(found.go(at, event))]
+    changes += texts(found.go(200))
+    assert changes == [
+        *(f"began component/critical {robot} camera" for robot in ELEVEN[:8]),
+        "began common/critical camera",
+    ]
+
+
 def test_silence_stale_and_a_restart_are_no_recovery_of_a_common_cause():
     play(
         (0, on_robots(SIX, level, "camera", ERROR)),
@@ -280,6 +309,32 @@ def test_a_site_that_is_cut_off_is_one_and_robots_that_stay_silent_are_reported_
     )
     assert [fault.since - WALL for fault in last.faults.faults()] == [30]
     assert [fault.labels["site"] for fault in last.faults.faults()] == ["hall"]
+
+
+THOUSAND = [f"r{number}" for number in range(1000)]
+
+
+def test_twenty_silent_robots_of_a_large_site_are_one_and_their_return_is_one():
+    some = THOUSAND[:20]
+    play(
+        (0, sites(*THOUSAND, site="hall")),
+        (30, on_robots(some, silent)),
+        (40, None, "began site/silent hall"),
+        (90, together(*map(back, some)), "recovered site/silent hall"),
+        (200, None),
+        robots=THOUSAND,
+    )
+
+
+def test_twenty_of_a_hundred_components_are_one_and_nineteen_are_nineteen():
+    parts = [f"part {number}" for number in range(100, 120)]
+    play(
+        (0, levels(parts, ERROR, total=100)),
+        (10, None, f"began {MANY}"),
+        (90, levels(parts, OK, total=100), f"recovered {MANY}"),
+        (200, levels(parts[1:], ERROR, total=100)),
+        (210, None, *(f"began component/critical r1 {part}" for part in parts[1:])),
+    )
 
 
 def test_robots_of_another_site_are_reported_one_by_one():

@@ -24,6 +24,7 @@ profiles:
     components:
       - {match: Motor, stale_after: 9s, unless: {component: motor, key: Temp*, above: 90}}
       - {match: Nothing, ignore: true}
+    tasks: {drive: [Motor, Wheel]}
     values:
       - component: Motor
         key: Level
@@ -65,6 +66,7 @@ def test_what_matches_is_not_reported(tmp_path):
     [
         ("match: [Motor]", "match: [Mottor]", "check motors: Mottor|Motor 1"),
         ("{match: Motor,", "{match: Motr 1,", "component Motr 1|Motor 1"),
+        ("[Motor, Wheel]", "Moter 1", "task drive: Moter 1|Motor 1"),
         ("t: Motor\n", "t: Mtor 1\n", "value component Mtor 1, key Level|Motor 1"),
         ("key: Level\n", "key: Leval\n", "value component Motor, key Leval|Level"),
         ("t: motor, key", "t: Mtor 1, key", "condition Mtor 1 Temp* is above 90|Motor 1"),
