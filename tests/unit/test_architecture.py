@@ -30,6 +30,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("config",),
         ("alertmanager", "faults", "nagios_import", "oncall"),
         ("ledger", "notifications"),
+        ("canary",),
         ("state",),
         ("metrics",),
         ("backtest",),
@@ -72,7 +73,7 @@ KNOW_ROS = {
 ROS_PACKAGES = {"rclpy", "rcl_interfaces", "diagnostic_msgs", "builtin_interfaces", "std_msgs"}
 NO_CLOCK = {
     *("model", "config", "state", "faults", "nagios_import", "oncall", "backtest"),
-    *("ledger", "notifications"),
+    *("canary", "ledger", "notifications"),
 }
 READS_CLOCK = {f"{EXPORTER}.config.reloader", f"{EXPORTER}.state.storage"}
 CLOCKS = {"time.time", "time.monotonic", "time.perf_counter", "datetime.now", "datetime.utcnow"}
