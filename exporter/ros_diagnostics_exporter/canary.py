@@ -11,7 +11,8 @@ import threading
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.model import Instant
-from ros_diagnostics_exporter.notifications import Message, as_served
+from ros_diagnostics_exporter.notifications import Message
+from ros_diagnostics_exporter.texts import encodable
 
 ALERT = "RosDiagnosticsCanary"
 # Seconds. The largest is the least interval of fleet.yml: what is missed has taken longer than all.
@@ -71,7 +72,7 @@ class Canary:
             each.annotations.canary
             for each in message.alerts
             if each.labels.get("alertname") == ALERT
-            and each.labels.get("fleet") == as_served(fleet)
+            and each.labels.get("fleet") == encodable(fleet)
         ]
         for start in found:
             self._receive(start, now)

@@ -171,6 +171,7 @@ class Components:
     def update(self, component: Component, status: Status, now: Instant) -> None:
         """Update one component from its status."""
         component.listed = now.mono
+        component.missing = False
         if len(status.values) > component.key_values:
             status = self._within_limits(component, status)
         if status == component.last and component.reported == status.level:
@@ -226,8 +227,15 @@ class Components:
             component.problem_since = since
             self._versions.levels += 1
 
-    def mark_stale(self, component: Component, now: Instant) -> None:
-        """Make a component STALE: nothing fresh is known about it."""
+    def set_quiet(self, component: Component, because: str) -> None:
+        """Set by which condition of the config the trouble of a component is no fault; "": none."""
+        if component.quiet_because != because:
+            component.quiet_because = because
+            self._versions.levels += 1
+
+    def mark_missing(self, component: Component, now: Instant) -> None:
+        """Make a component STALE, because its aggregator's array does not have it."""
+        component.missing = True
         self._set_level(component, STALE, now)
 
     def mark_all_stale(self, now: Instant) -> None:

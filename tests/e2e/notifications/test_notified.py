@@ -39,7 +39,7 @@ def test_the_record_equals_the_mailbox_with_an_escalation_silenced_and_alertmana
     until(lambda: len(recorded(stack)) == 1, "the record of the problem", 30)
     [problem] = get(stack, "/api/v1/fleet?robot=robot_2")["robots"][0]["problems"]
     assert list(problem["notified"]) == ["email"]
-    until(lambda: stack.query(METRIC), f"{METRIC} in Prometheus", 30)
+    until(lambda: stack.query(f"{METRIC} > 0"), f"{METRIC} in Prometheus", 30)
     url = f"http://{stack.addresses.alertmanager}"
     assert ack.main(["robot_2", "--author", "ann", "--comment", "on it", "--url", url]) == 0
     until(
