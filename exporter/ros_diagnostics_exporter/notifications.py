@@ -39,9 +39,14 @@ _KEY = IDENTITY[1:]  # without the fleet
 _Text = Annotated[str, Field(max_length=NAME_LENGTH)]
 
 
+class _Annotations(BaseModel):
+    canary: str = ""  # when it began, Unix time
+
+
 class _Alert(BaseModel):
     status: Literal["firing", "resolved"]
     labels: Annotated[dict[_Text, _Text], Field(max_length=100)]
+    annotations: _Annotations = _Annotations()
 
 
 class Message(BaseModel):

@@ -14,6 +14,7 @@ from typing import Any
 
 from ros_diagnostics_exporter import ledger
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
+from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
@@ -64,6 +65,7 @@ class Service:
             older = storage.find_events
             self.events = EventLog(storage.load(self.state, now), older)
         self._notifications = self._restore_notifications(older, now.wall)
+        self._canary = Canary(now)
         self._reloader = Reloader(
             config_file,
             fleet,
@@ -89,6 +91,7 @@ class Service:
             self._reloader,
             self.storage,
             alertmanager,
+            self._canary,
             ros.describe_ros(),
         )
         self._self_metrics = SelfMetrics(self._exporter)
@@ -137,6 +140,7 @@ class Service:
         """Let time pass; to be called every ``TICK`` seconds."""
         now = ros.read_clocks()
         self.state.tick(now)
+        self._canary.tick(self.state.fleet.canary, now)
         self._record_events()
         self._reloader.tick()
         if now.mono >= self._join_at and self._listener.domain_ids != self.state.fleet.domain_ids:
@@ -274,13 +278,15 @@ class Service:
 
     def notified(self, body: bytes) -> tuple[int, int]:
         """Record what Alertmanager sent; ValueError if ``body`` is no message of its webhook."""
-        message, wall = parse(body), ros.read_clocks().wall
+        message, now = parse(body), ros.read_clocks()
+        fleet = self.state.fleet.name
+        canaries = self._canary.receive(message, fleet, now)
         self._record_events()
         with self._recording:
-            events, ignored = self._notifications.receive(message, self.state.fleet.name, wall)
+            events, ignored = self._notifications.receive(message, fleet, now.wall)
             for event in events:
                 self._record(event)
-        return len(events), ignored
+        return len(events) + canaries, ignored - canaries
 
     def targets(self, job: str, port: int | None) -> list[dict[str, Any]]:
         """Prometheus' http_sd list of a job; LookupError or ValueError as Backend says."""

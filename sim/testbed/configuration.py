@@ -16,6 +16,7 @@ import yaml
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 FLEET = "demo"
+NOTIFICATIONS = "/api/v1/notifications"  # of the exporter
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def write(folder: Path, domain_id: int, addresses: Addresses, clocks: Clocks) ->
     shutil.copytree(CHECKOUT / "alertmanager", folder / "alertmanager")
     _set_links(folder / "alertmanager" / "templates" / "site.tmpl", addresses)
     alertmanager = folder / "alertmanager" / "alertmanager.yml"
-    _edit(alertmanager, lambda it: _set_addresses(it, addresses))
+    _edit(alertmanager, lambda it: set_addresses(it, addresses))
     return Configs(fleet, folder / "prometheus" / "prometheus.yml", alertmanager)
 
 
@@ -105,12 +106,13 @@ def _list_targets(folder: Path, addresses: Addresses) -> None:
         path.write_text(yaml.safe_dump([group]))
 
 
-def _set_addresses(alertmanager: dict[str, Any], addresses: Addresses) -> None:
+def set_addresses(alertmanager: dict[str, Any], addresses: Addresses) -> None:
     """Set the mail server, and the exporter that records who was notified."""
     alertmanager["global"]["smtp_smarthost"] = addresses.smtp
     for receiver in alertmanager["receivers"]:
         for webhook in receiver.get("webhook_configs", ()):
-            webhook["url"] = f"http://{addresses.exporter}/api/v1/notifications"
+            if webhook["url"].endswith(NOTIFICATIONS):
+                webhook["url"] = f"http://{addresses.exporter}{NOTIFICATIONS}"
 
 
 def _set_links(site: Path, addresses: Addresses) -> None:

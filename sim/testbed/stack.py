@@ -39,6 +39,7 @@ class Stack:
     environment: dict[str, str]
     addresses: configuration.Addresses
     inbox: Inbox
+    mail_server: MailServer
     robots: Server
     exporter: Server
     prometheus: Server
@@ -89,9 +90,8 @@ def running(folder: Path, plan: Plan, inbox: Inbox) -> Iterator[Stack]:
     with ExitStack() as ending:
         domain_id = ending.enter_context(domains.lease())
         stack = _prepare(folder, domain_id, plan, inbox)
-        mail_server = MailServer(stack.addresses.smtp, inbox)
-        ending.callback(mail_server.stop)
-        mail_server.start()
+        ending.callback(stack.mail_server.stop)
+        stack.mail_server.start()
         for server in stack.programs:
             ending.callback(server.process.stop)
             server.process.start()
@@ -114,6 +114,7 @@ def _prepare(folder: Path, domain_id: int, plan: Plan, inbox: Inbox) -> Stack:
         environment,
         addresses,
         inbox,
+        MailServer(addresses.smtp, inbox),
         server(
             "virtual-robots",
             programs.virtual_robots(plan.robots, plan.seed, domain_id, plan.scenario),

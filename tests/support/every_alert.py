@@ -24,7 +24,7 @@ def every_alert() -> list[dict[str, Any]]:
                 name = check["alertname"]
                 if check["exp_alerts"] and name not in (*found, ESCALATION):
                     found[name] = _alert(name, check["exp_alerts"][0])
-    faults = [each for each in found.values() if "scope" in each["labels"]]
+    faults = [each for each in found.values() if each["labels"].get("scope", "canary") != "canary"]
     exporter_down = {**found["RosDiagnosticsExporterDown"], "annotations": {}}
     labels = {**exporter_down["labels"], "of": exporter_down["labels"]["alertname"]}
     unresolved = [*faults, {**exporter_down, "labels": labels}]

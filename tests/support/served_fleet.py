@@ -15,6 +15,7 @@ from types import SimpleNamespace
 from urllib.parse import urlsplit
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
+from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
@@ -37,6 +38,7 @@ class ServedFleet:
         self.alertmanager: Alertmanager | None = None  # asked for acknowledgements at each scrape
         self._notifications = Notifications()
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
+        self.canary = Canary(self.started)
         self.exporter = self._exporter(fleet)
         self._self_metrics = SelfMetrics(self.exporter)
         self._lock = threading.Lock()
@@ -77,8 +79,9 @@ class ServedFleet:
         )
         reloader = SimpleNamespace(successful=True, time=at)
         storage = SimpleNamespace(successful=True, written_at=at)
+        ros = ("jazzy", "none")
         return Exporter(
-            self.state, self._exposition, listener, reloader, storage, None, ("jazzy", "none")
+            *(self.state, self._exposition, listener, reloader, storage, None, self.canary, ros)
         )
 
 

@@ -30,6 +30,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("config",),
         ("alertmanager", "faults", "nagios_compare", "nagios_import", "oncall"),
         ("ledger", "notifications"),
+        ("canary",),
         ("state",),
         ("metrics",),
         ("backtest",),
@@ -81,7 +82,7 @@ NO_CLOCK = {
         "oncall",
         "backtest",
     ),
-    *("ledger", "notifications"),
+    *("canary", "ledger", "notifications"),
 }
 READS_CLOCK = {f"{EXPORTER}.config.reloader", f"{EXPORTER}.state.storage"}
 CLOCKS = {"time.time", "time.monotonic", "time.perf_counter", "datetime.now", "datetime.utcnow"}

@@ -36,6 +36,8 @@ def describe(fleet: Fleet) -> str:
     lines += _section("maintenance", map(_maintenance, fleet.maintenance))
     if fleet.faults != FaultSettings():
         lines += _section("faults", _faults(fleet.faults))
+    if fleet.canary is not None:
+        lines += _section("canary", [f"every {written(fleet.canary)}"])
     if fleet.limits != Limits():
         lines += _section("limits", [_pairs(asdict(fleet.limits))])
     lines += _section("warnings", fleet.warnings)

@@ -249,6 +249,7 @@ class Fleet:
     limits: Limits = Limits()
     faults: FaultSettings = FaultSettings()
     exporter: str = ""  # the label of that name; "" for none
+    canary: float | None = None  # seconds from one to the next; None = none
     warnings: tuple[str, ...] = field(default=(), compare=False)  # allowed, but probably mistakes
     sources: tuple[Path, ...] = field(default=(), compare=False)  # see `load.sources`
 

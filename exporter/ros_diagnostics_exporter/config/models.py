@@ -24,6 +24,7 @@ from ros_diagnostics_exporter.config.patterns import (
 )
 from ros_diagnostics_exporter.config.scalars import (
     Address,
+    CanaryInterval,
     DomainId,
     DomainIds,
     Duration,
@@ -714,5 +715,10 @@ class FleetFile(Entry):
     )
     faults: FaultsEntry | None = optional(
         "How the exporter decides which problems are faults.", example={"pending_after": "1h"}
+    )
+    canary: CanaryInterval | None = optional(
+        "How often a canary measures the time of a notification (docs/notifications.md), at least "
+        "1m. By default never.",
+        example="5m",
     )
     limits: LimitsEntry | None = optional("Limits.", example={"components": 200})

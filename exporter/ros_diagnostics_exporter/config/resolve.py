@@ -72,6 +72,7 @@ def resolve(checked: Checked, problems: list[Problem]) -> Fleet | None:
     fleet = Fleet(
         name=top.fleet,
         exporter=top.exporter or "",
+        canary=top.canary,
         robots=robots,
         discoveries=discoveries,
         shared=shared,

@@ -22,6 +22,7 @@ MAX_NAME = 128
 MAX_LABEL_VALUE = 256
 MAX_TOPIC = 247  # RMW_TOPIC_MAX_NAME_LENGTH
 TEN_YEARS = 10 * 365 * 86_400.0
+LEAST_CANARY = 60  # seconds between two canaries
 
 _TOPIC = r"(?:/[A-Za-z_][A-Za-z0-9_]*)+"
 _ADDRESS = r"[A-Za-z0-9_](?:[A-Za-z0-9._:-]*[A-Za-z0-9_])?|::[A-Fa-f0-9:.]*"
@@ -87,6 +88,17 @@ def positive_duration(value: Any) -> float:
     if seconds == 0:
         raise WrongValueError(
             "is 0, so everything would be stale at once", "use a duration above 0, such as 5s"
+        )
+    return seconds
+
+
+def canary_interval(value: Any) -> float:
+    """A duration of a minute or more, in seconds."""
+    seconds = duration(value)
+    if seconds < LEAST_CANARY:
+        raise WrongValueError(
+            f"{quoted(value)} is too often for a canary",
+            "use 1m or more, such as 5m; omit it for none",
         )
     return seconds
 
@@ -280,6 +292,11 @@ PositiveDuration = Annotated[
     float,
     PlainValidator(positive_duration),
     _schema("duration", anyOf=[{"type": "number", "exclusiveMinimum": 0}, _TEXT_DURATION]),
+]
+CanaryInterval = Annotated[
+    float,
+    PlainValidator(canary_interval),
+    _schema("duration", anyOf=[{"type": "number", "minimum": LEAST_CANARY}, _TEXT_DURATION]),
 ]
 DomainId = Annotated[int, PlainValidator(domain_id), _schema("DDS domain", **_ID)]
 DomainIds = Annotated[

@@ -8,16 +8,22 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from prometheus_client import CollectorRegistry, GCCollector, ProcessCollector
 from prometheus_client.exposition import generate_latest
-from prometheus_client.metrics_core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.metrics_core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    Metric,
+)
 from prometheus_client.openmetrics import exposition as openmetrics_exposition
 from prometheus_client.registry import Collector
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.alertmanager import Alertmanager
+from ros_diagnostics_exporter.canary import BUCKETS, Canary
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.ingest.ros import Listener, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
@@ -37,6 +43,13 @@ Label = TypeVar("Label", str, int)
 Samples = Sequence[tuple[Sequence[str], float]]  # (labels after those of EXPORTER, value)
 
 
+class Histogram(NamedTuple):
+    """Upper bound -> how many were at most that, the last of all; and the sum of the values."""
+
+    buckets: Sequence[tuple[str, float]]
+    sum: float
+
+
 @dataclass
 class Exporter:
     """The parts of the exporter that its own metrics are read from.
@@ -51,6 +64,7 @@ class Exporter:
     reloader: Reloader
     storage: Storage | None
     alertmanager: Alertmanager | None
+    canary: Canary
     ros: tuple[str, str]
     scrapes: int = 0
     scrape_seconds: float = 0.0
@@ -70,8 +84,16 @@ def _by_label(values: Mapping[Label, float]) -> Samples:
     return [((str(label),), float(value)) for label, value in sorted(values.items())]
 
 
+def _canary_times(exporter: Exporter) -> Histogram | None:
+    times = exporter.canary.times
+    if times is None:
+        return None
+    within = [(str(bucket), float(n)) for bucket, n in zip(BUCKETS, times.within, strict=True)]
+    return Histogram([*within, ("+Inf", float(times.total))], times.seconds)
+
+
 # The function returns None where the metric does not apply: no database, no Alertmanager.
-TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
+TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ...] = (
     (
         _family(
             "exporter_build_info",
@@ -229,6 +251,28 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | None]], ...] = (
             else _one(exporter.alertmanager.answers(read_clocks()))
         ),
     ),
+    (
+        _family(
+            "canary_start_timestamp_seconds",
+            "gauge",
+            "When the canary that is under way began (Unix time); only with `canary` in fleet.yml.",
+            EXPORTER,
+            Part.FAULTS,
+        ),
+        lambda exporter: (
+            None if (start := exporter.canary.start) is None else _one(round(start, 3))
+        ),
+    ),
+    (
+        _family(
+            "canary_notification_seconds",
+            "histogram",
+            "Time from a canary's beginning to its notification; one that does not come back "
+            "counts once for each interval, as longer than 60 s. Only with `canary` in fleet.yml.",
+            EXPORTER,
+        ),
+        _canary_times,
+    ),
 )
 EXPORTER_FAMILIES = tuple(family for family, _samples in TABLE)
 ALL_FAMILIES = FLEET_FAMILIES + FAULT_FAMILIES + EXPORTER_FAMILIES
@@ -276,6 +320,11 @@ class _Rows(Collector):
             if samples is None:
                 continue
             names = family.labels if fleet.exporter else ("fleet", *family.labels[len(EXPORTER) :])
+            if isinstance(samples, Histogram):
+                histogram = HistogramMetricFamily(family.name, family.help, labels=names)
+                histogram.add_metric(source, samples.buckets, samples.sum)
+                yield histogram
+                continue
             kind = CounterMetricFamily if family.type == "counter" else GaugeMetricFamily
             metric = kind(family.name, family.help, labels=names)
             for labels, value in samples:

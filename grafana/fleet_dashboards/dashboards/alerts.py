@@ -13,8 +13,8 @@ from fleet_dashboards.lib.promql import HELD, settled
 from fleet_dashboards.lib.tables import Column
 
 _FLEET = 'fleet=~"$fleet"'
-# The Watchdog always fires, to show that alerts arrive: it is about no robot.
-_ALERTS = f'{_FLEET}, alertname!="RosDiagnosticsWatchdog"'
+# Watchdog and canary fire to show that alerts arrive: they are about no robot.
+_ALERTS = f'{_FLEET}, alertname!~"RosDiagnostics(Watchdog|Canary)"'
 _FIRING = f'ALERTS{{alertstate="firing", {_ALERTS}}}'
 _ALERT = "alertname, severity, fleet, site, robot, component"
 # Where alerts are evaluated, so that none is good news.

@@ -17,6 +17,8 @@ _EXPORTER = f'job=~"ros-diagnostics(-faults)?", {_FLEET}'
 _BY = "fleet, exporter, instance"
 _SERVERS = 'job=~"prometheus|alertmanager"'
 
+_TARGET = 12  # seconds; one of the buckets
+_NO_CANARY = "No canary"
 FLEET = Column("fleet", "Fleet", min_width=90)
 UP = palette.up_mappings()
 SUCCESS = palette.success_mappings()
@@ -54,6 +56,10 @@ def build() -> builders.Dashboard:
             notification_time(),
             server_cpu(),
             server_memory(),
+            "Canary: needs `canary` in fleet.yml",
+            canaries_in_time(),
+            canary_under_way(),
+            canary_time(),
             hosts.row(
                 "Pings of robots and uplinks: needs blackbox_exporter, see the end of "
                 "prometheus.yml",
@@ -406,6 +412,59 @@ def notification_time() -> timeseries.Panel:
         panels.over_time(expr, "{{integration}}"),
         unit="s",
     ).no_value("No notification was sent")
+
+
+# --- Canary ---
+
+
+def canaries_in_time() -> stat.Panel:
+    """Show the share of test notifications that came within the target."""
+    within = (
+        f'ros_diagnostics_canary_notification_seconds_bucket{{le="{_TARGET}.0", {_FLEET}}}[30d]'
+    )
+    total = f"ros_diagnostics_canary_notification_seconds_count{{{_FLEET}}}[30d]"
+    panel = panels.number(
+        f"Notified within {_TARGET} s, 30 days",
+        f"Which share of the test notifications of the last 30 days came within {_TARGET} s? Red: "
+        "below 99 %.",
+        f"""
+          sum by (fleet) (increase({within}))
+        /
+          sum by (fleet) (increase({total}))
+        """,
+        unit="percentunit",
+    )
+    colours = panels.steps((None, palette.CRITICAL.colour), (0.99, palette.NOTHING))
+    none = palette.special(dashboard.SpecialValueMatch.NULL_AND_NAN, _NO_CANARY)
+    panel = panels.on_colour(panel).thresholds(colours).mappings([none]).decimals(2)
+    return panel.no_value(_NO_CANARY).height(8).span(6)
+
+
+def canary_under_way() -> stat.Panel:
+    """Show for how long a test notification has been waited for."""
+    start = f"ros_diagnostics_canary_start_timestamp_seconds{{{_FLEET}}}"
+    panel = panels.number(
+        "Under way",
+        "For how long has a test notification been waited for? Red: longer than a minute.",
+        f"max by (fleet) (time() - {start})",
+        unit=tables.DURATION,
+    )
+    panel = panels.on_colour(panel, (60, palette.CRITICAL.colour))
+    return panel.no_value("None").height(8).span(6)
+
+
+def canary_time() -> timeseries.Panel:
+    """Show how long test notifications take."""
+    buckets = f"ros_diagnostics_canary_notification_seconds_bucket{{{_FLEET}}}[1h]"
+    by_bucket = f"sum by (fleet, le) (increase({buckets}))"
+    return panels.graph(
+        "Time to a notification",
+        "How long does a test notification take through Prometheus and Alertmanager (median "
+        "and 95th percentile of an hour)?",
+        panels.over_time(f"histogram_quantile(0.5, {by_bucket})", "{{fleet}}: median"),
+        panels.over_time(f"histogram_quantile(0.95, {by_bucket})", "{{fleet}}: 95 %", "B"),
+        unit="s",
+    ).no_value(_NO_CANARY)
 
 
 def server_cpu() -> timeseries.Panel:

@@ -5,16 +5,21 @@ Each robot is named after its state. The files in cells/ have what the dashboard
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+from ros_diagnostics_exporter.canary import ALERT, Canary
+from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
+from ros_diagnostics_exporter.notifications import parse
 from ros_diagnostics_exporter.state.state import State
 from support.served_fleet import ServedFleet
 from support.state_driver import ERROR, OK, WARN, tree
 
 HALL = """
 fleet: hall
+canary: 1m
 profiles:
   default:
     stale_after: 3s
@@ -124,6 +129,8 @@ def _served(path: Path, text: str) -> ServedFleet:
 
     def send(state: State, now: Instant) -> None:
         number = next(scrapes)
+        if state.fleet.canary is not None:
+            _exchange_canary(served.canary, state.fleet, number, now.wall)
         for robot in list(state.robots.values()):
             name = robot.settings.name
             topic = robot.settings.topic_agg or ""
@@ -137,6 +144,22 @@ def _served(path: Path, text: str) -> ServedFleet:
     served = ServedFleet(load(path), send)
     send(served.state, served.started)
     return served
+
+
+def _exchange_canary(canary: Canary, fleet: Fleet, number: int, wall: float) -> None:
+    """The canary comes back, after 3 s or each fourth time after 20 s, and the next one begins."""
+    mono = 100.0 * number
+    if canary.start is not None:
+        alert = {
+            "status": "firing",
+            "labels": {"alertname": ALERT, "fleet": fleet.name},
+            "annotations": {"canary": str(canary.start)},
+        }
+        message = {"version": "4", "receiver": "canary", "alerts": [alert]}
+        took = 3 if number % 4 else 20
+        back = Instant(mono - 100 + took, wall)
+        canary.receive(parse(json.dumps(message).encode()), fleet.name, back)
+    canary.tick(fleet.canary, Instant(mono, wall))
 
 
 def _endpoints(state: State) -> dict[str, Endpoint]:

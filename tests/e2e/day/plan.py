@@ -202,7 +202,7 @@ DAY = (
         act="restart prometheus",
         after="PROBLEM demo: Motor 1 of robot_3 is CRITICAL.",
     ),
-    Event(250, "Alertmanager is restarted.", act="restart alertmanager"),
+    Event(250, "Alertmanager is killed, and restarted after 8 s.", act="kill alertmanager"),
     Event(290, "The mail server rejects mails for 25 s.", act="reject mails", lasts=25),
     _fault(292, (4, 2), 45, "A motor fails meanwhile.", mailed=315),
     Event(

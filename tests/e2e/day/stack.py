@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import time
+import urllib.request
 from typing import Any
 
 from aiosmtpd.smtp import SMTP, Envelope, Session
 
 from e2e.day.plan import ESCALATE, LATE, START, Event, fleet_config, scenario
+from e2e.day.record import Line, of_event
 from ros_diagnostics_exporter.cli import ack
 from support import short_clocks
 from support.sns import Phone, with_text_messages
-from testbed import http, programs
+from testbed import configuration, http, programs
 from testbed.mail import Inbox
 from testbed.polling import until
 from testbed.stack import Server, Stack
@@ -55,6 +58,12 @@ class Day:
         ]
         return sorted(mails + texts)
 
+    def recorded(self) -> list[Line]:
+        """What the exporter has recorded of notifications."""
+        url = f"http://{self.stack.addresses.exporter}/api/v1/events?kind=notified&limit=1000"
+        with urllib.request.urlopen(url, timeout=10) as answer:
+            return sorted(map(of_event, json.load(answer)["events"]))
+
     def shorten_durations(self) -> None:
         """Write the short durations to the configuration, and reload it."""
         prometheus = self.folder / "prometheus"
@@ -64,12 +73,17 @@ class Day:
             self.folder / "alertmanager" / "alertmanager.yml", self._enable_text_messages
         )
         (self.folder / "fleet.yml").write_text(fleet_config(self.stack.domain_id))
-        for server in (self.stack.prometheus, self.stack.alertmanager, self.stack.exporter):
+        for server in (self.stack.prometheus, self.stack.exporter):
             server.process.signal(signal.SIGHUP)
+        # Else a killed one forgets what it has sent.
+        process = self.stack.alertmanager.process
+        process.argv = [*process.argv, "--data.maintenance-interval=1s"]
+        restart(self.stack.alertmanager)
 
     def _enable_text_messages(self, config: dict[str, Any]) -> None:
         enabled = with_text_messages(self.sns_server)
         config.update(route=enabled["route"], receivers=enabled["receivers"])
+        configuration.set_addresses(config, self.stack.addresses)
         config["route"]["group_interval"] = f"{INTERVAL}s"
 
     def start_robots(self) -> None:
@@ -100,7 +114,7 @@ class Day:
             "maintain": self.maintain,
             "kill exporter": self.kill_exporter,
             "restart prometheus": lambda _: restart(self.stack.prometheus),
-            "restart alertmanager": lambda _: restart(self.stack.alertmanager),
+            "kill alertmanager": self.kill_alertmanager,
             "reject mails": self.reject_mails,
             "cut off": self.cut_off,
         }[event.act](event)
@@ -119,6 +133,11 @@ class Day:
         self.stack.exporter.process.kill()
         self.reach(event.at + 8)
         self.stack.exporter.process.start()
+
+    def kill_alertmanager(self, event: Event) -> None:
+        self.stack.alertmanager.process.kill()
+        self.reach(event.at + 8)
+        restart(self.stack.alertmanager)
 
     def reject_mails(self, event: Event) -> None:
         self.inbox.rejects = True

@@ -1,5 +1,7 @@
 """The day of six robots through all real servers: every expected message is sent, and no other.
 
+What the exporter recorded of them equals the mailbox and the text messages, line by line.
+
 A_DAY=docs/a-day.md writes the day as a page.
 """
 
@@ -14,6 +16,7 @@ import pytest
 
 from e2e.day.page import HEAD, page
 from e2e.day.plan import DAY, EXPECTED, LATE
+from e2e.day.record import of_message
 from e2e.day.stack import Day, RejectingInbox
 from support.sns import Phone
 from testbed.polling import until
@@ -55,8 +58,16 @@ def test_the_day_of_six_robots(day: Day):
     assert Counter((by, text) for _, by, text in messages) == expected
     assert untimely(messages) == []
     assert_problems_come_before_recoveries(messages)
+    assert day.recorded() == sorted(
+        filter(None, (of_message(by, text) for _, by, text in messages))
+    )
     if "A_DAY" in os.environ:
         Path(os.environ["A_DAY"]).write_text(page(messages))
+
+
+def test_every_expected_message_is_of_a_fault_or_maintenance():
+    lines = [of_message(each.by, each.text) for each in EXPECTED]
+    assert lines.count(None) == len([each for each in EXPECTED if "MAINTENANCE" in each.text])
 
 
 def untimely(messages: list[tuple[float, str, str]]) -> list[str]:

@@ -1,6 +1,7 @@
 """Every kind of alert through a real Alertmanager: the mail, its HTML, and the text message.
 
-docs/notifications.md shows some of them: `pytest --update` on this file rewrites them there.
+docs/notifications.md shows some of them: `pytest --update` on this file rewrites them there, and
+the HTML of which tools/mail_pictures.py makes pictures.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from testbed.ports import free_port
 from testbed.processes import Process
 from testbed.programs import alertmanager
 
+PICTURED = CHECKOUT / "tests" / "data" / "mails"
 DOCUMENT = CHECKOUT / "docs" / "notifications.md"
 # Words of configuration files, of Prometheus and of the exporter that an operator need not know.
 JARGON = re.compile(r"RosDiagnostics|confirm_after|scope|evidence|publisher_gone|mute|\$labels")
@@ -44,10 +46,11 @@ def name_of(alert: dict[str, Any]) -> str:
     return " ".join([labels["alertname"], *(of if labels["alertname"] == ESCALATION else ())])
 
 
+# Without those that are sent to nobody.
 ALERTS = {
     name_of(each): each
     for each in every_alert()
-    if each["labels"]["alertname"] != "RosDiagnosticsWatchdog"  # sent to nobody
+    if each["labels"]["alertname"] not in {"RosDiagnosticsWatchdog", "RosDiagnosticsCanary"}
 }
 STEPS = {name: each for name, each in ALERTS.items() if "step" in each["labels"]}
 RECOVERING = {name: each for name, each in ALERTS.items() if name not in STEPS}
@@ -292,6 +295,13 @@ def test_the_samples_in_the_documentation_are_what_is_sent(
     texts = (received.texts[fault], received.texts[of_fault], received.text_recoveries[fault])
     samples["Text messages"] = "\n\n".join(texts)
     expect_text(updated(DOCUMENT.read_text("utf-8"), samples), DOCUMENT)
+
+
+def test_the_pictures_are_of_what_is_sent(received: Sent, expect_text: Callable[[str, Path], None]):
+    """If not, run this file with --update, then `python tools/mail_pictures.py`."""
+    fault = "RosDiagnosticsComponentCritical"
+    expect_text(received.problems[fault].html, PICTURED / "fault.html")
+    expect_text(received.recoveries[fault].html, PICTURED / "recovery.html")
 
 
 HOSTILE = (

@@ -1,13 +1,14 @@
-"""Two Prometheus and two Alertmanagers on one fleet, of which one each is killed.
+"""Two Prometheus and two Alertmanagers on one fleet, of which one each is killed; no mail server.
 
-Both Prometheus scrape the exporter and send alerts to both Alertmanagers: no mail is lost and none
-is sent twice.
+Both Prometheus scrape the exporter and send alerts to both Alertmanagers: no mail is lost, and none
+is sent twice but after the mail server was down, when both Alertmanagers retry.
 """
 
 from __future__ import annotations
 
 import shutil
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -133,3 +134,39 @@ def test_with_one_half_of_each_killed_every_mail_is_sent_once(
     assert pairs.settled(3) == expected
     pairs.stack.fault("robot_3", "Motor 2", "ok")
     assert pairs.settled(4) == [*expected, RECOVERY.format(3)]
+
+
+FAILED = 'alertmanager_notifications_failed_total{integration="email"} > 0'
+
+
+@pytest.mark.slow
+def test_after_the_mail_server_was_down_nothing_is_lost_and_nothing_comes_more_than_twice(
+    pairs: Pairs,
+):
+    stack = pairs.stack
+    stack.fault("robot_2", "Motor 2", "error", "winding at 131 C")
+    before = [PROBLEM.format(2)]
+    assert pairs.settled(1) == before
+
+    stack.mail_server.stop()
+    stack.fault("robot_2", "Motor 2", "ok")
+    stack.fault("robot_3", "Motor 2", "error")
+    stack.fault("robot_1", "Motor 2", "error")
+    firing = 'ALERTS{alertname="RosDiagnosticsComponentCritical", robot="%s", alertstate="firing"}'
+    until(lambda: stack.query(firing % "robot_1"), "the alert of robot_1", 60)
+    stack.fault("robot_1", "Motor 2", "ok")
+    until(lambda: not stack.query(firing % "robot_1"), "its end", 60)
+    until(lambda: len(stack.query(FAILED)) == 2, "both Alertmanagers fail to send", 120)
+
+    stack.mail_server.start()
+    afterwards = {RECOVERY.format(2), PROBLEM.format(3)}
+    until(lambda: afterwards <= set(pairs.subjects()), lambda: f"{pairs.subjects()}", 120)
+    found = Counter(pairs.settled(3)[1:])
+    # Nobody was notified of robot_1: nobody needs its recovery.
+    assert set(found) == afterwards
+    assert max(found.values()) <= 2, found
+    print(f"mails after the outage: {dict(found)}")
+
+    stack.fault("robot_3", "Motor 2", "ok")
+    number = len(pairs.subjects())
+    assert pairs.settled(number + 1)[number:] == [RECOVERY.format(3)]

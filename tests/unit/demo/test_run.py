@@ -10,7 +10,7 @@ from demo.liveness import ProgramEndedError
 from demo.run import DemoRun
 from demo.screen import Screen
 from testbed import configuration, programs
-from testbed.mail import Inbox
+from testbed.mail import Inbox, MailServer
 from testbed.servers import Server
 from testbed.stack import Stack
 
@@ -20,7 +20,8 @@ def stack(start_process, free_port) -> Stack:
     names = ("robots", "exporter", "Prometheus", "Alertmanager", "Grafana")
     servers = [Server(start_process(name, ["sleep", "600"])) for name in names]
     addresses = configuration.Addresses(*(f"127.0.0.1:{free_port()}" for _ in range(5)))
-    return Stack(0, {}, addresses, Inbox(), *servers)
+    inbox = Inbox()
+    return Stack(0, {}, addresses, inbox, MailServer(addresses.smtp, inbox), *servers)
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from prometheus_client.openmetrics import parser as openmetrics_parser
 from prometheus_client.parser import text_string_to_metric_families
 from prometheus_client.registry import Collector
 
+from ros_diagnostics_exporter.canary import FIRST, Canary
 from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
     Fleet,
@@ -33,7 +34,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import (
     Exporter,
     SelfMetrics,
 )
-from ros_diagnostics_exporter.model import Part, Status
+from ros_diagnostics_exporter.model import Instant, Part, Status
 from ros_diagnostics_exporter.state.rejections import REASONS, FleetRejectionReason
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
@@ -50,6 +51,7 @@ HOSTILE = [
     "{{ template }} ${HOME} %s",
     "\u2028line separator\u0085",
 ]
+HISTOGRAM = re.compile(r"(?<=canary_notification_seconds)_(bucket|count|sum)$")
 # What a driver's string may be: any Unicode, lone surrogates included.
 TEXT = st.text(st.characters(exclude_categories=[]), max_size=20)
 STATUS = st.builds(
@@ -348,6 +350,7 @@ def test_what_alerts_on_faults_need_is_a_part():
     assert {name.removeprefix(metrics.PREFIX) for name in found} == {
         *("fault_start_timestamp_seconds", "fault_info", "component_problem_level"),
         *("robot_up", "robot_silent_reason", "robot_maintenance", "exporter_settled"),
+        "canary_start_timestamp_seconds",
     }
 
 
@@ -387,9 +390,10 @@ def self_metrics(driver: StateDriver) -> SelfMetrics:
     listener = SimpleNamespace(
         domain_ids=(0,), last_looks={0: 1.0}, decode_seconds=1.0, ingest_seconds=1.0
     )
-    exporter = Exporter(
-        driver.state, driver.exposition, listener, part, part, part, ("jazzy", "rmw_fastrtps_cpp")
-    )
+    canary = Canary(Instant(-FIRST, 0.0))
+    canary.tick(300.0, driver.now)
+    ros = ("jazzy", "rmw_fastrtps_cpp")
+    exporter = Exporter(*(driver.state, driver.exposition, listener, part, part, part, canary, ros))
     return SelfMetrics(exporter)
 
 
@@ -403,7 +407,7 @@ def test_the_exporters_own_families_are_those_of_the_table():
         (own.render(openmetrics=True) + EOF, openmetrics_parser.text_string_to_metric_families),
     ):
         families = {
-            sample.name: set(sample.labels)
+            HISTOGRAM.sub("", sample.name): set(sample.labels) - {"le"}
             for family in parse(text.decode())
             for sample in family.samples
             if sample.name.startswith(metrics.PREFIX)

@@ -195,6 +195,12 @@ SUBJECTS = [
         "PROBLEM ** f exporter is rejecting messages of unknown robots",
     ),
     ("firing", "OnCallEnds", {}, "PROBLEM ** the rota of people on call is near its end"),
+    (
+        "firing",
+        "CanaryLost",
+        {"fleet": "f", "instance": "e:1"},
+        "PROBLEM ** f exporter e:1 is waiting for its test notification",
+    ),
 ]
 
 

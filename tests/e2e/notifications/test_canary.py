@@ -1,0 +1,191 @@
+"""The canary comes back through real servers; if not, the heartbeat to the outside stops."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+import yaml
+
+from support import heartbeat, short_clocks
+from testbed.configuration import CHECKOUT
+from testbed.mail import Inbox
+from testbed.polling import until
+from testbed.stack import Plan, Stack, running
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+COUNT = "sum(ros_diagnostics_canary_notification_seconds_count)"
+LOST = 'ALERTS{alertname="RosDiagnosticsCanaryLost", alertstate="firing"}'
+FAILING = 'ALERTS{alertname="RosDiagnosticsAlertmanagerNotNotifying", alertstate="firing"}'
+LOST_AFTER = 30  # seconds, instead of two minutes
+LOST_SUBJECT = "is waiting for its test notification"
+QUIET = 20.0  # seconds without a heartbeat, which is posted every 3 to 5, until it has stopped
+SOON = 120.0  # seconds in which anything here happens on a busy machine
+PROBLEM = "** PROBLEM ** demo/robot_2 Motor 2 is CRITICAL"
+
+
+class Watched(NamedTuple):
+    """The stack, and what receives its heartbeat."""
+
+    stack: Stack
+    outside: heartbeat.Heartbeat
+    folder: Path
+
+    def edit(self, change: Any) -> None:
+        """Change Alertmanager's configuration while it runs."""
+        short_clocks.edit(self.folder / "alertmanager" / "alertmanager.yml", change)
+        self.stack.alertmanager.process.signal(signal.SIGHUP)
+
+    def stops(self) -> None:
+        """Wait until nothing has been posted for a while."""
+        until(lambda: self.outside.quiet > QUIET, "the heartbeat stops", SOON)
+
+    def beats(self) -> None:
+        """Wait for two further heartbeats."""
+        before = len(self.outside.beats)
+        until(lambda: len(self.outside.beats) >= before + 2, "the heartbeat", SOON)
+
+
+@pytest.fixture
+def watched(tmp_path: Path) -> Iterator[Watched]:
+    with running(tmp_path, Plan(robots=3), Inbox()) as stack, heartbeat.listening() as outside:
+        watched = Watched(stack, outside, tmp_path)
+        hurry(tmp_path / "prometheus" / "rules")
+        watched.edit(lambda config: uncomment_heartbeat(config, outside.url))
+        fleet = tmp_path / "fleet.yml"
+        fleet.write_text(f"{fleet.read_text()}canary: 1m\n")
+        for server in (stack.prometheus, stack.exporter):
+            server.process.signal(signal.SIGHUP)
+        yield watched
+
+
+def hurry(rules: Path) -> None:
+    """Let the alerts on which the heartbeat stops fire after seconds."""
+
+    def change(name: str, key: str, old: str, new: str) -> None:
+        path = rules / name
+        text = path.read_text()
+        rule = re.search(rf"- alert: {key}\n.*?(?=\n\n|\Z)", text, re.DOTALL)
+        assert rule
+        assert rule[0].count(old) == 1
+        path.write_text(text.replace(rule[0], rule[0].replace(old, new)))
+
+    change("monitoring.yml", "RosDiagnosticsCanaryLost", "> 120", f"> {LOST_AFTER}")
+    change("servers.yml", "RosDiagnosticsAlertmanagerNotNotifying", "for: 3m", "for: 5s")
+    for name in ("monitoring.yml", "servers.yml"):
+        short_clocks.edit(rules / name, lambda it: it["groups"][0].update(interval="2s"))
+
+
+def uncomment_heartbeat(config: dict[str, Any], url: str) -> None:
+    """Enable the commented route as shipped, with shorter times."""
+    shipped = (CHECKOUT / "alertmanager" / "alertmanager.yml").read_text()
+    first = r"- matchers: \[alertname = RosDiagnosticsWatchdog\]"
+    lines = re.search(rf"    # ({first}(\n    # .*)*)", shipped)
+    assert lines
+    [route] = yaml.safe_load(lines[1].replace("    # ", ""))
+    assert route["receiver"] == "heartbeat"
+    route |= {"group_interval": "2s", "repeat_interval": "3s"}
+    config["route"]["routes"].insert(0, route)
+    receiver(config, "heartbeat")["url"] = url
+
+
+def receiver(config: dict[str, Any], name: str) -> dict[str, Any]:
+    """The webhook of a receiver."""
+    [found] = [each for each in config["receivers"] if each["name"] == name]
+    [webhook] = found["webhook_configs"]
+    return webhook
+
+
+def count(stack: Stack) -> float:
+    """How many canaries Prometheus knows of."""
+    found = stack.query(COUNT)
+    return found[0].value if found else 0.0
+
+
+def seen_by_people(stack: Stack) -> list[Any]:
+    """What any place that people look at has of the canary."""
+    found: list[Any] = []
+    for path in ("faults", "events?limit=1000", "fleet"):
+        url = f"http://{stack.addresses.exporter}/api/v1/{path}"
+        with urllib.request.urlopen(url, timeout=10) as answer:
+            content = json.load(answer)
+        lists = [content.get("faults", []), content.get("events", [])]
+        lists += [each["problems"] for each in content.get("robots", [])]
+        found += [each for many in lists for each in many if "anary" in json.dumps(each)]
+    return found + [mail.subject for mail in stack.inbox.mails()]
+
+
+def test_the_canary_comes_back_again_and_again_and_nobody_else_sees_it(watched):
+    stack = watched.stack
+    alert = 'ALERTS{alertname="RosDiagnosticsCanary", alertstate="firing"}'
+    until(lambda: stack.query(alert), "the canary's alert", SOON)
+    until(lambda: count(stack) >= 1, "the canary", SOON)
+    until(lambda: not stack.query(alert), "its end", SOON)
+    until(lambda: count(stack) >= 2, "the next canary", 60 + SOON)
+
+    mean = stack.query(f"sum(ros_diagnostics_canary_notification_seconds_sum) / {COUNT}")
+    assert 0 < mean[0].value < LOST_AFTER
+    found = stack.query('ros_diagnostics_canary_notification_seconds_bucket{le="60.0"}')
+    assert [each.value for each in found] == [count(stack)]
+    assert seen_by_people(stack) == []
+    assert stack.query(LOST) == []
+    watched.beats()
+
+
+def test_the_heartbeat_stops_while_mails_fail_and_goes_on_when_they_are_sent(watched):
+    stack = watched.stack
+    watched.beats()
+    stack.mail_server.stop()
+    stack.fault("robot_2", "Motor 2", "error", "winding at 131 C")
+    until(lambda: stack.query(FAILING), "the alert about mails that fail", SOON)
+    watched.stops()
+
+    stack.mail_server.start()
+    watched.beats()
+    assert subjects(stack).count(PROBLEM) == 1
+
+
+def test_the_heartbeat_stops_while_alertmanager_is_down(watched):
+    watched.beats()
+    watched.stack.alertmanager.process.stop()
+    watched.stops()
+
+    watched.stack.alertmanager.process.start()
+    watched.beats()
+
+
+def test_the_heartbeat_stops_while_the_canary_does_not_come_back(watched):
+    stack = watched.stack
+    until(lambda: count(stack) >= 1, "the canary", SOON)
+    watched.beats()
+    assert stack.query(LOST) == []
+    right = receiver(config_of(watched), "canary")["url"]
+    with (
+        heartbeat.listening() as elsewhere
+    ):  # so that Alertmanager itself has no reason to complain
+        watched.edit(lambda config: receiver(config, "canary").update(url=elsewhere.url))
+        until(lambda: elsewhere.beats, "a canary that is posted elsewhere", 60 + SOON)
+        until(lambda: stack.query(LOST), "the alert about the canary", SOON)
+        watched.stops()
+        assert stack.query(FAILING) == []
+    until(lambda: LOST_SUBJECT in subjects(stack), lambda: f"its mail: {subjects(stack)}", SOON)
+
+    watched.edit(lambda config: receiver(config, "canary").update(url=right))
+    until(lambda: not stack.query(LOST), "the canary is back", SOON)
+    watched.beats()
+
+
+def subjects(stack: Stack) -> str:
+    """All subjects in the mailbox."""
+    return "\n".join(mail.subject for mail in stack.inbox.mails())
+
+
+def config_of(watched: Watched) -> dict[str, Any]:
+    return yaml.safe_load((watched.folder / "alertmanager" / "alertmanager.yml").read_text())
