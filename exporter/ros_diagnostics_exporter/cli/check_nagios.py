@@ -27,6 +27,7 @@ from ros_diagnostics_exporter.severity import (
     as_planned,
     clock,
     component_path,
+    is_bad,
     shown_problems,
     silent_text,
     span,
@@ -138,8 +139,9 @@ def _sensor(
 ) -> Sensor:
     """A component with its problems and those of its values."""
     hard = [each.state for each in problems if _is_confirmed(each)]
-    words = [STATE_OF_LEVEL[component["level"]]]
-    words += [each.state for each in problems if each.problem["scope"] == "value" and _is_bad(each)]
+    words = ["OK" if component.get("quiet_because") else STATE_OF_LEVEL[component["level"]]]
+    of_values = (each for each in problems if each.problem["scope"] == "value")
+    words += [each.state for each in of_values if is_bad(each.problem)]
     planned = as_planned(component)
     words = hard if confirmed and hard else words
     message = "" if component["level"] == "OK" else component["message"]
@@ -151,10 +153,6 @@ def _sensor(
 
 def _is_confirmed(shown: ShownProblem) -> bool:
     return shown.problem["confirmed"] is not None
-
-
-def _is_bad(shown: ShownProblem) -> bool:
-    return not shown.problem["well"]
 
 
 def _missing(
