@@ -66,12 +66,13 @@ Play = Callable[[History], "list[Notification]"]
 def run(folder: Path, histories: Sequence[History], ours: Play = play) -> list[Outcome]:
     """Both sides of each history, in the order given.
 
-    Nagios plays together those that need the same length of a tick and the same restarts; so does
+    Nagios plays together those that need the same length of a tick, hours and restarts; so does
     a real Alertmanager those that are about whom it notifies, whatever ``ours`` is.
     """
-    groups: dict[tuple[bool, tuple[int, ...]], list[History]] = {}
+    groups: dict[tuple[bool, bool, tuple[int, ...]], list[History]] = {}
     for each in histories:
-        groups.setdefault((each.timed, each.restarts), []).append(each)
+        key = (each.timed, each.hours is not None, each.restarts)
+        groups.setdefault(key, []).append(each)
     found: dict[int, list[Notification]] = {}
     for number, group in enumerate(groups.values()):
         played = Nagios(folder / f"nagios-{number}", group).play()

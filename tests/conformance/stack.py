@@ -351,6 +351,7 @@ def _notifications(number: int, history: History, inbox: Inbox, begin: float) ->
         (math.floor((received - begin) / TICK), what, who, number, kind)
         for (what, who), each in objects.items()
         for number, (received, kind) in enumerate(each.kinds)
+        if received < begin + (history.ticks + 1) * TICK  # then it is over, and nothing is sent
     )
     made = [Notification(who, what, kind) for _, what, who, _, kind in found]
     return marked(made) if history.of_people else made

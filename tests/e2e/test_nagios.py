@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -76,16 +75,14 @@ class Nagios:
     """The services in Nagios' status file."""
 
     def __init__(self, folder: Path) -> None:
-        self._path = folder / "status.dat"
+        self._folder = folder
 
     def service(self, name: str) -> tuple[str, str, str]:
         """State (Nagios' number), output and performance data; empty before its first check."""
-        text = self._path.read_text() if self._path.exists() else ""
-        for block in re.findall(r"servicestatus \{(.*?)\n\t\}", text, re.DOTALL):
-            fields = dict(line.strip().partition("=")[::2] for line in block.splitlines())
-            if fields.get("service_description") == name and fields["has_been_checked"] == "1":
-                return fields["current_state"], fields["plugin_output"], fields["performance_data"]
-        return "", "", ""
+        found = nagios_program.service(self._folder, "robot_1", name)
+        fields = ("current_state", "plugin_output", "performance_data")
+        state, output, data = (found.get(field, "") for field in fields)
+        return state, output, data
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ from __future__ import annotations
 import getpass
 import grp
 import os
+import re
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -57,3 +58,15 @@ def prepare(
     (folder / "objects.cfg").write_text(objects)
     argv = [PROGRAM, folder / "nagios.cfg"]
     return Process("nagios", argv, environment or {"TZ": "UTC"}, folder / "out.log")
+
+
+def service(folder: Path, host: str, name: str) -> dict[str, str]:
+    """A service as Nagios' status file has it; empty before its first check."""
+    path = folder / "status.dat"
+    text = path.read_text() if path.exists() else ""
+    for block in re.findall(r"servicestatus \{(.*?)\n\t\}", text, re.DOTALL):
+        fields = dict(line.strip().partition("=")[::2] for line in block.splitlines())
+        about = (fields.get("host_name"), fields.get("service_description"))
+        if about == (host, name) and fields["has_been_checked"] == "1":
+            return fields
+    return {}

@@ -5,8 +5,8 @@ polled the robot itself: the sensors by state. Its output and exit codes follow
 https://www.monitoring-plugins.org/doc/guidelines.html.
 
 A sensor counts by what was last received of it, because Nagios has soft and hard states of its own;
-whether the exporter has confirmed the problem is in the text. Planned STALE and maintenance are
-listed and do not count.
+whether the exporter has confirmed the problem is in the text. With --confirmed it counts only then.
+Planned STALE and maintenance are listed and do not count.
 """
 
 from __future__ import annotations
@@ -68,7 +68,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.setitimer(signal.ITIMER_REAL, options.timeout)
     try:
         code, line = check(
-            make_client(options).fleet((options.robot,)), options.robot, options.name
+            make_client(options).fleet((options.robot,)),
+            options.robot,
+            options.name,
+            confirmed=options.confirmed,
         )
     except UnreachableError as error:
         code, line = UNKNOWN, f"UNKNOWN - {_clean(str(error))}"
@@ -85,13 +88,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-def check(fleet: dict[str, Any], name: str, pattern: str) -> tuple[int, str]:
-    """Exit code and output for the sensors of robot ``name`` whose path contains ``pattern``."""
+def check(
+    fleet: dict[str, Any], name: str, pattern: str, *, confirmed: bool = False
+) -> tuple[int, str]:
+    """Exit code and output for the sensors of robot ``name`` whose path contains ``pattern``.
+
+    With ``confirmed`` only problems count that the exporter has confirmed.
+    """
     robot = next((each for each in fleet["robots"] if each["robot"] == name), None)
     if robot is None:
         return UNKNOWN, f"UNKNOWN - the exporter knows no robot {_clean(name)!r}"
     now = fleet["time"]
-    code, text = _state(robot, pattern, now)
+    code, text = _state(robot, pattern, now, confirmed=confirmed)
     if robot["maintenance"]:
         until = robot["maintenance_until"]
         end = "" if until is None else f" until {clock(until, now, local=True, seconds=False)}"
@@ -99,16 +107,17 @@ def check(fleet: dict[str, Any], name: str, pattern: str) -> tuple[int, str]:
     return code, f"{('OK', 'WARNING', 'CRITICAL', 'UNKNOWN')[code]} - {text}"
 
 
-def _state(robot: dict[str, Any], pattern: str, now: float) -> tuple[int, str]:
+def _state(robot: dict[str, Any], pattern: str, now: float, *, confirmed: bool) -> tuple[int, str]:
     """Exit code and output without the first word, as if there were no maintenance."""
     problems, _number = shown_problems(robot, now, len(robot["problems"]), local=True)
     if not robot["up"]:
         silent = [each for each in problems if each.problem["scope"] == "robot"]
         reason = silent_text(robot["silent_reason"])
         text = f"robot {_clean(robot['robot'])} is silent: {reason}"
-        return UNKNOWN, f"{text}{_details(silent, now, '')}"
+        counts = not confirmed or any(map(_is_confirmed, silent))
+        return UNKNOWN if counts else OK, f"{text}{_details(silent, now, '')}"
     components = [each for each in robot["components"] if _matches(component_path(each), pattern)]
-    missing = list(_missing(robot, problems, pattern, now))
+    missing = list(_missing(robot, problems, pattern, now, confirmed=confirmed))
     if not components and not missing:
         return CRITICAL, f"no sensor matches '{_clean(pattern)}'"
     by_name: dict[tuple[str, str], list[ShownProblem]] = {}
@@ -116,7 +125,7 @@ def _state(robot: dict[str, Any], pattern: str, now: float) -> tuple[int, str]:
         name = (shown.problem["group"], shown.problem["component"])
         by_name.setdefault(name, []).append(shown)
     sensors = [
-        _sensor(each, by_name.get((each["group"], each["component"]), []), now)
+        _sensor(each, by_name.get((each["group"], each["component"]), []), now, confirmed=confirmed)
         for each in components
     ]
     text = ", ".join(_list_texts([*missing, *sensors]))
@@ -125,27 +134,42 @@ def _state(robot: dict[str, Any], pattern: str, now: float) -> tuple[int, str]:
     return _exit_code([*missing, *sensors]), f"{text} | {performance}"
 
 
-def _sensor(component: dict[str, Any], problems: list[ShownProblem], now: float) -> Sensor:
+def _sensor(
+    component: dict[str, Any], problems: list[ShownProblem], now: float, *, confirmed: bool
+) -> Sensor:
     """A component with its problems and those of its values."""
+    hard = [each.state for each in problems if _is_confirmed(each)]
     words = ["OK" if component.get("quiet_because") else STATE_OF_LEVEL[component["level"]]]
     of_values = (each for each in problems if each.problem["scope"] == "value")
     words += [each.state for each in of_values if is_bad(each.problem)]
     planned = as_planned(component)
+    words = hard if confirmed and hard else words
     message = "" if component["level"] == "OK" else component["message"]
     details = " (planned)" if planned else _details(problems, now, message)
     path = _clean(component_path(component))
-    return Sensor(min(words, key=LISTS.index), path + details, not planned)
+    counts = not planned and (bool(hard) or not confirmed)
+    return Sensor(min(words, key=LISTS.index), path + details, counts)
+
+
+def _is_confirmed(shown: ShownProblem) -> bool:
+    return shown.problem["confirmed"] is not None
 
 
 def _missing(
-    robot: dict[str, Any], problems: list[ShownProblem], pattern: str, now: float
+    robot: dict[str, Any],
+    problems: list[ShownProblem],
+    pattern: str,
+    now: float,
+    *,
+    confirmed: bool,
 ) -> Iterator[Sensor]:
     """The checks that miss components which the pattern may mean: by its name or its patterns."""
     for each in robot["short_checks"]:
         if any(_matches(text, pattern) for text in (each["check"], *each["patterns"])):
             text = f"check {each['check']} finds {each['found']} of {each['expected']}"
             own = [shown for shown in problems if shown.problem["check"] == each["check"]]
-            yield Sensor("CRITICAL", _clean(text) + _details(own, now, ""), counts=True)
+            counts = not confirmed or any(map(_is_confirmed, own))
+            yield Sensor("CRITICAL", _clean(text) + _details(own, now, ""), counts)
 
 
 def _details(problems: Iterable[ShownProblem], now: float, message: str) -> str:
@@ -252,6 +276,11 @@ def _parser() -> argparse.ArgumentParser:
         default="",
         help="check the sensors whose path (/Group/Sensor) contains this, ignoring case "
         "(default: all)",
+    )
+    parser.add_argument(
+        "--confirmed",
+        action="store_true",
+        help="only what the exporter has confirmed counts; for services with max_check_attempts 1",
     )
     parser.add_argument("-V", "--version", action="version", version=f"%(prog)s {__version__}")
     add_arguments(parser)

@@ -126,6 +126,32 @@ def test_in_maintenance_everything_is_listed_and_nothing_counts(monkeypatch):
     assert checked("", silent) == (0, f"OK - in maintenance: robot robot_1 is silent: {MUTE}")
 
 
+def confirmed_only(pattern: str, shown: dict) -> tuple[int, str]:
+    code, line = check(fleet(shown), "robot_1", pattern, confirmed=True)
+    return code, line.partition(" | ")[0]
+
+
+def test_with_confirmed_only_what_the_exporter_has_confirmed_counts():
+    assert confirmed_only("Motor 2", BROKEN) == checked("Motor 2")
+    assert confirmed_only("Battery", BROKEN) == (0, f"OK - WARNING sensor(s) list: {BATTERY}")
+    # Well again, but held open, as the alert is: it counts until it has ended.
+    held = broken(well=True, quiet="flapping")
+    open_still = robot("robot_1", component("Motor 1", "OK"), problems=[held])
+    assert confirmed_only("", open_still)[0] == 2
+
+
+def test_with_confirmed_a_silence_and_a_short_check_count_when_they_are():
+    silent = problem("robot", "silent", confirmed=None)
+    mute = {**BROKEN, "up": False, "silent_reason": "mute", "problems": [silent]}
+    assert confirmed_only("", mute)[0] == 0
+    mute["problems"] = [{**silent, "confirmed": 1_000.0}]
+    assert confirmed_only("", mute)[0] == 3
+    short = {**BROKEN, "short_checks": [SHORT], "problems": [MISSING]}
+    assert confirmed_only("drive", short)[0] == 0
+    short["problems"] = [{**MISSING, "confirmed": 1_000.0}]
+    assert confirmed_only("drive", short)[0] == 2
+
+
 MISSING = problem("check", "critical", check="motors")
 SHORT = {"check": "motors", "patterns": ["^Motor [0-9]", "Drive"], "found": 1, "expected": 2}
 FINDS = "CRITICAL sensor(s) list: check motors finds 1 of 2 (not confirmed yet, 5 s left"
