@@ -1,8 +1,9 @@
-"""Acknowledgements: silences in Alertmanager of one fault's escalation, read every few seconds.
+"""Acknowledgements and downtimes: silences in Alertmanager of escalations, read regularly.
 
 Prometheus does not know silences; what is read here is exported for it. An acknowledgement names
-since when the fault has been, so it belongs to that fault and to no later one. The labels are those
-of prometheus/rules/escalation.yml; the silences as in
+since when the fault has been, so it belongs to that fault and to no later one. A downtime names a
+robot, or one component of it, and no fault: nothing of it escalates, and the exporter begins none.
+The labels are those of prometheus/rules/escalation.yml; the silences as in
 https://github.com/prometheus/alertmanager/blob/v0.25.0/api/v2/openapi.yaml.
 """
 
@@ -17,12 +18,14 @@ from typing import Any, NamedTuple
 from urllib.parse import urlencode
 
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
-from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.model import Downtime, Instant
 from ros_diagnostics_exporter.texts import escape
 
 log = logging.getLogger(__name__)
 
 ESCALATION = "RosDiagnosticsUnacknowledged"
+# A label that no alert has: the matcher `downtime=""` is always true, and marks a downtime.
+DOWNTIME = "downtime"
 # What identifies a fault; `since` distinguishes it from the next one of the same part.
 IDENTITY = (
     *("fleet", "scope", "state", "severity", "site"),
@@ -35,7 +38,7 @@ COMMENT_LENGTH = 200
 NAME_LENGTH = 1024  # of a robot or a component
 SENTENCE_LENGTH = 1000
 EXPLAINED = 50  # alerts of a robot, and silences
-MOST = 1000  # acknowledgements; the newest are kept
+MOST = 1000  # acknowledgements, and downtimes; the newest are kept
 
 # 2026-01-01 10:00:00.123 +0000 UTC as rules print it, 2026-01-01T10:00:00.123Z as Alertmanager does
 _MOMENT = re.compile(
@@ -63,6 +66,48 @@ class Acknowledgement(NamedTuple):
     comment: str
     at: float
     until: float
+
+
+def read_downtimes(silences: Any, fleet: str) -> list[Downtime]:
+    """The downtimes of a fleet among Alertmanager's silences, of which some may lie ahead.
+
+    Other silences, those of other fleets and invalid ones are skipped, as by `read`.
+
+    Raises:
+        ValueError: The response is no list of silences.
+    """
+    if not isinstance(silences, list):
+        raise ValueError("it answered no list of silences")  # noqa: TRY004 - no bug of the caller
+    found = [each for silence in silences if (each := downtime_of(silence, fleet)) is not None]
+    return sorted(found, key=lambda each: each.start)[-MOST:]
+
+
+def downtime_matchers(fleet: str, robot: str, component: str) -> dict[str, str]:
+    """What the silence of a downtime matches, label -> value; ``component`` "" for all."""
+    of = {"component": component} if component else {}
+    return {"alertname": ESCALATION, DOWNTIME: "", "fleet": fleet, "robot": robot, **of}
+
+
+def downtime_of(silence: Any, fleet: str | None = None) -> Downtime | None:
+    """The downtime that a silence is; None for any other, for another fleet's, and one over."""
+    try:
+        if silence["status"]["state"] not in {"active", "pending"}:
+            return None
+        named = _matched(silence["matchers"]) or {}
+        robot, component = named["robot"], named.get("component", "")
+        wanted = downtime_matchers(named["fleet"] if fleet is None else fleet, robot, component)
+        if named != wanted or not robot:
+            return None
+        return Downtime(
+            robot,
+            component,
+            moment(silence["startsAt"]),
+            moment(silence["endsAt"]),
+            clean(silence["createdBy"], AUTHOR_LENGTH) or "?",
+            clean(silence["comment"], COMMENT_LENGTH),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
+        return None  # no silence as Alertmanager makes them
 
 
 def read(silences: Any, fleet: str) -> list[Acknowledgement]:
@@ -159,6 +204,7 @@ class Alertmanager:
             for url in urls
         ]
         self._acknowledgements: list[Acknowledgement] = []
+        self.downtimes: list[Downtime] = []  # that are planned, present and future ones
         self._answered_at = float("-inf")
         self._answers: bool | None = None  # None: has not been asked
 
@@ -193,21 +239,28 @@ class Alertmanager:
                 whys.append(answer)
                 continue
             if not self._answers:
-                log.info("acknowledgements are read from Alertmanager at %s", client.url)
-            self._acknowledgements = answer
+                log.info(
+                    "acknowledgements and downtimes are read from Alertmanager at %s", client.url
+                )
+            self._acknowledgements, self.downtimes = answer
             self._answers, self._answered_at = True, now.mono
             return
         if self._answers is not False:
-            log.error("no acknowledgements: Alertmanager does not answer: %s", "; ".join(whys))
+            log.error(
+                "no acknowledgements and downtimes: Alertmanager does not answer: %s",
+                "; ".join(whys),
+            )
         self._answers = False
 
 
-def _ask(client: Client, fleet: str, size: int) -> list[Acknowledgement] | str:
-    """The acknowledgements, or why there is no answer."""
+def _ask(
+    client: Client, fleet: str, size: int
+) -> tuple[list[Acknowledgement], list[Downtime]] | str:
+    """The acknowledgements and the downtimes, or why there is no answer."""
     wanted = [("filter", f'alertname="{ESCALATION}"'), ("filter", f'fleet="{escape(fleet)}"')]
     try:
         silences = client.get(f"/api/v2/silences?{urlencode(wanted)}", limit=size)
-        return read(silences, fleet)
+        return read(silences, fleet), read_downtimes(silences, fleet)
     except UnreachableError as error:
         return str(error)
     except ValueError as error:

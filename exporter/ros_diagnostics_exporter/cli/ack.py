@@ -217,7 +217,7 @@ def _days(text: str) -> float:
     raise argparse.ArgumentTypeError(f"{text!r} is not a number of days, at most {MOST_DAYS:g}")
 
 
-def _user() -> str | None:
+def current_user() -> str | None:
     """The user's name; None for a UID without an entry in passwd, as in many containers."""
     try:
         return getpass.getuser()
@@ -246,7 +246,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--fleet", help="only this fleet's alerts")
     parser.add_argument(
         "--author",
-        default=_user(),
+        default=current_user(),
         help="who acknowledges (default: the current user, %(default)s)",
     )
     parser.add_argument(

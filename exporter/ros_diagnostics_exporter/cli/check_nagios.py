@@ -25,8 +25,8 @@ from ros_diagnostics_exporter.severity import (
     STATE_OF_LEVEL,
     ShownProblem,
     as_planned,
-    clock,
     component_path,
+    maintenance_text,
     shown_problems,
     silent_text,
     span,
@@ -92,9 +92,7 @@ def check(fleet: dict[str, Any], name: str, pattern: str) -> tuple[int, str]:
     now = fleet["time"]
     code, text = _state(robot, pattern, now)
     if robot["maintenance"]:
-        until = robot["maintenance_until"]
-        end = "" if until is None else f" until {clock(until, now, local=True, seconds=False)}"
-        code, text = OK, f"in maintenance{end}: {text}"
+        code, text = OK, f"in {maintenance_text(robot, now, local=True)}: {text}"
     return code, f"{('OK', 'WARNING', 'CRITICAL', 'UNKNOWN')[code]} - {text}"
 
 
@@ -115,7 +113,7 @@ def _state(robot: dict[str, Any], pattern: str, now: float) -> tuple[int, str]:
         name = (shown.problem["group"], shown.problem["component"])
         by_name.setdefault(name, []).append(shown)
     sensors = [
-        _sensor(each, by_name.get((each["group"], each["component"]), []), now)
+        _sensor(each, by_name.get((each["group"], each["component"]), []), robot, now)
         for each in components
     ]
     text = ", ".join(_list_texts([*missing, *sensors]))
@@ -124,15 +122,19 @@ def _state(robot: dict[str, Any], pattern: str, now: float) -> tuple[int, str]:
     return _exit_code([*missing, *sensors]), f"{text} | {performance}"
 
 
-def _sensor(component: dict[str, Any], problems: list[ShownProblem], now: float) -> Sensor:
-    """A component with its problems and those of its values."""
+def _sensor(
+    component: dict[str, Any], problems: list[ShownProblem], robot: dict[str, Any], now: float
+) -> Sensor:
+    """A component of a robot with its problems and those of its values."""
     words = [STATE_OF_LEVEL[component["level"]]]
     words += [each.state for each in problems if each.problem["scope"] == "value" and _is_bad(each)]
     planned = as_planned(component)
     message = "" if component["level"] == "OK" else component["message"]
     details = " (planned)" if planned else _details(problems, now, message)
     path = _clean(component_path(component))
-    return Sensor(min(words, key=LISTS.index), path + details, not planned)
+    in_downtime = any(each["component"] == component["component"] for each in robot["downtimes"])
+    counts = not (planned or in_downtime)
+    return Sensor(min(words, key=LISTS.index), path + details, counts)
 
 
 def _is_bad(shown: ShownProblem) -> bool:
