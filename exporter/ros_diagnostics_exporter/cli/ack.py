@@ -26,7 +26,7 @@ from rich.text import Text
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.alertmanager import ESCALATION, IDENTITY
-from ros_diagnostics_exporter.cli.connection_flags import add_arguments, make_client
+from ros_diagnostics_exporter.cli.connection_flags import INTERRUPTED, add_arguments, make_client
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.texts import escape, one_line, printable
 
@@ -54,6 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except UnreachableError as error:
         print(f"ros-diagnostics-ack: {printable(str(error))}", file=sys.stderr)  # noqa: T201
         return 1
+    except KeyboardInterrupt:
+        return INTERRUPTED
 
 
 @dataclass(frozen=True)

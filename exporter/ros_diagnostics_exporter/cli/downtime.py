@@ -34,7 +34,12 @@ from ros_diagnostics_exporter.alertmanager import (
     downtime_of,
 )
 from ros_diagnostics_exporter.cli.ack import DEFAULT_URL, current_user
-from ros_diagnostics_exporter.cli.connection_flags import EXPORTER_URL, add_arguments, make_client
+from ros_diagnostics_exporter.cli.connection_flags import (
+    EXPORTER_URL,
+    INTERRUPTED,
+    add_arguments,
+    make_client,
+)
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import Downtime
 from ros_diagnostics_exporter.severity import clock
@@ -56,7 +61,7 @@ class Planned(NamedTuple):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Plan, list or cancel; exit code 0, or 1 where that failed."""
     parser = _parser()
-    options = parser.parse_args(arguments)
+    options = parser.parse_intermixed_args(arguments)
     _check(parser, options)
     try:
         client = make_client(options)
@@ -66,6 +71,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except UnreachableError as error:
         print(f"ros-diagnostics-downtime: {printable(str(error))}", file=sys.stderr)  # noqa: T201
         return 1
+    except KeyboardInterrupt:
+        return INTERRUPTED
 
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:

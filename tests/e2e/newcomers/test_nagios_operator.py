@@ -1,4 +1,4 @@
-"""A Nagios operator keeps Nagios: docs/deployment.md's plug-in, up to the mail that Nagios sends."""
+"""A Nagios operator keeps Nagios: the plug-in of docs/deployment.md, up to the mail of Nagios."""
 
 from __future__ import annotations
 
@@ -58,7 +58,9 @@ define command {
 }
 define command {
   command_name mail
-  command_line printf 'Subject: $NOTIFICATIONTYPE$ $HOSTNAME$/$SERVICEDESC$\\n\\n%s\\n' '$SERVICEOUTPUT$' | curl --silent smtp://localhost:25 --mail-from nagios@localhost --mail-rcpt ops@localhost --upload-file -
+  command_line printf 'Subject: $NOTIFICATIONTYPE$ $HOSTNAME$/$SERVICEDESC$\\n\\n%s\\n' \\
+    '$SERVICEOUTPUT$' | curl --silent smtp://localhost:25 --mail-from nagios@localhost \\
+    --mail-rcpt ops@localhost --upload-file -
 }
 define contact {
   contact_name ops

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from ros_diagnostics_exporter.alertmanager import read, read_downtimes
-from ros_diagnostics_exporter.cli import downtime
+from ros_diagnostics_exporter.cli import ack, downtime, why
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from support.silences import listed
 from support.web_server import component, fleet, robot
@@ -143,6 +143,23 @@ def test_wrong_arguments_are_usage_errors(arguments, problem, capsys):
         run(*arguments)
     assert ended.value.code == 2
     assert problem in capsys.readouterr().err
+
+
+def test_flags_may_stand_between_the_names(servers):
+    assert run("robot_1", "--comment", "new gears", "Motor 1", "--from", "1h", "2h") == 0
+    (found,) = read_downtimes(servers.silences, "hall")
+    assert found.component == "Motor 1"
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments"), [(downtime, ["--list"]), (ack, ["--list"]), (why, ["r"])]
+)
+def test_ctrl_c_ends_a_command_without_a_traceback(command, arguments, monkeypatch):
+    def interrupted(_client, _path):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Client, "get", interrupted)
+    assert command.main(["r"] if command is why else ["--list"]) == 130
 
 
 def test_a_time_of_day_is_the_next_one():
