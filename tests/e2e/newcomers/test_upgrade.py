@@ -16,6 +16,8 @@ from typing import Any
 
 import pytest
 
+from ros_diagnostics_exporter.config.fleet import FaultSettings
+from ros_diagnostics_exporter.config.load import load
 from support.newcomer import Newcomer, blocks, newcomer
 from testbed.configuration import CHECKOUT
 
@@ -95,6 +97,8 @@ def test_faults_mails_and_history_go_on_after_the_upgrade(tmp_path: Path):
         assert kept == {each.name for each in (CHECKOUT / "prometheus/rules").iterdir()} | {
             "site.yml"
         }
+        fleet = load(tmp_path / "etc/ros-diagnostics-exporter/fleet.yml")
+        assert fleet.faults == FaultSettings(), "CHANGELOG's values are no longer the defaults"
         person.does("promtool check config /etc/prometheus/prometheus.yml")
         person.does("amtool check-config /etc/alertmanager/alertmanager.yml")
 
