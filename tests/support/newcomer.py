@@ -32,6 +32,7 @@ with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any:
 END
 mount --bind "$0/etc" /etc
 mount --bind "$0/opt" /opt
+mount --bind "$0/lib" /var/lib
 echo ready
 exec sleep infinity
 """
@@ -71,6 +72,7 @@ class Newcomer:
         """Make the machine."""
         shutil.copytree(CHECKOUT, self.checkout, ignore=IGNORED, symlinks=True)
         (self.folder / "opt").mkdir()
+        (self.folder / "lib").mkdir()
         # Without what only root may read.
         subprocess.run(["cp", "-a", "/etc", self.folder], stderr=subprocess.DEVNULL, check=False)
         (self.folder / "bin").mkdir()

@@ -103,10 +103,9 @@ def test_faults_mails_and_history_go_on_after_the_upgrade(tmp_path: Path):
         person.does("amtool check-config /etc/alertmanager/alertmanager.yml")
 
         person.has_a_mail_server()
-        person.starts("robots", f"{BIN}/virtual-robots --robots 2 --domain-id 96")
-        person.until_output(
-            f"{BIN}/virtual-robots fault robot_1 'Motor 1' error --domain-id 96", "ERROR|error"
-        )
+        robots = person.starts("robots", f"exec {BIN}/virtual-robots --robots 2 --domain-id 96")
+        robots.wait_for_output("ready")
+        person.does(f"{BIN}/virtual-robots fault robot_1 'Motor 1' error --domain-id 96")
         person.starts_unit(BIN, person.home / "state")
         person.starts(
             "prometheus",
