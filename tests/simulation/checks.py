@@ -8,13 +8,15 @@ from typing import Any
 from ros_diagnostics_exporter.backtest.ledger import identity
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Instant
+from simulation.larger import LargerCauses
 from simulation.mails import Mails
-from simulation.story import DAY, ERROR, OK, PERIOD, TICK, WARN, Story
+from simulation.story import COMPONENTS, DAY, ERROR, OK, PERIOD, TICK, WARN, Story
 from simulation.world import (
     BATTERY,
-    FLAP_INTERVAL,
+    CALM,
     GRACE,
     HYSTERESIS,
+    LATE,
     LEVEL_OF,
     LOW,
     STALE_AFTER,
@@ -23,10 +25,6 @@ from simulation.world import (
     World,
 )
 
-LATE = (PERIOD + 2) * TICK  # seconds by which messages and ticks may delay what is due
-# Seconds without anything else after which it is clear what is to be: longer than the 21 intervals
-# in which changes count as flapping.
-CALM = 24 * FLAP_INTERVAL
 CHECK_EVERY = PERIOD  # ticks between two looks at what should have happened
 TWIN_EVERY = DAY // 4  # ticks between two restarts that are only tried
 
@@ -48,6 +46,7 @@ class Judge:
         self.story = story
         self.world = World(story)
         self.mails = Mails()
+        self._larger = LargerCauses(self.world)
         self.notified = 0
         self._faults: dict[tuple[str, ...], Event] = {}
         self._maintained: set[str] = set()
@@ -70,11 +69,14 @@ class Judge:
         world = self.world
         now = world.now
         if world.state is not None:
+            begun = []
             for event in world.state.take_events():
                 if event.kind == "fault_began":
                     self._began(event)
+                    begun.append(event)
                 elif event.kind == "fault_ended":
                     self._ended(event)
+            self._fail_first(self._larger.began(begun, self._faults))
             self._limits()
             self._same_faults()
             self._maintained = {
@@ -85,6 +87,11 @@ class Judge:
         self._scrape(now)
         if world.state is not None and world.tick % CHECK_EVERY == 0:
             self._check_liveness(now)
+            self._fail_first(self._larger.missing())
+
+    def _fail_first(self, found: Iterator[tuple[str, object]]) -> None:
+        for what, about in found:
+            self._fail(what, about)
 
     def _fail(self, what: str, about: object) -> None:
         raise BrokenError(what, self.world.tick, about)
@@ -128,9 +135,7 @@ class Judge:
             beyond = part.charge < LOW[event.state] * (1 + HYSTERESIS)  # once it was below
             return "" if beyond else "a fault of a value within its threshold began"
         if event.state == "stale":
-            # The state takes two raw arrays at one time for a very fast driver.
-            late = 5.0 if self.world.delivered[event.robot].bursts else STALE_AFTER / 2
-            stale = part.stale or at - part.received >= late
+            stale = part.stale or at - part.received >= STALE_AFTER / 2
             return "" if stale else "a component that is received is STALE"
         if part.level != LEVEL_OF[event.state]:
             return "a fault of another level than was delivered began"
@@ -174,8 +179,12 @@ class Judge:
                 self._fail("a silence ended although nothing was received", event)
 
     def _removed(self, event: Event) -> None:
-        if not self.world.removed & {(event.robot, ""), (event.robot, event.component)}:
+        if not self._is_removed(event):
             self._fail("a fault was removed by nobody", event)
+
+    def _is_removed(self, event: Event) -> bool:
+        """Whether its robot or component was taken out in this tick."""
+        return bool(self.world.removed & {(event.robot, ""), (event.robot, event.component)})
 
     def _part_recovered(self, event: Event) -> None:
         known, part = self._known(event)
@@ -187,6 +196,8 @@ class Judge:
 
     def _known(self, event: Event) -> tuple[Delivered, Part | None]:
         known = self.world.delivered[event.robot]
+        if self._is_removed(event):
+            known = self.world.before_removal[event.robot]
         return known, known.parts.get(event.component)
 
     def _in_maintenance(self, robot: str) -> bool:
@@ -237,7 +248,7 @@ class Judge:
     # -- mails -------------------------------------------------------------------------------
 
     def _scrape(self, now: Instant) -> None:
-        before = self.mails.firing
+        before = self.mails.notified
         sent = len(self.mails.sent)
         self.mails.scrape(self.world.state, now)
         for what, key, _at in self.mails.sent[sent:]:
@@ -261,7 +272,7 @@ class Judge:
                 lasting.setdefault((event.robot, event.component), set()).add(
                     f"{event.scope} {event.state}"
                 )
-        bad = self._bad_parts()
+        bad = {part: self.world.in_trouble(part) for part in COMPONENTS}
         for known in self.world.delivered.values():
             self._check_silence(known, now.mono)
             if not self._is_clear(known, now.mono):
@@ -271,15 +282,6 @@ class Judge:
                 self._check_part(known, name, found, now.mono, bad)
                 if name == BATTERY:
                     self._check_value(known, part, found)
-
-    def _bad_parts(self) -> dict[str, int]:
-        """How many robots have each component in trouble, or had it not long ago."""
-        count: dict[str, int] = {}
-        for known in self.world.delivered.values():
-            for name, part in known.parts.items():
-                if part.level == ERROR or self._recently(part.changes):
-                    count[name] = count.get(name, 0) + 1
-        return count
 
     def _recently(self, times: list[float]) -> bool:
         return bool(times) and self.world.now.mono - times[-1] < CALM

@@ -26,12 +26,16 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True)
 class Story:
-    """A fleet of ``robots``, and all that happens to it within ``ticks``, in order of time."""
+    """A fleet of ``robots``, and all that happens to it within ``ticks``, in order of time.
+
+    Each robot publishes every ``period`` ticks.
+    """
 
     seed: int
     robots: int
     ticks: int
     events: tuple[Event, ...]
+    period: int = PERIOD
 
 
 def robot_name(number: int) -> str:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from random import Random
 
 from ros_diagnostics_exporter.backtest.replay import Restarts
-from ros_diagnostics_exporter.config.fleet import FaultSettings as Settings
 from ros_diagnostics_exporter.config.fleet import (
+    CauseSettings,
     Fleet,
     Maintenance,
     Profile,
@@ -19,6 +19,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
+from ros_diagnostics_exporter.config.fleet import FaultSettings as Settings
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.state.state import State
@@ -36,15 +37,25 @@ from simulation.story import (
     site_of,
 )
 
+LATE = (PERIOD + 2) * TICK  # seconds by which messages and ticks may delay what is due
 WALL = 1_700_000_000.0
 STALE_AFTER = 1500.0
 CONFIRM_AFTER = 1200.0
 FLAP_INTERVAL = 1800.0
+# Seconds without anything else after which it is clear what is to be: longer than the 21 intervals
+# in which changes count as flapping.
+CALM = 24 * FLAP_INTERVAL
 HYSTERESIS = 0.02
 GRACE = 1800.0
 LOW = {"warning": 20.0, "critical": 10.0}
 BATTERY = COMPONENTS[0]
-SETTINGS = Settings(confirm_after=600.0, restart_grace=GRACE, pending_after=7200.0)
+PENDING_AFTER = 7200.0
+SETTINGS = Settings(
+    confirm_after=600.0,
+    restart_grace=GRACE,
+    pending_after=PENDING_AFTER,
+    site=CauseSettings(2, 0.5),  # a fleet of ten robots has sites of two
+)
 _THRESHOLDS = tuple(Threshold("low", severity, number) for severity, number in LOW.items())
 _PROFILE = Profile(
     stale_after=STALE_AFTER,
@@ -77,7 +88,6 @@ class Delivered:
     raw: bool
     parts: dict[str, Part] = field(default_factory=dict)
     last: float | None = None
-    bursts: bool = False  # several of its arrays came at one time
     gap: float = 0.0  # when it last was not received for longer than a period
     quiet: float = 0.0  # when it last was in maintenance, not configured, or otherwise configured
 
@@ -111,6 +121,8 @@ class World:
         self._stopped: tuple[State, Instant] | None = None
         self._starts_at = 0
         self.removed: set[tuple[str, str]] = set()  # by a person or the config, at this tick
+        # What was delivered of their robots before: a fault may begin in the tick that ends it.
+        self.before_removal: dict[str, Delivered] = {}
 
     @property
     def now(self) -> Instant:
@@ -118,6 +130,21 @@ class World:
 
     def mono(self, wall: float) -> float:
         return wall - self.offset
+
+    def declared(self) -> list[Delivered]:
+        """What was delivered of the robots that the config has."""
+        return [each for name, each in self.delivered.items() if name not in self._undeclared]
+
+    def in_trouble(self, part: str) -> int:
+        """How many robots have a component in trouble, or had it not long ago."""
+        return sum(
+            known.parts[part].level == ERROR or self._changed(known.parts[part])
+            for known in self.delivered.values()
+            if part in known.parts
+        )
+
+    def _changed(self, part: Part) -> bool:
+        return bool(part.changes) and self.now.mono - part.changes[-1] < CALM
 
     # -- config ------------------------------------------------------------------------------
 
@@ -148,13 +175,14 @@ class World:
         """One tick: what happens, then what is published, then the exporter's own tick."""
         self.tick += 1
         self.removed.clear()
+        self.before_removal.clear()
         self.shortest_confirm = self.confirm_after
         if self.state is None and self.tick >= self._starts_at:
             self._start()
         for event in events:
             getattr(self, f"_do_{event.what}")(event.who, *event.how)
         for number, name in enumerate(self.robots):
-            if (self.tick + number) % PERIOD == 0:
+            if (self.tick + number) % self.story.period == 0:
                 self._publish(name)
         if self.state is not None:
             self.state.tick(self.now)
@@ -211,20 +239,26 @@ class World:
             return
         if any(each.name == part for each in self.state.robots[robot].components):
             self.state.forget(robot, part, self.now)
+            self._note_removal(robot, part)
             self.delivered[robot].parts.pop(part, None)
-            self.removed.add((robot, part))
 
     def _do_declared(self, robot: str, declared: bool) -> None:
         (self._undeclared.discard if declared else self._undeclared.add)(robot)
+        self.delivered[robot].quiet = self.now.mono
         if self.state is not None:
             self._forget_undeclared()
         self._configure()
 
     def _forget_undeclared(self) -> None:
         for robot in self._undeclared:
+            self._note_removal(robot, "")
             known = self.delivered[robot]
             known.parts, known.last = {}, None
-            self.removed.add((robot, ""))
+
+    def _note_removal(self, robot: str, part: str) -> None:
+        known = self.delivered[robot]
+        self.before_removal.setdefault(robot, replace(known, parts=dict(known.parts)))
+        self.removed.add((robot, part))
 
     def _do_maintenance(self, site: str, ticks: int) -> None:
         now = self.now.wall
@@ -295,7 +329,6 @@ class World:
         now = self.now
         self.state.receive(Topic(0, f"/{robot}/d"), Array(0.0, array, 100), now)
         known = self.delivered[robot]
-        known.bursts = known.bursts or known.last == now.mono
         found = {each.name.rpartition("/")[2]: each for each in array if each.name != "/g"}
         for name, status in found.items():
             _note(known.parts.setdefault(name, Part()), status, now.mono)

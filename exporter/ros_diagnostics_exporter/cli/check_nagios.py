@@ -26,6 +26,7 @@ from ros_diagnostics_exporter.severity import (
     ShownProblem,
     as_planned,
     component_path,
+    is_bad,
     maintenance_text,
     shown_problems,
     silent_text,
@@ -126,8 +127,9 @@ def _sensor(
     component: dict[str, Any], problems: list[ShownProblem], robot: dict[str, Any], now: float
 ) -> Sensor:
     """A component of a robot with its problems and those of its values."""
-    words = [STATE_OF_LEVEL[component["level"]]]
-    words += [each.state for each in problems if each.problem["scope"] == "value" and _is_bad(each)]
+    words = ["OK" if component.get("quiet_because") else STATE_OF_LEVEL[component["level"]]]
+    of_values = (each for each in problems if each.problem["scope"] == "value")
+    words += [each.state for each in of_values if is_bad(each.problem)]
     planned = as_planned(component)
     message = "" if component["level"] == "OK" else component["message"]
     details = " (planned)" if planned else _details(problems, now, message)
@@ -135,10 +137,6 @@ def _sensor(
     in_downtime = any(each["component"] == component["component"] for each in robot["downtimes"])
     counts = not (planned or in_downtime)
     return Sensor(min(words, key=LISTS.index), path + details, counts)
-
-
-def _is_bad(shown: ShownProblem) -> bool:
-    return not shown.problem["well"]
 
 
 def _missing(

@@ -9,7 +9,7 @@ from typing import Any
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
 from ros_diagnostics_exporter.config.fleet import ValueRule
-from ros_diagnostics_exporter.faults.model import Identity, ProblemView, severity_of
+from ros_diagnostics_exporter.faults.model import ProblemView, as_texts
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.notifications import Key, key_of
 from ros_diagnostics_exporter.severity import component_state
@@ -79,7 +79,7 @@ def faults(state: State, now: Instant, notified: Notified | None = None) -> dict
         "time": now.wall,
         "faults": [
             {
-                **(identity := _identity(fault.identity, fault.labels)),
+                **(identity := as_texts(fault.identity, fault.labels)),
                 "since": fault.since,
                 "confirmed": fault.confirmed,
                 "evidence": fault.evidence,
@@ -93,13 +93,14 @@ def faults(state: State, now: Instant, notified: Notified | None = None) -> dict
 
 def _problem(view: ProblemView, notified: Notified | None) -> dict[str, Any]:
     fault = view.fault
-    identity = _identity(view.identity, {} if fault is None else fault.labels)
+    identity = as_texts(view.identity, {} if fault is None else fault.labels)
     return {
         **identity,
         "since": view.since if fault is None else fault.since,
         "confirmed": None if fault is None else fault.confirmed,
         "due": view.due,
         "quiet": None if view.quiet is None else view.quiet.value,
+        "because": view.because,
         "well": view.well,
         "evidence": "" if fault is None else fault.evidence,
         "notified": {} if fault is None else _notified(identity, notified),
@@ -108,21 +109,6 @@ def _problem(view: ProblemView, notified: Notified | None) -> dict[str, Any]:
 
 def _notified(identity: dict[str, str], notified: Notified | None) -> dict[str, float] | None:
     return None if notified is None else dict(notified.get(key_of(identity), {}))
-
-
-def _identity(identity: Identity, labels: Mapping[str, str]) -> dict[str, str]:
-    return {
-        "scope": identity.scope.value,
-        "state": identity.state.value,
-        "severity": severity_of(identity),
-        "site": identity.site or labels.get("site", ""),
-        "robot": identity.robot,
-        "group": identity.group,
-        "component": identity.component,
-        "check": identity.check,
-        "key": identity.key,
-        "bound": identity.bound,
-    }
 
 
 def _maintenance(state: State, robot: dict[str, Any], now: Instant) -> dict[str, Any]:
@@ -241,6 +227,7 @@ def _component(component: Component, *, stale_is_critical: bool) -> dict[str, An
             level, before, stale_is_critical=stale_is_critical and not planned
         ),
         "planned_stale": planned,
+        "quiet_because": component.quiet_because,
         "message": component.message,
         "level_since": component.since,
         "changes": component.changes,

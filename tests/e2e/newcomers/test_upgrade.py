@@ -123,7 +123,7 @@ def test_faults_mails_and_history_go_on_after_the_upgrade(tmp_path: Path):
         api = "curl -s localhost:9877/api/v1/"
         (fault,) = json.loads(person.does(f"{api}faults"))["faults"]
         assert fault["since"] == pytest.approx(since, abs=1)
-        events = json.loads(person.does(f"{api}events?robot=robot_1&level=ERROR"))["events"]
+        events = json.loads(person.does(f"{api}'events?robot=robot_1&level=ERROR'"))["events"]
         assert events[-1]["time"] == pytest.approx(since, abs=1)
         names = {each.name for each in (person.home / "state").iterdir()}
         assert {"exporter.db", "state.migrated", "events.jsonl.migrated"} <= names

@@ -1,0 +1,114 @@
+"""Three hours of the simulation on real servers: the mailbox has the mails of its ledger."""
+
+from __future__ import annotations
+
+import re
+import signal
+import time
+from collections import Counter
+from pathlib import Path
+
+import pytest
+import yaml
+
+from e2e.simulated import plan
+from simulation.hours import ROBOTS, TICKS, hours, mails
+from simulation.story import Event, Story
+from testbed import programs
+from testbed.mail import Inbox
+from testbed.polling import until
+from testbed.stack import Plan, Stack, running
+
+SEED = 3
+LATE = 90.0  # seconds that a mail may take on a busy machine
+TOO_MANY = 20.0  # seconds after the last expected mail, in which one too many would arrive
+_OF_FAULTS = re.compile(r"\*\* (PROBLEM|RECOVERY|FLAPPING) \*\*")
+
+
+class Hours:
+    """The running stack, and the time since the history's begin."""
+
+    def __init__(self, stack: Stack, story: Story) -> None:
+        self._stack = stack
+        self._story = story
+        self._folder = stack.prometheus.process.log_path.parent
+        self._done: list[tuple[Event, float]] = []
+        self._began = 0.0
+
+    def start(self) -> None:
+        """Replace robots and fleet by those of the simulation."""
+        self._stack.robots.process.stop()
+        self._configure()
+        kind = self._folder / "simulated.yaml"
+        kind.write_text(yaml.safe_dump(plan.KIND))
+        (self._folder / "simulated.analyzers.yaml").write_text(yaml.safe_dump(plan.ANALYZERS))
+        scenario = self._folder / "hours.yaml"
+        scenario.write_text(plan.scenario(self._story, "./simulated.yaml"))
+        robots = self._stack.robots.process
+        robots.log_path = self._folder / "hours.log"  # the old log already has the line "ready"
+        robots.argv = programs.virtual_robots(0, 0, self._stack.domain_id, scenario)
+        robots.start()
+        robots.wait_for_output(f"ready: {ROBOTS} virtual robots", 60)
+        # The robots' time starts when they write this line.
+        self._began = robots.log_path.stat().st_mtime + plan.START
+
+    def reach(self, tick: float) -> None:
+        """Wait for this tick of the history."""
+        at = self._began + tick * plan.SECONDS
+        until(lambda: time.time() >= at, f"tick {tick:g}", at - time.time() + 60)
+
+    def act(self, event: Event) -> None:
+        """Do what happens to the exporter."""
+        self.reach(event.at)
+        exporter = self._stack.exporter.process
+        if event.what == "restart":
+            exporter.kill()
+            self.reach(event.at + int(str(event.how[0])))
+            exporter.start()
+            return
+        self._done.append((event, time.time()))
+        self._configure()
+
+    def _configure(self) -> None:
+        text = plan.fleet_config(self._story, self._stack.domain_id, self._done)
+        (self._folder / "fleet.yml").write_text(text)
+        self._stack.exporter.process.signal(signal.SIGHUP)
+
+    def mails(self) -> list[str]:
+        """The subjects of all mails until now."""
+        return [each.subject for each in self._stack.inbox.mails()]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_three_hours_of_the_simulation(tmp_path: Path):
+    story = hours(SEED)
+    expected = plan.subjects(mails(story))
+    with running(tmp_path, Plan(robots=1), Inbox()) as stack:
+        played = Hours(stack, story)
+        played.start()
+        for event in story.events:
+            if event.what in plan.ACTS:
+                played.act(event)
+        played.reach(TICKS)
+
+        def missing() -> list[str]:
+            return sorted((expected - Counter(played.mails())).elements())
+
+        until(lambda: not missing(), lambda: f"{missing()}; arrived: {played.mails()}", LATE)
+        played.reach(TICKS + TOO_MANY / plan.SECONDS)
+        found = played.mails()
+    of_faults = [each for each in found if _OF_FAULTS.match(each)]
+    assert Counter(of_faults) == expected
+    others = [each for each in found if each not in of_faults]
+    assert [each for each in others if "** MAINTENANCE **" not in each] == []
+    assert_problems_come_before_recoveries(of_faults)
+
+
+def assert_problems_come_before_recoveries(found: list[str]) -> None:
+    lasting: Counter[str] = Counter()
+    for subject in found:
+        ended = "no longer" in subject or "stopped" in subject
+        what = re.sub(r"\*\* \w+ \*\*|no longer |stopped|started", "", subject)
+        lasting[what] += -1 if ended else 1
+        assert lasting[what] in (0, 1), subject
