@@ -238,7 +238,7 @@ def maintenance_text(
 
     As "maintenance until 18:00 UTC (ann: new battery)".
     """
-    planned = [each for each in of["downtimes"] if each["component"] in ("", component)]
+    planned = [each for each in of.get("downtimes", ()) if each["component"] in ("", component)]
     ends = [each["until"] for each in planned]
     if of["maintenance"]:
         ends.append(math.inf if of["maintenance_until"] is None else of["maintenance_until"])
@@ -250,7 +250,7 @@ def maintenance_text(
 
 def downtime_texts(robot: dict[str, Any], now: float, *, local: bool = False) -> list[str]:
     """A robot's maintenance and those of its components, each as a text."""
-    names = sorted({each["component"] for each in robot["downtimes"]} - {""})
+    names = sorted({each["component"] for each in robot.get("downtimes", ())} - {""})
     texts = [maintenance_text(robot, now, local=local)] if robot["maintenance"] else []
     return texts + [
         f"{name}: {maintenance_text(robot, now, component=name, local=local)}" for name in names

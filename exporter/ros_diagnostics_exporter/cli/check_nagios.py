@@ -134,7 +134,9 @@ def _sensor(
     message = "" if component["level"] == "OK" else component["message"]
     details = " (planned)" if planned else _details(problems, now, message)
     path = _clean(component_path(component))
-    in_downtime = any(each["component"] == component["component"] for each in robot["downtimes"])
+    in_downtime = any(
+        each["component"] == component["component"] for each in robot.get("downtimes", ())
+    )
     counts = not (planned or in_downtime)
     return Sensor(min(words, key=LISTS.index), path + details, counts)
 
