@@ -1,8 +1,9 @@
-"""Acknowledgements: silences in Alertmanager of one fault's escalation, read every few seconds.
+"""Acknowledgements and downtimes: silences in Alertmanager of escalations, read regularly.
 
 Prometheus does not know silences; what is read here is exported for it. An acknowledgement names
-since when the fault has been, so it belongs to that fault and to no later one. The labels are those
-of prometheus/rules/escalation.yml; the silences as in
+since when the fault has been, so it belongs to that fault and to no later one. A downtime names a
+robot, or one component of it, and no fault: nothing of it escalates, and the exporter begins none.
+The labels are those of prometheus/rules/escalation.yml; the silences as in
 https://github.com/prometheus/alertmanager/blob/v0.25.0/api/v2/openapi.yaml.
 """
 
@@ -17,12 +18,14 @@ from typing import Any, NamedTuple, TypeVar
 from urllib.parse import urlencode
 
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
-from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.model import Downtime, Instant
 from ros_diagnostics_exporter.texts import escape
 
 log = logging.getLogger(__name__)
 
 ESCALATION = "RosDiagnosticsUnacknowledged"
+# A label that no alert has: the matcher `downtime=""` is always true, and marks a downtime.
+DOWNTIME = "downtime"
 # What identifies a fault; `since` distinguishes it from the next one of the same part.
 IDENTITY = (
     *("fleet", "scope", "state", "severity", "site"),
@@ -35,7 +38,7 @@ COMMENT_LENGTH = 200
 NAME_LENGTH = 1024  # of a robot or a component
 SENTENCE_LENGTH = 1000
 EXPLAINED = 50  # alerts of a robot, and silences
-MOST = 1000  # acknowledgements; the newest are kept
+MOST = 1000  # acknowledgements, and downtimes; the newest are kept
 SAME = 1.0  # seconds by which an acknowledgement may differ from when its fault began
 
 # 2026-01-01 10:00:00.123 +0000 UTC as rules print it, 2026-01-01T10:00:00.123Z as Alertmanager does
@@ -69,6 +72,48 @@ class Acknowledgement(NamedTuple):
     def is_of(self, since: float) -> bool:
         """Whether it is of the fault that began then, not of an earlier or later one."""
         return abs(self.since - since) <= SAME
+
+
+def read_downtimes(silences: Any, fleet: str) -> list[Downtime]:
+    """The downtimes of a fleet among Alertmanager's silences, of which some may lie ahead.
+
+    Other silences, those of other fleets and invalid ones are skipped, as by `read`.
+
+    Raises:
+        ValueError: The response is no list of silences.
+    """
+    if not isinstance(silences, list):
+        raise ValueError("it answered no list of silences")  # noqa: TRY004 - no bug of the caller
+    found = [each for silence in silences if (each := downtime_of(silence, fleet)) is not None]
+    return sorted(found, key=lambda each: each.start)[-MOST:]
+
+
+def downtime_matchers(fleet: str, robot: str, component: str) -> dict[str, str]:
+    """What the silence of a downtime matches, label -> value; ``component`` "" for all."""
+    of = {"component": component} if component else {}
+    return {"alertname": ESCALATION, DOWNTIME: "", "fleet": fleet, "robot": robot, **of}
+
+
+def downtime_of(silence: Any, fleet: str | None = None) -> Downtime | None:
+    """The downtime that a silence is; None for any other, for another fleet's, and one over."""
+    try:
+        if silence["status"]["state"] not in {"active", "pending"}:
+            return None
+        named = _matched(silence["matchers"]) or {}
+        robot, component = named["robot"], named.get("component", "")
+        wanted = downtime_matchers(named["fleet"] if fleet is None else fleet, robot, component)
+        if named != wanted or not robot:
+            return None
+        return Downtime(
+            robot,
+            component,
+            moment(silence["startsAt"]),
+            moment(silence["endsAt"]),
+            clean(silence["createdBy"], AUTHOR_LENGTH) or "?",
+            clean(silence["comment"], COMMENT_LENGTH),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
+        return None  # no silence as Alertmanager makes them
 
 
 def read(silences: Any, fleet: str) -> list[Acknowledgement]:
@@ -165,6 +210,7 @@ class Alertmanager:
             for url in urls
         ]
         self._acknowledgements: list[Acknowledgement] = []
+        self.downtimes: list[Downtime] = []  # that are planned, present and future ones
         self._answered_at = float("-inf")
         self._answers: bool | None = None  # None: has not been asked
 
@@ -191,12 +237,14 @@ class Alertmanager:
             url, answer = self._first(lambda client: _ask(client, fleet, self.SIZE))
         except UnreachableError as error:
             if self._answers is not False:
-                log.error("no acknowledgements: Alertmanager does not answer: %s", error)
+                log.error(
+                    "no acknowledgements and downtimes: Alertmanager does not answer: %s", error
+                )
             self._answers = False
             return
         if not self._answers:
-            log.info("acknowledgements are read from Alertmanager at %s", url)
-        self._acknowledgements = answer
+            log.info("acknowledgements and downtimes are read from Alertmanager at %s", url)
+        self._acknowledgements, self.downtimes = answer
         self._answers, self._answered_at = True, now.mono
 
     def _first(self, ask: Callable[[Client], _Answer]) -> tuple[str, _Answer]:
@@ -218,9 +266,11 @@ class Alertmanager:
         raise UnreachableError("; ".join(whys))
 
 
-def _ask(client: Client, fleet: str, size: int) -> list[Acknowledgement]:
+def _ask(client: Client, fleet: str, size: int) -> tuple[list[Acknowledgement], list[Downtime]]:
+    """The acknowledgements and the downtimes."""
     wanted = [("filter", f'alertname="{ESCALATION}"'), ("filter", f'fleet="{escape(fleet)}"')]
-    return read(client.get(f"/api/v2/silences?{urlencode(wanted)}", limit=size), fleet)
+    silences = client.get(f"/api/v2/silences?{urlencode(wanted)}", limit=size)
+    return read(silences, fleet), read_downtimes(silences, fleet)
 
 
 def _explain(client: Client, labels: Mapping[str, str | None], size: int) -> list[str]:

@@ -106,13 +106,23 @@ class Client:
         """
         return self._request(path, body, LIMIT)
 
-    def _request(self, path: str, body: Any, limit: int) -> Any:
+    def delete(self, path: str) -> Any:
+        """Delete what is at ``path``; the JSON of the response, None for an empty one.
+
+        Raises:
+            UnreachableError: As for ``get``.
+        """
+        return self._request(path, None, LIMIT, method="DELETE")
+
+    def _request(self, path: str, body: Any, limit: int, method: str | None = None) -> Any:
         url = self.url.rstrip("/") + path
         content = None if body is None else json.dumps(body).encode()
         try:
             headers = self._login() | ({} if body is None else {"Content-Type": "application/json"})
             opener = urllib.request.build_opener(*self._handlers())
-            request = urllib.request.Request(url, content, headers)  # noqa: S310 - the user's
+            request = urllib.request.Request(  # noqa: S310 - the user's
+                url, content, headers, method=method
+            )
             with opener.open(request, timeout=self._timeout) as response:
                 text = _read(response, limit, time.monotonic() + self._timeout)
                 return json.loads(text) if text else None

@@ -8,7 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from ros_diagnostics_exporter.severity import event_text, notice, standing, subject
+from ros_diagnostics_exporter.severity import (
+    downtime_texts,
+    event_text,
+    notice,
+    standing,
+    subject,
+)
 from ros_diagnostics_exporter.texts import one_line
 
 BEFORE = 3_600.0  # seconds that are looked at where there was no fault
@@ -71,15 +77,19 @@ def entries(
     return [{"time": each["time"], "text": one_line(event_text(each))} for each in kept]
 
 
-def standings(problems: Iterable[dict[str, Any]], now: float, maintenance_end: str) -> list[str]:
-    """Of each problem whether it is confirmed, or why it is quiet, and who was notified."""
+def standings(problems: Iterable[dict[str, Any]], now: float, robot: dict[str, Any]) -> list[str]:
+    """The robot's downtimes; of each problem how it stands, why it is quiet, who was notified."""
+    return [*map(one_line, downtime_texts(robot, now)), *_standings(problems, now, robot)]
+
+
+def _standings(problems: Iterable[dict[str, Any]], now: float, robot: dict[str, Any]) -> list[str]:
     return [
         one_line(
             "; ".join(
                 filter(
                     None,
                     (
-                        f"{each['state']} {subject(each)}: {standing(each, now, maintenance_end)}",
+                        f"{each['state']} {subject(each)}: {standing(each, now, robot)}",
                         notice(each, now),
                     ),
                 )

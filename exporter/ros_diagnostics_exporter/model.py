@@ -68,6 +68,24 @@ class Instant(NamedTuple):
     wall: float
 
 
+class Downtime(NamedTuple):
+    """A downtime that a person planned, of a robot or of its components of one name ("": all).
+
+    ``start`` and ``end`` are Unix times, the end exclusive.
+    """
+
+    robot: str
+    component: str
+    start: float
+    end: float
+    author: str
+    comment: str
+
+    def holds(self, wall: float) -> bool:
+        """Whether it holds at a Unix time."""
+        return self.start <= wall < self.end
+
+
 class Topic(NamedTuple):
     """A topic of one DDS domain."""
 

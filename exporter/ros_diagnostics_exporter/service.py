@@ -24,7 +24,6 @@ from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import Part
 from ros_diagnostics_exporter.notifications import Notifications, parse
-from ros_diagnostics_exporter.severity import until_text
 from ros_diagnostics_exporter.state import snapshot
 from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.state.storage import Storage
@@ -98,6 +97,7 @@ class Service:
 
     def start(self) -> None:
         """Join the fleet's domains and listen."""
+        self._update_silences()  # a downtime is known before the first message
         self.join()
         self._storage_thread.start()
         self._alertmanager_thread.start()
@@ -118,13 +118,19 @@ class Service:
 
     def _read_silences(self) -> None:
         """Read the silences regularly; in its own thread, because Alertmanager may hang."""
-        while self._alertmanager is not None and not self._stopping.is_set():
-            self._alertmanager.update(self.state.fleet.name, ros.read_clocks())
+        while self._alertmanager is not None and not self._stopping.wait(
+            self._alertmanager.INTERVAL
+        ):
+            self._update_silences()
             self._record_events()
             with self._recording:
                 for event in self._notifications.acknowledge(self._acknowledged()):
                     self._record(event)
-            self._stopping.wait(self._alertmanager.INTERVAL)
+
+    def _update_silences(self) -> None:
+        if self._alertmanager is not None:
+            self._alertmanager.update(self.state.fleet.name, ros.read_clocks())
+            self.state.plan(self._alertmanager.downtimes, ros.read_clocks())
 
     def join(self) -> None:
         """Join the fleet's domains; one that cannot be joined is retried every half minute.
@@ -262,8 +268,7 @@ class Service:
             "entries": ledger.entries(own, of_many, component, site),
         }
         problems = [each for each in known["problems"] if component in (None, each["component"])]
-        end = until_text(known["maintenance_until"], now.wall, local=False)
-        sentences = ledger.standings(problems, now.wall, end)
+        sentences = ledger.standings(problems, now.wall, known)
         return {**found, "now": sentences + (self._explain(robot, component) if ask else [])}
 
     def _explain(self, robot: str, component: str | None) -> list[str]:

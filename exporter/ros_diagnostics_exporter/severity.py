@@ -150,9 +150,8 @@ def shown_problems(
     """
     if not of["problems"]:
         return [], 0
-    end = until_text(of.get("maintenance_until"), now, local=local)
     found = [
-        (problem_state(each), standing(each, now, end), subject(each), each)
+        (problem_state(each), standing(each, now, of, local=local), subject(each), each)
         for each in _without_milder(of["problems"])
     ]
     found.sort(key=lambda each: (-SEVERITIES[each[0]], each[1], natural(each[2])))
@@ -211,15 +210,17 @@ def component_path(component: dict[str, Any]) -> str:
     return f"{group.rstrip('/')}/{name.lstrip('/')}" if group else str(name)
 
 
-def standing(problem: dict[str, Any], now: float, maintenance_end: str = "") -> str:
+def standing(
+    problem: dict[str, Any], now: float, of: dict[str, Any], *, local: bool = False
+) -> str:
     """Whether a problem is confirmed, and else when it may be, or why it is quiet.
 
-    ``maintenance_end`` is as " until 18:00 UTC", or empty.
+    ``of`` is the robot, or the fleet; ``local`` as for `shown_problems`.
     """
     reason = problem["quiet"]
     quiet = QUIET.get(reason, reason)
     if reason == "maintenance":
-        quiet += maintenance_end
+        quiet = maintenance_text(of, now, component=problem["component"], local=local)
     if problem.get("because"):
         quiet = f"{quiet}, {problem['because']}"
     if problem["confirmed"] is not None:
@@ -230,9 +231,30 @@ def standing(problem: dict[str, Any], now: float, maintenance_end: str = "") -> 
     return f"not confirmed yet, {span(left)} left" if left > 0 else "not confirmed yet"
 
 
-def until_text(until: float | None, now: float, *, local: bool) -> str:
-    """The end of a maintenance as `standing` takes it; "" for none."""
-    return "" if until is None else f" until {clock(until, now, local=local, seconds=False)}"
+def maintenance_text(
+    of: dict[str, Any], now: float, *, component: str = "", local: bool = False
+) -> str:
+    """Until when a robot or one of its components is in maintenance, who planned it and why.
+
+    As "maintenance until 18:00 UTC (ann: new battery)".
+    """
+    planned = [each for each in of.get("downtimes", ()) if each["component"] in ("", component)]
+    ends = [each["until"] for each in planned]
+    if of["maintenance"]:
+        ends.append(math.inf if of["maintenance_until"] is None else of["maintenance_until"])
+    end = max(ends, default=math.inf)
+    until = "" if end == math.inf else f" until {clock(end, now, local=local, seconds=False)}"
+    who = "; ".join(f"{each['author']}: {each['comment']}" for each in planned)
+    return f"maintenance{until}{who and f' ({who})'}"
+
+
+def downtime_texts(robot: dict[str, Any], now: float, *, local: bool = False) -> list[str]:
+    """A robot's maintenance and those of its components, each as a text."""
+    names = sorted({each["component"] for each in robot.get("downtimes", ())} - {""})
+    texts = [maintenance_text(robot, now, local=local)] if robot["maintenance"] else []
+    return texts + [
+        f"{name}: {maintenance_text(robot, now, component=name, local=local)}" for name in names
+    ]
 
 
 def notice(problem: dict[str, Any], now: float) -> str:

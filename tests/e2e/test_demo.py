@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from testbed import grafana
+from testbed.configuration import CHECKOUT
 from testbed.polling import until
 from testbed.processes import Process
 
@@ -66,7 +68,18 @@ def test_problem_and_recovery_are_mailed_and_the_demo_exits_0(start_demo, tmp_pa
         "demo finished: 1 problem, 1 recovery",
     ):
         assert line in demo.output()
+    assert re.search(shown_mail(), demo.output()), demo.output()
     assert not list((tmp_path / "scratch").iterdir())
+
+
+def shown_mail() -> str:
+    """A pattern for the mail that README.md shows: its lines, at any time and temperature."""
+    readme = (CHECKOUT / "README.md").read_text()
+    found = re.search(r"^email ─+\n(From:.*?)\n\[\.\.\.", readme, re.MULTILINE | re.DOTALL)
+    assert found
+    pattern = re.escape(found[1])
+    pattern = re.sub(r"\d{4}\\-\d\d\\-\d\d\\ \d\d:\d\d:\d\d", r"[-\\d]+ [:\\d]+", pattern)
+    return re.sub(r"\d+\\\.\d", r"\\d+\\.\\d", pattern)
 
 
 @pytest.mark.parametrize("program", PROGRAMS)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -18,6 +17,7 @@ import pytest
 import yaml
 
 from support.alerts import post_alerts
+from support.existing_site import ALERTMANAGER, OWN_RULES, PROMETHEUS, added
 from support.prometheus_site import Site
 from testbed import domains, http, programs, servers
 from testbed.configuration import CHECKOUT
@@ -28,68 +28,6 @@ from testbed.processes import Process
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
-PAGE = CHECKOUT / "docs" / "existing-servers.md"
-ALERTMANAGER = """\
-global:
-  smtp_smarthost: {smtp}
-  smtp_require_tls: false
-  smtp_from: alertmanager@example.org
-templates:
-- own/*.tmpl
-route:
-  receiver: ops
-  group_by: [alertname, cluster]
-  group_wait: 30s
-  group_interval: 5m
-  repeat_interval: 12h
-  routes:
-  - matchers: [alertname = Watchdog]
-    receiver: heartbeat
-    group_wait: 0s
-  - matchers: [severity = critical]
-    receiver: pager
-inhibit_rules:
-  - source_matchers: [severity = critical]
-    target_matchers: [severity =~ "warning|info"]
-    equal: [alertname, cluster]
-receivers:
-- name: ops
-  email_configs: [{{to: ops@example.org}}]
-- name: pager
-  email_configs: [{{to: pager@example.org}}]
-- name: heartbeat
-  email_configs: [{{to: heartbeat@example.org}}]
-"""
-PROMETHEUS = """\
-global:
-  scrape_interval: {interval}
-  evaluation_interval: {interval}
-  external_labels: {{cluster: prod}}
-alerting:
-  alertmanagers:
-  - static_configs: [{{targets: ["{alertmanager}"]}}]
-rule_files:
-- own/*.yml
-scrape_configs:
-- job_name: monitoring
-  static_configs:
-  - targets: ["{prometheus}", "{alertmanager}"]
-    labels: {{fleet: servers, team: ops}}
-"""
-OWN_RULES = """\
-groups:
-- name: own
-  rules:
-  - record: team:up:count
-    expr: count by (team) (up)
-  - {alert: Watchdog, expr: vector(1), labels: {severity: none}}
-  - alert: DiskFull
-    expr: |2
-        label_replace(vector(1), "disk", "sda", "", "")
-      or
-        label_replace(vector(2), "disk", "sdb", "", "")
-    labels: {severity: warning}
-"""
 FLEET = """\
 fleet: hall
 profiles: {{default: {{stale_after: 5s, confirm_after: 2s}}}}
@@ -98,24 +36,6 @@ discovery:
     domain_ids: [{domain}]
     labels: {{site: north, team: arms}}
 """
-
-
-def added(config: str, file: str) -> str:
-    """The configuration with the page's pieces for this file, and the change that it shows."""
-    page = PAGE.read_text()
-    pieces = re.findall(rf"```yaml\n# {re.escape(file)}, under (\w+):\n(.*?)```", page, re.DOTALL)
-    assert pieces, f"{PAGE} has nothing for {file}"
-    for key, piece in pieces:
-        place = re.compile(rf"^( *){key}:\n( *)(?=- )", re.MULTILINE)
-        found = place.search(config)
-        assert found, f"{file} has no {key}"
-        indented = textwrap.indent(piece, found[2])
-        config = config[: found.end(1)] + f"{key}:\n{indented}{found[2]}" + config[found.end() :]
-    if file == "alertmanager.yml":
-        before, after = re.findall(r"^[-+] {2,}(target_matchers: .*)", page, re.MULTILINE)
-        assert before in config
-        config = config.replace(before, after)
-    return config
 
 
 def alert(name: str, severity: str, **labels: str) -> dict[str, Any]:

@@ -86,12 +86,19 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
         "maintenance": False,
         "maintenance_until": None,
         "work": "",
+        "downtimes": [],
         "problems": [],
         "short_checks": [],
         "groups": [{"group": "/Motor", "level": "OK", "message": "OK"}],
         "components": list(components),
         **changed,
     }
+
+
+def downtime(component: str = "", **changed: Any) -> dict[str, Any]:
+    """A downtime that ann planned until 20:00 UTC, as /api/v1/fleet shows it."""
+    known = {"component": component, "until": 72_000.0, "author": "ann", "comment": "new gears"}
+    return {**known, **changed}
 
 
 def fleet(*robots: dict[str, Any], problems: Iterable[dict[str, Any]] = ()) -> dict[str, Any]:

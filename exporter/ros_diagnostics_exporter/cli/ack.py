@@ -26,7 +26,7 @@ from rich.text import Text
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.alertmanager import ESCALATION, IDENTITY
-from ros_diagnostics_exporter.cli.connection_flags import add_arguments, make_client
+from ros_diagnostics_exporter.cli.connection_flags import INTERRUPTED, add_arguments, make_client
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.texts import escape, one_line, printable
 
@@ -54,6 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except UnreachableError as error:
         print(f"ros-diagnostics-ack: {printable(str(error))}", file=sys.stderr)  # noqa: T201
         return 1
+    except KeyboardInterrupt:
+        return INTERRUPTED
 
 
 @dataclass(frozen=True)
@@ -217,7 +219,7 @@ def _days(text: str) -> float:
     raise argparse.ArgumentTypeError(f"{text!r} is not a number of days, at most {MOST_DAYS:g}")
 
 
-def _user() -> str | None:
+def current_user() -> str | None:
     """The user's name; None for a UID without an entry in passwd, as in many containers."""
     try:
         return getpass.getuser()
@@ -246,7 +248,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--fleet", help="only this fleet's alerts")
     parser.add_argument(
         "--author",
-        default=_user(),
+        default=current_user(),
         help="who acknowledges (default: the current user, %(default)s)",
     )
     parser.add_argument(

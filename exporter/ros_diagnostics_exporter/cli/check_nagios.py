@@ -25,9 +25,9 @@ from ros_diagnostics_exporter.severity import (
     STATE_OF_LEVEL,
     ShownProblem,
     as_planned,
-    clock,
     component_path,
     is_bad,
+    maintenance_text,
     shown_problems,
     silent_text,
     span,
@@ -101,9 +101,7 @@ def check(
     now = fleet["time"]
     code, text = _state(robot, pattern, now, confirmed=confirmed)
     if robot["maintenance"]:
-        until = robot["maintenance_until"]
-        end = "" if until is None else f" until {clock(until, now, local=True, seconds=False)}"
-        code, text = OK, f"in maintenance{end}: {text}"
+        code, text = OK, f"in {maintenance_text(robot, now, local=True)}: {text}"
     return code, f"{('OK', 'WARNING', 'CRITICAL', 'UNKNOWN')[code]} - {text}"
 
 
@@ -125,7 +123,13 @@ def _state(robot: dict[str, Any], pattern: str, now: float, *, confirmed: bool) 
         name = (shown.problem["group"], shown.problem["component"])
         by_name.setdefault(name, []).append(shown)
     sensors = [
-        _sensor(each, by_name.get((each["group"], each["component"]), []), now, confirmed=confirmed)
+        _sensor(
+            each,
+            by_name.get((each["group"], each["component"]), []),
+            robot,
+            now,
+            confirmed=confirmed,
+        )
         for each in components
     ]
     text = ", ".join(_list_texts([*missing, *sensors]))
@@ -135,9 +139,14 @@ def _state(robot: dict[str, Any], pattern: str, now: float, *, confirmed: bool) 
 
 
 def _sensor(
-    component: dict[str, Any], problems: list[ShownProblem], now: float, *, confirmed: bool
+    component: dict[str, Any],
+    problems: list[ShownProblem],
+    robot: dict[str, Any],
+    now: float,
+    *,
+    confirmed: bool,
 ) -> Sensor:
-    """A component with its problems and those of its values."""
+    """A component of a robot with its problems and those of its values."""
     hard = [each.state for each in problems if _is_confirmed(each)]
     words = ["OK" if component.get("quiet_because") else STATE_OF_LEVEL[component["level"]]]
     of_values = (each for each in problems if each.problem["scope"] == "value")
@@ -147,7 +156,10 @@ def _sensor(
     message = "" if component["level"] == "OK" else component["message"]
     details = " (planned)" if planned else _details(problems, now, message)
     path = _clean(component_path(component))
-    counts = not planned and (bool(hard) or not confirmed)
+    in_downtime = any(
+        each["component"] == component["component"] for each in robot.get("downtimes", ())
+    )
+    counts = not (planned or in_downtime) and (bool(hard) or not confirmed)
     return Sensor(min(words, key=LISTS.index), path + details, counts)
 
 

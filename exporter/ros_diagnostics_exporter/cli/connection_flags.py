@@ -10,6 +10,7 @@ from pathlib import Path
 from ros_diagnostics_exporter.http_client import Client
 
 EXPORTER_URL = "http://127.0.0.1:9877"
+INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
 
 
 def add_arguments(

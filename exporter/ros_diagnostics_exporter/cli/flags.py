@@ -160,14 +160,14 @@ def _add_web(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_alertmanager(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("Alertmanager, to export which alerts are acknowledged")
+    group = parser.add_argument_group("Alertmanager, for acknowledgements and downtimes")
     group.add_argument(
         "--alertmanager.url",
         dest="alertmanager_urls",
         action="append",
         type=_url,
         metavar="URL",
-        help="read this fleet's acknowledgements from it every few seconds and export them; "
+        help="read this fleet's acknowledgements and downtimes from it every few seconds; "
         "repeatable for a cluster, the first that responds is used (default: none)",
     )
     group.add_argument(

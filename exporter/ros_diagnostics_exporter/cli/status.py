@@ -25,6 +25,7 @@ from ros_diagnostics_exporter.severity import (
     ShownProblem,
     clock,
     component_path,
+    downtime_texts,
     event_text,
     shown_problems,
     span,
@@ -136,12 +137,9 @@ def _since(shown: ShownProblem, now: float) -> str:
 
 def _received(robot: dict[str, Any], now: float) -> str:
     """What there is to say of a robot without problems."""
-    last, until = robot["last_message"], robot["maintenance_until"]
+    last = robot["last_message"]
     text = "never received" if last is None else f"last message {max(0.0, now - last):.0f} s ago"
-    if robot["maintenance"]:
-        end = "" if until is None else f" until {clock(until, now, local=True, seconds=False)}"
-        text += f"; in maintenance{end}"
-    return text
+    return "; ".join((text, *downtime_texts(robot, now, local=True)))
 
 
 def _table(*titles: str) -> Table:

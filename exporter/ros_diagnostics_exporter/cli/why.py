@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ros_diagnostics_exporter import __version__, durations
-from ros_diagnostics_exporter.cli.connection_flags import add_arguments, make_client
+from ros_diagnostics_exporter.cli.connection_flags import INTERRUPTED, add_arguments, make_client
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.severity import clock
 from ros_diagnostics_exporter.texts import one_line, printable
@@ -33,6 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except UnreachableError as error:
         print(f"ros-diagnostics-why: {printable(str(error))}", file=sys.stderr)  # noqa: T201
         return 1
+    except KeyboardInterrupt:
+        return INTERRUPTED
     return 0
 
 

@@ -22,7 +22,7 @@ def count_component(book: Book, component: Component) -> None:
 
     It counts from when it is CRITICAL, out of maintenance, until it is received better.
     """
-    fresh = component.level is Level.ERROR and not component.robot.maintenance
+    fresh = component.level is Level.ERROR and not component.maintenance
     counted = fresh or (component.counted and component.level not in (Level.OK, Level.WARN))
     if not (counted or component.counted):
         return
@@ -138,7 +138,11 @@ def _counts(book: Book, cause: Cause, now: Instant) -> tuple[int, int]:
     robot = cause.robot
     if robot is None:
         return len(cause.counted), len(cause.fresh)
-    troubled = [each for each in robot.components.values() if each.since is not None]
+    troubled = [
+        each
+        for each in robot.components.values()
+        if each.since is not None and each.name.component not in robot.maintained
+    ]
     needed = _settings(book, cause).needed(robot.total)
     nothing_known = not robot.up or robot.maintenance or now.mono < robot.returned_until
     if nothing_known or len(troubled) < needed / 2:

@@ -99,7 +99,7 @@ def _note_change(book: Book, component: Component, level: Level, now: Instant) -
     robot = component.robot
     last = Level.OK if component.flaps is None else component.flaps.slots[-1]
     returned = level is Level.STALE and now.mono < robot.returned_until
-    if level == last or returned or robot.maintenance:
+    if level == last or returned or component.maintenance:
         return
     if component.flaps is None:
         component.flaps = FlapHistory([last] * SLOTS, now.mono)

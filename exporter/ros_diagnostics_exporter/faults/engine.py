@@ -159,6 +159,14 @@ class Faults:
                 presence.set_maintenance(self._book, robot, now, planned=is_planned)
         return changes + judge.settle(self._book, now)
 
+    def components_in_maintenance(
+        self, robot: str, names: frozenset[str], now: Instant
+    ) -> list[Change]:
+        """Set which components of a robot, by name, are in a downtime of their own."""
+        changes = self.advance(now)
+        presence.maintain_components(self._book, self._robot(robot), names)
+        return changes + judge.settle(self._book, now)
+
     def forget_robot(self, name: str, now: Instant) -> list[Change]:
         """Take out a robot with all that is wrong with it, as a person wants it."""
         changes = self.advance(now)

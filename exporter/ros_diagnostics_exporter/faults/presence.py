@@ -73,6 +73,14 @@ def set_maintenance(book: Book, robot: Robot, now: Instant, *, planned: bool) ->
     touch_all(book, robot)
 
 
+def maintain_components(book: Book, robot: Robot, names: frozenset[str]) -> None:
+    """Begin or end the quiet of the planned downtimes of some components."""
+    robot.maintained = names
+    for component in robot.components.values():
+        causes.count_component(book, component)
+    touch_all(book, robot)
+
+
 def settle(book: Book, now: Instant) -> None:
     """Judge what restart_grace kept quiet, now that it is over."""
     for robot in book.robots.values():

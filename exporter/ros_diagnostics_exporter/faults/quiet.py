@@ -38,7 +38,7 @@ def why_not_end(problem: Problem) -> Reason | None:
     Maintenance and flapping are quiet both ways.
     """
     robot, component, identity = problem.robot, problem.component, problem.identity
-    if robot is not None and robot.maintenance:
+    if _in_maintenance(problem):
         return Reason.MAINTENANCE
     if robot is not None and identity.state is State.SILENT and robot.flapping:
         return Reason.ROBOT_FLAPPING
@@ -47,10 +47,17 @@ def why_not_end(problem: Problem) -> Reason | None:
     return None
 
 
+def _in_maintenance(problem: Problem) -> bool:
+    robot, component = problem.robot, problem.component
+    if component is not None:
+        return component.maintenance
+    return robot is not None and robot.maintenance
+
+
 def _of_robot(book: Book, problem: Problem, robot: Robot, now: Instant) -> Reason | None:
     """Why the robot keeps it quiet."""
     identity = problem.identity
-    if robot.maintenance:
+    if _in_maintenance(problem):
         return Reason.MAINTENANCE
     of_presence = identity.scope is Scope.ROBOT and identity.state in _OF_PRESENCE
     if not of_presence and not robot.up:

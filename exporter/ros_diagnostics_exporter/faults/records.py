@@ -117,6 +117,11 @@ class Component:
         return problem is not None and problem.in_trouble
 
     @property
+    def maintenance(self) -> bool:
+        """Whether it, or its robot, is in a planned downtime."""
+        return self.robot.maintenance or self.name.component in self.robot.maintained
+
+    @property
     def is_usual(self) -> bool:
         """Whether there is nothing to keep."""
         return not (self.problems or self.values or self.counted) and (
@@ -127,8 +132,9 @@ class Component:
 class Robot:
     """One robot, with what is wrong with it and its components.
 
-    ``total`` is how many components it has; ``returned_until`` (monotonic) when what rests on
-    absence may begin after its return; ``history`` counts its coming and going.
+    ``total`` is how many components it has; ``maintained`` the names of those in a downtime of
+    their own; ``returned_until`` (monotonic) when what rests on absence may begin after its return;
+    ``history`` counts its coming and going.
     """
 
     __slots__ = (
@@ -137,6 +143,7 @@ class Robot:
         "counted",
         "declared",
         "history",
+        "maintained",
         "maintenance",
         "many",
         "name",
@@ -155,6 +162,7 @@ class Robot:
         self.declared = False
         self.presence = Presence.NEVER
         self.maintenance = False
+        self.maintained: frozenset[str] = frozenset()  # not written: planned anew after a start
         self.returned_until = -inf
         self.total = 0
         self.counted = False  # towards its site's silence

@@ -188,7 +188,7 @@ def _of_history(history: FlapHistory | None, clock: _Clock) -> _Fields | None:
 
 
 def _read_fleet(book: Book, _key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
-    book.grace_until = clock.mono(fields["grace_until"])
+    book.grace_until = clock.mono(fields.get("grace_until"))  # version 0.1 had none
     book.settled_at = clock.mono(fields["settled_at"])
 
 

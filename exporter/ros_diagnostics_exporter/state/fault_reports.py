@@ -100,6 +100,10 @@ class FaultReports:
             self._robots[name].maintenance = is_planned
         if planned:
             self._record(self._faults.maintenance(planned, now))
+        for name, reports in self._robots.items():
+            if reports.robot.maintained != reports.maintained:
+                reports.maintained = reports.robot.maintained
+                self._record(self._faults.components_in_maintenance(name, reports.maintained, now))
 
     def tick(self, now: Instant, *, slow: bool) -> None:
         """Let time pass; to be called a few times a second, once a second with ``slow``."""
@@ -209,15 +213,17 @@ class FaultReports:
 class RobotReports:
     """One robot, and what was reported of it.
 
-    ``maintenance`` is as last reported. ``_awaited`` are components of which nothing is received,
-    and from when on (monotonic) an array of the robot shows that they are absent: if none comes it
-    is the robot that is silent, and before that a slow driver is no stale component.
+    ``maintenance`` and ``maintained`` are as last reported. ``_awaited`` are components of which
+    nothing is received, and from when on (monotonic) an array of the robot shows that they are
+    absent: if none comes it is the robot that is silent, and before that a slow driver is no stale
+    component.
     """
 
     def __init__(self, robot: Robot, events: deque[Event]) -> None:
         self.robot = robot
         self._events = events
         self.maintenance = False
+        self.maintained: frozenset[str] = frozenset()
         self._settings = robot.settings
         self._limits = robot.limits
         self._declared = robot.declared
@@ -257,11 +263,15 @@ class RobotReports:
         if robot.maintenance != self.maintenance:
             self.maintenance = robot.maintenance
             changes += faults.maintenance({name: robot.maintenance}, now)
+        if robot.maintained != self.maintained:
+            self.maintained = robot.maintained
+            changes += faults.components_in_maintenance(name, robot.maintained, now)
         return changes
 
     def start_over(self, faults: Faults, now: Instant) -> list[Change]:
         """Report all of it to another engine, but its downtime."""
         self._presence, self.maintenance = None, self.robot.maintenance
+        self.maintained = frozenset()
         return self.configure(faults, now)
 
     # -- what changed ------------------------------------------------------------------------

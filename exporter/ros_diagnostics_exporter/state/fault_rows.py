@@ -38,8 +38,8 @@ class _Fault(NamedTuple):
 
 
 class _OfFleet(NamedTuple):
-    grace_until: _Moment | None
     settled_at: _Moment | None
+    grace_until: _Moment | None = None  # version 0.1 had none
 
 
 class _OfRobot(NamedTuple):

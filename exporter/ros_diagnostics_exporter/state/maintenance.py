@@ -1,26 +1,37 @@
-"""Whether a planned downtime holds now, for a robot with these labels."""
+"""Whether a planned downtime holds now: of fleet.yml, or one that a person planned."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from math import inf
 
 from ros_diagnostics_exporter import weekly
 from ros_diagnostics_exporter.config.fleet import Fleet, Maintenance
+from ros_diagnostics_exporter.model import Downtime
 
 _MOST_WINDOWS = 100  # that are looked at, one after the other
 
 
-def in_maintenance(fleet: Fleet, labels: Mapping[str, str], wall: float) -> bool:
-    """Whether any planned downtime of `fleet` holds.
+def in_maintenance(
+    fleet: Fleet, labels: Mapping[str, str], wall: float, downtimes: Iterable[Downtime] = ()
+) -> bool:
+    """Whether any planned downtime of a whole robot holds.
 
     Args:
         fleet: The config.
         labels: The robot's labels, `robot` and `fleet` among them.
         wall: The time that is asked about, Unix seconds.
+        downtimes: Those of this robot that people planned.
     """
-    return any(holds(each, wall) and selects(each, labels) for each in fleet.maintenance)
+    if any(holds(each, wall) and selects(each, labels) for each in fleet.maintenance):
+        return True
+    return any(each.holds(wall) and not each.component for each in downtimes)
+
+
+def components_in_maintenance(downtimes: Iterable[Downtime], wall: float) -> frozenset[str]:
+    """The names of a robot's components that are in a downtime of their own."""
+    return frozenset(each.component for each in downtimes if each.component and each.holds(wall))
 
 
 def selects(maintenance: Maintenance, labels: Mapping[str, str]) -> bool:
@@ -31,20 +42,25 @@ def selects(maintenance: Maintenance, labels: Mapping[str, str]) -> bool:
     )
 
 
-def maintenance_until(fleet: Fleet, labels: Mapping[str, str], wall: float) -> float | None:
+def maintenance_until(
+    fleet: Fleet, labels: Mapping[str, str], wall: float, downtimes: Iterable[Downtime] = ()
+) -> float | None:
     """When the planned downtimes that hold, and those that follow without a gap, are over.
 
     Args:
         fleet: The config.
         labels: The robot's labels, `robot` and `fleet` among them.
         wall: The time that is asked about, Unix seconds.
+        downtimes: Those of this robot that people planned.
 
     Returns:
         Unix seconds: `wall` if none holds; None where no end is in sight.
     """
     selecting = [each for each in fleet.maintenance if selects(each, labels)]
+    of_robot = [each for each in downtimes if not each.component]
     for _ in range(_MOST_WINDOWS):
         ends = [_end(each, wall) for each in selecting if holds(each, wall)]
+        ends += [each.end for each in of_robot if each.holds(wall)]
         if not ends:
             return wall
         wall = max(ends)

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.model import Endpoint, Instant, Topic
+from ros_diagnostics_exporter.model import Downtime, Endpoint, Instant, Topic
 from ros_diagnostics_exporter.state.discovery import SharedTopic, found_robot, robot_name
 from ros_diagnostics_exporter.state.fault_reports import FaultReports
 from ros_diagnostics_exporter.state.limits import SeriesLimit, truncate
@@ -43,6 +43,7 @@ class RobotRegistry:
         # Discovered, and nothing received from them yet; the longest known first.
         self._not_publishing: OrderedDict[str, Robot] = OrderedDict()
         self._replaced: OrderedDict[Topic, float] = OrderedDict()  # when, monotonic
+        self.downtimes: dict[str, tuple[Downtime, ...]] = {}  # that people planned, by robot
         self.configure(fleet, now)
 
     def configure(self, fleet: config.Fleet, now: Instant) -> None:
@@ -108,6 +109,7 @@ class RobotRegistry:
             self._not_publishing[settings.name] = robot
         self.rejections.accept_robot(_topics(settings), settings.name)
         self._bind(robot)
+        robot.downtimes = self.downtimes.get(settings.name, ())
         robot.update_maintenance(self._fleet, now)  # no scrape may show it without its downtime
         robot.record("known", now)
         self._faults.add(robot, now)

@@ -9,11 +9,14 @@ from collections.abc import Callable, Mapping, Sequence
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.ingest.tree import Structure, TreeReader
-from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Level, Status
+from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Instant, Level, Status
 from ros_diagnostics_exporter.state.component import STALE, Component
 from ros_diagnostics_exporter.state.components import Components
 from ros_diagnostics_exporter.state.limits import SeriesLimit, truncate
-from ros_diagnostics_exporter.state.maintenance import in_maintenance
+from ros_diagnostics_exporter.state.maintenance import (
+    components_in_maintenance,
+    in_maintenance,
+)
 from ros_diagnostics_exporter.state.network import Network
 from ros_diagnostics_exporter.state.rejections import (
     LOG_TEXTS,
@@ -67,6 +70,8 @@ class Robot:
         self.undecodable = False
         self.network = Network()
         self.maintenance = False
+        self.downtimes: tuple[Downtime, ...] = ()  # that people planned
+        self.maintained: frozenset[str] = frozenset()  # names of components in one of their own
         self.rejected = Counter[str](dict.fromkeys(REASONS, 0))
         self._logged: set[RejectionReason] = set()
         self._events = events
@@ -203,9 +208,10 @@ class Robot:
         return due
 
     def update_maintenance(self, fleet: config.Fleet, now: Instant) -> None:
-        """Set whether a planned downtime holds now."""
+        """Set whether planned downtimes of it and of its components hold now."""
         labels = {**self.settings.labels, "fleet": fleet.name, "robot": self.settings.name}
-        planned = in_maintenance(fleet, labels, now.wall)
+        planned = in_maintenance(fleet, labels, now.wall, self.downtimes)
+        self.maintained = components_in_maintenance(self.downtimes, now.wall)
         if planned != self.maintenance:
             self.maintenance = planned
             self.versions.inventory += 1

@@ -7,8 +7,8 @@ from dataclasses import asdict
 from typing import Any
 
 from ros_diagnostics_exporter import __version__
-from ros_diagnostics_exporter.config.fleet import Fleet, ValueRule
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
+from ros_diagnostics_exporter.config.fleet import ValueRule
 from ros_diagnostics_exporter.faults.model import ProblemView, as_texts
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.notifications import Key, key_of
@@ -45,7 +45,7 @@ def fleet_snapshot(state: State, now: Instant, notified: Notified | None = None)
         "robots": [
             {
                 **robot,
-                "maintenance_until": _maintenance_until(fleet, robot, now),
+                **_maintenance(state, robot, now),
                 "problems": problems.get(robot["robot"], []),
             }
             for robot in state.visit(_robot)
@@ -69,7 +69,7 @@ def robot_snapshot(
         "maintenance": robot.maintenance,
         "problems": [_problem(view, notified) for view in views],
     }
-    return {**known, "maintenance_until": _maintenance_until(state.fleet, known, now)}
+    return {**known, **_maintenance(state, known, now)}
 
 
 def faults(state: State, now: Instant, notified: Notified | None = None) -> dict[str, Any]:
@@ -112,11 +112,24 @@ def _notified(identity: dict[str, str], notified: Notified | None) -> dict[str, 
     return None if notified is None else dict(notified.get(key_of(identity), {}))
 
 
-def _maintenance_until(fleet: Fleet, robot: dict[str, Any], now: Instant) -> float | None:
-    if not robot["maintenance"]:
-        return None
+def _maintenance(state: State, robot: dict[str, Any], now: Instant) -> dict[str, Any]:
+    """Until when it is in maintenance, and the downtimes that people planned and that hold."""
+    fleet, planned = state.fleet, state.downtimes(robot["robot"])
     labels = {**robot["labels"], "fleet": fleet.name, "robot": robot["robot"]}
-    return maintenance_until(fleet, labels, now.wall)
+    until = maintenance_until(fleet, labels, now.wall, planned) if robot["maintenance"] else None
+    return {
+        "maintenance_until": until,
+        "downtimes": [
+            {
+                "component": each.component,
+                "until": each.end,
+                "author": each.author,
+                "comment": each.comment,
+            }
+            for each in planned
+            if each.holds(now.wall)
+        ],
+    }
 
 
 def targets(state: State, job: str, port: int | None) -> list[dict[str, Any]]:

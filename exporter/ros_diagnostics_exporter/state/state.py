@@ -12,7 +12,7 @@ from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import Fault, ProblemView, Row
 from ros_diagnostics_exporter.faults.timers import Timers
-from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Topic
+from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Instant, Topic
 from ros_diagnostics_exporter.state.discovery import SharedTopic
 from ros_diagnostics_exporter.state.fault_reports import FaultReports
 from ros_diagnostics_exporter.state.limits import truncate_array
@@ -40,7 +40,8 @@ class State:
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._slow_tick_at = now.mono
         self._ticks: Timers[Robot] = Timers()  # when robots have to be looked at again
-        self._downtimes: tuple[bool, ...] | None = None  # which of them hold; None: not known
+        self._holding: tuple[bool, ...] | None = None  # which downtimes do; None: not known
+        self._downtimes: tuple[Downtime, ...] = ()  # that people planned
         self.unmatched = UnmatchedWatch()  # entries of the config that match nothing
         self._unmatched_at = now.mono + UNMATCHED_TICK
         self._faults = FaultReports(fleet, now, self._events)
@@ -159,9 +160,12 @@ class State:
 
     def _tick_slowly(self, now: Instant) -> None:
         """Look at what changes slowly: maintenance, publishers of silent robots, absence."""
-        downtimes = tuple(holds(each, now.wall) for each in self.fleet.maintenance)
-        changed = downtimes != self._downtimes
-        self._downtimes = downtimes
+        holding = (
+            *(holds(each, now.wall) for each in self.fleet.maintenance),
+            *(each.holds(now.wall) for each in self._downtimes),
+        )
+        changed = holding != self._holding
+        self._holding = holding
         for robot in self._sorted_robots():
             with self._lock:
                 if not self._is_known(robot):
@@ -186,9 +190,25 @@ class State:
             self._registry.configure(fleet, now)
             self._faults.configure(fleet, now)
             self._slow_tick_at = float("-inf")
-            self._downtimes = None
+            self._holding = None
             for robot in self._registry.robots.values():
                 self._ticks.set_at_latest(robot, robot.next_tick)
+
+    def plan(self, downtimes: Iterable[Downtime], now: Instant) -> None:
+        """Follow the downtimes that people have planned, all of them."""
+        planned = tuple(sorted(downtimes))
+        if planned == self._downtimes:
+            return
+        with self._lock:
+            self._downtimes = planned
+            by_robot: dict[str, tuple[Downtime, ...]] = {}
+            for each in planned:
+                by_robot[each.robot] = (*by_robot.get(each.robot, ()), each)
+            self._registry.downtimes = by_robot
+            for name, robot in self._registry.robots.items():
+                robot.downtimes = by_robot.get(name, ())
+                robot.update_maintenance(self.fleet, now)
+            self._faults.tick(now, slow=True)
 
     def forget(self, name: str, component: str | None, now: Instant) -> int:
         """Forget a component by its name, or a robot with all of them; returns how many.
@@ -258,6 +278,11 @@ class State:
         """
         with self._lock:
             return self._faults.problems(now, robot)
+
+    def downtimes(self, robot: str) -> tuple[Downtime, ...]:
+        """The downtimes of a robot and its components that people planned; some may lie ahead."""
+        with self._lock:
+            return self._registry.downtimes.get(robot, ())
 
     def take_fault_rows(self, now: Instant) -> list[Row]:
         """The rows that changed since the last call; of all together `restore_faults` goes on.

@@ -18,6 +18,7 @@ from ros_diagnostics_exporter.severity import (
     clock,
     component_path,
     component_text,
+    downtime_texts,
     event_text,
     shown_problems,
     silent_text,
@@ -300,10 +301,8 @@ def _head(title: str) -> Iterator[str]:
 
 def _marks(robot: dict[str, Any], now: float) -> Iterator[str]:
     """Downtime and flapping, as marks beside the robot's name."""
-    if robot["maintenance"]:
-        until = robot["maintenance_until"]
-        end = "" if until is None else f" until {clock(until, now, local=False, seconds=False)}"
-        yield f"<span class=mark>maintenance{end}</span> "
+    for text in downtime_texts(robot, now):
+        yield f"<span class=mark>{_text(text)}</span> "
     flapping = sum(each["state"] == "flapping" and not each["well"] for each in robot["problems"])
     if flapping:
         yield "<span class=mark>flapping</span> "

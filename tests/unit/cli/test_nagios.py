@@ -8,7 +8,7 @@ import bcrypt
 import pytest
 
 from ros_diagnostics_exporter.cli.check_nagios import check, main
-from support.web_server import broken, component, fleet, problem, robot
+from support.web_server import broken, component, downtime, fleet, problem, robot
 
 MUTE = "its publisher sends nothing (mute)"
 GONE = "nobody publishes on its topics (publisher_gone)"
@@ -150,6 +150,17 @@ def test_with_confirmed_a_silence_and_a_short_check_count_when_they_are():
     assert confirmed_only("drive", short)[0] == 0
     short["problems"] = [{**MISSING, "confirmed": 1_000.0}]
     assert confirmed_only("drive", short)[0] == 2
+
+
+def test_a_component_in_a_downtime_is_listed_and_does_not_count(monkeypatch):
+    monkeypatch.setenv("TZ", "UTC")
+    time.tzset()
+    quiet = broken("Motor 2", confirmed=None, quiet="maintenance")
+    planned = {**BROKEN, "problems": [quiet], "downtimes": [downtime("Motor 2")]}
+    code, text = checked("motor 2", planned)
+    assert code == 0
+    assert "(quiet: maintenance until 20:00 (ann: new gears), for 1 min: Over temperature)" in text
+    assert checked("motor 2", {**planned, "downtimes": [downtime("Motor 1")]})[0] == 2
 
 
 MISSING = problem("check", "critical", check="motors")

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from ros_diagnostics_exporter.ledger import LATE, Window, entries, standings, window
-from support.web_server import broken, problem
+from support.web_server import broken, downtime, problem, robot
 
 MOTOR = {"scope": "component", "state": "critical", "severity": "critical", "group": "/M"}
 
@@ -86,7 +86,23 @@ def test_a_robots_texts_stay_on_their_line():
 
 def test_what_is_now_says_why_nobody_is_notified():
     quiet = problem("component", "critical", quiet="maintenance", group="/M", component="Motor 1")
-    assert standings([quiet, broken(notified={"email": 1_000.0})], 1_060.0, " until 14:00 UTC") == [
-        "critical /M/Motor 1: quiet: maintenance until 14:00 UTC; nobody is notified",
+    problems = [quiet, broken(notified={"email": 1_000.0})]
+    until = "maintenance until 14:00 UTC"
+    stand = [
+        f"critical /M/Motor 1: quiet: {until}; nobody is notified",
         "critical /Motor/Motor 1: confirmed; notified 1 min ago: email",
     ]
+    planned = robot("r", maintenance=True, maintenance_until=50_400.0)
+    assert standings(problems, 1_060.0, planned) == [until, *stand]
+
+
+def test_who_planned_the_downtime_of_a_component_is_the_reason_for_quiet():
+    quiet = problem("component", "critical", quiet="maintenance", group="/M", component="Motor 1")
+    planned = "maintenance until 20:00 UTC (ann: new gears)"
+    other = downtime("Motor 2", comment="other")
+    assert standings([quiet], 1_060.0, robot("r", downtimes=[downtime("Motor 1"), other])) == [
+        f"Motor 1: {planned}",
+        "Motor 2: maintenance until 20:00 UTC (ann: other)",
+        f"critical /M/Motor 1: quiet: {planned}; nobody is notified",
+    ]
+    assert standings([], 1_060.0, robot("r")) == []

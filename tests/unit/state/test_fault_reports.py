@@ -27,7 +27,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import Reason, Row
-from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
+from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Status, Topic
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
 
 MOTOR, LASER = Status(OK, "Motor"), Status(OK, "Laser")
@@ -473,6 +473,57 @@ def test_nothing_begins_in_maintenance_and_what_is_still_wrong_after_it_does():
     assert faults(driver) == set()
     driver.raw_every(1, 155, HOT)
     assert faults(driver) == {("component", "critical", "r", "Motor")}
+
+
+def planned(component: str = "", begin: float = 50, end: float = 150) -> Downtime:
+    return Downtime("r", component, WALL + begin, WALL + end, "ann", "new gears")
+
+
+@pytest.mark.parametrize("component", ["", "Motor"])
+def test_in_a_downtime_that_a_person_planned_nothing_begins(component):
+    driver = StateDriver()
+    driver.state.plan([planned(component)], driver.now)
+    driver.raw_every(1, 60, MOTOR, LASER)
+    driver.raw_every(1, 149, HOT, LASER)
+    assert faults(driver) == set()
+    (problem,) = driver.state.problems(driver.now, "r")
+    assert problem.quiet is Reason.MAINTENANCE
+    driver.raw_every(1, 152, HOT, LASER)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+
+
+def test_other_components_are_judged_in_a_components_downtime():
+    driver = StateDriver()
+    driver.state.plan([planned("Laser")], driver.now)
+    driver.raw_every(1, 60, MOTOR, LASER)
+    driver.raw_every(1, 100, HOT, LASER._replace(level=ERROR))
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+
+
+@pytest.mark.parametrize("component", ["", "Motor"])
+def test_what_is_repaired_in_a_downtime_ends_with_it(component):
+    driver = StateDriver()
+    driver.raw_every(1, 60, MOTOR, LASER)
+    driver.raw_every(1, 100, HOT, LASER)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+    driver.state.plan([planned(component, 100, 1_000)], driver.now)
+    driver.raw_every(1, 140, MOTOR, LASER)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+    driver.state.plan([], driver.now)  # cancelled
+    assert faults(driver) == set()
+
+
+def test_a_downtime_goes_on_after_a_reload_and_for_a_robot_that_comes_later():
+    driver = StateDriver()
+    driver.state.plan([planned("Motor", 0, 1_000)], driver.now)
+    driver.raw_every(1, 60, MOTOR, LASER)
+    fleet = driver.state.fleet
+    driver.state.configure(replace(fleet, robots=()), driver.now)
+    driver.state.configure(
+        replace(fleet, faults=replace(fleet.faults, restart_grace=1)), driver.now
+    )
+    driver.raw_every(1, 100, HOT, LASER)
+    assert faults(driver) == set()
 
 
 def test_a_robot_that_is_found_in_maintenance_is_quiet_from_the_start():

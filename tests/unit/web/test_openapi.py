@@ -17,7 +17,16 @@ from ros_diagnostics_exporter.severity import SILENT as SILENT_WORDS
 from ros_diagnostics_exporter.state.rejections import SilentReason
 from ros_diagnostics_exporter.web.app import openapi
 from ros_diagnostics_exporter.web.server import Server
-from support.web_server import FakeBackend, ask, broken, component, fleet, problem, robot
+from support.web_server import (
+    FakeBackend,
+    ask,
+    broken,
+    component,
+    downtime,
+    fleet,
+    problem,
+    robot,
+)
 
 LOG = EventLog()
 LOG.record(Event(1.0, "level", "a", "/Motor", "Motor 1", "OK", "ERROR", "hot"))
@@ -46,6 +55,7 @@ def server():
                 problems=[broken(), broken(confirmed=None, quiet="maintenance")],
                 maintenance=True,
                 maintenance_until=2_000.0,
+                downtimes=[downtime("Cam 1")],
                 short_checks=[{"check": "c", "patterns": ["x"], "found": 1, "expected": 2}],
             ),
             robot("b", **SILENT, problems=[problem("robot", "pending")]),

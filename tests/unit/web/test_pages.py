@@ -9,7 +9,7 @@ import pytest
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from ros_diagnostics_exporter.severity import QUIET, state_of
 from ros_diagnostics_exporter.web.pages import escape, landing, missing_robot, robot_page
-from support.web_server import ask, broken, component, fleet, problem, robot
+from support.web_server import ask, broken, component, downtime, fleet, problem, robot
 
 EVIL = "\"'><script>alert(1)</script><img src=x onerror=alert(1)>&amp;"
 SILENT = {"up": False, "silent_reason": "mute"}
@@ -206,6 +206,15 @@ def test_maintenance_and_flapping_are_marked():
     assert "a OK flapping" in text
     assert "flapping: 25% of its last states were changes" in text
     assert "maintenance until 1970-01-02 01:00 UTC" in text
+    given = robot(
+        "a",
+        component("Motor 1", "OK"),
+        problems=[MUTE],
+        downtimes=[downtime("Motor 1"), downtime()],
+    )
+    text = text_of({**given, "maintenance": True, "maintenance_until": 80_000.0})
+    assert "maintenance until 22:13 UTC (ann: new gears)" in text
+    assert "Motor 1: maintenance until 22:13 UTC (ann: new gears; ann: new gears)" in text
 
 
 def test_what_many_robots_have_in_common_comes_first():

@@ -1,0 +1,84 @@
+"""A downtime from the command through Alertmanager and exporter to page, commands and mail."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from ros_diagnostics_exporter.cli import downtime, status, why
+from testbed import http
+from testbed.configuration import Clocks
+from testbed.mail import Inbox
+from testbed.polling import until
+from testbed.stack import Plan, Stack, running
+
+pytestmark = pytest.mark.slow
+
+MOTORS = ("Motor 1", "Motor 2")
+REASON = "(ann: new gears)"
+
+
+@pytest.fixture
+def inbox() -> Inbox:
+    return Inbox()
+
+
+@pytest.fixture
+def stack(tmp_path: Path, inbox: Inbox) -> Iterator[Stack]:
+    with running(tmp_path, Plan(robots=1, clocks=Clocks(confirm_after=2)), inbox) as stack:
+        yield stack
+
+
+def run(stack: Stack, *arguments: str) -> int:
+    urls = ["--url", f"http://{stack.addresses.alertmanager}"]
+    urls += ["--exporter", f"http://{stack.addresses.exporter}"]
+    return downtime.main([*arguments, "--author", "ann", *urls])
+
+
+def standings(stack: Stack) -> dict[str, tuple[bool, str | None]]:
+    """Of each component with a problem whether it is confirmed, and why it is quiet."""
+    (robot,) = http.get_json(stack.addresses.exporter, "/api/v1/fleet")["robots"]
+    return {
+        each["component"]: (each["confirmed"] is not None, each["quiet"])
+        for each in robot["problems"]
+        if each["state"] == "critical"
+    }
+
+
+def subjects(inbox: Inbox) -> list[str]:
+    return [mail.subject for mail in inbox.mails()]
+
+
+def test_a_component_in_a_downtime_is_quiet_and_everybody_can_see_why(
+    stack: Stack,
+    inbox: Inbox,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setenv("COLUMNS", "200")
+    plan = ("robot_1", "Motor 1", "1h", "--comment", "new gears")
+    assert run(stack, *plan) == 0, capsys.readouterr().err
+    for motor in MOTORS:
+        stack.fault("robot_1", motor, "error")
+
+    other = "** PROBLEM ** demo/robot_1 Motor 2 is CRITICAL"
+    until(lambda: subjects(inbox) == [other], lambda: str(subjects(inbox)), 60)
+    assert standings(stack) == {"Motor 1": (False, "maintenance"), "Motor 2": (True, None)}
+
+    url = f"http://{stack.addresses.exporter}"
+    capsys.readouterr()
+    assert status.main(["--url", url]) == 0
+    assert REASON in capsys.readouterr().out
+    assert why.main(["robot_1", "Motor 1", "--url", url]) == 0
+    text = capsys.readouterr().out
+    assert "quiet: maintenance until" in text
+    assert REASON in text
+    assert REASON in http.get(stack.addresses.exporter, "/robots/robot_1").decode()
+    assert run(stack, "--list") == 0
+    assert "new gears" in capsys.readouterr().out
+
+    assert run(stack, "--cancel", "robot_1", "Motor 1") == 0
+    its = "** PROBLEM ** demo/robot_1 Motor 1 is CRITICAL"
+    until(lambda: subjects(inbox) == [other, its], lambda: str(subjects(inbox)), 60)

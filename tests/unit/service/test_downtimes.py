@@ -1,0 +1,211 @@
+"""Downtimes: what ros-diagnostics-downtime asks of Alertmanager, and what the exporter reads."""
+
+from __future__ import annotations
+
+import sys
+import time
+from datetime import datetime, timedelta, timezone
+from typing import Any
+
+import pytest
+
+from ros_diagnostics_exporter.alertmanager import read, read_downtimes
+from ros_diagnostics_exporter.cli import ack, downtime, why
+from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from support.silences import listed
+from support.web_server import component, fleet, robot
+
+FLEET = fleet(robot("robot_1", component("Motor 1", "OK")), robot("robot_2"))
+
+
+class Servers:
+    """An Alertmanager and an exporter in place of the client."""
+
+    def __init__(self) -> None:
+        self.silences: list[dict[str, Any]] = []
+        self.follows = True
+        self.exporter_answers = True
+
+    def get(self, client: Client, path: str) -> Any:
+        if path.startswith("/api/v2/silences"):
+            return self.silences
+        if not self.exporter_answers:
+            raise UnreachableError(f"{client.url} refused")
+        robots = FLEET["robots"]
+        if "robot=" in path:
+            robots = [each for each in robots if path.endswith(f"robot={each['robot']}")]
+        planned = read_downtimes(self.silences, "hall") if self.follows else []
+        shown = [{"component": each.component, "until": each.end} for each in planned]
+        return {**FLEET, "robots": [{**each, "downtimes": shown} for each in robots]}
+
+    def post(self, _client: Client, _path: str, body: dict[str, Any]) -> None:
+        number = str(len(self.silences))
+        self.silences.append({"id": number, "status": {"state": "active"}, **body})
+
+    def delete(self, _client: Client, path: str) -> None:
+        number = path.rpartition("/")[2]
+        self.silences = [each for each in self.silences if each.get("id") != number]
+
+
+@pytest.fixture
+def servers(monkeypatch) -> Servers:
+    found = Servers()
+    for name in ("get", "post", "delete"):
+        method = getattr(found, name)
+        monkeypatch.setattr(Client, name, lambda client, *given, m=method: m(client, *given))
+    monkeypatch.setenv("TZ", "UTC")
+    time.tzset()
+    return found
+
+
+def run(*arguments: str) -> int:
+    return downtime.main([*arguments, "--author", "ann"])
+
+
+def plan(*arguments: str) -> int:
+    return run(*arguments, "--comment", "new gears")
+
+
+@pytest.mark.parametrize("name", ["", "Motor 1"])
+def test_what_the_command_plans_is_what_the_exporter_reads(servers, capsys, name):
+    before = time.time()
+    assert plan(*filter(None, ("robot_1", name, "1h30m"))) == 0
+    (found,) = read_downtimes(servers.silences, "hall")
+    assert found[:2] == ("robot_1", name)
+    assert found[4:] == ("ann", "new gears")
+    assert before <= found.start <= time.time()
+    assert found.end - found.start == pytest.approx(5400)
+    assert capsys.readouterr().out.startswith(f"planned: hall/{f'robot_1 {name}'.strip()} from ")
+    assert read_downtimes(servers.silences, "other") == []
+    assert read(servers.silences, "hall") == []  # no acknowledgement
+
+
+def test_one_that_begins_later_is_listed_and_can_be_cancelled(servers, capsys):
+    assert plan("robot_1", "Motor 1", "2h", "--from", "3h") == 0
+    (found,) = read_downtimes(servers.silences, "hall")
+    assert found.start == pytest.approx(time.time() + 3 * 3600, abs=60)
+    servers.silences += [listed(), {"nonsense": 1}]  # an acknowledgement is no downtime
+    capsys.readouterr()
+    assert run("--list") == 0
+    (line,) = capsys.readouterr().out.splitlines()[1:]
+    assert line.split()[:4] == ["hall", "robot_1", "Motor", "1"]
+
+    assert run("--cancel", "robot_1") == 1
+    assert "planned: hall/robot_1 Motor 1" in capsys.readouterr().err
+    assert run("--cancel", "robot_1", "Motor 1") == 0
+    assert read_downtimes(servers.silences, "hall") == []
+
+
+def test_names_that_the_exporter_does_not_know_are_rejected_with_the_nearest(servers, capsys):
+    assert plan("robot_3", "1h") == 1
+    assert "no robot 'robot_3'; the nearest is 'robot_" in capsys.readouterr().err
+    assert plan("robot_1", "Mottor 1", "1h") == 1
+    assert "no component 'Mottor 1'; the nearest is 'Motor 1'" in capsys.readouterr().err
+    assert plan("robot_1", "1h", "--fleet", "yard") == 1
+    assert servers.silences == []
+
+
+def test_an_exporter_that_does_not_follow_is_an_error(servers, capsys, monkeypatch):
+    monkeypatch.setattr(downtime, "FOLLOWED", 0.0)
+    servers.follows = False
+    assert plan("robot_1", "1h") == 1
+    assert "it has to run with --alertmanager.url" in capsys.readouterr().err
+
+
+def test_without_an_exporter_the_fleet_has_to_be_named(servers, capsys):
+    servers.exporter_answers = False
+    assert plan("robot_1", "1h") == 1
+    assert "name the fleet with --fleet" in capsys.readouterr().err
+    assert plan("robot_1", "1h", "--fleet", "hall") == 0
+    assert "not checked" in capsys.readouterr().err
+    assert len(read_downtimes(servers.silences, "hall")) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["robot_1", "--comment", "x"], "give ROBOT [COMPONENT] DURATION"),
+        (["robot_1", "Motor 1", "--comment", "x"], "'Motor 1' is not a duration such as 1h"),
+        (["robot_1", "0s", "--comment", "x"], "above 0"),
+        (["robot_1", "99999d", "--comment", "x"], "ten years at most"),
+        (["robot_1", "1h"], "say with --comment"),
+        (["robot_1", "1h", "--comment", " "], "say with --comment"),
+        (["", "1h", "--comment", "x"], "a name has 1 to 1024 characters"),
+        (["robot_1", "1h", "--comment", "x", "--from", "soon"], "'soon' is no time"),
+        (["robot_1", "1h", "--comment", "x", "--from", "2020-01-01"], "has passed"),
+        (["--cancel"], "--cancel needs ROBOT"),
+        (["--list", "robot_1"], "--list takes no ROBOT"),
+        (["--list", "--cancel", "robot_1"], "not allowed with"),
+    ],
+)
+def test_wrong_arguments_are_usage_errors(arguments, problem, capsys):
+    with pytest.raises(SystemExit) as ended:
+        run(*arguments)
+    assert ended.value.code == 2
+    assert problem in capsys.readouterr().err
+
+
+def test_flags_may_stand_between_the_names(servers):
+    assert run("robot_1", "--comment", "new gears", "Motor 1", "--from", "1h", "2h") == 0
+    (found,) = read_downtimes(servers.silences, "hall")
+    assert found.component == "Motor 1"
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments"), [(downtime, ["--list"]), (ack, ["--list"]), (why, ["r"])]
+)
+def test_ctrl_c_ends_a_command_without_a_traceback(command, arguments, monkeypatch):
+    def interrupted(_client, _path):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Client, "get", interrupted)
+    assert command.main(["r"] if command is why else ["--list"]) == 130
+
+
+def test_a_time_of_day_is_the_next_one():
+    now = datetime(2026, 5, 1, 14, 0, tzinfo=timezone.utc)
+    assert downtime.start("15:30", now) == now + timedelta(hours=1, minutes=30)
+    assert downtime.start("13:00", now) == now + timedelta(hours=23)
+    assert downtime.start("90m", now) == now + timedelta(minutes=90)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"status": {"state": "expired"}},
+        {"endsAt": "soon"},
+        {"matchers": []},
+        {"matchers": None},
+        {"createdBy": None},
+    ],
+)
+def test_other_silences_are_no_downtimes(servers, changed):
+    plan("robot_1", "1h")
+    (made,) = servers.silences
+    assert len(read_downtimes([made], "hall")) == 1
+    assert read_downtimes([{**made, **changed}], "hall") == []
+
+
+@pytest.mark.parametrize(
+    "matcher",
+    [
+        {"name": "robot", "value": "r.*", "isRegex": True},
+        {"name": "robot", "value": "robot_1", "isRegex": False, "isEqual": False},
+        {"name": "severity", "value": "warning", "isRegex": False},
+        {"name": "robot", "value": "", "isRegex": False},
+    ],
+)
+def test_a_silence_that_matches_something_else_is_none(servers, matcher):
+    plan("robot_1", "1h")
+    (made,) = servers.silences
+    others = [each for each in made["matchers"] if each["name"] != matcher["name"]]
+    assert read_downtimes([{**made, "matchers": [*others, matcher]}], "hall") == []
+
+
+def test_hostile_words_stay_on_their_line(servers, capsys):
+    assert run("robot_1", "1h", "--comment", "a\n\x1b[31mb" + "x" * 500) == 0
+    (found,) = read_downtimes(servers.silences, "hall")
+    assert found.comment.isprintable()
+    assert len(found.comment) == 200
+    assert capsys.readouterr().out.count("\n") == 1
+    assert sys.getsizeof(found.comment) < 2_000
