@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 from urllib.parse import urlencode
 
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
@@ -36,12 +36,14 @@ NAME_LENGTH = 1024  # of a robot or a component
 SENTENCE_LENGTH = 1000
 EXPLAINED = 50  # alerts of a robot, and silences
 MOST = 1000  # acknowledgements; the newest are kept
+SAME = 1.0  # seconds by which an acknowledgement may differ from when its fault began
 
 # 2026-01-01 10:00:00.123 +0000 UTC as rules print it, 2026-01-01T10:00:00.123Z as Alertmanager does
 _MOMENT = re.compile(
     r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(?: \+0000 UTC|Z|([+-]\d\d:\d\d))"
 )
 _PARTS = ("component", "check", "key", "uplink", "step")  # what an alert is about
+_Answer = TypeVar("_Answer")
 _UUID = re.compile(r"[0-9a-f-]{36}")
 
 
@@ -63,6 +65,10 @@ class Acknowledgement(NamedTuple):
     comment: str
     at: float
     until: float
+
+    def is_of(self, since: float) -> bool:
+        """Whether it is of the fault that began then, not of an earlier or later one."""
+        return abs(self.since - since) <= SAME
 
 
 def read(silences: Any, fleet: str) -> list[Acknowledgement]:
@@ -176,62 +182,55 @@ class Alertmanager:
         Raises:
             UnreachableError: No Alertmanager answers.
         """
-        whys: list[str] = []
-        for client in self._clients:
-            found = _try_to_explain(client, fleet, {"robot": robot, "component": component})
-            if not isinstance(found, str):
-                return found
-            whys.append(found)
-        raise UnreachableError("; ".join(whys))
+        labels = {"fleet": fleet, "robot": robot, "component": component}
+        return self._first(lambda client: _explain(client, labels, self.SIZE))[1]
 
     def update(self, fleet: str, now: Instant) -> None:
         """Request the silences once; log when Alertmanager stops and starts to answer."""
+        try:
+            url, answer = self._first(lambda client: _ask(client, fleet, self.SIZE))
+        except UnreachableError as error:
+            if self._answers is not False:
+                log.error("no acknowledgements: Alertmanager does not answer: %s", error)
+            self._answers = False
+            return
+        if not self._answers:
+            log.info("acknowledgements are read from Alertmanager at %s", url)
+        self._acknowledgements = answer
+        self._answers, self._answered_at = True, now.mono
+
+    def _first(self, ask: Callable[[Client], _Answer]) -> tuple[str, _Answer]:
+        """The URL of the first that answers, and its answer.
+
+        Raises:
+            UnreachableError: None does; the text says why of each.
+        """
         whys: list[str] = []
         for client in self._clients:
-            answer = _ask(client, fleet, self.SIZE)
-            if isinstance(answer, str):
-                whys.append(answer)
-                continue
-            if not self._answers:
-                log.info("acknowledgements are read from Alertmanager at %s", client.url)
-            self._acknowledgements = answer
-            self._answers, self._answered_at = True, now.mono
-            return
-        if self._answers is not False:
-            log.error("no acknowledgements: Alertmanager does not answer: %s", "; ".join(whys))
-        self._answers = False
+            try:
+                return client.url, ask(client)
+            except UnreachableError as error:  # noqa: PERF203 - of each, until one answers
+                whys.append(str(error))
+            except ValueError as error:
+                whys.append(f"{client.url} is not an Alertmanager: {error!s:.120}")
+            except (KeyError, TypeError, AttributeError) as error:
+                whys.append(f"{client.url} is not an Alertmanager: {error!r:.120}")
+        raise UnreachableError("; ".join(whys))
 
 
-def _ask(client: Client, fleet: str, size: int) -> list[Acknowledgement] | str:
-    """The acknowledgements, or why there is no answer."""
+def _ask(client: Client, fleet: str, size: int) -> list[Acknowledgement]:
     wanted = [("filter", f'alertname="{ESCALATION}"'), ("filter", f'fleet="{escape(fleet)}"')]
-    try:
-        silences = client.get(f"/api/v2/silences?{urlencode(wanted)}", limit=size)
-        return read(silences, fleet)
-    except UnreachableError as error:
-        return str(error)
-    except ValueError as error:
-        return f"{client.url} is not an Alertmanager: {error}"
+    return read(client.get(f"/api/v2/silences?{urlencode(wanted)}", limit=size), fleet)
 
 
-def _try_to_explain(
-    client: Client, fleet: str, labels: Mapping[str, str | None]
-) -> list[str] | str:
-    """A sentence for each alert, or why there is no answer."""
-    try:
-        return _explain(client, fleet, labels, Alertmanager.SIZE)
-    except UnreachableError as error:
-        return str(error)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        return f"{client.url} is not an Alertmanager: {error!r:.120}"
-
-
-def _explain(client: Client, fleet: str, labels: Mapping[str, str | None], size: int) -> list[str]:
-    alerts = _alerts(client, {"fleet": fleet, **labels}, size)[:EXPLAINED]
+def _explain(client: Client, labels: Mapping[str, str | None], size: int) -> list[str]:
+    """A sentence for each alert with these labels; those that are None may be any."""
+    alerts = _alerts(client, labels, size)[:EXPLAINED]
     known = {each["fingerprint"]: each for each in alerts}
     inhibiting = {name for each in alerts for name in each["status"]["inhibitedBy"]}
     if inhibiting - known.keys():  # such as an uplink, which is of no robot
-        known |= {each["fingerprint"]: each for each in _alerts(client, {"fleet": fleet}, size)}
+        of_fleet = _alerts(client, {"fleet": labels["fleet"]}, size)
+        known |= {each["fingerprint"]: each for each in of_fleet}
     silencing = {name for each in alerts for name in each["status"]["silencedBy"][:EXPLAINED]}
     silences = {name: _silence(client, name, size) for name in sorted(silencing)[:EXPLAINED]}
     return [_about(each, known, silences) for each in alerts]

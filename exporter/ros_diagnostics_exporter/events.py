@@ -14,7 +14,10 @@ from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from typing import Any
 
-KINDS = ("level", "fault_began", "fault_ended", "notified", "acknowledged", "robot", "config")
+KINDS = (
+    *("level", "condition", "fault_began", "fault_ended"),
+    *("notified", "acknowledged", "robot", "config"),
+)
 MAX_EVENTS = 10_000  # events in memory; some 5 MB
 BYTES = 32 * 1024 * 1024  # of their texts, where messages are long
 MESSAGE = 4_096  # characters of a message in memory
@@ -24,12 +27,13 @@ MESSAGE = 4_096  # characters of a message in memory
 class Event:
     """One thing that happened, at Unix time ``time``.
 
-    ``kind`` is ``level`` (a component changed), ``fault_began`` or ``fault_ended`` (what is
-    confirmed), ``notified`` (Alertmanager sent it to a receiver), ``acknowledged``, ``robot``
-    (known, forgotten, silent or back) or ``config`` (read or rejected).
+    ``kind`` is ``level`` (a component changed), ``condition`` (one of fleet.yml began or ceased to
+    keep a problem quiet), ``fault_began`` or ``fault_ended`` (what is confirmed), ``notified``
+    (Alertmanager sent it to a receiver), ``acknowledged``, ``robot`` (known, forgotten, silent or
+    back) or ``config`` (read or rejected).
     ``before`` and ``after`` are the words of levels, OK, WARN, ERROR, STALE; ``after`` may also be
-    heard, silent, known, forgotten, read, refused, firing or resolved. A field that does not apply
-    is "", or None.
+    heard, silent, known, forgotten, read, refused, firing or resolved, of a condition quiet or
+    judged. A field that does not apply is "", or None.
 
     Of a fault, ``scope``, ``state``, ``site``, ``robot``, ``group``, ``component``, ``check``,
     ``key``, ``bound`` and ``severity`` are its labels in

@@ -71,13 +71,15 @@ class Client:
             raise UnreachableError(f"{self.url}{path} is not a ROS diagnostics exporter")
         return fleet
 
-    def events(self, robot: str, since: str) -> Iterator[dict[str, Any]]:
-        """The events of a robot, the newest first, that are not older than ``since``, as "10m".
+    def events(self, since: str, **wanted: str) -> Iterator[dict[str, Any]]:
+        """The events that are not older than ``since``, as "10m", the newest first.
+
+        ``wanted`` are other parameters of /api/v1/events: ``robot``, ``kind``.
 
         Raises:
             UnreachableError: No response, or the server is not an exporter.
         """
-        query = {"robot": robot, "since": since, "limit": "10000"}
+        query = {**wanted, "since": since, "limit": "10000"}
         while True:
             path = "/api/v1/events?" + urllib.parse.urlencode(query)
             page = self.get(path)

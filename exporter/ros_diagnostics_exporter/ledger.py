@@ -27,7 +27,9 @@ class Window(NamedTuple):
 
 
 def window(began: Iterable[Event], ended: Iterable[Event], at: float) -> Window:
-    """The time of the faults that lasted ``at`` a Unix time, or else of the last one before.
+    """The time of the faults that lasted ``at`` a Unix time or had just ended, or else of the last.
+
+    A fault whose recovery may just have been notified counts beside one that goes on.
 
     Args:
         began: The faults that began before, the newest first.
@@ -36,9 +38,10 @@ def window(began: Iterable[Event], ended: Iterable[Event], at: float) -> Window:
     """
     ends = {_fault(each): each["time"] for each in ended}
     faults = [(each["since"], ends.get(_fault(each), float("inf"))) for each in began]
-    lasting = [each for each in faults if each[1] >= at] or faults[:1]
-    if not lasting:
+    if not faults:
         return Window(at - BEFORE, at + LATE)
+    recent = [each for each in faults if each[1] >= at - LATE]
+    lasting = recent or [max(faults, key=lambda fault: fault[1])]
     # A level's event is as old as the trouble, to the rounding of what is stored.
     return Window(min(each[0] for each in lasting) - 1, max(each[1] for each in lasting) + LATE)
 

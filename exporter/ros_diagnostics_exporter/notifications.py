@@ -2,7 +2,7 @@
 
 Alertmanager posts here what it sends to a receiver, as
 https://prometheus.io/docs/alerting/latest/configuration/#webhook_config describes (version 4). That
-says that the notification was handed to the receiver, not that a mail or text message arrived:
+says that the notification was passed to the receiver, not that a mail or text message arrived:
 each integration of a receiver is sent and retried on its own.
 """
 
@@ -23,15 +23,16 @@ from ros_diagnostics_exporter.alertmanager import (
     Acknowledgement,
     clean,
 )
+from ros_diagnostics_exporter.config.errors import first_error
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import Fault, severity_of
+from ros_diagnostics_exporter.faults.model import Fault, as_texts
+from ros_diagnostics_exporter.texts import encodable
 
 MAX_BODY = 1024 * 1024  # bytes; a message about one alert has some thousand
 MAX_ALERTS = 1_000  # of a message
 MAX_NOTIFIED = 100  # events of a fault; a reminder a day, for a quarter of a year
 MAX_RECEIVERS = 20  # of a fault
 MAX_ENDED = 1_000  # faults that ended, for which notifications may still come
-SAME = 1.0  # seconds by which an acknowledgement may differ from when its fault began
 
 Key = tuple[str, ...]  # which fault: the labels of _KEY as Alertmanager has them
 _KEY = IDENTITY[1:]  # without the fleet
@@ -63,42 +64,18 @@ def parse(body: bytes) -> Message:
     try:
         return _MESSAGE.validate_json(body)
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        place = ".".join(map(str, first["loc"])) or "the body"
-        raise ValueError(
-            f"not a message of Alertmanager's webhook, version 4: {place:.80}: {first['msg']:.120}"
-        ) from error
+        wrong = first_error(error, "the body")
+        raise ValueError(f"not a message of Alertmanager's webhook, version 4: {wrong}") from error
 
 
 def key_of(labels: Mapping[str, str]) -> Key:
     """Which fault of a fleet these labels name."""
-    return tuple(as_served(labels.get(name, "")) for name in _KEY)
-
-
-def as_served(text: str) -> str:
-    """A label's value as Prometheus, and thus Alertmanager, gets it."""
-    return text if text.isascii() else text.encode("utf-8", "replace").decode()
+    return tuple(encodable(labels.get(name, "")) for name in _KEY)
 
 
 def _labels(event: Event) -> dict[str, str]:
     """The fields of an event that name its fault."""
     return {name: str(getattr(event, name)) for name in _KEY}
-
-
-def key_of_fault(fault: Fault) -> Key:
-    """Which fault it is."""
-    return key_of(_fault_labels(fault))
-
-
-def _fault_labels(fault: Fault) -> dict[str, str]:
-    identity = fault.identity
-    return {
-        **identity._asdict(),
-        "scope": identity.scope.value,
-        "state": identity.state.value,
-        "severity": severity_of(identity),
-        "site": identity.site or fault.labels.get("site", ""),
-    }
 
 
 @dataclass(eq=False)
@@ -134,7 +111,7 @@ class Notifications:
         self._ended: deque[tuple[Key, _Known]] = deque()
         self._ever = False
         for fault in lasting:
-            labels = _fault_labels(fault)
+            labels = as_texts(fault.identity, fault.labels)
             self._known.setdefault(key_of(labels), []).append(_Known(labels, fault.since))
 
     def note(self, event: Event) -> None:
@@ -179,7 +156,7 @@ class Notifications:
             for alert in message.alerts:
                 labels, is_firing = alert.labels, alert.status == "firing"
                 known = None
-                if labels.get("fleet") == as_served(fleet):
+                if labels.get("fleet") == encodable(fleet):
                     known = self._choose(key_of(labels), receiver, is_firing=is_firing)
                 if known is None or known.notified >= MAX_NOTIFIED:
                     continue
@@ -215,7 +192,7 @@ class Notifications:
         with self._lock:
             for each in acknowledgements:
                 for known in self._known.get(each.fault[1:], ()):
-                    is_its = abs(known.since - each.since) <= SAME and not known.is_over
+                    is_its = each.is_of(known.since) and not known.is_over
                     if is_its and each.at not in known.acknowledged:
                         events.append(
                             Event(

@@ -23,6 +23,7 @@ from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import Part
 from ros_diagnostics_exporter.notifications import Notifications, parse
+from ros_diagnostics_exporter.severity import until_text
 from ros_diagnostics_exporter.state import snapshot
 from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.state.storage import Storage
@@ -257,7 +258,7 @@ class Service:
             "entries": ledger.entries(own, of_many, component, site),
         }
         problems = [each for each in known["problems"] if component in (None, each["component"])]
-        end = snapshot.until_text(known["maintenance_until"], now.wall)
+        end = until_text(known["maintenance_until"], now.wall, local=False)
         sentences = ledger.standings(problems, now.wall, end)
         return {**found, "now": sentences + (self._explain(robot, component) if ask else [])}
 

@@ -25,7 +25,7 @@ COLOURS = {
     "OK": ("#1F7F63", "#FFFFFF"),
     "PENDING": ("#D0D0D0", "#000000"),
 }
-QUIET = {  # why a problem is quiet; maintenance is shown with its end
+QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condition in its words
     "no_data": "nothing fresh is known",
     "robot_silent": "the robot is silent",
     "maintenance": "maintenance",
@@ -36,6 +36,7 @@ QUIET = {  # why a problem is quiet; maintenance is shown with its end
     "site": "many robots of the site are silent",
     "common": "the same component failed on many robots",
     "many": "many components of the robot failed at once",
+    "condition": "by its condition in fleet.yml",
     "hours": "outside of warning hours",
 }
 SILENT = {  # why a robot is silent
@@ -95,12 +96,12 @@ def state_of(robot: dict[str, Any]) -> str:
     """A robot's state in one word: UNKNOWN is silent, PENDING was never seen."""
     if not robot["up"]:
         return "PENDING" if robot["silent_reason"] == "never_seen" else "UNKNOWN"
-    words = [each["state"] for each in robot["components"] if not as_planned(each)]
+    words = [judged_state(each) for each in robot["components"]]
     words += ["CRITICAL" for _short in robot["short_checks"]]
     words += [
         problem_state(each)
         for each in robot["problems"]
-        if each["scope"] == "value" and not each["well"]
+        if each["scope"] == "value" and is_bad(each)
     ]
     return max(words, key=SEVERITIES.__getitem__, default="OK")
 
@@ -114,6 +115,17 @@ def problem_state(problem: dict[str, Any]) -> str:
 def as_planned(component: dict[str, Any]) -> bool:
     """Whether the component is STALE because fleet.yml plans it."""
     return bool(component["planned_stale"]) and component["state"] == "STALE"
+
+
+def judged_state(component: dict[str, Any]) -> str:
+    """The component's state; OK where fleet.yml says that it is no fault."""
+    excused = as_planned(component) or component.get("quiet_because")
+    return "OK" if excused else str(component["state"])
+
+
+def is_bad(problem: dict[str, Any]) -> bool:
+    """Whether it is still wrong, and no condition of fleet.yml says that it is no fault."""
+    return not problem["well"] and problem["quiet"] != "condition"
 
 
 def level_text(component: dict[str, Any]) -> str:
@@ -138,8 +150,7 @@ def shown_problems(
     """
     if not of["problems"]:
         return [], 0
-    until = of.get("maintenance_until")
-    end = "" if until is None else f" until {clock(until, now, local=local, seconds=False)}"
+    end = until_text(of.get("maintenance_until"), now, local=local)
     found = [
         (problem_state(each), standing(each, now, end), subject(each), each)
         for each in _without_milder(of["problems"])
@@ -209,12 +220,19 @@ def standing(problem: dict[str, Any], now: float, maintenance_end: str = "") -> 
     quiet = QUIET.get(reason, reason)
     if reason == "maintenance":
         quiet += maintenance_end
+    if problem.get("because"):
+        quiet = f"{quiet}, {problem['because']}"
     if problem["confirmed"] is not None:
         return f"confirmed; well again, still open: {quiet}" if quiet else "confirmed"
     if quiet:
         return f"quiet: {quiet}"
     left = math.ceil(problem["due"] - now)
     return f"not confirmed yet, {span(left)} left" if left > 0 else "not confirmed yet"
+
+
+def until_text(until: float | None, now: float, *, local: bool) -> str:
+    """The end of a maintenance as `standing` takes it; "" for none."""
+    return "" if until is None else f" until {clock(until, now, local=local, seconds=False)}"
 
 
 def notice(problem: dict[str, Any], now: float) -> str:
@@ -310,6 +328,10 @@ def event_text(event: dict[str, Any]) -> str:
         about = _complete(event)
         how = {"fault_began": "began", "fault_ended": event.get("reason", "ended")}[kind]
         words = f"fault {how}: {problem_state(about)} {subject(about)}"
+    elif kind == "condition":
+        about = _complete(event)
+        how = "quiet" if after == "quiet" else "no longer quiet"
+        words = f"{how} by its condition: {problem_state(about)} {subject(about)}"
     elif kind in {"notified", "acknowledged"}:
         words = f"{_done(event)}: {problem_state(event)} {subject(_complete(event))}"
     else:

@@ -3,6 +3,7 @@
     printable   error messages and logs of the configuration: exact, in one line
     one_line    terminals and the landing page: exact but for blanks
     to_json     logs, the event log and JSON on a terminal
+    encodable   what is stored or compared: as others get it
 
 Prometheus and the API get every name as it was published. Here, characters that control a terminal,
 change the direction of writing or take no space (control and format characters, separators, lone
@@ -37,9 +38,12 @@ def one_line(text: str) -> str:
 
 def escape(text: str) -> str:
     """``text`` between the quotes of a label value or matcher; invalid Unicode is replaced."""
-    if not text.isascii():
-        text = text.encode("utf-8", "replace").decode()
-    return _TO_ESCAPE.sub(lambda match: _ESCAPES[match[0]], text)
+    return _TO_ESCAPE.sub(lambda match: _ESCAPES[match[0]], encodable(text))
+
+
+def encodable(text: str) -> str:
+    """``text`` as UTF-8 has it, and thus Prometheus, SQLite: lone surrogates are replaced."""
+    return text if text.isascii() else text.encode("utf-8", "replace").decode()
 
 
 def to_json(content: Any) -> str:

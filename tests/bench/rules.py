@@ -17,12 +17,11 @@ import json
 import re
 import shutil
 import tempfile
-import threading
 import time
 import urllib.request
+from collections.abc import Collection
 from contextlib import ExitStack
 from functools import partial
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -41,6 +40,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Instant, Part, Topic
 from ros_diagnostics_exporter.state.state import State
+from support.served_fleet import serving
 from testbed.polling import until
 from testbed.ports import free_port
 from testbed.processes import Process
@@ -118,31 +118,16 @@ class Target:
         self.text = self._exposition.render(parts={Part.ROBOTS})
         return len(self._state.faults())
 
-
-def serve(target: Target, port: int) -> ThreadingHTTPServer:
-    """Serve the target's text on loopback until the server is shut down."""
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_response(200)
-            self.send_header("Content-Type", "text/plain; version=0.0.4")
-            self.end_headers()
-            faults = "collect%5B%5D=faults" in self.path
-            self.wfile.write(target.faults if faults else target.text)
-
-        def log_message(self, *_: Any) -> None:
-            pass
-
-    server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    return server
+    def scrape(self, parts: Collection[Part]) -> bytes:
+        """The text of one of both scrapes."""
+        return self.faults if parts == {Part.FAULTS} else self.text
 
 
-def start_prometheus(binary: str, folder: Path, exporter: int, port: int) -> Process:
+def start_prometheus(binary: str, folder: Path, exporter: str, port: int) -> Process:
     """The shipped configuration with the target's address put in, without Alertmanager."""
     shutil.copytree(PROMETHEUS, folder / "prometheus")
     targets = folder / "prometheus" / "targets"
-    (targets / "ros-diagnostics.yml").write_text(f'[{{targets: ["127.0.0.1:{exporter}"]}}]')
+    (targets / "ros-diagnostics.yml").write_text(f'[{{targets: ["{exporter}"]}}]')
     (targets / "alertmanager.yml").write_text("[]")
     (targets / "prometheus.yml").write_text(f'[{{targets: ["127.0.0.1:{port}"]}}]')
     argv = [
@@ -220,10 +205,10 @@ def main() -> None:
     parser.add_argument("--rules", type=int, default=0, help="also print the N costliest rules")
     options = parser.parse_args()
     target = Target(options.robots)
-    exporter, port = free_port(), free_port()
+    port = free_port()
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        stack.callback(serve(target, exporter).shutdown)
+        exporter = stack.enter_context(serving(target.scrape))
         target.breaks(CASES[0])
         prometheus = start_prometheus(options.prometheus, folder, exporter, port)
         stack.callback(prometheus.stop)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from conformance import stack
 from conformance.exporter import play
 from conformance.histories import NOT_TWICE, OPEN_ENDS
 from conformance.history import History, Notification
@@ -65,7 +66,8 @@ Play = Callable[[History], "list[Notification]"]
 def run(folder: Path, histories: Sequence[History], ours: Play = play) -> list[Outcome]:
     """Both sides of each history, in the order given.
 
-    Nagios plays together those that need the same length of a tick and the same restarts.
+    Nagios plays together those that need the same length of a tick and the same restarts; so does
+    a real Alertmanager those that are about whom it notifies, whatever ``ours`` is.
     """
     groups: dict[tuple[bool, tuple[int, ...]], list[History]] = {}
     for each in histories:
@@ -74,7 +76,16 @@ def run(folder: Path, histories: Sequence[History], ours: Play = play) -> list[O
     for number, group in enumerate(groups.values()):
         played = Nagios(folder / f"nagios-{number}", group).play()
         found |= {id(each): notes for each, notes in zip(group, played, strict=True)}
-    return [Outcome(each, found[id(each)], ours(each)) for each in histories]
+    people = [each for each in histories if each.of_people]
+    sent = []
+    if people:
+        (folder / "stack").mkdir()
+        sent = stack.notifications(folder / "stack", people)
+    of_people = {id(each): notes for each, notes in zip(people, sent, strict=True)}
+    return [
+        Outcome(each, found[id(each)], of_people[id(each)] if each.of_people else ours(each))
+        for each in histories
+    ]
 
 
 def shrunk(folder: Path, history: History, ours: Play = play) -> Outcome:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from conformance.history import NONE, SERVICE_CODES, History, Notification
+from conformance.history import HOURS_CHANGE, NONE, SERVICE_CODES, History, Notification
 from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
     FaultSettings,
@@ -15,6 +15,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Profile,
     Robot,
     Source,
+    WarningHours,
 )
 from ros_diagnostics_exporter.faults.model import Fault, Row
 from ros_diagnostics_exporter.faults.model import State as FaultState
@@ -27,7 +28,13 @@ from ros_diagnostics_exporter.state.state import State
 TICK = 59.0
 STEP = 0.25  # between two looks at the clock, as the exporter's; longer where nothing is due
 IDLE = 2.0
-WALL = 1_700_000_000.0
+# Of tick 0: the hours of a history change on a Tuesday at 8:00 UTC, half a tick before one.
+WALL = 1_699_948_800.0 - (HOURS_CHANGE - 0.5) * TICK
+TUESDAY, EIGHT, DAY = 1, 8 * 60, 24 * 60  # minutes of a `Weekly`
+HOURS = {
+    True: ((TUESDAY, EIGHT, DAY), (TUESDAY + 1, 0, DAY)),
+    False: ((TUESDAY - 1, 0, DAY), (TUESDAY, 0, EIGHT)),
+}
 READY = -10  # the tick from which on the robots are received; all is settled by tick 0
 NEVER = 1e9
 FLAPPING_OFF = 2.0  # no ratio is as high
@@ -40,21 +47,9 @@ NAMES = {
 }
 
 
-@dataclass(frozen=True)
-class Variant:
-    """How the exporter is set up: as it should be, or wrong on purpose.
-
-    ``early`` ticks are taken off confirm_after. ``soft_recovery`` notifies that a problem is over
-    that never was a fault.
-    """
-
-    early: float = 0.0
-    soft_recovery: bool = False
-
-
-def play(history: History, variant: Variant = Variant()) -> list[Notification]:
+def play(history: History) -> list[Notification]:
     """The notifications of one history, in their order."""
-    player = _Player(history, variant)
+    player = _Player(history)
     for tick in range(READY, history.ticks):
         player.tick(tick)
     return [
@@ -64,16 +59,14 @@ def play(history: History, variant: Variant = Variant()) -> list[Notification]:
 
 
 class _Player:
-    def __init__(self, history: History, variant: Variant) -> None:
+    def __init__(self, history: History) -> None:
         self._history = history
-        self._fleet = _fleet(history, variant)
+        self._fleet = _fleet(history)
         self._now = _at(READY - 10)
         self._state = State(self._fleet, self._now)
         self._lasting: dict[str, set[FaultState]] = {}
         self._planned: dict[str, bool] = {}
         self._rows: dict[tuple[str, tuple[str, ...]], Row] = {}
-        self._variant = variant
-        self._soft: set[str] = set()
         self.found: list[tuple[int, str, str]] = []
 
     def tick(self, tick: int) -> None:
@@ -82,7 +75,7 @@ class _Player:
             self._restart()
         self._pass(tick - 1e-3)
         self._now = _at(tick)
-        for host in self._history.all_hosts:
+        for host in self._history.robots:
             if _letter(self._history.hosts.get(host, "u" * self._history.ticks), tick, "u") == "u":
                 self._receive(host, tick)
         self._state.tick(self._now)
@@ -122,7 +115,7 @@ class _Player:
     # -- faults to notifications -------------------------------------------------------------
 
     def _collect(self) -> None:
-        for host in self._history.all_hosts:
+        for host in self._history.robots:
             planned = self._state.robots[host].maintenance
             if planned != self._planned.get(host, False):
                 self._planned[host] = planned
@@ -133,18 +126,6 @@ class _Player:
         for what in lasting.keys() | self._lasting.keys():
             self._compare(what, self._lasting.get(what, set()), lasting.get(what, set()))
         self._lasting = lasting
-        if self._variant.soft_recovery:
-            self._soft_recoveries()
-
-    def _soft_recoveries(self) -> None:
-        soft = {
-            "/".join(filter(None, (each.identity.robot, each.identity.component)))
-            for each in self._state.problems(self._now)
-            if each.fault is None
-        }
-        for what in self._soft - soft - self._lasting.keys():
-            self._say(what, "RECOVERY")
-        self._soft = soft
 
     def _compare(self, what: str, before: set[FaultState], after: set[FaultState]) -> None:
         if (FaultState.FLAPPING in before) != (FaultState.FLAPPING in after):
@@ -165,7 +146,7 @@ def _worst(states: set[FaultState]) -> str:
 
 def _about(fault: Fault) -> str:
     identity = fault.identity
-    return "/".join(filter(None, (identity.robot, identity.component)))
+    return "/".join(filter(None, (identity.site or identity.robot, identity.component)))
 
 
 def _at(tick: float) -> Instant:
@@ -178,24 +159,34 @@ def _letter(track: str, tick: int, before: str) -> str:
     return track[tick] if tick < len(track) else NONE
 
 
-def _fleet(history: History, variant: Variant) -> Fleet:
+def _fleet(history: History) -> Fleet:
     # A fault is confirmed with its last result, not in the moment before the next one.
-    confirm_after = (history.attempts - 1 - variant.early) * TICK + TICK / 10
+    confirm_after = (history.attempts - 1) * TICK + TICK / 10
     fresh = history.freshness
     profile = Profile(
         stale_after=TICK + STEP / 2 if history.hosts else NEVER,
-        confirm_after=max(0.0, confirm_after),
+        confirm_after=confirm_after,
         flap_interval=1.02 * TICK,  # as a robot's
         stale_is_critical=fresh is not None,
     )
     rule = ComponentRule(Pattern(".*"), stale_after=NEVER if fresh is None else fresh * TICK)
     profile = replace(profile, components=(rule,))
     robots = tuple(
-        Robot(host, topic_raw=f"/{host}/diagnostics", source=Source.RAW, profile=profile)
-        for host in history.all_hosts
+        Robot(
+            host,
+            topic_raw=f"/{host}/diagnostics",
+            source=Source.RAW,
+            profile=profile,
+            labels={"site": history.parents[host]} if host in history.parents else {},
+        )
+        for host in history.robots
     )
-    on = FaultSettings() if history.flapping else FaultSettings(flapping_start=FLAPPING_OFF)
-    return Fleet("f", robots, maintenance=tuple(_downtimes(history)), faults=on)
+    faults = FaultSettings(confirm_after=profile.confirm_after)
+    if not history.flapping:
+        faults = replace(faults, flapping_start=FLAPPING_OFF)
+    if history.hours is not None:
+        faults = replace(faults, warning_hours=WarningHours(HOURS[history.hours.begin]))
+    return Fleet("f", robots, maintenance=tuple(_downtimes(history)), faults=faults)
 
 
 def _downtimes(history: History) -> Iterator[Maintenance]:

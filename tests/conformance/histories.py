@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from typing import Any
 
-from conformance.history import Downtime, History
+from conformance.history import Acknowledgement, Downtime, Escalation, History, Hours
 
 SEED = 2014  # of the histories that are drawn
 
@@ -16,6 +16,28 @@ ALL_CHANGES = "every change of level counts as flapping; Nagios leaves soft stat
 TIME_COUNTS = "time in trouble counts, also in a short gap; Nagios counts results"
 IN_DOWNTIME = "what is repaired in a downtime has its RECOVERY at the end; Nagios sends none"
 NOT_TWICE = "what was notified before the flapping and lasts when it ends is not notified again"
+
+
+ONE_CAUSE = "the outage of a site is one notification, with its robots; none for each of them"
+OPEN_HOURS = "a warning that was notified has its RECOVERY, in the hours or not; Nagios sends none"
+NEVER_LATER = "`warning_hours` delay warnings, never what is CRITICAL"
+WORSE_COUNTS = "what gets worse is notified, acknowledged or not; an acknowledgement is of a state"
+ONLY_SHOWN = "an acknowledgement is shown on pages and dashboards; nobody is sent a mail"
+ONCE = "an escalation is sent once, and whoever received the PROBLEM receives its RECOVERY"
+
+LATER, EARLIER = Hours("service", begin=True), Hours("service", begin=False)
+ON, OFF = Hours("contact", begin=True), Hours("contact", begin=False)
+SECOND = (Escalation("second", 2),)
+
+
+def sticky(tick: int) -> tuple[Acknowledgement, ...]:
+    """An acknowledgement of the one service until it is OK."""
+    return (Acknowledgement("r/m", tick),)
+
+
+def passing(tick: int) -> tuple[Acknowledgement, ...]:
+    """An acknowledgement of the one service until its state changes."""
+    return (Acknowledgement("r/m", tick, sticky=False),)
 
 
 def one(name: str, track: str, attempts: int = 3, reason: str = "", **more: Any) -> History:
@@ -163,6 +185,140 @@ RESTARTS = [
     History("a restart while a host is down", {}, {"r": "udddddduuu"}, restarts=(5,)),
     one("a restart while flapping", "oc" * 12 + "o" * 25, 1, flapping=True, restarts=(20,)),
 ]
+BEHIND = {f"r{number}": "ap" for number in range(5)}
+
+
+def behind(name: str, parent: str, track: str, **others: Any) -> History:
+    """A history of five hosts behind a parent, all with the same track but for ``others``."""
+    hosts = {"ap": parent, **{each: others.pop(each, track) for each in BEHIND}}
+    return History(name, {}, hosts, parents=BEHIND, **others)
+
+
+PARENTS = [
+    behind("all hosts behind a parent that is down", "uudddduu", "uudddduu"),
+    behind(
+        "all hosts behind a parent that is down, and unreachable hosts are notified",
+        "uudddduu",
+        "uudddduu",
+        unreachable=True,
+        reason=ONE_CAUSE,
+    ),
+    behind("one host behind a parent that answers", "uuuuuuuu", "uuuuuuuu", r0="uudddduu"),
+    behind(
+        "one host stays down when its parent is back",
+        "uudddduuuuuuuu",
+        "uudddduuuuuuuu",
+        r0="uudddddddddddu",
+    ),
+    behind(
+        "one host is down before its parent",
+        "uuuuuudddduuuu",
+        "uuuuuudddduuuu",
+        r0="uudddddddduuuu",
+    ),
+    behind("the parent is down for less than max_check_attempts", "uudduuu", "uudduuu"),
+]
+PERIODS = [
+    one("WARNING before the service's hours lasts until they begin", "owwwwwwwwwo", 2, hours=LATER),
+    one("WARNING before the service's hours is over then", "owwwoooooo", 2, hours=LATER),
+    one("WARNING within the service's hours", "oooooooowwwwo", 2, hours=LATER),
+    one("WARNING after the service's hours", "oooooooowwwwo", 2, hours=EARLIER),
+    one(
+        "WARNING within the service's hours, OK after them",
+        "owwwwwwwwwo",
+        2,
+        OPEN_HOURS,
+        hours=EARLIER,
+    ),
+    one(
+        "CRITICAL before the service's hours is over then", "occccooo", 2, NEVER_LATER, hours=LATER
+    ),
+]
+# Played on a real Alertmanager: they are about whom it notifies.
+CONTACT_HOURS = [
+    one("CRITICAL before the contact's hours lasts until they begin", "occcccccccccc", 1, hours=ON),
+    one("CRITICAL before the contact's hours is over then", "occooooooo", 1, hours=ON),
+    one("CRITICAL within the contact's hours", "oooooooooccco", 1, hours=ON),
+    one("CRITICAL within the contact's hours, OK after them", "occcccccccccco", 1, hours=OFF),
+    one("CRITICAL after the contact's hours", "oooooooooccco", 1, hours=OFF),
+]
+REPEATED = [
+    one("CRITICAL, notified again and again", "occccccccco", 1, repeat=2),
+    one("WARNING, notified again and again", "owwwwwwwwwo", 1, repeat=2),
+    one("WARNING, notified again, turns CRITICAL", "owwwwwccccccco", 1, repeat=2),
+    one("CRITICAL is over before it is notified again", "occooooo", 1, repeat=4),
+    History("DOWN, notified again and again", {}, {"r": "uddddddddduu"}, 1, repeat=2),
+]
+ACKNOWLEDGED = [
+    one("acknowledged, sticky", "occccccccco", 1, repeat=2, acknowledgements=sticky(1)),
+    one("acknowledged, not sticky", "occccccccco", 1, repeat=2, acknowledgements=passing(1)),
+    one(
+        "acknowledged after it was notified again",
+        "occccccccccccco",
+        1,
+        repeat=2,
+        acknowledgements=sticky(5),
+    ),
+    one(
+        "acknowledged WARNING turns CRITICAL, not sticky",
+        "owwwcccccccco",
+        1,
+        repeat=2,
+        acknowledgements=passing(1),
+    ),
+    one(
+        "acknowledged WARNING turns CRITICAL, sticky",
+        "owwwcccccccco",
+        1,
+        WORSE_COUNTS,
+        repeat=2,
+        acknowledgements=sticky(1),
+    ),
+    one(
+        "acknowledged, repaired, and broken again",
+        "occccoocccccco",
+        1,
+        repeat=2,
+        acknowledgements=sticky(1),
+    ),
+    one(
+        "acknowledged, and others are notified of that",
+        "occccccccco",
+        1,
+        ONLY_SHOWN,
+        repeat=2,
+        acknowledgements=(Acknowledgement("r/m", 1, notify=True),),
+    ),
+    History(
+        "a host's DOWN is acknowledged",
+        {},
+        {"r": "uddddddddduu"},
+        1,
+        repeat=2,
+        acknowledgements=(Acknowledgement("r", 1),),
+    ),
+]
+ESCALATED = [
+    one("escalated from the second on", "occccccco", 1, ONCE, repeat=2, escalations=SECOND),
+    one(
+        "escalated from the second on and from the third on",
+        "occcccccccco",
+        1,
+        ONCE,
+        repeat=2,
+        escalations=(Escalation("second", 2, 2), Escalation("manager", 3)),
+    ),
+    one("over before it is escalated", "occooooo", 1, repeat=2, escalations=SECOND),
+    one(
+        "acknowledged before it is escalated",
+        "occccccco",
+        1,
+        repeat=2,
+        escalations=SECOND,
+        acknowledgements=sticky(1),
+    ),
+]
+PEOPLE = [*CONTACT_HOURS, *REPEATED, *ACKNOWLEDGED, *ESCALATED]
 
 
 def drawn(seed: int = SEED) -> list[History]:
@@ -195,4 +351,16 @@ def _track(draw: random.Random, letters: str, length: int, stay: float) -> str:
     return found
 
 
-WRITTEN = [*SOFT_AND_HARD, *LEVELS, *FLAPPING, *HOSTS, *SEVERAL, *DOWNTIMES, *FRESHNESS, *RESTARTS]
+WRITTEN = [
+    *SOFT_AND_HARD,
+    *LEVELS,
+    *FLAPPING,
+    *HOSTS,
+    *PARENTS,
+    *SEVERAL,
+    *DOWNTIMES,
+    *PERIODS,
+    *FRESHNESS,
+    *RESTARTS,
+    *PEOPLE,
+]

@@ -2,44 +2,40 @@
 
 from __future__ import annotations
 
-import getpass
-import grp
+import math
 import os
 import re
-import shutil
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from datetime import datetime, timezone
 from pathlib import Path
 
-from conformance.history import HOST_CODES, NONE, SERVICE_CODES, History, Notification
+from conformance.history import (
+    HOST_CODES,
+    HOURS_CHANGE,
+    NONE,
+    SERVICE_CODES,
+    Acknowledgement,
+    Escalation,
+    History,
+    Notification,
+    marked,
+)
+from support import nagios_program
 from testbed.polling import until
-from testbed.processes import Process
 
-# Debian installs it to /usr/sbin, which is not in every PATH.
-PROGRAM = shutil.which("nagios4", path=f"{os.environ['PATH']}:/usr/sbin")
 SECONDS = 2.0  # of a tick, in histories in which its length matters
+PAST_THE_SECOND = 0.2  # a tick begins early in a second: Nagios' times are whole ones
 CLOCK = "clock"  # the host and service whose results mark the ticks
 READY = 60.0
+START = 40.0  # seconds to start in, and to play the ticks before the hours change
+PERIODS = ("begins", "ends")  # hours that begin at a tick, and that end at it
+CONTACTS = ("ops", "second", "manager")
 
 SETTINGS = """\
-cfg_file={folder}/objects.cfg
-object_cache_file={folder}/objects.cache
-precached_object_file={folder}/objects.precache
-status_file={folder}/status.dat
-log_file={folder}/nagios.log
-lock_file={folder}/nagios.lock
-temp_file={folder}/nagios.tmp
-temp_path={folder}
-check_result_path={folder}/results
-query_socket={folder}/nagios.qh
-command_file={folder}/nagios.cmd
-state_retention_file={folder}/retention.dat
 retain_state_information=1
 use_retained_program_state=1
-nagios_user={user}
-nagios_group={group}
-interval_length=1
 check_external_commands=1
 enable_notifications=1
 log_notifications=1
@@ -51,22 +47,9 @@ check_service_freshness=1
 service_freshness_check_interval=1
 additional_freshness_latency=0
 log_passive_checks=1
-log_rotation_method=n
-check_for_updates=0
-use_syslog=0
 """
+DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
 COMMON = """\
-define timeperiod {
-  timeperiod_name always
-  alias always
-  monday 00:00-24:00
-  tuesday 00:00-24:00
-  wednesday 00:00-24:00
-  thursday 00:00-24:00
-  friday 00:00-24:00
-  saturday 00:00-24:00
-  sunday 00:00-24:00
-}
 define command {
   command_name nothing
   command_line /bin/true
@@ -75,28 +58,39 @@ define command {
   command_name stale
   command_line /bin/sh -c 'echo not fresh; exit 2'
 }
-define contact {
-  contact_name ops
-  host_notification_period always
-  service_notification_period always
+"""
+PERIOD = """\
+define timeperiod {{
+  timeperiod_name {name}
+  alias {name}
+{times}
+}}
+"""
+CONTACT = """\
+define contact {{
+  contact_name {name}
+  host_notification_period {period}
+  service_notification_period {period}
   host_notification_options d,u,r,f,s
   service_notification_options w,u,c,r,f,s
   host_notification_commands nothing
   service_notification_commands nothing
-}
+}}
 """
 HOST = """\
 define host {{
   host_name {host}
   address 127.0.0.1
+  parents {parent}
   max_check_attempts {attempts}
   active_checks_enabled 0
   flap_detection_enabled {flapping}
   low_flap_threshold 20
   high_flap_threshold 40
-  notification_interval 0
-  notification_period always
-  contacts ops
+  notification_interval {interval}
+  notification_options d,{unreachable}r,f,s
+  notification_period {period}
+  contacts {contact}
 }}
 """
 SERVICE = """\
@@ -113,9 +107,18 @@ define service {{
   flap_detection_enabled {flapping}
   low_flap_threshold 20
   high_flap_threshold 40
-  notification_interval 0
-  notification_period always
-  contacts ops
+  notification_interval {interval}
+  notification_period {period}
+  contacts {contact}
+}}
+"""
+ESCALATION = """\
+define {kind}escalation {{
+  host_name {host}
+{service}  contacts {who}
+  first_notification {first}
+  last_notification {last}
+  notification_interval {interval}
 }}
 """
 _NOTIFIED = re.compile(r"\[\d+\] (HOST|SERVICE) NOTIFICATION: ([^;]+);([^;]+);(.*)")
@@ -126,17 +129,20 @@ class Nagios:
     """One process of Nagios with several histories, each with hosts of its own."""
 
     def __init__(self, folder: Path, histories: Sequence[History]) -> None:
-        assert PROGRAM, "nagios4 is not installed; ./run test --all installs it (nagios4-core)"
         self._folder = folder
         self._histories = histories
         self._log = folder / "nagios.log"
-        self._process = Process("nagios", [PROGRAM, folder / "nagios.cfg"], {}, folder / "out.log")
+        self._begin = next_minute() - (HOURS_CHANGE - 0.5) * SECONDS + PAST_THE_SECOND
+        self._process = nagios_program.prepare(folder, self._objects(), SETTINGS)
         self._starts = 0
-        self._write_settings()
 
     def play(self) -> list[list[Notification]]:
         """The notifications of each history, in their order."""
         self._start()
+        if any(each.hours for each in self._histories):
+            self._wait_until(self._begin - SECONDS)
+        else:
+            self._begin = math.ceil(time.time()) + SECONDS + PAST_THE_SECOND
         try:
             for tick in range(-1, max(each.ticks for each in self._histories)):
                 self._play_tick(tick)
@@ -146,23 +152,21 @@ class Nagios:
 
     # -- set-up ------------------------------------------------------------------------------
 
-    def _write_settings(self) -> None:
-        (self._folder / "results").mkdir(parents=True)
-        group = grp.getgrgid(os.getgid()).gr_name
-        user = getpass.getuser()
-        settings = SETTINGS.format(folder=self._folder, user=user, group=group)
-        (self._folder / "nagios.cfg").write_text(settings)
-        clock = {"attempts": 1, "flapping": 0, "fresh": 0, "threshold": 0}
-        parts = [COMMON, HOST.format(host=CLOCK, **clock)]
-        parts.append(SERVICE.format(host=CLOCK, service=CLOCK, **clock))
+    def _objects(self) -> str:
+        changes = datetime.fromtimestamp(self._begin + (HOURS_CHANGE - 0.5) * SECONDS, timezone.utc)
+        parts = [COMMON, PERIOD.format(name="always", times=_times(DAYS))]
+        parts += [PERIOD.format(name=name, times=_hours(changes, name)) for name in PERIODS]
+        parts += [CONTACT.format(name=name, period="always") for name in CONTACTS]
+        parts += [CONTACT.format(name=f"team-{name}", period=name) for name in PERIODS]
+        parts += _history_objects("", History("", {f"{CLOCK}/{CLOCK}": ""}, attempts=1))
         for number, history in enumerate(self._histories):
-            parts += _objects(number, history)
-        (self._folder / "objects.cfg").write_text("".join(parts))
+            parts += _history_objects(f"h{number}-", history)
+        return "".join(parts)
 
     def _start(self) -> None:
         self._process.start()
         self._starts += 1
-        until(self._reads, lambda: f"Nagios: {self._process.log.read_text()}", READY, every=0.2)
+        until(self._reads, self._process.describe, READY, every=0.2)
 
     def _reads(self) -> bool:
         """Whether this process reads commands; the pipe may still be that of the one before."""
@@ -183,7 +187,8 @@ class Nagios:
         if any(tick in each.restarts for each in self._histories):
             self._process.stop()
             self._start()
-        begun = time.time()
+        if any(each.timed for each in self._histories):
+            self._wait_until(self._begin + tick * SECONDS)
         lines = [
             line
             for number, history in enumerate(self._histories)
@@ -195,8 +200,9 @@ class Nagios:
             lambda: f"tick {tick}: {self._log.read_text(errors='replace')[-2000:]}",
             READY,
         )
-        if any(each.timed for each in self._histories):
-            until(lambda: time.time() >= begun + SECONDS, lambda: "the clock stands still", READY)
+
+    def _wait_until(self, wall: float) -> None:
+        until(lambda: time.time() >= wall, "the clock goes on", READY + 120)
 
     def _send(self, lines: Iterable[str]) -> None:
         now = int(time.time())
@@ -219,24 +225,70 @@ class Nagios:
                 if tick > self._histories[number].ticks:
                     continue  # it is over; Nagios goes on, because others are not
                 found[number].append((tick, notification))
-        return [[each for _, each in _sorted(of_history)] for of_history in found]
+        return [
+            marked(kinds) if history.of_people else kinds
+            for history, of_history in zip(self._histories, found, strict=True)
+            for kinds in [[each for _, each in _sorted(of_history)]]
+        ]
 
 
 def _sorted(found: list[tuple[int, Notification]]) -> list[tuple[int, Notification]]:
-    return sorted(found, key=lambda entry: (entry[0], entry[1].what))  # stable
+    return sorted(found, key=lambda entry: (entry[0], entry[1].what, entry[1].who))  # stable
 
 
-def _objects(number: int, history: History) -> Iterable[str]:
-    common = {"attempts": history.attempts, "flapping": int(history.flapping)}
+def next_minute() -> float:
+    """The first full minute that leaves enough time to start, in Unix time."""
+    return math.ceil((time.time() + START) / 60) * 60.0
+
+
+def _times(days: Iterable[str], times: str = "00:00-24:00") -> str:
+    return "\n".join(f"  {day} {times}" for day in days)
+
+
+def _hours(changes: datetime, name: str) -> str:
+    """The times of a period that begins or ends at a minute; it may be near midnight."""
+    yesterday, today, tomorrow = (DAYS[(changes.weekday() + days) % 7] for days in (-1, 0, 1))
+    if name == "begins":
+        return f"{_times([today], f'{changes:%H:%M}-24:00')}\n{_times([tomorrow])}"
+    until_then = _times([today], f"00:00-{changes:%H:%M}") if changes.hour + changes.minute else ""
+    return f"{_times([yesterday])}\n{until_then}"
+
+
+def _history_objects(prefix: str, history: History) -> Iterable[str]:
+    hours = history.hours and ("begins" if history.hours.begin else "ends")
+    of = history.hours and history.hours.of
+    common = {
+        "attempts": history.attempts,
+        "flapping": int(history.flapping),
+        # A second less: times are whole seconds, and a result may be late by one.
+        "interval": int(history.repeat * SECONDS) - 1 if history.repeat else 0,
+        "period": hours if of == "service" else "always",
+        "contact": f"team-{hours}" if of == "contact" else "ops",
+    }
+    unreachable = "u," if history.unreachable else ""
     for host in history.all_hosts:
-        yield HOST.format(host=f"h{number}-{host}", **common)
+        parent = f"{prefix}{history.parents[host]}" if host in history.parents else "null"
+        more = {"parent": parent, "unreachable": unreachable}
+        yield HOST.format(host=f"{prefix}{host}", **common, **more)
+        for each in history.escalations if host in history.hosts else ():
+            yield _escalation(each, "host", f"{prefix}{host}", "", common)
     fresh = {
         "fresh": int(history.freshness is not None),
         "threshold": int((history.freshness or 0) * SECONDS),
     }
-    for each in history.services:
-        host, _, service = each.partition("/")
-        yield SERVICE.format(host=f"h{number}-{host}", service=service, **common, **fresh)
+    for what in history.services:
+        host, _, service = what.partition("/")
+        yield SERVICE.format(host=f"{prefix}{host}", service=service, **common, **fresh)
+        for each in history.escalations:
+            line = f"  service_description {service}\n"
+            yield _escalation(each, "service", f"{prefix}{host}", line, common)
+
+
+def _escalation(
+    escalation: Escalation, kind: str, host: str, service: str, common: Mapping[str, object]
+) -> str:
+    fields = {**escalation._asdict(), "interval": common["interval"]}
+    return ESCALATION.format(kind=kind, host=host, service=service, **fields)
 
 
 def _results(number: int, history: History, tick: int) -> Iterable[str]:
@@ -249,12 +301,22 @@ def _results(number: int, history: History, tick: int) -> Iterable[str]:
             host, _, service = each.partition("/")
             result = f"{SERVICE_CODES[letter]};{letter}"
             yield f"PROCESS_SERVICE_CHECK_RESULT;h{number}-{host};{service};{result}"
+    for each in history.acknowledgements:
+        if tick == each.tick:
+            yield _acknowledge(number, each)
     for downtime in history.downtimes:
         if tick == -1:
             now = time.time()
             start, end = (now + (at + 0.5) * SECONDS for at in (downtime.start, downtime.end))
             times = f"{int(start)};{int(end)};1;0;0"
             yield f"SCHEDULE_HOST_DOWNTIME;h{number}-{downtime.host};{times};ops;planned"
+
+
+def _acknowledge(number: int, made: Acknowledgement) -> str:
+    host, _, service = made.what.partition("/")
+    command, name = ("SVC", f"{host};{service}") if service else ("HOST", host)
+    options = f"{2 if made.sticky else 0};{int(made.notify)};0"
+    return f"ACKNOWLEDGE_{command}_PROBLEM;h{number}-{name};{options};ann;on it"
 
 
 def _at(track: str, tick: int, before: str) -> str:
@@ -269,4 +331,5 @@ def _notification(scope: str, who: str, host: str, rest: str) -> tuple[int, Noti
     kind = re.match(r"[A-Z]+", state)
     assert kind, state
     word = {"OK": "RECOVERY", "UP": "RECOVERY"}.get(kind[0], kind[0])
+    who = who.partition("-")[0]  # a contact of a period is the team
     return int(number), Notification(who, f"{name}/{service}" if service else name, word)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from conformance.compare import Outcome, run, shrunk
 from conformance.histories import SEED, WRITTEN, drawn
+from conformance.history import HOURS_CHANGE, Acknowledgement
 
 PAGE = Path(__file__).parents[2] / "docs/nagios.md"
 BEGIN, END = "<!-- histories -->", "<!-- end of histories -->"
@@ -43,7 +44,24 @@ def _results(outcome: Outcome) -> str:
     tracks += [f"downtime from {each.start} to {each.end}" for each in history.downtimes]
     tracks += [f"restart at {each}" for each in history.restarts]
     tracks += [f"fresh for {history.freshness}"] if history.freshness else []
+    tracks += [f"all behind {each}" for each in sorted(set(history.parents.values()))]
+    tracks += ["UNREACHABLE is notified"] if history.unreachable else []
+    tracks += [f"notified again after {history.repeat}"] if history.repeat else []
+    tracks += map(_acknowledged, history.acknowledgements)
+    tracks += [
+        f"{each.who} from the {each.first}. notification on"
+        + (f" to the {each.last}." if each.last else "")
+        for each in history.escalations
+    ]
+    if history.hours is not None:
+        change = "from" if history.hours.begin else "until"
+        tracks.append(f"hours of the {history.hours.of} {change} {HOURS_CHANGE}")
     return ", ".join(tracks) + f"; {history.attempts} attempts"
+
+
+def _acknowledged(made: Acknowledgement) -> str:
+    how = "sticky" if made.sticky else "not sticky"
+    return f"acknowledged at {made.tick}, {how}" + (", notified" if made.notify else "")
 
 
 def _list(notifications: Sequence[object]) -> str:
@@ -63,6 +81,8 @@ def main() -> int:
         wrong = [each for each in outcomes if not each.same and not each.reason]
         for number, each in enumerate(wrong):
             print(each)
+            if each.history.of_people:
+                continue  # in real time: to make it small takes too long
             print(f"smallest: {shrunk(Path(folder) / f'shrink-{number}', each.history)}")
     same = sum(each.same for each in outcomes)
     print(

@@ -2,21 +2,57 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from collections.abc import Sequence
-from functools import partial
+from dataclasses import replace
 
 import pytest
 
 from conformance.compare import Outcome, run, shrunk
-from conformance.exporter import Variant, play
-from conformance.histories import LEVELS, SOFT_AND_HARD, WRITTEN, drawn
-from conformance.history import History
+from conformance.exporter import TICK, play
+from conformance.histories import WRITTEN, drawn
+from conformance.history import History, Notification
 from conformance.table import PAGE, table
+from support.planted import planted
 
 pytestmark = [pytest.mark.e2e, pytest.mark.slow]
 
-EARLY = partial(play, variant=Variant(early=1.0))
-SOFT_RECOVERY = partial(play, variant=Variant(soft_recovery=True))
+# What is planted in faults/: file, the right text, the wrong text, and a history that finds it.
+MISTAKES = {
+    "confirms one result early": (
+        "judge.py",
+        "due = problem.clock + book.confirm_after(problem)",
+        f"due = problem.clock + book.confirm_after(problem) - {TICK}",
+        "five attempts, four bad results",
+    ),
+    "notifies what is soft, and its recovery": (
+        "judge.py",
+        "if now.mono < due:",
+        "if now.mono < problem.clock:",
+        "a recovery while soft",
+    ),
+    "a silent robot's fault recovers": (
+        "components.py",
+        """\
+            if state is not State.FLAPPING:
+                give_verdict(book, problem, Verdict.HELD)
+""",
+        """\
+            if state is not State.FLAPPING:
+                give_verdict(book, problem, Verdict.WELL)
+""",
+        "a service is CRITICAL before its host is down",
+    ),
+}
+# Prints the notifications of the written histories, of the exporter that is imported.
+PLAY = """\
+import json
+from conformance.exporter import play
+from conformance.histories import WRITTEN
+print(json.dumps([[] if each.of_people else play(each) for each in WRITTEN]))
+"""
 
 
 @pytest.fixture(scope="module")
@@ -50,18 +86,32 @@ def test_other_histories_that_are_drawn_are_notified_the_same(tmp_path, seed):
     assert not found, shrunk(tmp_path / "shrunk", found[0].history)
 
 
-@pytest.mark.parametrize(
-    ("ours", "histories"),
-    [(EARLY, SOFT_AND_HARD), (EARLY, LEVELS), (SOFT_RECOVERY, SOFT_AND_HARD)],
-    ids=["a cycle early", "a cycle early, levels", "recovery while soft"],
-)
-def test_an_exporter_that_is_wrong_is_found(tmp_path, ours, histories):
-    assert wrong(run(tmp_path / "wrong", histories, ours))
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_in_the_judgement_is_found(outcomes, mistake, tmp_path):
+    *change, history = MISTAKES[mistake]
+    argv = [sys.executable, "-c", PLAY]
+    done = subprocess.run(
+        argv, env=planted(tmp_path, *change), check=True, capture_output=True, text=True
+    )
+    played = [[Notification(*each) for each in found] for found in json.loads(done.stdout)]
+
+    found = [
+        replace(outcome, ours=ours)
+        for outcome, ours in zip(outcomes[: len(WRITTEN)], played, strict=True)
+        if not outcome.history.of_people
+    ]
+
+    assert history in [each.history.name for each in wrong(found)]
+
+
+def play_early(history: History) -> list[Notification]:
+    """As `play`, but faults are confirmed one result early."""
+    return play(replace(history, attempts=max(1, history.attempts - 1)))
 
 
 def test_what_differs_is_made_small(tmp_path):
     history = History("long", {"r/m": "oowowccoooccoocccwwo", "r/l": "ooccoowwwo"}, attempts=3)
 
-    smallest = shrunk(tmp_path / "shrunk", history, EARLY).history
+    smallest = shrunk(tmp_path / "shrunk", history, play_early).history
 
     assert sum(map(len, smallest.services.values())) <= 3

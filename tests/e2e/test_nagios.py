@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import getpass
-import grp
-import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,38 +10,16 @@ from pathlib import Path
 
 import pytest
 
+from support import nagios_program
 from testbed import domains, ports
 from testbed.polling import until
 from testbed.processes import Process
-
-# Debian installs it to /usr/sbin, which is not in every PATH.
-NAGIOS = shutil.which("nagios4", path=f"{os.environ['PATH']}:/usr/sbin")
 
 pytestmark = [pytest.mark.e2e, pytest.mark.slow]
 
 BIN = Path(sys.executable).parent
 SERVICES = {"motors": "Motor", "lasers": "Laser", "grippers": "Gripper"}
 
-SETTINGS = """\
-cfg_file={folder}/objects.cfg
-object_cache_file={folder}/objects.cache
-precached_object_file={folder}/objects.precache
-status_file={folder}/status.dat
-status_update_interval=1
-log_file={folder}/nagios.log
-lock_file={folder}/nagios.lock
-temp_file={folder}/nagios.tmp
-temp_path={folder}
-check_result_path={folder}/results
-query_socket={folder}/nagios.qh
-command_file={folder}/nagios.cmd
-state_retention_file={folder}/retention.dat
-nagios_user={user}
-nagios_group={group}
-interval_length=1
-check_for_updates=0
-use_syslog=0
-"""
 OBJECTS = """\
 define timeperiod {{
   timeperiod_name always
@@ -91,17 +65,11 @@ define service {{
 """
 
 
-def write_settings(folder: Path, url: str) -> Path:
-    folder.mkdir()
-    (folder / "results").mkdir()
-    objects = OBJECTS.format(plugin=BIN / "check_ros_diagnostics", url=url)
-    for name, pattern in SERVICES.items():
-        objects += SERVICE.format(name=name, pattern=pattern)
-    (folder / "objects.cfg").write_text(objects)
-    group = grp.getgrgid(os.getgid()).gr_name
-    settings = SETTINGS.format(folder=folder, user=getpass.getuser(), group=group)
-    (folder / "nagios.cfg").write_text(settings)
-    return folder / "nagios.cfg"
+def objects(url: str) -> str:
+    text = OBJECTS.format(plugin=BIN / "check_ros_diagnostics", url=url)
+    return text + "".join(
+        SERVICE.format(name=name, pattern=pattern) for name, pattern in SERVICES.items()
+    )
 
 
 class Nagios:
@@ -123,9 +91,8 @@ class Nagios:
 @pytest.fixture
 def site(tmp_path: Path) -> Iterator[tuple[Nagios, int, Process]]:
     """Nagios, the ROS domain, and the exporter; one virtual robot is there."""
-    assert NAGIOS, "nagios4 is not installed; ./run test --all installs it (nagios4-core)"
     address = f"127.0.0.1:{ports.free_port()}"
-    settings = write_settings(tmp_path / "nagios", f"http://{address}")
+    nagios = nagios_program.prepare(tmp_path / "nagios", objects(f"http://{address}"))
     with domains.lease() as domain:
         (tmp_path / "fleet.yml").write_text(
             "fleet: hall\nprofiles: {default: {stale_after: 5s}}\n"
@@ -137,12 +104,12 @@ def site(tmp_path: Path) -> Iterator[tuple[Nagios, int, Process]]:
                 *(BIN / "ros-diagnostics-exporter", "--config.file", tmp_path / "fleet.yml"),
                 *("--web.listen-address", address, "--storage.path", tmp_path / "exporter.db"),
             ],
-            "nagios": [NAGIOS, settings],
         }
         running = {
             name: Process(name, command, domains.environment(domain), tmp_path / f"{name}.log")
             for name, command in commands.items()
         }
+        running["nagios"] = nagios
         try:
             for each in running.values():
                 each.start()

@@ -136,9 +136,7 @@ class Judge:
             beyond = part.charge < LOW[event.state] * (1 + HYSTERESIS)  # once it was below
             return "" if beyond else "a fault of a value within its threshold began"
         if event.state == "stale":
-            # The state takes two raw arrays at one time for a very fast driver.
-            late = 5.0 if self.world.delivered[event.robot].bursts else STALE_AFTER / 2
-            stale = part.stale or at - part.received >= late
+            stale = part.stale or at - part.received >= STALE_AFTER / 2
             return "" if stale else "a component that is received is STALE"
         if part.level != LEVEL_OF[event.state]:
             return "a fault of another level than was delivered began"
@@ -182,8 +180,12 @@ class Judge:
                 self._fail("a silence ended although nothing was received", event)
 
     def _removed(self, event: Event) -> None:
-        if not self.world.removed & {(event.robot, ""), (event.robot, event.component)}:
+        if not self._is_removed(event):
             self._fail("a fault was removed by nobody", event)
+
+    def _is_removed(self, event: Event) -> bool:
+        """Whether its robot or component was taken out in this tick."""
+        return bool(self.world.removed & {(event.robot, ""), (event.robot, event.component)})
 
     def _part_recovered(self, event: Event) -> None:
         known, part = self._known(event)
@@ -195,6 +197,8 @@ class Judge:
 
     def _known(self, event: Event) -> tuple[Delivered, Part | None]:
         known = self.world.delivered[event.robot]
+        if self._is_removed(event):
+            known = self.world.before_removal[event.robot]
         return known, known.parts.get(event.component)
 
     def _in_maintenance(self, robot: str) -> bool:

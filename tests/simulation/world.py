@@ -89,7 +89,6 @@ class Delivered:
     raw: bool
     parts: dict[str, Part] = field(default_factory=dict)
     last: float | None = None
-    bursts: bool = False  # several of its arrays came at one time
     gap: float = 0.0  # when it last was not received for longer than a period
     quiet: float = 0.0  # when it last was in maintenance, not configured, or otherwise configured
 
@@ -123,6 +122,8 @@ class World:
         self._stopped: tuple[State, Instant] | None = None
         self._starts_at = 0
         self.removed: set[tuple[str, str]] = set()  # by a person or the config, at this tick
+        # What was delivered of their robots before: a fault may begin in the tick that ends it.
+        self.before_removal: dict[str, Delivered] = {}
 
     @property
     def now(self) -> Instant:
@@ -175,6 +176,7 @@ class World:
         """One tick: what happens, then what is published, then the exporter's own tick."""
         self.tick += 1
         self.removed.clear()
+        self.before_removal.clear()
         self.shortest_confirm = self.confirm_after
         if self.state is None and self.tick >= self._starts_at:
             self._start()
@@ -238,8 +240,8 @@ class World:
             return
         if any(each.name == part for each in self.state.robots[robot].components):
             self.state.forget(robot, part, self.now)
+            self._note_removal(robot, part)
             self.delivered[robot].parts.pop(part, None)
-            self.removed.add((robot, part))
 
     def _do_declared(self, robot: str, declared: bool) -> None:
         (self._undeclared.discard if declared else self._undeclared.add)(robot)
@@ -250,9 +252,14 @@ class World:
 
     def _forget_undeclared(self) -> None:
         for robot in self._undeclared:
+            self._note_removal(robot, "")
             known = self.delivered[robot]
             known.parts, known.last = {}, None
-            self.removed.add((robot, ""))
+
+    def _note_removal(self, robot: str, part: str) -> None:
+        known = self.delivered[robot]
+        self.before_removal.setdefault(robot, replace(known, parts=dict(known.parts)))
+        self.removed.add((robot, part))
 
     def _do_maintenance(self, site: str, ticks: int) -> None:
         now = self.now.wall
@@ -323,7 +330,6 @@ class World:
         now = self.now
         self.state.receive(Topic(0, f"/{robot}/d"), Array(0.0, array, 100), now)
         known = self.delivered[robot]
-        known.bursts = known.bursts or known.last == now.mono
         found = {each.name.rpartition("/")[2]: each for each in array if each.name != "/g"}
         for name, status in found.items():
             _note(known.parts.setdefault(name, Part()), status, now.mono)

@@ -78,6 +78,7 @@ def running(
     interval: str = "1s",
     history: Path | None = None,
     prepare: Callable[[Path], None] = lambda _: None,
+    receivers: Callable[[dict[str, Any]], None] | None = None,
 ) -> Iterator[Site]:
     """Start both servers in ``folder``; yield when both are ready; stop them.
 
@@ -88,9 +89,11 @@ def running(
         interval: Of scrapes and evaluations.
         history: OpenMetrics text, imported before Prometheus starts.
         prepare: Called with the folder of Prometheus' configuration before it is read.
+        receivers: Edits Alertmanager's configuration, whose mails never arrive; else without
+            webhooks.
     """
     site = Site(f"127.0.0.1:{free_port()}", f"127.0.0.1:{free_port()}")
-    _configure(folder, site, exporters)
+    _configure(folder, site, exporters, receivers or _without_webhooks)
     short_clocks.set_interval(folder / "prometheus", int(interval.removesuffix("s")))
     short_clocks.edit(
         folder / "prometheus" / "prometheus.yml",
@@ -123,16 +126,21 @@ def _configure(
     folder: Path,
     site: Site,
     exporters: Mapping[str, str],
+    receivers: Callable[[dict[str, Any]], None],
 ) -> None:
     for name in ("prometheus", "alertmanager"):
         shutil.copytree(ROOT / name, folder / name)
     prometheus = folder / "prometheus"
     _write_targets(prometheus / "targets", site, exporters)
-    short_clocks.edit(folder / "alertmanager" / "alertmanager.yml", _notify_nobody)
+    for edit in (_without_mails, receivers):
+        short_clocks.edit(folder / "alertmanager" / "alertmanager.yml", edit)
 
 
-def _notify_nobody(config: dict[str, Any]) -> None:
+def _without_mails(config: dict[str, Any]) -> None:
     config["global"]["smtp_smarthost"] = f"127.0.0.1:{free_port()}"  # nothing listens there
+
+
+def _without_webhooks(config: dict[str, Any]) -> None:
     for receiver in config["receivers"]:
         receiver.pop("webhook_configs", None)
 

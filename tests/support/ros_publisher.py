@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import rclpy
@@ -85,3 +86,23 @@ def publisher(domain_id: int) -> Iterator[Publisher]:
         yield made
     finally:
         made.close()
+
+
+@contextmanager
+def repeating(send: Callable[[int], object], period: float) -> Iterator[None]:
+    """Call ``send`` with 1, 2, 3, ... every ``period`` seconds, in a thread of its own."""
+    stop = threading.Event()
+
+    def work() -> None:
+        turn = 0
+        while not stop.wait(period):
+            turn += 1
+            send(turn)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()

@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from types import SimpleNamespace
 from urllib.parse import urlsplit
 
@@ -19,9 +19,10 @@ from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import ALL_PARTS, Instant, Part
+from ros_diagnostics_exporter.notifications import Notifications, parse
 from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.web.scrape import wanted_parts
-from testbed.ports import free_port
+from support.loopback import answering
 
 Speak = Callable[[State, Instant], None]
 
@@ -34,7 +35,8 @@ class ServedFleet:
         self.state = State(fleet, self.started)
         self._speak = speak
         self.alertmanager: Alertmanager | None = None  # asked for acknowledgements at each scrape
-        self._exposition = Exposition(self.state, self._acknowledged)
+        self._notifications = Notifications()
+        self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self.exporter = self._exporter(fleet)
         self._self_metrics = SelfMetrics(self.exporter)
         self._lock = threading.Lock()
@@ -45,11 +47,20 @@ class ServedFleet:
             now = _read_clocks()
             self._speak(self.state, now)
             self.state.tick(now)
+            for event in self.state.take_events():
+                self._notifications.note(event)
             self.exporter.scrapes += 1
             self.exporter.alertmanager = self.alertmanager
             if self.alertmanager is not None:
                 self.alertmanager.update(self.state.fleet.name, now)
             return self._exposition.render(parts=parts) + self._self_metrics.render(parts=parts)
+
+    def notified(self, body: bytes) -> None:
+        """Take a message of Alertmanager's webhook."""
+        message, wall = parse(body), _read_clocks().wall
+        with self._lock:
+            for event in self._notifications.receive(message, self.state.fleet.name, wall).events:
+                self._notifications.note(event)
 
     def _acknowledged(self) -> list[Acknowledgement]:
         alertmanager = self.alertmanager
@@ -76,8 +87,13 @@ def _read_clocks() -> Instant:
 
 
 @contextmanager
-def serving(scrape: Callable[[Collection[Part]], bytes]) -> Iterator[str]:
-    """Answer scrapes with the parts asked for while the context lasts; yields HOST:PORT."""
+def serving(
+    scrape: Callable[[Collection[Part]], bytes], notified: Callable[[bytes], None] | None = None
+) -> Iterator[str]:
+    """Answer scrapes with the parts asked for while the context lasts; yields HOST:PORT.
+
+    ``notified`` gets what is posted.
+    """
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
@@ -89,15 +105,12 @@ def serving(scrape: Callable[[Collection[Part]], bytes]) -> Iterator[str]:
             with suppress(ConnectionError):  # the scraper ends before us
                 self.wfile.write(body)
 
-        def log_message(self, *_: object) -> None:
-            """Say nothing of every scrape."""
+        def do_POST(self) -> None:
+            assert notified is not None
+            notified(self.rfile.read(int(self.headers["Content-Length"])))
+            self.send_response(200)
+            self.send_header("Content-Length", "0")
+            self.end_headers()
 
-    server = ThreadingHTTPServer(("127.0.0.1", free_port()), Handler)
-    thread = threading.Thread(target=server.serve_forever, args=(0.05,))
-    thread.start()
-    try:
-        yield f"127.0.0.1:{server.server_port}"
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
+    with answering(Handler) as address:
+        yield address

@@ -12,7 +12,8 @@ import yaml
 ROOT = Path(__file__).resolve().parents[2]
 PROMETHEUS = ROOT / "prometheus"
 ALERTMANAGER = ROOT / "alertmanager"
-RULE_FILES = sorted((PROMETHEUS / "rules").glob("*.yml"))
+RULE_FILES = sorted((PROMETHEUS / "rules").glob("*.yml"))  # of a site
+CENTRE_RULE_FILES = sorted((PROMETHEUS / "centre" / "rules").glob("*.yml"))
 PROMTOOL_TESTS = sorted((PROMETHEUS / "tests").glob("*.yml"))
 
 
@@ -31,8 +32,8 @@ def run_tool(name: str, *arguments: object, stdin: str = "") -> str:
 
 
 def rules() -> Iterator[dict[str, Any]]:
-    """Every rule of every shipped file, in order."""
-    for file in RULE_FILES:
+    """Every rule of every shipped file, in order; those of the centre last."""
+    for file in (*RULE_FILES, *CENTRE_RULE_FILES):
         for group in yaml.safe_load(file.read_text())["groups"]:
             yield from group["rules"]
 

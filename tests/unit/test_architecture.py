@@ -28,7 +28,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("events", "http_client", "logs", "severity"),
         ("ingest",),
         ("config",),
-        ("alertmanager", "faults", "nagios_import", "oncall"),
+        ("alertmanager", "faults", "nagios_compare", "nagios_import", "oncall"),
         ("ledger", "notifications"),
         ("state",),
         ("metrics",),
@@ -71,7 +71,16 @@ KNOW_ROS = {
 }
 ROS_PACKAGES = {"rclpy", "rcl_interfaces", "diagnostic_msgs", "builtin_interfaces", "std_msgs"}
 NO_CLOCK = {
-    *("model", "config", "state", "faults", "nagios_import", "oncall", "backtest"),
+    *(
+        "model",
+        "config",
+        "state",
+        "faults",
+        "nagios_compare",
+        "nagios_import",
+        "oncall",
+        "backtest",
+    ),
     *("ledger", "notifications"),
 }
 READS_CLOCK = {f"{EXPORTER}.config.reloader", f"{EXPORTER}.state.storage"}

@@ -58,7 +58,7 @@ class Outage:
 
     ``worst`` is the worst level, or "silent". ``verdict``: a fault came of it (notified), it was
     over before it was confirmed (short), or something kept it quiet: maintenance, flapping, a
-    larger cause. ``ended`` is False for one that lasts.
+    condition, a larger cause. ``ended`` is False for one that lasts.
     """
 
     robot: str

@@ -27,6 +27,7 @@ from ros_diagnostics_exporter.severity import (
     as_planned,
     clock,
     component_path,
+    is_bad,
     shown_problems,
     silent_text,
     span,
@@ -126,17 +127,14 @@ def _state(robot: dict[str, Any], pattern: str, now: float) -> tuple[int, str]:
 
 def _sensor(component: dict[str, Any], problems: list[ShownProblem], now: float) -> Sensor:
     """A component with its problems and those of its values."""
-    words = [STATE_OF_LEVEL[component["level"]]]
-    words += [each.state for each in problems if each.problem["scope"] == "value" and _is_bad(each)]
+    words = ["OK" if component.get("quiet_because") else STATE_OF_LEVEL[component["level"]]]
+    of_values = (each for each in problems if each.problem["scope"] == "value")
+    words += [each.state for each in of_values if is_bad(each.problem)]
     planned = as_planned(component)
     message = "" if component["level"] == "OK" else component["message"]
     details = " (planned)" if planned else _details(problems, now, message)
     path = _clean(component_path(component))
     return Sensor(min(words, key=LISTS.index), path + details, not planned)
-
-
-def _is_bad(shown: ShownProblem) -> bool:
-    return not shown.problem["well"]
 
 
 def _missing(

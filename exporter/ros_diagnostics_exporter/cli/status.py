@@ -174,7 +174,7 @@ def _components(robots: list[dict[str, Any]], now: float) -> Table:
 
 def _history(client: Client, options: argparse.Namespace) -> int:
     """Print what happened to one robot, the newest last."""
-    events = list(client.events(options.history, options.since))
+    events = list(client.events(options.since, robot=options.history))
     if options.json:
         json.dump(events, sys.stdout, indent=2)
         print()  # noqa: T201

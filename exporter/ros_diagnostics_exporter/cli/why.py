@@ -95,7 +95,7 @@ def _parser() -> argparse.ArgumentParser:
         "--at",
         type=moment,
         metavar="TIME",
-        help="the faults that lasted then, or the last one before: 10m (ago), 14:30, "
+        help="the faults that lasted then or had just ended, or the last one: 10m (ago), 14:30, "
         "2027-01-31T14:30 (default: now)",
     )
     add_arguments(parser)

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from ros_diagnostics_exporter.texts import printable
@@ -32,6 +32,13 @@ def quoted(value: object) -> str:
     found = "nothing" if value is None else json.dumps(value, ensure_ascii=False, default=str)
     found = printable(found)
     return found if len(found) <= 60 else found[:57] + "..."
+
+
+def first_error(error: ValidationError, whole: str = "it") -> str:
+    """The first thing that is wrong with data of a program; ``whole`` names all of them."""
+    first = error.errors(include_url=False, include_input=False, include_context=False)[0]
+    place = ".".join(map(str, first["loc"])) or whole
+    return f"{place:.60}: {first['msg']:.120}"
 
 
 class WrongValueError(ValueError):

@@ -55,6 +55,30 @@ class Threshold:
 
 
 @dataclass(frozen=True)
+class Condition:
+    """What a component, or a value, of the same robot has to be like; ``text`` is for people.
+
+    Of a value, ``texts`` or at least one of ``below`` and ``above`` is given.
+    """
+
+    text: str
+    component: tuple[Pattern, ...] = ()  # any searched in the name; () = the component itself
+    levels: tuple[int, ...] = ()  # one of these; () = it is about a value
+    key: tuple[Pattern, ...] = ()  # any, fullmatch
+    texts: tuple[Pattern, ...] = ()  # any, fullmatch on the published text
+    below: float | None = None  # of the exported number
+    above: float | None = None
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """When a component's or a value's trouble is a fault: all of ``when``, none of ``unless``."""
+
+    when: tuple[Condition, ...] = ()
+    unless: tuple[Condition, ...] = ()
+
+
+@dataclass(frozen=True)
 class ValueRule:
     """How one key-value is read; the first rule whose patterns match applies."""
 
@@ -68,6 +92,7 @@ class ValueRule:
     # a gauge of this name in place of component_value (in addition to it with thresholds)
     metric: str | None = None
     thresholds: tuple[Threshold, ...] = ()
+    conditions: Conditions | None = None  # of the faults of its thresholds; None = always
 
 
 @dataclass(frozen=True)
@@ -80,6 +105,7 @@ class ComponentRule:
     confirm_after: float | None = None  # seconds
     levels: Mapping[int, int] = field(default_factory=dict)  # level published -> level counted
     planned_stale: bool = False  # no notification when it is STALE
+    conditions: Conditions | None = None  # of its faults; None = always
 
 
 @dataclass(frozen=True)

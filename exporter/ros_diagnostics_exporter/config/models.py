@@ -15,6 +15,7 @@ from ros_diagnostics_exporter.config.errors import WrongValueError
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
 from ros_diagnostics_exporter.config.patterns import (
+    Equals,
     NameTemplate,
     Split,
     TopicTemplate,
@@ -68,6 +69,7 @@ def required(description: str, *, example: Any) -> Any:
     return Field(description=description, examples=[example])
 
 
+MAX_CONDITIONS = 10  # of one when or unless
 LevelWord = Literal["OK", "WARN", "ERROR", "STALE"]
 
 
@@ -91,6 +93,79 @@ def _short_check(value: Any) -> Any:
 Check = Annotated[
     CheckEntry, BeforeValidator(_short_check, json_schema_input_type=Words | CheckEntry)
 ]
+
+
+class ConditionEntry(Entry):
+    """What a component, or a value, of the same robot has to be like."""
+
+    component: Words | None = optional(
+        "Words, case ignored, one of which the component's name contains; one such component is "
+        "enough. Without it, the component itself.",
+        example="Charger",
+    )
+    level: ConditionLevels | None = optional(
+        "The component's level, or a list of levels one of which it has. In place of `key`.",
+        example="ERROR",
+    )
+    key: Wildcards | None = optional("The key of one of its values.", example="Charging state")
+    equals: Equals | None = optional(
+        "The text that the driver publishes, case ignored, `*` for anything; or a list, one of "
+        "which it is; or {regex: ...}, matched against the whole text.",
+        example="charging",
+    )
+    below: float | None = optional(
+        "The number is below, as it is exported: after `enum`, `scale` and `offset`.", example=20
+    )
+    above: float | None = optional("The number is above, as it is exported.", example=0.5)
+
+    @model_validator(mode="after")
+    def _about_one_thing(self) -> ConditionEntry:
+        if (self.level is None) == (self.key is None):
+            what = "has neither level nor key" if self.level is None else "has level and key"
+            remedy = (
+                "give one: {component: Gripper, level: ERROR} or {key: State, equals: charging}"
+            )
+            raise WrongValueError(what, remedy)
+        if self.level is not None and self.component is None:
+            what = "is about the component's own level"
+            raise WrongValueError(what, "name another component, or use levels to change a level")
+        is_number = self.below is not None or self.above is not None
+        if self.level is not None and (is_number or self.equals is not None):
+            raise WrongValueError("compares a level with a value", "give key in place of level")
+        if self.key is not None and is_number == (self.equals is not None):
+            what = (
+                "compares a text and a number" if is_number else "compares the value with nothing"
+            )
+            raise WrongValueError(what, "give equals, or below, above or both of these")
+        if None not in (self.below, self.above) and self.below <= self.above:  # type: ignore[operator]
+            what = f"never holds: nothing is above {self.above:g} and below {self.below:g}"
+            raise WrongValueError(what, "give one of them, or two conditions")
+        return self
+
+
+def _list_of_one(value: Any) -> Any:
+    if value == []:
+        raise WrongValueError("is an empty list", "remove it or fill it in")
+    return value if isinstance(value, list) else [value]
+
+
+_ConditionLevel = Literal["OK", "WARN", "ERROR"]
+ConditionLevels = Annotated[
+    list[_ConditionLevel],
+    Field(min_length=1),
+    BeforeValidator(_list_of_one, json_schema_input_type=_ConditionLevel | list[_ConditionLevel]),
+]
+ConditionList = Annotated[
+    list[ConditionEntry],
+    Field(min_length=1, max_length=MAX_CONDITIONS),
+    BeforeValidator(_list_of_one, json_schema_input_type=ConditionEntry | list[ConditionEntry]),
+]
+_WHEN = (
+    "Only where this condition holds, or all of a list, is their trouble a fault; while it is not "
+    "known, no fault begins and none ends."
+)
+_UNLESS = "Where this condition holds, or one of a list, their trouble is no fault."
+_CHARGING = {"component": "Charger", "key": "State", "equals": "charging"}
 
 
 class ComponentEntry(Entry):
@@ -117,6 +192,17 @@ class ComponentEntry(Entry):
         example=True,
         default=False,
     )
+    when: ConditionList | None = optional(
+        _WHEN, example={"component": "Mode", "key": "mode", "equals": "auto"}
+    )
+    unless: ConditionList | None = optional(_UNLESS, example=_CHARGING)
+
+    @model_validator(mode="after")
+    def _something_to_judge(self) -> ComponentEntry:
+        if self.ignore and (self.when or self.unless):
+            what = "ignores these components and gives them conditions"
+            raise WrongValueError(what, "remove ignore, or when and unless")
+        return self
 
 
 class BoundEntry(Entry):
@@ -178,6 +264,14 @@ class ValueEntry(Entry):
     thresholds: ThresholdsEntry | None = optional(
         "Thresholds for the exported value.", example={"low": {"warning": 11.5, "critical": 10.8}}
     )
+    when: ConditionList | None = optional(
+        "As in a [component](#component), for the faults of the thresholds.",
+        example={"component": "Dock", "key": "Docked", "equals": True},
+    )
+    unless: ConditionList | None = optional(
+        "As in a component, for the faults of the thresholds.",
+        example={"key": "Charging state", "equals": "charging"},
+    )
 
     @model_validator(mode="after")
     def _something_to_do(self) -> ValueEntry:
@@ -185,6 +279,9 @@ class ValueEntry(Entry):
         if self.keep is False and others:
             what = f"drops the value (keep: false) and also sets {', '.join(sorted(others))}"
             raise WrongValueError(what, "remove keep, or the other keys")
+        if self.thresholds is None and (self.when or self.unless):
+            what = "has conditions and no thresholds, so there is no fault that they could prevent"
+            raise WrongValueError(what, "add thresholds, or move them to an entry of components")
         if self.scale == 0:
             raise WrongValueError(
                 "scale is 0, which makes every value the same", "use another factor"

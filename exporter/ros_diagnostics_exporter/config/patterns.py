@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 from pydantic import PlainValidator, WithJsonSchema
@@ -72,8 +73,25 @@ def wildcard(value: Any) -> Pattern:
     return _plain_or_expression(value, _from_wildcard)
 
 
-def _from_wildcard(source: str) -> Pattern:
-    return Pattern(".*".join(map(escape, source.split("*"))), dot_all=True)
+def _from_wildcard(source: str, *, ignore_case: bool = False) -> Pattern:
+    parts = map(escape, source.split("*"))
+    return Pattern(".*".join(parts), ignore_case=ignore_case, dot_all=True)
+
+
+def equal(value: Any) -> Pattern:
+    """A whole text, case ignored, in which `*` stands for anything; or {regex: ...}.
+
+    A whole number, true and false become text, as drivers publish them.
+    """
+    if isinstance(value, bool | int):
+        value = str(value)
+    return _plain_or_expression(value, lambda text: _from_wildcard(text, ignore_case=True))
+
+
+def written(patterns: Iterable[Pattern]) -> str:
+    """Patterns as in fleet.yml: without escapes, * for anything."""
+    texts = (re.sub(r"\\(\W)", r"\1", each.pattern.replace(".*", "*")) for each in patterns)
+    return " or ".join(texts)
 
 
 def _listed(value: Any, one: Any) -> tuple[Pattern, ...]:
@@ -91,6 +109,11 @@ def words(value: Any) -> tuple[Pattern, ...]:
 def wildcards(value: Any) -> tuple[Pattern, ...]:
     """One text with wildcards or a list of them."""
     return _listed(value, wildcard)
+
+
+def equals(value: Any) -> tuple[Pattern, ...]:
+    """One text, case ignored, or a list of them."""
+    return _listed(value, equal)
 
 
 def topic_template(value: Any) -> str:
@@ -151,6 +174,7 @@ _REGEX: dict[str, Any] = {
 }
 _WORD = [{"type": "string", "minLength": 1, "maxLength": MAX_PATTERN}, _REGEX]
 _TEXT = [*_WORD, {"type": "integer"}]
+_PUBLISHED = [*_TEXT, {"type": "boolean"}]
 
 
 def _one_or_more(one: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -166,6 +190,11 @@ Wildcards = Annotated[
     tuple[Pattern, ...],
     PlainValidator(wildcards),
     WithJsonSchema({"title": "texts with *", "anyOf": _one_or_more(_TEXT)}),
+]
+Equals = Annotated[
+    tuple[Pattern, ...],
+    PlainValidator(equals),
+    WithJsonSchema({"title": "published texts", "anyOf": _one_or_more(_PUBLISHED)}),
 ]
 TopicTemplate = Annotated[
     str,

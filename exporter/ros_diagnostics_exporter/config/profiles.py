@@ -12,15 +12,19 @@ from ros_diagnostics_exporter.config.errors import Problem, quoted, suggestion
 from ros_diagnostics_exporter.config.fleet import (
     Check,
     ComponentRule,
+    Condition,
+    Conditions,
     Profile,
     Threshold,
     ValueRule,
 )
 from ros_diagnostics_exporter.config.models import (
     ComponentEntry,
+    ConditionEntry,
     ProfileEntry,
     ValueEntry,
 )
+from ros_diagnostics_exporter.config.patterns import written
 from ros_diagnostics_exporter.config.validate import Placed
 
 E = TypeVar("E")
@@ -29,6 +33,7 @@ R = TypeVar("R")
 DEFAULT = "default"
 ALL = "all"  # the check that is always there
 _SETTINGS = ("stale_after", "confirm_after", "forget_after", "flap_interval", "stale_is_critical")
+_MOST_WORDS = 200  # characters of a condition as it is shown; what it matches may be longer
 _LEVELS = {"OK": 0, "WARN": 1, "ERROR": 2, "STALE": 3}
 
 
@@ -148,6 +153,7 @@ def _components(entry: ComponentEntry) -> list[ComponentRule]:
     levels = {
         _LEVELS[published]: _LEVELS[counted] for published, counted in (entry.levels or {}).items()
     }
+    conditions = _conditions(entry)
     return [
         ComponentRule(
             pattern=pattern,
@@ -156,6 +162,7 @@ def _components(entry: ComponentEntry) -> list[ComponentRule]:
             confirm_after=entry.confirm_after,
             levels=MappingProxyType(levels),
             planned_stale=entry.planned_stale or False,
+            conditions=conditions,
         )
         for pattern in entry.match
     ]
@@ -164,6 +171,7 @@ def _components(entry: ComponentEntry) -> list[ComponentRule]:
 def _values(entry: ValueEntry) -> list[ValueRule]:
     """One rule for each pair of the entry's patterns for components and keys."""
     enum = {word.strip().lower(): number for word, number in (entry.enum or {}).items()}
+    conditions = _conditions(entry)
     return [
         ValueRule(
             component=component,
@@ -175,6 +183,7 @@ def _values(entry: ValueEntry) -> list[ValueRule]:
             offset=entry.offset or 0.0,
             metric=entry.metric,
             thresholds=_thresholds(entry),
+            conditions=conditions,
         )
         for component in entry.component or (None,)
         for key in entry.key or (None,)
@@ -190,3 +199,38 @@ def _thresholds(entry: ValueEntry) -> tuple[Threshold, ...]:
         for severity in ("warning", "critical")
         if (value := getattr(getattr(entry.thresholds, bound), severity, None)) is not None
     )
+
+
+def _conditions(entry: ComponentEntry | ValueEntry) -> Conditions | None:
+    if not (entry.when or entry.unless):
+        return None
+    when, unless = (tuple(map(_condition, each or ())) for each in (entry.when, entry.unless))
+    return Conditions(when, unless)
+
+
+def _condition(entry: ConditionEntry) -> Condition:
+    levels = entry.level or ()
+    return Condition(
+        text=" ".join(filter(None, _in_words(entry)))[:_MOST_WORDS],
+        component=entry.component or (),
+        levels=tuple(_LEVELS[each] for each in levels),
+        key=entry.key or (),
+        texts=entry.equals or (),
+        below=entry.below,
+        above=entry.above,
+    )
+
+
+def _in_words(entry: ConditionEntry) -> Iterator[str]:
+    """A condition as people read it: "Charger State is charging"."""
+    if entry.component:
+        yield written(entry.component)
+    if entry.key:
+        yield written(entry.key)
+    yield "is"
+    if entry.level:
+        yield " or ".join(entry.level)
+    if entry.equals:
+        yield written(entry.equals)
+    bounds = (("above", entry.above), ("below", entry.below))
+    yield " and ".join(f"{word} {number:g}" for word, number in bounds if number is not None)

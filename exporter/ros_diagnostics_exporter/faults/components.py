@@ -180,6 +180,7 @@ def report_value(
             book.settings.value_hysteresis,
             in_trouble=problem is not None and problem.in_trouble,
         )
+        verdict = min(verdict, report.most)
         if problem is None and verdict is Verdict.BAD:
             component = component or book.add_component(robot, name, settings)
             problem = _add_value(book, component, report, threshold, now)

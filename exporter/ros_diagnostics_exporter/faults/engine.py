@@ -76,11 +76,6 @@ class Faults:
         """Whether restart_grace is over, and whatever was wrong before the start is a fault."""
         return now.mono >= self._book.settled_at
 
-    @property
-    def next_timer(self) -> float:
-        """When `advance` has something to do, in seconds of the monotonic clock; or infinite."""
-        return self._book.timers.next
-
     def advance(self, now: Instant) -> list[Change]:
         """Let time pass; costs nothing while no timer is due."""
         timers = self._book.timers

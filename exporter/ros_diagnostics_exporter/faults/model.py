@@ -61,6 +61,20 @@ def severity_of(identity: Identity) -> Literal["critical", "warning"]:
     return "critical" if identity.state in (State.CRITICAL, State.SILENT) else "warning"
 
 
+def as_texts(identity: Identity, own: Mapping[str, str]) -> dict[str, str]:
+    """An identity with its severity as metrics, events and the API have it, by name.
+
+    ``own`` are the robot's own labels: a fault of a robot is of the site that they name, if any.
+    """
+    return {
+        **identity._asdict(),
+        "scope": identity.scope.value,
+        "state": identity.state.value,
+        "severity": severity_of(identity),
+        "site": identity.site or own.get("site", ""),
+    }
+
+
 @dataclass(frozen=True)
 class Fault:
     """A confirmed problem.
@@ -102,14 +116,6 @@ class ComponentReport(NamedTuple):
     settings: ComponentSettings
 
 
-class ValueReport(NamedTuple):
-    """One value that has thresholds, or had; ``number`` is None while nothing fresh is known."""
-
-    key: str
-    number: float | None
-    thresholds: tuple[Threshold, ...]
-
-
 class Verdict(IntEnum):
     """What is known of a problem now."""
 
@@ -117,6 +123,18 @@ class Verdict(IntEnum):
     HELD = 1  # nothing fresh: neither begins nor ends
     ABSENT = 2  # in trouble, for want of data
     BAD = 3  # in trouble, freshly reported
+
+
+class ValueReport(NamedTuple):
+    """One value that has thresholds, or had; ``number`` is None while nothing fresh is known.
+
+    ``most`` is the worst verdict that it may have, by the conditions of fleet.yml.
+    """
+
+    key: str
+    number: float | None
+    thresholds: tuple[Threshold, ...]
+    most: Verdict = Verdict.BAD
 
 
 class Reason(str, Enum):
@@ -132,6 +150,7 @@ class Reason(str, Enum):
     SITE = "site"
     COMMON = "common"
     MANY = "many"
+    CONDITION = "condition"  # fleet.yml's `when` or `unless`
     HOURS = "hours"  # outside of the hours in which warnings begin
 
 
@@ -139,7 +158,7 @@ class ProblemView(NamedTuple):
     """A problem as pages and the API show it, soft (``fault`` is None) or hard.
 
     ``since`` is Unix time, ``due`` when it may begin at the earliest; ``quiet`` says why it does
-    not begin then, or why a fault that is ``well`` again goes on.
+    not begin then, or why a fault that is ``well`` again goes on, ``because`` by which condition.
     """
 
     identity: Identity
@@ -148,6 +167,7 @@ class ProblemView(NamedTuple):
     fault: Fault | None
     quiet: Reason | None
     well: bool
+    because: str = ""
 
 
 class Row(NamedTuple):

@@ -269,7 +269,7 @@ def _level(component: Component) -> int:
 
 
 def _problem_level(component: Component) -> int | None:
-    return component.level or None
+    return None if component.quiet_because else component.level or None
 
 
 def _since(component: Component) -> float:

@@ -28,14 +28,14 @@ class Exposition:
     """The fleet's families as text.
 
     ``acknowledged`` is asked at each scrape which acknowledgements hold, ``notified`` who was
-    notified of which fault.
+    notified of which fault; None where that is not known.
     """
 
     def __init__(
         self,
         state: State,
         acknowledged: Callable[[], Iterable[Acknowledgement]] = tuple,
-        notified: Callable[[], Mapping[Key, Mapping[str, float]] | None] = dict,
+        notified: Callable[[], Mapping[Key, Mapping[str, float]] | None] = lambda: None,
     ) -> None:
         self._state = state
         self._acknowledged = acknowledged
@@ -76,7 +76,7 @@ class Exposition:
     def _more(self) -> dict[str, bytes]:
         """What no robot's text has: samples by the family's name."""
         fleet, faults = self._state.fleet, self._state.faults()
-        acknowledged, notified = self._acknowledged(), self._notified() or {}
+        acknowledged, notified = self._acknowledged(), self._notified()
         return {
             metrics.ROBOT_SILENT_REASON.name: self._over_limit(),
             **self._faults.render(fleet.name, fleet.exporter, faults, acknowledged, notified),

@@ -256,8 +256,8 @@ FAULT_ACKNOWLEDGED = _family(
 FAULT_NOTIFIED = _family(
     "fault_notified_timestamp_seconds",
     "gauge",
-    "When Alertmanager last sent a notification of a fault that lasts to a receiver (Unix time); "
-    "only where it posts them to /api/v1/notifications.",
+    "When Alertmanager last sent a notification of a fault that lasts to a receiver (Unix time); 0 "
+    "without a receiver if it sent none; only where it posts them to /api/v1/notifications.",
     (*FAULT, "receiver"),
     open=True,
 )

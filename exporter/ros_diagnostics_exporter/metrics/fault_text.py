@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from types import MappingProxyType
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
-from ros_diagnostics_exporter.faults.model import Fault, Identity, severity_of
+from ros_diagnostics_exporter.faults.model import Fault, Identity, as_texts
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import number
 from ros_diagnostics_exporter.metrics.families import Family
-from ros_diagnostics_exporter.notifications import Key, as_served
-from ros_diagnostics_exporter.texts import escape
+from ros_diagnostics_exporter.notifications import Key
+from ros_diagnostics_exporter.texts import encodable, escape
 
 # A robot's own labels by these names are left out: they would be read as the fault's identity.
 _RESERVED = {label for family in metrics.FAULT_FAMILIES for label in family.labels} - {"site"}
-SAME = 1.0  # seconds by which an acknowledgement may differ from when its fault began
 
 
 class _Lines(NamedTuple):
@@ -42,7 +40,7 @@ class FaultText:
         exporter: str,
         faults: Iterable[Fault],
         acknowledgements: Iterable[Acknowledgement] = (),
-        notified: Mapping[Key, Mapping[str, float]] = MappingProxyType({}),
+        notified: Mapping[Key, Mapping[str, float]] | None = None,
     ) -> dict[str, bytes]:
         """By the family's name.
 
@@ -51,7 +49,7 @@ class FaultText:
             exporter: The exporter's; "" for none.
             faults: All that last.
             acknowledgements: Those in force, the newest last; of other faults, too.
-            notified: Of each fault, when each receiver was last notified.
+            notified: Of each fault, when each receiver was last notified; None: not known.
         """
         source = fleet, exporter
         known = self._lines if source == self._source else {}
@@ -76,18 +74,14 @@ def _render(fleet: str, exporter: str, fault: Fault) -> _Lines:
     identity = {
         "fleet": fleet,
         "exporter": exporter,
-        **fault.identity._asdict(),
-        "scope": fault.identity.scope.value,
-        "state": fault.identity.state.value,
-        "severity": severity_of(fault.identity),
-        "site": fault.identity.site or fault.labels.get("site", ""),
+        **as_texts(fault.identity, fault.labels),
     }
     own = {name: text for name, text in fault.labels.items() if name not in _RESERVED}
     labels = _labels(identity | own)
     return _Lines(
         fault,
         labels,
-        tuple(as_served(text) for text in identity_of(identity)),
+        tuple(encodable(text) for text in identity_of(identity)),
         start=_sample(metrics.FAULT_START, labels, {}, fault.since),
         info=_sample(metrics.FAULT_INFO, labels, {"evidence": fault.evidence}),
     )
@@ -102,17 +96,21 @@ def _acknowledged(
         by_fault.setdefault(each.fault, []).append(each)
     for line in lines if by_fault else ():
         named = by_fault.get(line.key, ())
-        found = [each for each in named if abs(each.since - line.fault.since) <= SAME]
+        found = [each for each in named if each.is_of(line.fault.since)]
         if found:
             words = {"author": found[-1].author, "comment": found[-1].comment}
             yield _sample(metrics.FAULT_ACKNOWLEDGED, line.labels, words, found[-1].at)
 
 
 def _notified(
-    lines: Iterable[_Lines], notified: Mapping[Key, Mapping[str, float]]
+    lines: Iterable[_Lines], notified: Mapping[Key, Mapping[str, float]] | None
 ) -> Iterator[str]:
-    for line in lines if notified else ():
-        for receiver, at in notified.get(line.key[1:], {}).items():
+    """Who was notified when; of a fault of which nobody was, one sample without a receiver: 0."""
+    if notified is None:
+        return
+    for line in lines:
+        receivers = notified.get(line.key[1:]) or {"": 0.0}
+        for receiver, at in receivers.items():
             yield _sample(metrics.FAULT_NOTIFIED, line.labels, {"receiver": receiver}, at)
 
 

@@ -71,10 +71,6 @@ class Site:
                     self._services.setdefault(name, {})[service.name] = service
         self.services = [each for of_host in self._services.values() for each in of_host.values()]
 
-    def services_on(self, host: str) -> list[Service]:
-        """The services of a host."""
-        return list(self._services.get(host, {}).values())
-
     def service(self, host: str, description: str) -> Service | None:
         """One service of a host."""
         return self._services.get(host, {}).get(description)

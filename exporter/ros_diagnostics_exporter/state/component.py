@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ros_diagnostics_exporter.config.fleet import ComponentRule, ValueRule
+from ros_diagnostics_exporter.config.fleet import ComponentRule, Threshold, ValueRule
 from ros_diagnostics_exporter.faults.flapping import SLOTS
 from ros_diagnostics_exporter.ingest.values import Number, parse_numbers
 from ros_diagnostics_exporter.model import Instant, Level, Status
@@ -28,7 +28,8 @@ OK, WARN, ERROR, STALE = (int(level) for level in Level)
 GAPS_KEPT = 10
 GAP_FACTOR = 3.0
 LEAST_STALE_AFTER = 5.0
-# Received once, a component has no gap yet; monitors that publish once a minute exist (Autoware).
+# Received once, or several times at one moment, a component has not yet shown how often it is
+# published; monitors that publish once a minute exist (Autoware).
 STALE_AFTER_FIRST = 90.0
 
 _DIGITS = re.compile(r"[0-9]+")
@@ -44,7 +45,7 @@ class Component:
     ``reported`` is the level that the robot reported, ``level`` the one after the config's
     overrides; both are STALE while nothing fresh is known. ``since`` and ``problem_since`` are Unix
     time, ``received`` and ``listed`` monotonic: the last fresh status, and the last array that
-    contained the component.
+    contained the component. ``missing``: the last array of its aggregator does not.
     """
 
     __slots__ = (
@@ -62,8 +63,10 @@ class Component:
         "level",
         "listed",
         "message",
+        "missing",
         "name",
         "problem_since",
+        "quiet_because",
         "raw_received",
         "received",
         "reported",
@@ -92,10 +95,12 @@ class Component:
         self.before_stale: int | None = None
         self.since = now.wall
         self.problem_since: float | None = None
+        self.quiet_because = ""  # the condition of fleet.yml by which its trouble is no fault now
         self.changes = 0
         self.received: float | None = None
         self.raw_received: float | None = None
         self.listed = now.mono
+        self.missing = False
         self.gaps: deque[float] = deque(maxlen=GAPS_KEPT)
         self.flaps: FlapHistory | None = None
         self.last: Status | None = None
@@ -166,6 +171,11 @@ class Component:
         return changed
 
     @property
+    def last_recorded(self) -> int:
+        """The level of its last event: of an earlier process, until it is received or STALE."""
+        return self.level if self._resume is None else self._resume[0]
+
+    @property
     def was_ok(self) -> bool:
         """Whether it was OK when it was last received, and its values within their thresholds.
 
@@ -176,7 +186,7 @@ class Component:
         level: int | None = self.effective_level(self.last.level)
         if level == STALE and self.rule is not None and self.rule.planned_stale:
             level = self.before_stale
-        beyond = any(value.is_beyond_threshold for value in self.values.all)
+        beyond = any(value.beyond for value in self.values.all)
         return level in (None, OK) and not beyond
 
     def persist(self, now: Instant) -> PersistedComponent:
@@ -238,7 +248,7 @@ class Component:
             return self.rule.stale_after
         if not raw:
             return default
-        if not self.gaps:
+        if len(self.gaps) < GAPS_KEPT and sum(self.gaps) < LEAST_STALE_AFTER:
             return max(STALE_AFTER_FIRST, default)
         return max(LEAST_STALE_AFTER, GAP_FACTOR * max(self.gaps))
 
@@ -271,13 +281,13 @@ class Value:
         return (self.metric is not None) + 2 + len(self.rule.thresholds)
 
     @property
-    def is_beyond_threshold(self) -> bool:
-        """Whether it is beyond one of its thresholds."""
-        thresholds = () if self.rule is None else self.rule.thresholds
-        return any(
-            self.number < each.value if each.bound == "low" else self.number > each.value
-            for each in thresholds
-        )
+    def beyond(self) -> list[Threshold]:
+        """Its thresholds that it is beyond."""
+        return [
+            each
+            for each in (() if self.rule is None else self.rule.thresholds)
+            if (self.number < each.value if each.bound == "low" else self.number > each.value)
+        ]
 
 
 class ComponentValues:

@@ -171,6 +171,7 @@ class Components:
     def update(self, component: Component, status: Status, now: Instant) -> None:
         """Update one component from its status."""
         component.listed = now.mono
+        component.missing = False
         if len(status.values) > component.key_values:
             status = self._within_limits(component, status)
         if status == component.last and component.reported == status.level:
@@ -186,12 +187,11 @@ class Components:
         if status.hardware_id and status.hardware_id != component.hardware_id:
             component.hardware_id = status.hardware_id
             self._versions.structure += 1
-        before = component.level
+        before = component.last_recorded
         changed = self._set_level(component, reported, now, notify=False)
         if component.set_message(status.message, always=changed) and component.level != OK:
             self._versions.levels += 1
-        if changed:  # after the message was set, which the event shows
-            self._changed(component, before, now)
+        self._record(component, before, now)  # after the message was set, which the event shows
         if reported != STALE:
             component.received = now.mono
             numbers, structure = component.values.update(status.values)
@@ -227,8 +227,15 @@ class Components:
             component.problem_since = since
             self._versions.levels += 1
 
-    def mark_stale(self, component: Component, now: Instant) -> None:
-        """Make a component STALE: nothing fresh is known about it."""
+    def set_quiet(self, component: Component, because: str) -> None:
+        """Set by which condition of the config the trouble of a component is no fault; "": none."""
+        if component.quiet_because != because:
+            component.quiet_because = because
+            self._versions.levels += 1
+
+    def mark_missing(self, component: Component, now: Instant) -> None:
+        """Make a component STALE, because its aggregator's array does not have it."""
+        component.missing = True
         self._set_level(component, STALE, now)
 
     def mark_all_stale(self, now: Instant) -> None:
@@ -239,7 +246,7 @@ class Components:
     def _set_level(
         self, component: Component, reported: int, now: Instant, *, notify: bool = True
     ) -> bool:
-        was_stale, before = component.is_stale, component.level
+        was_stale, before = component.is_stale, component.last_recorded
         changed = component.set_reported(reported, now, self._profile.flap_interval)
         if was_stale != component.is_stale:  # the numbers of a stale component are not exported
             self._versions.structure += 1
@@ -250,9 +257,14 @@ class Components:
             self.level_changes[component] = None
             if component.flaps is not None and component.flaps.ratio > 0:
                 self._flapping.add(component.identity)
-            if notify:
-                self._changed(component, before, now)
+        if notify:
+            self._record(component, before, now)
         return changed
+
+    def _record(self, component: Component, before: int, now: Instant) -> None:
+        """Record what changed since the last event, also where a restart was in between."""
+        if component.level != before:
+            self._changed(component, before, now)
 
     # -- time --------------------------------------------------------------------------------
 

@@ -22,6 +22,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from ros_diagnostics_exporter.events import Event, Wanted, filled
+from ros_diagnostics_exporter.texts import encodable
 
 VERSION = 2  # of the schema; 1 was a JSON file
 APPLICATION = 0x524F5344  # "ROSD", for `file`
@@ -226,26 +227,26 @@ class Database:
 
     def _write_robots(self, changes: Changes) -> None:
         execute = self._connection.executemany
-        gone = [(_text(name),) for name in changes.gone]
+        gone = [(encodable(name),) for name in changes.gone]
         execute("DELETE FROM robots WHERE name = ?", gone)
         execute("DELETE FROM seen WHERE robot = ?", gone)
         execute(
             "INSERT INTO robots VALUES (?, ?)"
             " ON CONFLICT (name) DO UPDATE SET data = excluded.data",
-            [(_text(name), _text(data)) for name, data in changes.robots],
+            [(encodable(name), encodable(data)) for name, data in changes.robots],
         )
         execute(
             "INSERT OR REPLACE INTO seen VALUES (?, ?)",
-            [(_text(name), time) for name, time in changes.seen],
+            [(encodable(name), time) for name, time in changes.seen],
         )
 
     def _write_faults(self, rows: dict[tuple[str, str], str | None]) -> None:
-        gone = [(kind, _text(key)) for (kind, key), text in rows.items() if text is None]
+        gone = [(kind, encodable(key)) for (kind, key), text in rows.items() if text is None]
         self._connection.executemany("DELETE FROM faults WHERE kind = ? AND key = ?", gone)
         self._connection.executemany(
             "INSERT OR REPLACE INTO faults VALUES (?, ?, ?)",
             [
-                (kind, _text(key), _text(text))
+                (kind, encodable(key), encodable(text))
                 for (kind, key), text in rows.items()
                 if text is not None
             ],
@@ -303,7 +304,7 @@ def find_events(path: Path, wanted: Wanted) -> Iterator[tuple[int, Event]]:
     ):
         if value is not None:
             conditions.append(condition)
-            values.append(_text(value) if isinstance(value, str) else value)
+            values.append(encodable(value) if isinstance(value, str) else value)
     query = f"SELECT id, data FROM events WHERE {' AND '.join(conditions)}"  # noqa: S608
     uri = path.absolute().as_uri() + "?mode=ro"
     with closing(sqlite3.connect(uri, uri=True, timeout=BUSY, isolation_level=None)) as connection:
@@ -342,7 +343,7 @@ def _event_row(number: int, event: Event) -> tuple[int | float | str, ...]:
     # What can be asked for is apart; everything is in the JSON.
     texts = (event.kind, event.robot, event.component, event.after)
     data = json.dumps(filled(event), ensure_ascii=False)
-    return number, event.time, *map(_text, (*texts, data))
+    return number, event.time, *map(encodable, (*texts, data))
 
 
 def _event(data: Any) -> Event | None:
@@ -355,8 +356,3 @@ def _event(data: Any) -> Event | None:
 
 def _decode(raw: bytes) -> str:
     return raw.decode("utf-8", "replace")
-
-
-def _text(text: str) -> str:
-    """Without lone surrogates, which SQLite does not take."""
-    return text if text.isascii() else text.encode("utf-8", "replace").decode()

@@ -79,7 +79,7 @@ def _of_robot(identity: Identity, robot: Robot) -> Iterator[str]:
 
 
 def _troubled(robot: Robot) -> Iterator[Component]:
-    return (each for each in robot.components if each.level > Level.OK)
+    return (each for each in robot.components if each.level > Level.OK and not each.quiet_because)
 
 
 def _with_level(component: Component) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from math import inf, nextafter
 from typing import Literal
 
-from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Source, Threshold
+from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Source, Threshold, ValueRule
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import (
@@ -25,11 +25,14 @@ from ros_diagnostics_exporter.faults.model import (
     Row,
     Scope,
     ValueReport,
-    severity_of,
+    Verdict,
+    as_texts,
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.state.component import Component
+from ros_diagnostics_exporter.state.conditional_problems import ConditionalProblems
+from ros_diagnostics_exporter.state.conditions import Quiet, RobotConditions
 from ros_diagnostics_exporter.state.fault_evidence import evidence
 from ros_diagnostics_exporter.state.limits import unique_name
 from ros_diagnostics_exporter.state.robot import Robot
@@ -60,7 +63,7 @@ class FaultReports:
 
     def add(self, robot: Robot, now: Instant) -> None:
         """Judge a new robot from now on."""
-        reports = self._robots[robot.settings.name] = RobotReports(robot)
+        reports = self._robots[robot.settings.name] = RobotReports(robot, self._events)
         self._record(reports.configure(self._faults, self._time(now)))
 
     def remove(self, robot: Robot, now: Instant) -> None:
@@ -173,7 +176,19 @@ class FaultReports:
         Raises:
             LookupError: there is no such robot.
         """
-        return list(self._faults.problems(now, robot))
+        by_condition = {
+            view.identity: view
+            for name, reports in self._robots.items()
+            if robot in (None, name)
+            for view in reports.by_condition.views()
+        }
+        found = []
+        for view in self._faults.problems(now, robot):
+            if view.fault is not None:  # it goes on under its condition, and is shown as it is
+                by_condition.pop(view.identity, None)
+            if view.identity not in by_condition:
+                found.append(view)
+        return [*found, *by_condition.values()]
 
     def settled(self, now: Instant) -> bool:
         """Whether what was wrong before the start has been judged again."""
@@ -199,8 +214,9 @@ class RobotReports:
     is the robot that is silent, and before that a slow driver is no stale component.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, events: deque[Event]) -> None:
         self.robot = robot
+        self._events = events
         self.maintenance = False
         self._settings = robot.settings
         self._limits = robot.limits
@@ -212,6 +228,8 @@ class RobotReports:
         self._everything = True  # is to be reported, because none of it was, or by other settings
         self._awaited: dict[Component, float] = {}
         self._awaited_next = inf
+        self._conditions = RobotConditions(robot)
+        self.by_condition = ConditionalProblems()
 
     # -- config ------------------------------------------------------------------------------
 
@@ -255,7 +273,7 @@ class RobotReports:
             return True
         if components.names_version != self._names_version:
             return True
-        if self.robot.up and self._last >= self._awaited_next:
+        if self.robot.up and self._has_found_awaited:
             return True
         return self._presence_at(now) != self._presence
 
@@ -266,6 +284,7 @@ class RobotReports:
         renamed = components.names_version != self._names_version
         if renamed:
             changes += self._follow_names(faults, now)
+        self._apply_conditions(now)
         if self.robot.up:
             self._find_awaited()
             changes += self._report_levels(faults, now, renamed=renamed)
@@ -276,6 +295,29 @@ class RobotReports:
         components.level_changes.clear()
         components.value_changes.clear()
         return changes
+
+    def _apply_conditions(self, now: Instant) -> None:
+        """Have what depends on what changed reported, where its conditions say something else."""
+        components = self.robot.components
+        changed = {**components.level_changes, **components.value_changes}
+        for component, differs in self._conditions.update(
+            changed, everything=self._everything
+        ).items():
+            name = self._names.get(component)
+            quiet = None if name is None else self._quiet(component)
+            is_known = self.robot.up and quiet is not None and quiet.known
+            components.set_quiet(component, quiet.because if quiet and is_known else "")
+            if differs:
+                components.level_changes[component] = None
+                components.value_changes[component] = None
+            if name is not None and self.robot.up:
+                of = self.robot.settings.name, name
+                self._events.extend(self.by_condition.update(component, of, self._conditions, now))
+
+    def _quiet(self, component: Component) -> Quiet | None:
+        """Why the component's trouble is no fault, if it is none."""
+        rule = component.rule
+        return None if rule is None else self._conditions.find(component, rule.conditions)
 
     # -- presence ----------------------------------------------------------------------------
 
@@ -298,6 +340,7 @@ class RobotReports:
         presence, robot = self._presence_at(now), self.robot
         if presence == self._presence:
             return []
+        self.by_condition.clear()
         self._presence = presence
         self._awaited, self._awaited_next = {}, inf
         if presence == "pending":
@@ -342,9 +385,19 @@ class RobotReports:
         return self.robot.source is Source.RAW or component.raw_received is not None
 
     def _is_reported_stale(self, component: Component) -> bool:
-        """Whether the last array has the component, as STALE."""
+        """Whether the last array has the component as STALE, or is an aggregator's without it."""
+        if component.missing:
+            return True
         last = component.last
         return last is not None and last.level == Level.STALE and component.listed >= self._last
+
+    @property
+    def _has_found_awaited(self) -> bool:
+        """Whether the last array shows one of them to be absent, or has it as STALE.
+
+        That is no change of its level, which was STALE before for want of anything received.
+        """
+        return self._last >= self._awaited_next or any(map(self._is_reported_stale, self._awaited))
 
     def _find_awaited(self) -> None:
         """Have those reported that are received now, or that an array shows to be absent."""
@@ -373,7 +426,7 @@ class RobotReports:
         return any(
             Level.ERROR in (each.level, each.before_stale)
             for each, known in self._names.items()
-            if known.component == name
+            if known.component == name and not each.quiet_because
         )
 
     def _follow_names(self, faults: Faults, now: Instant) -> list[Change]:
@@ -391,14 +444,13 @@ class RobotReports:
                 changes += faults.component_moved(robot, former, new, now)
                 components.level_changes[component] = None
                 components.value_changes[component] = None
+        self.by_condition.clear()  # the conditions are evaluated anew
         self._names, self._names_version = names, components.names_version
         return changes
 
     def _report_levels(self, faults: Faults, now: Instant, *, renamed: bool) -> list[Change]:
         reported = {
-            component: ComponentReport(
-                name, _LEVELS[component.level], self._component_settings(component)
-            )
+            component: self._component_report(component, name)
             for component, name in self._to_report(self.robot.components.level_changes)
             if component not in self._awaited
         }
@@ -417,6 +469,18 @@ class RobotReports:
             name = self._names.get(component)
             if name is not None and component.level >= 0:  # received at least once
                 yield component, name
+
+    def _component_report(self, component: Component, name: ComponentName) -> ComponentReport:
+        """The component as it is judged: well, or not known, where its condition says so."""
+        level, settings = _LEVELS[component.level], self._component_settings(component)
+        quiet = self._quiet(component)
+        if quiet is None or level is Level.OK:
+            return ComponentReport(name, level, settings)
+        if quiet.known and level is not Level.STALE:
+            return ComponentReport(name, Level.OK, settings)
+        # As a STALE that is planned: nothing begins, and nothing ends.
+        settings = ComponentSettings(settings.confirm_after, planned_stale=True)
+        return ComponentReport(name, Level.STALE, settings)
 
     def _component_settings(self, component: Component) -> ComponentSettings:
         profile, rule = self._settings.profile, component.rule
@@ -455,7 +519,10 @@ class RobotReports:
         stale = component.is_stale
         found = {
             value.key: ValueReport(
-                value.key, None if stale else value.number, value.rule.thresholds
+                value.key,
+                None if stale else value.number,
+                value.rule.thresholds,
+                Verdict.BAD if stale else self._most(component, value.rule),
             )
             for value in component.values.all
             if value.rule is not None and value.rule.thresholds
@@ -471,6 +538,13 @@ class RobotReports:
             found[key] = ValueReport(key, None, tuple(thresholds) if wanted else ())
         return list(found.values())
 
+    def _most(self, component: Component, rule: ValueRule) -> Verdict:
+        """The worst that a value's conditions let it be."""
+        quiet = self._conditions.find(component, rule.conditions)
+        if quiet is None:
+            return Verdict.BAD
+        return Verdict.WELL if quiet.known else Verdict.HELD
+
     def _report_checks(self, faults: Faults, now: Instant) -> list[Change]:
         expected = _expected(self._settings.profile)
         if not expected:
@@ -484,21 +558,11 @@ class RobotReports:
 
 
 def _event(what: str, fault: Fault, at: float) -> Event:
-    identity = fault.identity
     return Event(
         time=at,
         kind="fault_began" if what == "began" else "fault_ended",
-        robot=identity.robot,
-        group=identity.group,
-        component=identity.component,
+        **as_texts(fault.identity, fault.labels),
         message=fault.evidence,
-        scope=identity.scope.value,
-        state=identity.state.value,
-        site=identity.site or fault.labels.get("site", ""),
-        check=identity.check,
-        key=identity.key,
-        bound=identity.bound,
-        severity=severity_of(identity),
         since=fault.since,
         reason="" if what == "began" else what,
     )

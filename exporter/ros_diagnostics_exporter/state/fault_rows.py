@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from ros_diagnostics_exporter.config.errors import first_error
 from ros_diagnostics_exporter.faults.flapping import SLOTS
 from ros_diagnostics_exporter.faults.model import Row
 
@@ -113,7 +114,5 @@ def _row(found: Any) -> Row | str:
         kind, key, fields = _ROW.validate_python(found)
         _FIELDS[kind].validate_python(fields)
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        place = ".".join(map(str, first["loc"]))
-        return f"{place:.60}: {first['msg']:.120}"
+        return first_error(error)
     return Row(kind, key, fields)

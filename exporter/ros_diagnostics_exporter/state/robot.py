@@ -338,7 +338,7 @@ class AggregatedUpdates:
             else:
                 self._components.update(component, status, now)
         for component in self._missing:
-            self._components.mark_stale(component, now)
+            self._components.mark_missing(component, now)
 
     def reset(self, limits: config.Limits) -> None:
         """Look the components up again at the next array: the config may want others."""

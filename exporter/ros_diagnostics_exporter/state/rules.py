@@ -7,6 +7,7 @@ Strings of robots are cut before they are searched: see `patterns`.
 from __future__ import annotations
 
 from ros_diagnostics_exporter.config.fleet import Check, ComponentRule, Profile, ValueRule
+from ros_diagnostics_exporter.regex import Pattern
 
 SEARCHED = 256  # characters of a robot's string; what is beyond cannot match
 
@@ -27,14 +28,15 @@ def value_matches(rule: ValueRule, component: str, key: str) -> bool:
 
     Drivers of both updaters write keys like ``Received packets:``; a rule need not.
     """
-    key = key[:SEARCHED]
     if rule.component is not None and not rule.component.search(component[:SEARCHED]):
         return False
-    return (
-        rule.key is None
-        or rule.key.fullmatch(key) is not None
-        or rule.key.fullmatch(key.rstrip(": ")) is not None
-    )
+    return rule.key is None or key_matches(rule.key, key)
+
+
+def key_matches(pattern: Pattern, key: str) -> bool:
+    """Whether it matches the whole key, with or without the colon at its end."""
+    key = key[:SEARCHED]
+    return pattern.fullmatch(key) is not None or pattern.fullmatch(key.rstrip(": ")) is not None
 
 
 def check_matches(check: Check, group: str, component: str) -> bool:

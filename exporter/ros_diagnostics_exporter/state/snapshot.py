@@ -9,10 +9,10 @@ from typing import Any
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.config.fleet import Fleet, ValueRule
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
-from ros_diagnostics_exporter.faults.model import Identity, ProblemView, severity_of
+from ros_diagnostics_exporter.faults.model import ProblemView, as_texts
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.notifications import Key, key_of
-from ros_diagnostics_exporter.severity import clock, component_state
+from ros_diagnostics_exporter.severity import component_state
 from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.maintenance import maintenance_until
 from ros_diagnostics_exporter.state.robot import Robot
@@ -71,11 +71,6 @@ def robot_snapshot(
     return {**known, "maintenance_until": _maintenance_until(state.fleet, known, now)}
 
 
-def until_text(until: float | None, now: float) -> str:
-    """The end of a maintenance as `standing` takes it; "" for none."""
-    return "" if until is None else f" until {clock(until, now, local=False, seconds=False)}"
-
-
 def faults(state: State, now: Instant, notified: Notified | None = None) -> dict[str, Any]:
     """All faults that last, the oldest first; times are Unix time, ``notified`` as above."""
     lasting = sorted(state.faults(), key=lambda fault: (fault.since, fault.identity))
@@ -84,7 +79,7 @@ def faults(state: State, now: Instant, notified: Notified | None = None) -> dict
         "time": now.wall,
         "faults": [
             {
-                **(identity := _identity(fault.identity, fault.labels)),
+                **(identity := as_texts(fault.identity, fault.labels)),
                 "since": fault.since,
                 "confirmed": fault.confirmed,
                 "evidence": fault.evidence,
@@ -98,13 +93,14 @@ def faults(state: State, now: Instant, notified: Notified | None = None) -> dict
 
 def _problem(view: ProblemView, notified: Notified | None) -> dict[str, Any]:
     fault = view.fault
-    identity = _identity(view.identity, {} if fault is None else fault.labels)
+    identity = as_texts(view.identity, {} if fault is None else fault.labels)
     return {
         **identity,
         "since": view.since if fault is None else fault.since,
         "confirmed": None if fault is None else fault.confirmed,
         "due": view.due,
         "quiet": None if view.quiet is None else view.quiet.value,
+        "because": view.because,
         "well": view.well,
         "evidence": "" if fault is None else fault.evidence,
         "notified": {} if fault is None else _notified(identity, notified),
@@ -113,21 +109,6 @@ def _problem(view: ProblemView, notified: Notified | None) -> dict[str, Any]:
 
 def _notified(identity: dict[str, str], notified: Notified | None) -> dict[str, float] | None:
     return None if notified is None else dict(notified.get(key_of(identity), {}))
-
-
-def _identity(identity: Identity, labels: Mapping[str, str]) -> dict[str, str]:
-    return {
-        "scope": identity.scope.value,
-        "state": identity.state.value,
-        "severity": severity_of(identity),
-        "site": identity.site or labels.get("site", ""),
-        "robot": identity.robot,
-        "group": identity.group,
-        "component": identity.component,
-        "check": identity.check,
-        "key": identity.key,
-        "bound": identity.bound,
-    }
 
 
 def _maintenance_until(fleet: Fleet, robot: dict[str, Any], now: Instant) -> float | None:
@@ -233,6 +214,7 @@ def _component(component: Component, *, stale_is_critical: bool) -> dict[str, An
             level, before, stale_is_critical=stale_is_critical and not planned
         ),
         "planned_stale": planned,
+        "quiet_because": component.quiet_because,
         "message": component.message,
         "level_since": component.since,
         "changes": component.changes,

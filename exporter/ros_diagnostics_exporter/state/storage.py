@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 import pydantic_core
 from pydantic import Field, TypeAdapter, ValidationError
 
+from ros_diagnostics_exporter.config.errors import first_error
 from ros_diagnostics_exporter.events import EventLog, Numbered, Wanted
 from ros_diagnostics_exporter.faults.flapping import SLOTS
 from ros_diagnostics_exporter.faults.model import Row
@@ -526,9 +527,7 @@ def _robot(name: Any, fields: Any, seen: Any) -> PersistedRobot | str:
     try:
         robot, last_seen = _ROBOT.validate_python(fields), _SEEN.validate_python(seen)
     except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        place = ".".join(map(str, first["loc"]))
-        return f"{place:.60}: {first['msg']:.120}"
+        return first_error(error)
     return robot if last_seen is None else robot.seen_at(last_seen)
 
 

@@ -6,7 +6,6 @@ Of the running exporter, or, with `--config.check --live`, of a file against a r
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -14,6 +13,7 @@ from itertools import islice
 from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import (
+    Conditions,
     Discovery,
     Fleet,
     Profile,
@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.config.fleet import (
     ValueRule,
     topics_of,
 )
+from ros_diagnostics_exporter.config.patterns import written
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.state.discovery import robot_name
@@ -29,12 +30,13 @@ from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.rules import (
     SEARCHED,
     check_matches,
+    key_matches,
     value_matches,
 )
 
 log = logging.getLogger(__name__)
 
-KINDS = ("check", "component", "discovery", "maintenance", "shared", "value")
+KINDS = ("check", "component", "condition", "discovery", "maintenance", "shared", "value")
 GRACE = 300.0  # seconds for which nothing has to match until it is reported
 MOST_COMPARED = 1000  # names among which the nearest is looked for
 
@@ -131,7 +133,7 @@ def find_unmatched(fleet: Fleet, known: Iterable[KnownRobot], wall: float) -> li
 def _sources(fleet: Fleet, robots: list[KnownRobot]) -> Iterator[Unmatched]:
     for discovery in fleet.discoveries:
         if not any(_is_found(discovery, robot) for robot in robots):
-            only = _written(discovery.include)
+            only = written(discovery.include)
             entry = f"{discovery.template}{only and f' include {only}'}"
             yield Unmatched("discovery", entry, _nearest(only, [each.name for each in robots]))
     places = {(each.topic, each.domain_id) for each in robots}
@@ -150,7 +152,7 @@ def _maintenance(fleet: Fleet, robots: list[KnownRobot], wall: float) -> Iterato
     for each in fleet.maintenance:
         is_over = each.end is not None and each.end <= wall
         if not is_over and not any(selects(each, of) for of in labels):
-            selector = {label: _written(patterns) for label, patterns in each.selector.items()}
+            selector = {label: written(patterns) for label, patterns in each.selector.items()}
             near = (
                 _nearest(selector[name], (of.get(name, "") for of in labels)) for name in selector
             )
@@ -175,21 +177,47 @@ def _rules(profile: Profile, parts: Collection[Part]) -> Iterator[tuple[Unmatche
     """(entry, whether it matches anything) of all rules of a profile."""
     names = dict.fromkeys(name for _group, name, _keys in parts)
     for check in profile.checks:
-        text = _written(check.patterns)
+        text = written(check.patterns)
         matches = any(check_matches(check, group, name) for group, name, _keys in parts)
         near = "" if matches else _nearest(text, names)
         yield Unmatched("check", f"{check.name}: {text}", near), matches
     for rule in profile.components:
         if not rule.ignore:
-            text = _written([rule.pattern])
+            text = written([rule.pattern])
             matches = any(rule.pattern.search(name[:SEARCHED]) for name in names)
             yield Unmatched("component", text, "" if matches else _nearest(text, names)), matches
+            yield from _conditions(rule.conditions, rule.pattern, parts)
     for value in profile.values:
         yield _value(value, parts)
+        yield from _conditions(value.conditions, value.component, parts)
+
+
+def _conditions(
+    conditions: Conditions | None, own: Pattern | None, parts: Collection[Part]
+) -> Iterator[tuple[Unmatched, bool]]:
+    """What the conditions of an entry ask about; ``own`` are the components that it is for."""
+    for each in () if conditions is None else (*conditions.when, *conditions.unless):
+        patterns = each.component or tuple(filter(None, (own,)))
+        asked = [part for part in parts if not patterns or _is_named(part, patterns)]
+        keys = [key for _group, _name, keys in asked for key in keys]
+        matches = any(key_matches(pattern, key) for key in keys for pattern in each.key)
+        if not (asked or each.component):
+            continue  # the entry itself matches nothing
+        if matches or (asked and not each.key):
+            yield Unmatched("condition", each.text), True
+        else:
+            names = keys or [name for _group, name, _keys in parts]
+            near = _nearest(written(each.key if keys else patterns), names)
+            yield Unmatched("condition", each.text, near), False
+
+
+def _is_named(part: Part, patterns: Iterable[Pattern]) -> bool:
+    _group, name, _keys = part
+    return any(pattern.search(name[:SEARCHED]) for pattern in patterns)
 
 
 def _value(rule: ValueRule, parts: Collection[Part]) -> tuple[Unmatched, bool]:
-    component, key = (_written(filter(None, [each])) for each in (rule.component, rule.key))
+    component, key = (written(filter(None, [each])) for each in (rule.component, rule.key))
     entry = f"component {component or 'any'}, key {key or 'any'}"
     if any(value_matches(rule, name, each) for _group, name, keys in parts for each in keys):
         return Unmatched("value", entry), True
@@ -205,12 +233,6 @@ def _nearest(text: str, names: Iterable[str]) -> str:
     known = {each.casefold(): each for each in islice(dict.fromkeys(names), MOST_COMPARED) if each}
     close = get_close_matches(text.casefold(), known, 1)
     return known[close[0]] if close else ""
-
-
-def _written(patterns: Iterable[Pattern]) -> str:
-    """Patterns as in fleet.yml: without escapes, * for anything."""
-    texts = (re.sub(r"\\(\W)", r"\1", each.pattern.replace(".*", "*")) for each in patterns)
-    return " or ".join(texts)
 
 
 class UnmatchedWatch:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -85,8 +86,9 @@ class Pages:
         return PlainTextResponse(f"not ready: {reason}\n", status_code=503)
 
     async def openapi(self, _request: Request) -> Response:
-        """The OpenAPI description."""
-        return JSONResponse(openapi(self.telemetry_path))
+        """The OpenAPI description, indented: people read it, too."""
+        text = json.dumps(openapi(self.telemetry_path), indent=2, ensure_ascii=False)
+        return Response(text + "\n", media_type="application/json")
 
 
 def _page(snapshot: Snapshot, telemetry_path: str) -> str:

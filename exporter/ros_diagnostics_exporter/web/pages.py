@@ -238,9 +238,12 @@ def _components(robot: dict[str, Any], problems: list[ShownProblem]) -> Iterator
     yield f"<h2>Components: {len(rows)}</h2><ul class=rows>"
     values = MAX_LISTED
     for state, component in rows[:MAX_LISTED]:
-        planned = " <span class=mark>planned</span>" if as_planned(component) else ""
+        mark = "quiet" if component.get("quiet_because") else ""
+        mark = "planned" if as_planned(component) else mark
         text = _text(component_text(component))
-        name = f"<span class=what>{_text(component_path(component))}</span>{planned}"
+        name = f"<span class=what>{_text(component_path(component))}</span>"
+        if mark:
+            name += f" <span class=mark>{mark}</span>"
         if state == "OK":
             yield f"<li class=well>{_chip(state)} {name} <span class=dim>{text}</span>"
         else:
@@ -308,7 +311,7 @@ def _marks(robot: dict[str, Any], now: float) -> Iterator[str]:
 def _problem(shown: ShownProblem, now: float, *, evidence: bool = False) -> str:
     problem, before = shown.problem, ""
     hard = "hard" if problem["confirmed"] is not None else "soft"
-    if evidence and problem["evidence"] and problem["evidence"] != shown.message:
+    if evidence and not shown.message.startswith(problem["evidence"]):
         before = f"<p class='text dim'>When confirmed: {_text(problem['evidence'])}</p>"
     return (
         f"<li>{_chip(shown.state)} <span class=what>{_text(shown.subject)}</span> "

@@ -10,7 +10,7 @@ from grafana_foundation_sdk.models import common
 
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
-from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY, problem_table
+from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY, problem_rows, problem_table
 from fleet_dashboards.lib.promql import HELD, in_order, message_age, settled
 from fleet_dashboards.lib.tables import Column
 
@@ -36,6 +36,7 @@ def build() -> builders.Dashboard:
         ],
         [
             robots_by_state(),
+            number_of_problems(),
             problems(),
             states_of_robots(),
             health(),
@@ -73,7 +74,7 @@ def robots_by_state() -> stat.Panel:
         link = {"title": f"Only {state.word}", "url": links.to_fleet(quote(f"== {state.rank}"))}
         look = [*panels.counted(state), panels.look("links", [link])]
         panel = panel.override_by_name(state.word, look)
-    return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(panels.WIDTH)
+    return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(20)
 
 
 def _count(state: palette.State) -> str:
@@ -86,15 +87,53 @@ def _count(state: palette.State) -> str:
     """
 
 
-# ${problems} is "== 1" to leave out what is acknowledged or planned, which are grouped to 1 before
-# it. It is "== 0" to leave out nothing.
-_UNHANDLED = f"""
+def _listed(handled: str) -> str:
+    """Return the problems of the chosen state; ``handled`` compares 1 for what is handled.
+
+    "== 1" leaves out what is acknowledged or planned, "== 0" leaves out nothing.
+    """
+    return problem_rows(
+        _MATCHERS,
+        of_states=_STATES,
+        selected=f"and on (fleet, robot) {_SELECTED}",
+        covered=f"""
+    unless on (fleet, component) {HELD}{{scope="common"}}
+    unless on (fleet, robot) {HELD}{{scope="robot", state=~"many|flapping"}}
+""",
+        filters=f"""
 ${{state:raw}}
   unless on ({IDENTITY})
-    (group by ({IDENTITY}) ({ACKNOWLEDGED}) ${{problems:raw}})
+    (group by ({IDENTITY}) ({ACKNOWLEDGED}) {handled})
   unless on (fleet, robot)
-    (group by (fleet, robot) (ros_diagnostics_robot_maintenance == 1) ${{problems:raw}})
-"""
+    (group by (fleet, robot) (ros_diagnostics_robot_maintenance == 1) {handled})
+""",
+    )
+
+
+_STATES = 'fleet=~"$fleet"'
+_PROBLEMS = _listed("${problems:raw}")
+
+
+def number_of_problems() -> stat.Panel:
+    """Count the rows of the table of problems."""
+    zero = f"group({settled(_STATES)}) * 0"
+    listed = f"count({_PROBLEMS}) or {zero}"
+    return (
+        panels.number(
+            "Number of problems",
+            "How many problems are listed below, and how many of them are unhandled: neither "
+            "acknowledged nor planned?",
+            listed,
+        )
+        .targets(
+            [
+                panels.at_end(listed, "listed"),
+                panels.at_end(f"count({_listed('== 1')}) or {zero}", "unhandled", "B"),
+            ]
+        )
+        .text_mode(common.BigValueTextMode.VALUE_AND_NAME)
+        .span(4)
+    )
 
 
 def problems() -> table.Panel:
@@ -107,15 +146,10 @@ def problems() -> table.Panel:
         "so is what has one cause on many robots. Confirmed problems have lasted for their "
         "confirm_after, and an alert fires. Unhandled, at the top, leaves out what is acknowledged "
         "or planned.",
+        _PROBLEMS,
         _MATCHERS,
-        of_states='fleet=~"$fleet"',
-        proof=settled('fleet=~"$fleet"'),
-        selected=f"and on (fleet, robot) {_SELECTED}",
-        covered=f"""
-    unless on (fleet, component) {HELD}{{scope="common"}}
-    unless on (fleet, robot) {HELD}{{scope="robot", state=~"many|flapping"}}
-""",
-        filters=_UNHANDLED,
+        of_states=_STATES,
+        proof=settled(_STATES),
     ).height(12)
 
 

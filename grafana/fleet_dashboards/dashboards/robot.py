@@ -10,7 +10,7 @@ from grafana_foundation_sdk.builders import stat, statetimeline, table, timeseri
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.annotations import Annotation
 from fleet_dashboards.lib.dashboard import new_dashboard
-from fleet_dashboards.lib.problems import problem_table
+from fleet_dashboards.lib.problems import problem_rows, problem_table
 from fleet_dashboards.lib.promql import (
     HELD,
     component_rank,
@@ -180,6 +180,7 @@ def problems() -> table.Panel:
         "What is wrong with the robot, since when, and who takes care of it? Errors, warnings, "
         "stale components, values beyond their thresholds, checks that find too little. The "
         "message is that at the time of confirmation, with values and what else was wrong.",
+        problem_rows(_ROBOT),
         _ROBOT,
         proof=f"{settled(variables.FLEET)} and on (fleet) {received}",
         hidden=("Robot", "Maintenance", "Fleet"),

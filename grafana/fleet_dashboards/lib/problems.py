@@ -123,31 +123,84 @@ or
 """
 
 
+_BEGAN = "ros_diagnostics_component_problem_since_timestamp_seconds"
+_RECEIVED = "ros_diagnostics_robot_last_message_timestamp_seconds"
+
+
 def _since(matchers: str, states: str) -> str:
     """Return when the trouble began, of faults and of what is not confirmed; Unix time."""
-    began = "ros_diagnostics_component_problem_since_timestamp_seconds"
-    received = "ros_diagnostics_robot_last_message_timestamp_seconds"
     return f"""
     max by ({IDENTITY}) ({HELD}{{{matchers}}})
   or
-    max by ({_COMPONENT}) ({began}{{{states}}})
+    max by ({_COMPONENT}) ({_BEGAN}{{{states}}})
   or
-    max by (fleet, robot) ({received}{{{states}}} > 0)
+    max by (fleet, robot) ({_RECEIVED}{{{states}}} > 0)
 """
 
 
 ACKNOWLEDGED = "ros_diagnostics_fault_acknowledged_timestamp_seconds"
+_NOTIFIED = "ros_diagnostics_fault_notified_timestamp_seconds"
+_UNKNOWN = "not known"
 
 
 def _acknowledged(matchers: str) -> str:
-    """Return every fault with a label ``acknowledged``: "ann: spare part ordered", or "nobody"."""
+    """Return every fault with a label ``acknowledged``: "ann: spare part ordered", or "nobody".
+
+    Only an exporter that answers and reads Alertmanager's silences knows that it is nobody.
+    """
     by_whom = f"""
     group by ({IDENTITY}, acknowledged) (
       label_join({ACKNOWLEDGED}{{{matchers}}}, "acknowledged", ": ", "author", "comment")
     )
 """
-    nobody = label(f"group by ({IDENTITY}) ({HELD}{{{matchers}}})", "acknowledged", "nobody")
-    return f"{by_whom}\nor on ({IDENTITY})\n  {nobody}"
+    faults = f"group by ({IDENTITY}) ({HELD}{{{matchers}}})"
+    is_known = "ros_diagnostics_exporter_alertmanager_up == 1"
+    return _first_of(
+        by_whom,
+        label(f"({faults} and on (fleet) {is_known})", "acknowledged", "nobody"),
+        label(faults, "acknowledged", _UNKNOWN),
+    )
+
+
+def _notified(matchers: str, states: str) -> str:
+    """Return every problem with a label ``notified``: "email and others", or why nobody was.
+
+    The value is when the last receiver was notified, in milliseconds; NaN where nobody was.
+    """
+    sent = f"max by ({IDENTITY}, receiver) ({_NOTIFIED}{{{matchers}}} > 0)"
+    last = f"topk by ({IDENTITY}) (1, {sent})"
+    several = f"count by ({IDENTITY}) ({sent}) > 1"
+    nobody = f"max by ({IDENTITY}) ({_NOTIFIED}{{{matchers}}} == 0)"
+    of_uplink = f'{_NOTIFIED}{{{matchers}, uplink!=""}}'
+    soft = f"""
+      max by ({_COMPONENT}) ({_BEGAN}{{{states}}})
+    or
+      max by (fleet, robot) ({_RECEIVED}{{{states}}})
+"""
+    uplink_down = 'ALERTS{alertname="RosDiagnosticsUplinkDown", alertstate="firing"}'
+    why_not = {
+        f"{nobody} and on ({IDENTITY}) ({of_uplink} and on (fleet, uplink) {uplink_down})": (
+            "nobody: uplink down"
+        ),
+        f"{nobody} and on ({IDENTITY}) {ACKNOWLEDGED}": "nobody: acknowledged",
+        nobody: "nobody yet",
+        f"max by ({IDENTITY}) ({HELD}{{{matchers}}})": _UNKNOWN,
+        soft: "nobody: not confirmed",
+    }
+    found = _first_of(
+        label(
+            f"({last} and on ({IDENTITY}) {several})",
+            *("notified", "$1 and others", "receiver", "(.*)"),
+        ),
+        label(last, "notified", "$1", "receiver", "(.*)"),
+        *(label(f"(0 * ({expr}) / 0)", "notified", text) for expr, text in why_not.items()),
+    )
+    return f"max by ({IDENTITY}, notified) (\n{found}\n) * 1000"
+
+
+def _first_of(*exprs: str) -> str:
+    """Return of each problem the series of the first expression that has one."""
+    return f"\nor on ({IDENTITY})\n".join(exprs)
 
 
 def _in_maintenance(matchers: str) -> str:
@@ -164,22 +217,49 @@ _COLUMNS = (
     Column("B", "Since", unit=tables.TIME, width=145),
     Column("C", "For", unit=tables.DURATION, width=100),
     Column("confirmed", "Confirmed", width=85),
+    Column("notified", "Notified", width=150),
+    Column("G", "Notified at", unit=tables.TIME, width=100),
     Column("acknowledged", "Acknowledged", width=150),
     tables.MAINTENANCE._replace(width=100),
     tables.FLEET._replace(width=80),
 )
 
 
-def problem_table(
-    title: str,
-    description: str,
+def problem_rows(
     matchers: str,
     *,
-    proof: str,
     of_states: str = "",
     selected: str = "",
     covered: str = "",
     filters: str = "",
+) -> str:
+    """Return a series with the rank of its state for each problem.
+
+    Args:
+        matchers: Which faults, by labels that they have.
+        of_states: Of the states and families of robots, which have fewer labels; `matchers` if "".
+        selected: Restricts what is not confirmed; PromQL that follows its expression.
+        covered: Leaves out of that what belongs to a larger fault; PromQL, too.
+        filters: Of the variables, for all rows; PromQL, too.
+    """
+    return f"""
+  max by ({IDENTITY}, message, confirmed) (
+{_confirmed(matchers)}
+or
+    {_soft(of_states or matchers, covered)}
+    {selected}
+  ) {filters}
+"""
+
+
+def problem_table(
+    title: str,
+    description: str,
+    rows: str,
+    matchers: str,
+    *,
+    proof: str,
+    of_states: str = "",
     hidden: tuple[str, ...] = (),
 ) -> table.Panel:
     """Return the table of problems, worst first and of those the oldest first.
@@ -187,23 +267,13 @@ def problem_table(
     Args:
         title: Of the panel.
         description: Of the panel.
+        rows: As `problem_rows` returns them, with ``matchers`` and ``of_states``.
         matchers: Which faults, by labels that they have.
         proof: Has a value if having no row means that there is no problem.
-        of_states: Of the states and families of robots, which have fewer labels; `matchers` if "".
-        selected: Restricts what is not confirmed; PromQL that follows its expression.
-        covered: Leaves out of that what belongs to a larger fault; PromQL, too.
-        filters: Of the variables, for all rows; PromQL, too.
+        of_states: Of the states and families of robots; as of `problem_rows`.
         hidden: Titles of columns that are not shown.
     """
     states = of_states or matchers
-    rows = f"""
-  max by ({IDENTITY}, message, confirmed) (
-{_confirmed(matchers)}
-or
-    {_soft(states, covered)}
-    {selected}
-  ) {filters}
-"""
     since = _since(matchers, states)
     return tables.joined(
         title,
@@ -214,6 +284,7 @@ or
             "C": f"floor(time() - (\n{since}\n))",
             "E": _acknowledged(matchers),
             "F": _in_maintenance(states),
+            "G": _notified(matchers, states),
         },
         [column._replace(hidden=column.title in hidden) for column in _COLUMNS],
         by=IDENTITY,

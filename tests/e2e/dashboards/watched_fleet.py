@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,6 +38,11 @@ READY = {
     "scraped servers": 'count(up{job=~"prometheus|alertmanager"} == 1) == 2',
     "a ping": "count(probe_success) == 2",
     "a computer": "rate(node_cpu_seconds_total[1m])",
+    "a dead uplink": 'ALERTS{alertname="RosDiagnosticsUplinkDown", alertstate="firing"}',
+    "notifications of every fault": (
+        "count(count without (receiver)"
+        " (ros_diagnostics_fault_notified_timestamp_seconds > 0)) == 11"
+    ),
     "a notification that failed": (
         'increase(alertmanager_notifications_failed_total{integration="email"}[1m]) > 0'
     ),
@@ -59,7 +65,7 @@ def running(folder: Path) -> Iterator[WatchedFleet]:
     history_end = history.write(folder / "history.txt", hall.started.wall)
     with ExitStack() as stack:
         serve = {
-            "hall": stack.enter_context(serving(hall.scrape)),
+            "hall": stack.enter_context(serving(hall.scrape, hall.notified)),
             "annex": stack.enter_context(serving(annex.scrape)),
         }
         node, blackbox = stack.enter_context(host_checks.running(folder))
@@ -74,12 +80,22 @@ def running(folder: Path) -> Iterator[WatchedFleet]:
                 serve,
                 probes=probes,
                 history=folder / "history.txt",
+                receivers=partial(_notify, serve["hall"]),
             )
         )
         for what, expr in READY.items():
             until(lambda expr=expr: site.query(expr), what, 90, every=0.5)
         _acknowledge(site, hall)
         yield WatchedFleet(site, history_end, {address: fleet for fleet, address in serve.items()})
+
+
+def _notify(exporter: str, config: dict[str, Any]) -> None:
+    """Post notifications to ``exporter``, and send those of one robot to two receivers."""
+    for receiver in config["receivers"]:
+        for webhook in receiver.get("webhook_configs", ()):
+            webhook["url"] = f"http://{exporter}/api/v1/notifications"
+    route = {"matchers": ["robot = broken", "severity = critical"], "receiver": "team"}
+    config["route"]["routes"].insert(0, {**route, "continue": True})
 
 
 def _acknowledge(site: prometheus_site.Site, hall: ServedFleet) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -12,7 +11,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from ros_diagnostics_exporter.model import Status
-from support.ros_publisher import publisher
+from support.ros_publisher import publisher, repeating
 from testbed.polling import until
 from testbed.processes import Process
 
@@ -30,24 +29,15 @@ FAULT = "ros_diagnostics_fault_start_timestamp_seconds"
 @contextmanager
 def changing(domain_id: int) -> Iterator[None]:
     """A component is in trouble all the time, another one changes 20 times a second."""
-    stop = threading.Event()
 
-    def work() -> None:
-        turn = 0
-        while not stop.wait(0.05):
-            turn += 1
-            blink = Status(turn % 2 * 2, "Blink", f"turn {turn}")
-            robot.send("/r1/diagnostics", Status(2, "Motor", "Hot"), blink)
+    def send(turn: int) -> None:
+        blink = Status(turn % 2 * 2, "Blink", f"turn {turn}")
+        robot.send("/r1/diagnostics", Status(2, "Motor", "Hot"), blink)
 
     with publisher(domain_id) as robot:
         robot.offer("/r1/diagnostics")
-        thread = threading.Thread(target=work)
-        thread.start()
-        try:
+        with repeating(send, 0.05):
             yield
-        finally:
-            stop.set()
-            thread.join()
 
 
 def faults(site) -> dict[tuple[tuple[str, str], ...], float]:

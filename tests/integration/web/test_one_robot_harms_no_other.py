@@ -5,16 +5,15 @@ Each against the real exporter, over real DDS and HTTP.
 
 from __future__ import annotations
 
-import threading
 import urllib.request
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from ros_diagnostics_exporter.model import Status
-from support.ros_publisher import Publisher, publisher
+from support.ros_publisher import Publisher, publisher, repeating
 from testbed.polling import until
 
 pytestmark = pytest.mark.integration
@@ -69,30 +68,19 @@ def repeated(turn: int) -> list[Status]:
     return [Status(0, f"Part {n}", values=pairs) for n in range(500)]
 
 
-@contextmanager
 def sending(
     robots: Publisher,
     *names: str,
     period: float = 0.2,
     array: Callable[[int], list[Status]] = small,
-) -> Iterator[None]:
+) -> AbstractContextManager[None]:
     """The robots send an array each, again and again."""
-    stop = threading.Event()
 
-    def work() -> None:
-        turn = 0
-        while not stop.wait(period):
-            turn += 1
-            for name in names:
-                robots.send(topic(name), *array(turn))
+    def send(turn: int) -> None:
+        for name in names:
+            robots.send(topic(name), *array(turn))
 
-    thread = threading.Thread(target=work)
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
+    return repeating(send, period)
 
 
 def test_a_robot_with_too_many_series_harms_no_other(site):

@@ -6,7 +6,16 @@ import re
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Robot, Source
+from ros_diagnostics_exporter.config.fleet import (
+    ComponentRule,
+    Condition,
+    Conditions,
+    Discovery,
+    Fleet,
+    Robot,
+    Source,
+)
+from ros_diagnostics_exporter.regex import Pattern
 from support.bags import BEGIN, every_second, fleet, judged, texts, write_bag, write_json
 
 
@@ -98,3 +107,31 @@ def test_what_was_recorded_on_a_robot_is_put_below_its_namespace(tmp_path):
     bag = write_bag(tmp_path / "bag", rows)
 
     assert texts(judged(fleet(), bag, namespace="/r")) == ["40 50 90 motor critical"]
+
+
+def test_a_condition_is_judged_as_by_the_running_exporter(tmp_path):
+    rows = every_second(range(120), {"motor": range(40, 90), "brake": range(40, 70)})
+    brake = Condition("brake is ERROR", (Pattern("brake"),), levels=(2,))
+    rule = ComponentRule(Pattern("motor"), conditions=Conditions(unless=(brake,)))
+
+    result = judged(fleet(components=(rule,)), write_json(tmp_path / "recording.json", rows))
+
+    assert texts(result) == ["40 50 70 brake critical", "70 80 90 motor critical"]
+    (outage,) = [each for each in result.outages if each.component == "motor"]
+    assert (outage.begin, outage.end) == (BEGIN + 40, BEGIN + 90)
+    assert outage.verdict == "notified"
+
+    always = ComponentRule(Pattern("motor"), conditions=Conditions(when=(brake,)))
+    result = judged(fleet(components=(always,)), tmp_path / "recording.json")
+    assert texts(result) == ["40 50 70 brake critical", "40 50 70 motor critical"]
+
+
+def test_what_a_condition_excuses_all_the_time_is_quiet(tmp_path):
+    rows = every_second(range(120), {"motor": range(40, 90), "brake": []})
+    brake = Condition("brake is OK", (Pattern("brake"),), levels=(0,))
+    rule = ComponentRule(Pattern("motor"), conditions=Conditions(unless=(brake,)))
+
+    result = judged(fleet(components=(rule,)), write_json(tmp_path / "recording.json", rows))
+
+    assert texts(result) == []
+    assert [each.verdict for each in result.outages] == ["quiet"]

@@ -97,6 +97,23 @@ def test_why_a_problem_is_quiet_is_in_the_text_and_does_not_change_the_code():
     )
 
 
+def test_what_a_condition_excuses_is_listed_as_ok():
+    excused = {"confirmed": None, "quiet": "condition", "because": "unless Charger is OK"}
+    value = problem(
+        "value", "critical", group="/Motor", component="Motor 2", key="Level", **excused
+    )
+    problems = [broken(**excused), value]
+    motor = component("Motor 1", "ERROR", quiet_because="unless Charger is OK")
+    why = "quiet: by its condition in fleet.yml, unless Charger is OK, for 1 min"
+    assert checked("", robot("robot_1", motor, component("Motor 2", "OK"), problems=problems)) == (
+        0,
+        (
+            f"OK - OK sensor(s) list: /Motor/Motor 1 ({why}: Motor 1 reports ERROR), "
+            f"/Motor/Motor 2 (Level : {why})"
+        ),
+    )
+
+
 def test_in_maintenance_everything_is_listed_and_nothing_counts(monkeypatch):
     monkeypatch.setenv("TZ", "UTC")
     time.tzset()

@@ -21,6 +21,7 @@ VALIDATOR = Draft7Validator(FLEET)
 
 # The required keys of each kind of entry, and its place in fleet.yml.
 PROFILE = {"default": {}, "turtlebot4": {}, "wheeled": {}, "arm": {}}
+LEVEL = {"level": "OK"}
 WHOLE = {
     "FleetFile": lambda entry: entry,
     "RobotEntry": lambda entry: {"robots": [{"name": "r", **entry}]},
@@ -31,7 +32,33 @@ WHOLE = {
     "ComponentEntry": lambda entry: {
         "profiles": {"default": {"components": [{"match": "x", **entry}]}}
     },
-    "ValueEntry": lambda entry: {"profiles": {"default": {"values": [entry]}}},
+    "ConditionEntry": lambda entry: {
+        "profiles": {
+            "default": {
+                "components": [
+                    {
+                        "match": "x",
+                        "unless": {
+                            **({} if "key" in entry else {"component": "x"}),
+                            **({"key": "x"} if {"equals", "below", "above"} & {*entry} else {}),
+                            **({"equals": "x"} if "key" in entry else {}),
+                            **({} if {"key", "equals", "below", "above"} & {*entry} else LEVEL),
+                            **entry,
+                        },
+                    }
+                ]
+            }
+        }
+    },
+    "ValueEntry": lambda entry: {
+        "profiles": {
+            "default": {
+                "values": [
+                    {**({"thresholds": {}} if {"when", "unless"} & {*entry} else {}), **entry}
+                ]
+            }
+        }
+    },
     "ThresholdsEntry": lambda entry: {"profiles": {"default": {"values": [{"thresholds": entry}]}}},
     "BoundEntry": lambda entry: {
         "profiles": {"default": {"values": [{"thresholds": {"low": entry}}]}}

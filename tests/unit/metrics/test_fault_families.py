@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
@@ -10,6 +12,7 @@ from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics import fault_text
 from ros_diagnostics_exporter.metrics.fault_text import FaultText
 from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.notifications import key_of_fault
 from support.state_driver import ERROR, OK, WALL, WARN, StateDriver
 
 MOTOR, HOT = Status(OK, "Motor"), Status(ERROR, "Motor", 'Hot "92"')
@@ -125,3 +128,25 @@ def test_the_level_of_a_problem_is_there_while_there_is_one(level, shown):
     driver.raw(MOTOR._replace(level=level))
     assert driver.sample("component_problem_level", component="Motor") == shown
     assert driver.sample("component_level", component="Motor") == level
+
+
+@pytest.mark.parametrize(
+    ("notified", "expected"),
+    [
+        (None, {}),  # Alertmanager posts nothing: it is not known
+        ({}, {"": 0.0}),
+        ({"sms": 5.0, "email": 7.5}, {"sms": 5.0, "email": 7.5}),
+    ],
+)
+def test_a_fault_says_who_was_notified_or_that_nobody_was(notified, expected):
+    identity = Identity(Scope.COMPONENT, State.CRITICAL, robot="r", component="Motor")
+    fault = Fault(identity, since=1.0, confirmed=2.0, evidence="", labels={})
+    of = None if notified is None else {key_of_fault(fault): notified}
+    rendered = FaultText().render("f", "", [fault], notified=of)[metrics.FAULT_NOTIFIED.name]
+
+    found = {}
+    for line in rendered.decode().splitlines():
+        series, value = line.rsplit(" ", 1)
+        receiver = re.search('receiver="([^"]*)"', series)
+        found[receiver[1] if receiver else ""] = float(value)
+    assert found == expected

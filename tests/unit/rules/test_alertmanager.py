@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from ros_diagnostics_exporter.severity import COLOURS
 from support.shipped_rules import ALERTMANAGER, alerts, run_tool
 
 MOTOR = {"fleet": "f", "robot": "r1", "group": "/Motor", "component": "Motor 1"}
@@ -433,3 +434,24 @@ def test_names_and_texts_of_a_robot_stay_text(part: str, tmp_path: Path):
     else:
         assert ("<script>" in output) == (part == "text")
         assert "--comment" not in output
+
+
+@pytest.mark.parametrize(
+    ("status", "labels", "shown"),
+    [
+        ("firing", {"severity": "critical", "state": "critical"}, "CRITICAL"),
+        ("firing", {"severity": "warning", "state": "warning"}, "WARNING"),
+        ("firing", {"severity": "warning", "state": "flapping"}, "WARNING"),
+        ("firing", {"severity": "warning", "state": "stale"}, "STALE"),
+        ("firing", {"severity": "critical", "state": "silent"}, "UNKNOWN"),
+        ("firing", {"severity": "warning", "state": "pending"}, "PENDING"),
+        ("firing", {"severity": "critical"}, "CRITICAL"),  # about the monitoring itself
+        ("resolved", {"severity": "critical", "state": "silent"}, "OK"),
+    ],
+)
+def test_a_mail_has_the_colours_of_the_state_that_the_pages_have(status, labels, shown, tmp_path):
+    alert = {"alertname": "RosDiagnosticsComponentCritical", **MOTOR, **labels}
+    mail = render("ros_diagnostics.email.html", data(status, alert), tmp_path)
+    background, text = COLOURS[shown]
+
+    assert f"color: {text}; background: {background}".lower() in mail

@@ -22,7 +22,8 @@ def fault(kind: str, since: float, time: float, **more: Any) -> dict[str, Any]:
 
 
 OLD, OLD_END = fault("fault_began", 100, 110), fault("fault_ended", 100, 150, reason="recovered")
-NEW = fault("fault_began", 300, 310)
+NEW = fault("fault_began", 2_000, 2_010)
+LONG, LONG_END = fault("fault_began", 50, 60), fault("fault_ended", 50, 1_000, reason="recovered")
 
 
 @pytest.mark.parametrize(
@@ -30,12 +31,22 @@ NEW = fault("fault_began", 300, 310)
     [
         (120, Window(99, 150 + LATE)),  # lasts
         (200, Window(99, 150 + LATE)),  # the last one before
-        (400, Window(299, float("inf"))),
+        (2_100, Window(1_999, float("inf"))),
     ],
 )
 def test_the_time_is_that_of_the_faults_that_lasted_then(at, found):
     began = [each for each in (NEW, OLD) if each["time"] < at]
     assert window(began, [OLD_END], at) == found
+
+
+def test_a_fault_that_has_just_ended_counts_beside_one_that_goes_on():
+    assert window([NEW, LONG], [LONG_END], 2_020) == Window(1_999, float("inf"))
+    later = fault("fault_began", 990, 995)
+    assert window([later, LONG], [LONG_END], 1_000 + LATE) == Window(49, float("inf"))
+
+
+def test_of_those_before_it_is_the_one_that_ended_last():
+    assert window([OLD, LONG], [OLD_END, LONG_END], 5_000) == Window(49, 1_000 + LATE)
 
 
 def test_without_a_fault_it_is_the_hour_before():
@@ -54,7 +65,8 @@ def test_everything_that_happened_is_in_order_and_of_others_nothing():
         {"id": 5, "time": 325, "kind": "fault_began", **site, "site": "yard"},
         {"id": 6, "time": 326, "kind": "config", "after": "read"},
     ]
-    own = [acknowledged, silent, notified, other, NEW, level]
+    began = fault("fault_began", 300, 310)
+    own = [acknowledged, silent, notified, other, began, level]
     assert [each["text"] for each in entries(own, of_many, "Motor 1", "hall")] == [
         "/M/Motor 1 OK → ERROR: hot",
         "fault began: CRITICAL /M/Motor 1",

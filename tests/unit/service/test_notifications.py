@@ -12,10 +12,10 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from ros_diagnostics_exporter import notifications
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
+from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, as_texts
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.fault_text import FaultText
-from ros_diagnostics_exporter.notifications import Notifications, key_of_fault, parse
+from ros_diagnostics_exporter.notifications import Notifications, key_of, parse
 from ros_diagnostics_exporter.severity import event_text, notice
 from support.silences import BEGAN, LABELS, MOTOR
 from support.web_server import broken, problem
@@ -27,7 +27,7 @@ FAULT = Fault(
     {},
     "hot",
 )
-KEY = key_of_fault(FAULT)
+KEY = key_of(as_texts(FAULT.identity, FAULT.labels))
 
 
 def body(*alerts: dict[str, Any], receiver: str = "email", **changed: Any) -> bytes:

@@ -53,6 +53,25 @@ STORIES = {
             Event(193, "level", "r007", ("part 7", OK)),
         ),
     ),
+    "a fault may begin in the moment in which its robot is removed": Story(
+        144,
+        10,
+        52,
+        (
+            Event(30, "level", "r008", ("part 2", WARN)),
+            Event(52, "declared", "r008", (False,)),
+        ),
+    ),
+    "a fault may begin in the moment in which its component is taken out": Story(
+        144,
+        10,
+        52,
+        (
+            Event(30, "level", "r008", ("part 2", WARN)),
+            Event(51, "off", "r008", (True,)),
+            Event(52, "forget", "r008", ("part 2",)),
+        ),
+    ),
 }
 
 

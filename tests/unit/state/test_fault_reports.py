@@ -413,6 +413,34 @@ def test_a_component_that_reports_stale_after_the_robots_return_is_stale():
     assert faults(driver) == {("component", "stale", "r", "Motor")}
 
 
+@pytest.mark.parametrize("before", [OK, STALE])
+def test_what_reports_stale_after_the_robots_return_is_in_trouble_from_that_array_on(before):
+    driver = StateDriver(stale_after=20.0)
+    driver.raw_every(10, SETTLED, MOTOR._replace(level=before), LASER)
+    driver.at(driver.now.mono + 60)
+    driver.raw(LASER)
+    driver.at(driver.now.mono + 2)
+    driver.raw(MOTOR._replace(level=STALE), LASER)
+
+    problems = driver.state.problems(driver.now)
+
+    (stale,) = (each for each in problems if each.identity.component == "Motor")
+    assert stale.identity.state.value == "stale"
+    assert stale.since == (WALL if before == STALE else driver.now.wall)
+    driver.raw_every(10, driver.now.mono + 11, MOTOR._replace(level=STALE), LASER)
+    assert faults(driver) == {("component", "stale", "r", "Motor")}
+
+
+def test_a_component_that_the_second_of_two_arrays_at_one_moment_lacks_is_in_trouble():
+    driver = StateDriver(Source.AGG)
+    driver.agg(*tree(Parts=[MOTOR, LASER]))
+    driver.agg(*tree(Parts=[LASER]))
+
+    (stale,) = driver.state.problems(driver.now)
+
+    assert (stale.identity.component, stale.identity.state.value) == ("Motor", "stale")
+
+
 def in_maintenance(begin: float, end: float) -> Fleet:
     robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
     selector = {"robot": (re.compile("r"),)}

@@ -10,7 +10,7 @@ import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.fleet import Source
@@ -87,7 +87,7 @@ class Model:
     def threshold(self, component: Expected) -> float:
         if not self.raw:
             return STALE_AFTER
-        if not component.gaps:
+        if len(component.gaps) < 10 and sum(component.gaps) < 5:
             return 90.0
         return max(5.0, 3 * max(component.gaps[-10:]))
 
@@ -209,7 +209,14 @@ class Play:
         assert self.driver.robot.up == self.model.up
 
 
+SEND_A, SEND_NONE = ("send", {"A": OK}), ("send", {})
+STALE_AFTER_A_RESTART = [SEND_A, ("restart", None), SEND_NONE, ("send", {"A": STALE})]
+MISSING_AT_ONE_MOMENT = [SEND_A, ("send", {"B/x": OK}), ("wait", 0.25), SEND_NONE]
+
+
 @settings(max_examples=200)
+@example(Source.RAW, [*STALE_AFTER_A_RESTART, ("wait", 0.25), ("send", {"A": WARN})])
+@example(Source.AGG, MISSING_AT_ONE_MOMENT)
 @given(st.sampled_from([Source.RAW, Source.AGG]), st.lists(ACTIONS, max_size=25))
 def test_the_state_keeps_the_rules_whatever_happens(source, actions):
     with tempfile.TemporaryDirectory() as folder:

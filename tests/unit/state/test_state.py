@@ -173,6 +173,33 @@ def test_a_component_heard_once_is_given_time_for_a_slow_period():
     assert driver.level("every minute") == STALE
 
 
+def test_two_arrays_at_one_moment_do_not_make_a_slow_driver_fast():
+    driver = StateDriver(stale_after=10.0)
+    slow = Status(OK, "every minute")
+    driver.raw(slow)
+    driver.raw(slow)
+    driver.raw_every(1, 60, Status(OK, "fast"))
+    assert driver.level("every minute") == OK
+
+    driver.raw(slow)
+    driver.raw_every(1, 239, Status(OK, "fast"))
+    assert driver.level("every minute") == OK
+    driver.raw_every(1, 242, Status(OK, "fast"))
+    assert driver.level("every minute") == STALE
+
+
+@pytest.mark.parametrize("period", [0.01, 0.5, 1.0])
+def test_a_fast_driver_is_late_after_five_seconds_once_it_is_known_for_as_long(period):
+    driver = StateDriver(stale_after=60.0)
+    fast = Status(OK, "fast")
+    driver.raw_every(period, 6, fast)
+    driver.raw_every(1, 10, Status(OK, "other"))
+    assert driver.level("fast") == OK
+
+    driver.raw_every(1, 12, Status(OK, "other"))
+    assert driver.level("fast") == STALE
+
+
 def test_the_return_of_a_dead_driver_does_not_blunt_the_watch():
     driver = StateDriver(stale_after=1000.0)
     alive = Status(OK, "alive")

@@ -116,6 +116,23 @@ def test_a_fault_that_ended_meanwhile_ends_at_the_first_status(tmp_path):
     assert motor.changes == 1
 
 
+@pytest.mark.parametrize(
+    ("first", "found"),
+    [(HOT, []), (COOL, [("ERROR", "OK")]), (HOT._replace(level=STALE), [("ERROR", "STALE")])],
+)
+def test_a_restart_is_no_change_of_level(tmp_path, first, found):
+    before = StateDriver(Source.RAW)
+    before.raw(COOL)
+    before.at(1.0)
+    before.raw(HOT)
+    saved(before, tmp_path / "state")
+    after = restarted(before, tmp_path / "state")
+    after.raw(first)
+    after.at(2.0)
+    changes = [(each.before, each.after) for each in after.events if each.kind == "level"]
+    assert changes == found
+
+
 def test_what_was_ok_is_no_problem_once_it_is_heard_again(tmp_path):
     before = StateDriver()
     before.raw(COOL)
@@ -881,7 +898,7 @@ def test_events_are_there_after_a_restart_and_ids_go_on(tmp_path):
     ids = [each["id"] for each in found]
     assert ids == list(range(len(ids), 0, -1))
     level = [(each["before"], each["after"]) for each in found if each["kind"] == "level"]
-    assert level[:2] == [("STALE", "ERROR"), ("ERROR", "OK")]
+    assert level[:2] == [("OK", "ERROR"), ("ERROR", "OK")]
     [*_more, known] = [each for each in found if each["after"] == "known"]
     assert known == {"id": ids[-1], "time": WALL, "kind": "robot", "robot": "r", "after": "known"}
 

@@ -21,8 +21,15 @@ fleet: f
 profiles:
   default:
     checks: {motors: {match: [Motor], expect: 1}}
-    components: [{match: Motor, stale_after: 9s}, {match: Nothing, ignore: true}]
-    values: [{component: Motor, key: Level, unit: V, thresholds: {low: {warning: 1}}}]
+    components:
+      - {match: Motor, stale_after: 9s, unless: {component: motor, key: Temp*, above: 90}}
+      - {match: Nothing, ignore: true}
+    values:
+      - component: Motor
+        key: Level
+        unit: V
+        thresholds: {low: {warning: 1}}
+        when: [{key: Level, above: 0}, {component: Motor 1, level: OK}]
 robots: [{name: r, topic: /r/diagnostics, source: raw, labels: {site: hall}}]
 discovery: [{topic: "/{robot}/diagnostics", include: ["r*"]}]
 maintenance:
@@ -58,8 +65,16 @@ def test_what_matches_is_not_reported(tmp_path):
     [
         ("match: [Motor]", "match: [Mottor]", "check motors: Mottor|Motor 1"),
         ("{match: Motor,", "{match: Motr 1,", "component Motr 1|Motor 1"),
-        ("t: Motor, key", "t: Mtor 1, key", "value component Mtor 1, key Level|Motor 1"),
-        ("key: Level", "key: Leval", "value component Motor, key Leval|Level"),
+        ("t: Motor\n", "t: Mtor 1\n", "value component Mtor 1, key Level|Motor 1"),
+        ("key: Level\n", "key: Leval\n", "value component Motor, key Leval|Level"),
+        ("t: motor, key", "t: Mtor 1, key", "condition Mtor 1 Temp* is above 90|Motor 1"),
+        (
+            "key: Temp*",
+            "key: Temperatur",
+            "condition motor Temperatur is above 90|Temperature (°C)",
+        ),
+        ("{key: Level,", "{key: Levels,", "condition Levels is above 0|Level"),
+        ("t: Motor 1, l", "t: Motor 2, l", "condition Motor 2 is OK|Motor 1"),
         ("selector: {robot: r}", "selector: {site: hal}", "maintenance one: site=hal|hall"),
         ('["r*"]', '["x*"]', "discovery /{robot}/diagnostics include x*|"),
     ],
@@ -88,7 +103,7 @@ def test_nothing_is_reported_until_something_was_received(tmp_path):
 
 
 def test_what_matches_later_is_reported_no_more(tmp_path):
-    driver = driver_of(tmp_path, MATCHING.replace("key: Level", "key: Leval"))
+    driver = driver_of(tmp_path, MATCHING.replace("key: Level\n", "key: Leval\n"))
     received(driver, 2 * GRACE)
     assert driver.state.unmatched.counts()["value"] == 1
 
@@ -113,7 +128,7 @@ def test_a_file_is_checked_against_a_running_exporter(tmp_path, capsys, serve):
     driver.raw(MOTOR)
     snapshot = json.loads(json.dumps(fleet_snapshot(driver.state, driver.now)))
     server = serve(fleet_snapshot=lambda: snapshot)
-    (tmp_path / "fleet.yml").write_text(MATCHING.replace("key: Level", "key: Leval"))
+    (tmp_path / "fleet.yml").write_text(MATCHING.replace("key: Level\n", "key: Leval\n"))
 
     check = ["--config.check", f"--config.file={tmp_path / 'fleet.yml'}"]
     assert main([*check, f"--live=http://{server.addresses[0]}"]) == 0

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from typing import get_args
 
 import pytest
@@ -16,7 +17,7 @@ from ros_diagnostics_exporter.severity import SILENT as SILENT_WORDS
 from ros_diagnostics_exporter.state.rejections import SilentReason
 from ros_diagnostics_exporter.web.app import openapi
 from ros_diagnostics_exporter.web.server import Server
-from support.web_server import FakeBackend, broken, component, fleet, problem, robot
+from support.web_server import FakeBackend, ask, broken, component, fleet, problem, robot
 
 LOG = EventLog()
 LOG.record(Event(1.0, "level", "a", "/Motor", "Motor 1", "OK", "ERROR", "hot"))
@@ -90,6 +91,13 @@ def test_the_server_conforms_to_its_description(operation, server):
         case.call_and_validate(base_url=f"http://{server.addresses[0]}")
 
     check()
+
+
+def test_people_can_read_the_description_that_is_served(server):
+    answer = ask(server, "/api/v1/openapi.json")
+
+    assert json.loads(answer.body) == openapi("/metrics")
+    assert "\n  " in answer.text
 
 
 def test_the_description_follows_the_telemetry_path():

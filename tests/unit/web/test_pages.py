@@ -249,6 +249,21 @@ def test_stale_counts_as_configured_in_fleet_yml():
     assert "Pendant" not in text
 
 
+def test_what_a_condition_excuses_is_no_trouble_and_its_problem_says_why():
+    excused = {"confirmed": None, "quiet": "condition", "because": "unless Charger is OK"}
+    motor = component("Motor 1", "ERROR", quiet_because="unless Charger is OK")
+    value = problem(
+        "value", "critical", group="/Motor", component="Motor 2", key="Level", **excused
+    )
+    given = robot("a", motor, problems=[broken(**excused), value])
+    assert state_of(given) == "OK"
+    text = text_of(given)
+    assert "quiet: by its condition in fleet.yml, unless Charger is OK since" in text
+    page = robot_page(fleet(given), "a", [])
+    assert page is not None
+    assert "<span class=mark>quiet</span>" in page
+
+
 def test_a_failed_check_is_critical_and_shows_the_numbers():
     short = {"check": "motors", "patterns": [], "found": 1, "expected": 2}
     missing = problem("check", "critical", check="motors")

@@ -1,0 +1,59 @@
+"""The distribution's Nagios 4, with all of its files in one folder."""
+
+from __future__ import annotations
+
+import getpass
+import grp
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+from testbed.processes import Process
+
+# Debian installs it to /usr/sbin, which is not in every PATH.
+PROGRAM = shutil.which("nagios4", path=f"{os.environ['PATH']}:/usr/sbin")
+
+SETTINGS = """\
+cfg_file={folder}/objects.cfg
+object_cache_file={folder}/objects.cache
+precached_object_file={folder}/objects.precache
+status_file={folder}/status.dat
+status_update_interval=1
+log_file={folder}/nagios.log
+lock_file={folder}/nagios.lock
+temp_file={folder}/nagios.tmp
+temp_path={folder}
+check_result_path={folder}/results
+query_socket={folder}/nagios.qh
+command_file={folder}/nagios.cmd
+state_retention_file={folder}/retention.dat
+nagios_user={user}
+nagios_group={group}
+interval_length=1
+log_rotation_method=n
+check_for_updates=0
+use_syslog=0
+"""
+
+
+def prepare(
+    folder: Path, objects: str, settings: str = "", environment: Mapping[str, str] | None = None
+) -> Process:
+    """Write the configuration to ``folder``, which it makes; the program is not started.
+
+    Args:
+        folder: For configuration, log and all other files: `nagios.log`, `nagios.cmd`, ...
+        objects: The object definitions.
+        settings: Lines of nagios.cfg beside the names of files.
+        environment: Of the program; by default only its time zone, UTC.
+    """
+    assert PROGRAM, "nagios4 is not installed; ./run test --all installs it (nagios4-core)"
+    (folder / "results").mkdir(parents=True)
+    own = SETTINGS.format(
+        folder=folder, user=getpass.getuser(), group=grp.getgrgid(os.getgid()).gr_name
+    )
+    (folder / "nagios.cfg").write_text(own + settings)
+    (folder / "objects.cfg").write_text(objects)
+    argv = [PROGRAM, folder / "nagios.cfg"]
+    return Process("nagios", argv, environment or {"TZ": "UTC"}, folder / "out.log")
