@@ -26,7 +26,7 @@ from simulation.world import (
 )
 
 CHECK_EVERY = PERIOD  # ticks between two looks at what should have happened
-TWIN_EVERY = DAY // 4  # ticks between two restarts that are only tried
+TWIN_EVERY = DAY // 4  # ticks between two restarts that are only tried; and at each fault's event
 
 
 class BrokenError(AssertionError):
@@ -69,20 +69,21 @@ class Judge:
         world = self.world
         now = world.now
         if world.state is not None:
-            begun = []
+            begun, ended = [], False
             for event in world.state.take_events():
                 if event.kind == "fault_began":
                     self._began(event)
                     begun.append(event)
                 elif event.kind == "fault_ended":
                     self._ended(event)
+                    ended = True
             self._fail_first(self._larger.began(begun, self._faults))
             self._limits()
             self._same_faults()
             self._maintained = {
                 name for name, robot in world.state.robots.items() if robot.maintenance
             }
-            if world.tick % TWIN_EVERY == 0:
+            if begun or ended or world.tick % TWIN_EVERY == 0:
                 self._restart_changes_nothing(now)
         self._scrape(now)
         if world.state is not None and world.tick % CHECK_EVERY == 0:

@@ -142,8 +142,9 @@ class LargerCauses:
             for part in parts
             if part.trouble_since is not None and self._for(part.trouble_since) > least
         ]
-        alone = all(world.in_trouble(each) <= 1 for each in known.parts)
-        if alone and len(bad) >= SETTINGS.many.needed(len(known.parts)):
+        if len(bad) < SETTINGS.many.needed(len(known.parts)):
+            return
+        if all(world.in_trouble(each) <= 1 for each in known.parts):
             yield "many components of a robot are in trouble and not notified", name
 
     def _flapping(self, known: Delivered) -> Iterator[Wrong]:

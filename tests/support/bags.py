@@ -74,10 +74,10 @@ def write_json(path: Path, rows: Iterable[Row]) -> Path:
     return path
 
 
-def judged(fleet: Fleet, *paths: Path, **source: object) -> Result:
+def judged(config: Fleet, *paths: Path, **source: object) -> Result:
     """What a configuration makes of recordings."""
     recordings = Recordings(RecordingSource(path, **source) for path in paths)
-    replay = Replay(fleet, recordings)
+    replay = Replay(config, recordings)
     for _message in play(recordings, [replay]):
         pass
     recordings.close()

@@ -1,4 +1,4 @@
-"""Recorded diagnostics in order of time: rosbag2 (sqlite3, mcap) and the JSON form.
+"""Recorded diagnostics in order of time: rosbag2 (sqlite3, mcap), the JSON form, event logs.
 
 Reads no clock and imports no ROS. Bags are read by the library `rosbags`, the extra `[backtest]`.
 """
@@ -14,6 +14,8 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ros_diagnostics_exporter.backtest.event_log import EventLog, EventLogError, is_event_log
+from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.ingest import cdr
 from ros_diagnostics_exporter.model import Array, Status, Topic
 
@@ -43,12 +45,14 @@ class RecordingSource:
     """A file or folder to read, and how its topics are understood.
 
     ``namespace`` ("/robot_1" or "") is put before every topic; ``domain_id`` is the DDS domain that
-    it was recorded in.
+    it was recorded in. An exporter's event log needs the ``fleet`` that it was made with, and has
+    its robots' topics and domains from there.
     """
 
     path: Path
     domain_id: int = 0
     namespace: str = ""
+    fleet: Fleet | None = None
 
 
 class Recording:
@@ -59,10 +63,13 @@ class Recording:
 
     def __init__(self, source: RecordingSource) -> None:
         self.source = source
-        opened = _Json(source.path) if source.path.suffix == ".json" else _Bag(source.path)
-        self._opened: _Json | _Bag = opened
+        opened = _open(source)
+        self._opened: _Json | _Bag | EventLog = opened
+        self.is_event_log = isinstance(opened, EventLog)
         self.topics = sorted(opened.topics)
-        if not self.topics:
+        self._places = opened.places if isinstance(opened, EventLog) else {}
+        self.unknown = opened.unknown if isinstance(opened, EventLog) else []
+        if not self.topics and not self.is_event_log:
             opened.close()
             raise RecordingError(f"{source.path}: holds no {TYPE}; record /diagnostics_agg")
         self.count, self.begin, self.end = opened.count, opened.begin, opened.end
@@ -72,8 +79,8 @@ class Recording:
         self._opened.close()
 
     def topic(self, name: str) -> Topic:
-        """The topic that a recorded one stands for."""
-        return Topic(self.source.domain_id, self.source.namespace + name)
+        """The topic that a recorded one stands for; in an event log, a robot's name does."""
+        return self._places.get(name) or Topic(self.source.domain_id, self.source.namespace + name)
 
     def messages(self) -> Iterator[Message]:
         """All of it in order of time. Raises RecordingError where it is damaged."""
@@ -98,6 +105,8 @@ class Recordings:
             self._stack = stack.pop_all()
         self.count = sum(each.count for each in self.all)
         self.topics = {each.topic(name) for each in self.all for name in each.topics}
+        self.unknown = sorted({name for each in self.all for name in each.unknown})
+        self.has_event_log = any(each.is_event_log for each in self.all)
 
     def close(self) -> None:
         """Close the files."""
@@ -117,6 +126,17 @@ class Recordings:
     def messages(self) -> Iterator[Message]:
         """All messages in order of time. Raises RecordingError where a file is damaged."""
         yield from heapq.merge(*(each.messages() for each in self.all), key=attrgetter("at"))
+
+
+def _open(source: RecordingSource) -> _Json | _Bag | EventLog:
+    if source.path.suffix == ".json":
+        return _Json(source.path)
+    if source.fleet is None or not is_event_log(source.path):
+        return _Bag(source.path)
+    try:
+        return EventLog(source.path, source.fleet)
+    except EventLogError as error:
+        raise RecordingError(f"{source.path}: {error}") from error
 
 
 _Row = tuple[float, str, "bytes | Array"]

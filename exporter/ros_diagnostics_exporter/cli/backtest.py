@@ -18,6 +18,7 @@ from rich.table import Column, Table
 
 from ros_diagnostics_exporter import __version__, durations
 from ros_diagnostics_exporter.backtest import compare, report, suggest
+from ros_diagnostics_exporter.backtest.event_log import is_event_log
 from ros_diagnostics_exporter.backtest.ledger import confirm_after
 from ros_diagnostics_exporter.backtest.openmetrics import Samples
 from ros_diagnostics_exporter.backtest.recordings import (
@@ -80,7 +81,7 @@ def _run(options: argparse.Namespace) -> None:
     fleet = load(options.config_file)
     other = None if options.compare is None else load(options.compare)
     domain_id = _domain(fleet, options)
-    sources = [_source(bag, domain_id, options.namespace or "") for bag in options.bags]
+    sources = [_source(bag, fleet, domain_id, options.namespace or "") for bag in options.bags]
     with ExitStack() as stack:
         recordings = stack.enter_context(closing(Recordings(sources)))
         out = None
@@ -98,7 +99,9 @@ def _domain(fleet: Fleet, options: argparse.Namespace) -> int | None:
     return fleet.domain_ids[0] if len(fleet.domain_ids) == 1 else None
 
 
-def _source(bag: str, domain_id: int | None, namespace: str) -> RecordingSource:
+def _source(bag: str, fleet: Fleet, domain_id: int | None, namespace: str) -> RecordingSource:
+    if is_event_log(Path(bag)):
+        return RecordingSource(Path(bag), fleet=fleet)
     path, at = Path(bag), re.fullmatch(r"(.+)@([0-9]{1,3})", bag)
     if at is not None and not path.exists():
         path, domain_id = Path(at[1]), int(at[2])
@@ -130,7 +133,10 @@ class _Judged:
         self.first = Replay(
             fleet,
             recordings,
-            observe=self.statistics.observe if self.statistics else None,
+            # An event log has neither the gaps between messages nor the values.
+            observe=self.statistics.observe
+            if self.statistics and not recordings.has_event_log
+            else None,
             each_tick=self._samples.scrape if self._samples else None,
         )
         self.second = None if other is None else Replay(other, recordings)
@@ -149,7 +155,7 @@ class _Judged:
         self.seconds = time.perf_counter() - begin
         if self._samples is not None:
             self._samples.close()
-        _warn(self.result)
+        _warn(self.result, self._recordings.unknown)
 
     def comparison(self) -> compare.Comparison | None:
         """What the other configuration changes; None without one."""
@@ -167,15 +173,15 @@ class _Judged:
         return suggest.suggest(self.result, self.statistics, self.first.state)
 
 
-def _warn(result: Result) -> None:
-    """Name the topics that nobody judged, and fail where there is no other."""
-    unknown = ", ".join(map(one_line, result.unknown))
+def _warn(result: Result, robots: Sequence[str]) -> None:
+    """Name the topics, and robots of event logs, that nobody judged; fail if there is no other."""
+    unknown = ", ".join(map(one_line, (*result.unknown, *robots)))
     if not result.messages:
         raise NothingJudgedError(
             f"the configuration has no robot for the recorded topics ({unknown}): add it, or put "
             "them below a namespace with --namespace"
         )
-    if result.unknown:
+    if unknown:
         print(f"{PROGRAM}: of no robot of the configuration: {unknown}", file=sys.stderr)  # noqa: T201
 
 
@@ -266,8 +272,10 @@ def _parser() -> argparse.ArgumentParser:
         "bags",
         nargs="+",
         metavar="BAG[@DOMAIN]",
-        help="a rosbag2 folder, .db3, .mcap or .json recording of diagnostic_msgs/DiagnosticArray; "
-        "several are merged by time, and what lies between them counts as a stopped exporter",
+        help="a rosbag2 folder, .db3, .mcap or .json recording of diagnostic_msgs/DiagnosticArray, "
+        "or an exporter's database (a copy: its file --storage.path), of which levels and silences "
+        "are judged; several are merged by time, and what lies between them counts as a stopped "
+        "exporter",
     )
     _add_flags(parser)
     return parser

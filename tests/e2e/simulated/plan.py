@@ -166,16 +166,16 @@ def _robot(number: int, domain_id: int) -> dict[str, Any]:
 
 
 def _window(event: Event, at: float) -> dict[str, Any]:
+    """A maintenance window, which has whole seconds in fleet.yml."""
     end = at + int(str(event.how[0])) * SECONDS
-    start, until = (datetime.fromtimestamp(each, timezone.utc).isoformat() for each in (at, end))
+    start, until = (
+        datetime.fromtimestamp(each, timezone.utc).isoformat(timespec="seconds")
+        for each in (at, end)
+    )
     selector = {"site": event.who}
     return {
-        "name": f"m{event.at}",
-        "selector": selector,
-        "comment": "w",
-        "start": start,
-        "end": until,
-    }
+        "name": f"m{event.at}", "selector": selector, "comment": "w", "start": start, "end": until,
+    }  # fmt: skip
 
 
 def _shorter(seconds: float) -> str:

@@ -22,6 +22,7 @@ from testbed.stack import Plan, Stack, running
 SEED = 3
 LATE = 90.0  # seconds that a mail may take on a busy machine
 TOO_MANY = 20.0  # seconds after the last expected mail, in which one too many would arrive
+RELOADED = "reloaded the config: SIGHUP"
 _OF_FAULTS = re.compile(r"\*\* (PROBLEM|RECOVERY|FLAPPING) \*\*")
 
 
@@ -72,7 +73,10 @@ class Hours:
     def _configure(self) -> None:
         text = plan.fleet_config(self._story, self._stack.domain_id, self._done)
         (self._folder / "fleet.yml").write_text(text)
-        self._stack.exporter.process.signal(signal.SIGHUP)
+        exporter = self._stack.exporter.process
+        before = exporter.output().count(RELOADED)
+        exporter.signal(signal.SIGHUP)
+        until(lambda: exporter.output().count(RELOADED) > before, exporter.describe, 60)
 
     def mails(self) -> list[str]:
         """The subjects of all mails until now."""
