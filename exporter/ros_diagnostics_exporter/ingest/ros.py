@@ -17,10 +17,11 @@ import threading
 import time
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Protocol
 
+from ros_diagnostics_exporter.ingest.cdr import Decoder, is_cdr
 from ros_diagnostics_exporter.ingest.topic_queue import SHARE, SHARED, TopicQueue
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 
@@ -57,6 +58,7 @@ LOOK_TIME, DRAIN_TIME, DECODE_TIME = 0.05, 0.05, 0.25
 # Unsubscribed topics whose publishers are asked for at one look. Asking takes up to some
 # milliseconds each where there are thousands; the others' turn comes at the next looks.
 MAX_ASKED = 500
+SELDOM = 5  # looks at the graph from one question about a topic with messages to the next
 LEAVE_TIME = 5.0  # seconds that domains are waited for when they are left
 
 
@@ -122,7 +124,7 @@ def describe_ros() -> tuple[str, str]:
 
 
 def decode(data: bytes) -> Array:
-    """One serialized DiagnosticArray.
+    """One DiagnosticArray in any encoding of the middleware, by rclpy; `cdr` is faster.
 
     Raises:
         ValueError: the bytes are no such message.
@@ -239,13 +241,22 @@ def _never_called(_data: object) -> None:
 
 
 @dataclass(slots=True)
+class _Content:
+    """What is received on a topic, whichever subscription brings it."""
+
+    queue: TopicQueue
+    decoder: Decoder = field(default_factory=Decoder)
+    received: bool = False  # since the last look at the graph
+
+
+@dataclass(slots=True)
 class _Subscription:
     """A subscribed topic; ``depth`` is how many messages the middleware holds of it."""
 
     subscription: Subscription
     reliable: bool
     depth: int
-    queue: TopicQueue
+    content: _Content
 
 
 @dataclass(slots=True)
@@ -401,12 +412,29 @@ class _Domain:
         self.last_look = now.wall
 
     def _to_be_asked(self, types: Mapping[str, tuple[str, ...]]) -> list[str]:
-        """The subscribed topics, and as many others as one look may ask for, in turns."""
+        """The subscribed topics that are due, and as many others as one look may ask for, in turns.
+
+        While messages arrive, somebody publishes: such topics are due at every fifth look only.
+        """
         others = sorted(types.keys() - self._topics.keys())
         first = bisect_right(others, self._asked_last)
         chosen = (others[first:] + others[:first])[:MAX_ASKED]
         self._asked_last = chosen[-1] if chosen else ""
-        return [name for name in types if name in self._topics] + chosen
+        due = []
+        for name in types:
+            if (topic := self._topics.get(name)) is not None:
+                if (
+                    not topic.content.received
+                    or name not in self._known
+                    or self._has_turn(name, SELDOM)
+                ):
+                    due.append(name)
+                topic.content.received = False
+        return due + chosen
+
+    def _has_turn(self, name: str, looks: int) -> bool:
+        """At one of so many looks, each topic at another one."""
+        return (self._looks + hash(name)) % looks == 0
 
     def _ask(self, node: Node, name: str, types: tuple[str, ...]) -> None:
         """Ask for the publishers of a topic; in full only when their number or types changed.
@@ -419,7 +447,7 @@ class _Domain:
         count = topic.subscription.get_publisher_count() if topic is not None else 0
         count = count or node.count_publishers(name)
         known = self._known.get(name)
-        again = (self._looks + hash(name)) % 10 == 0
+        again = self._has_turn(name, 2 * SELDOM)
         if known is not None and known[0] == (count, types) and not again:
             return
         offers = node.get_publishers_info_by_topic(name) if count else []
@@ -438,16 +466,21 @@ class _Domain:
         share = SHARED if shared else SHARE
         topic = self._topics.get(name)
         if topic is None:
-            self._subscribe(node, name, endpoint.reliable, DEPTH, TopicQueue(share))
+            self._subscribe(node, name, endpoint.reliable, DEPTH, _Content(TopicQueue(share)))
             return
-        topic.queue.share = share
+        topic.content.queue.share = share
         if topic.reliable and not endpoint.reliable:
-            self._subscribe(node, name, endpoint.reliable, topic.depth, topic.queue)
+            self._subscribe(node, name, endpoint.reliable, topic.depth, topic.content)
 
     def _subscribe(
-        self, node: Node, name: str, reliable: bool, depth: int, queue: TopicQueue
+        self,
+        node: Node,
+        name: str,
+        reliable: bool,
+        depth: int,
+        content: _Content,
     ) -> None:
-        """Subscribe anew; what waits in ``queue`` stays."""
+        """Subscribe anew; what waits in ``content`` stays."""
         if name in self._topics:
             node.destroy_subscription(self._topics.pop(name).subscription)
         subscription = node.create_subscription(
@@ -466,7 +499,7 @@ class _Domain:
             # Each event that rclpy would watch for is one more thing to wait for.
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
         )
-        self._topics[name] = _Subscription(subscription, reliable, depth, queue)
+        self._topics[name] = _Subscription(subscription, reliable, depth, content)
 
     def _unsubscribe(self, node: Node, name: str) -> None:
         node.destroy_subscription(self._topics.pop(name).subscription)
@@ -483,10 +516,11 @@ class _Domain:
         with handle:  # it may be destroyed at the same time
             while (taken := handle.take_message(DiagnosticArray, True)) is not None:
                 largest = max(largest, len(taken[0]))
-                self._put(name, topic.queue, taken[0])
+                topic.content.received = True
+                self._put(name, topic.content.queue, taken[0])
                 if time.monotonic() >= until:
                     break
-        dropped = topic.queue.dropped()
+        dropped = topic.content.queue.dropped()
         if dropped:
             self._receiver.reject_dropped(Topic(self._domain_id, name), dropped)
             self._log_seldom(
@@ -498,7 +532,7 @@ class _Domain:
             )
         if largest * topic.depth > MAX_HISTORY:
             depth = max(1, MAX_HISTORY // largest)
-            self._subscribe(node, name, topic.reliable, depth, topic.queue)
+            self._subscribe(node, name, topic.reliable, depth, topic.content)
 
     def _put(self, name: str, queue: TopicQueue, data: bytes) -> None:
         if len(data) <= MAX_MESSAGE:
@@ -511,32 +545,33 @@ class _Domain:
         """Decode what waits, the topics that have cost least first, for ``DECODE_TIME``."""
         begin = time.monotonic()
         spent = _Spent()
-        due = [each for each in self._topics.items() if each[1].queue.is_due(begin)]
-        due.sort(key=lambda each: each[1].queue.cost(begin))
+        due = [each for each in self._topics.items() if each[1].content.queue.is_due(begin)]
+        due.sort(key=lambda each: each[1].content.queue.cost(begin))
         for name, topic in due:
-            while topic.queue.is_due(now := time.monotonic()):
+            while topic.content.queue.is_due(now := time.monotonic()):
                 if self._stopping.is_set() or now - begin >= DECODE_TIME:
                     break
-                self._run_safely(partial(self._receive, name, topic.queue, spent))
+                self._run_safely(partial(self._receive, name, topic.content, spent))
         self._listener.count(spent.decode, spent.ingest)
 
-    def _receive(self, name: str, queue: TopicQueue, spent: _Spent) -> None:
+    def _receive(self, name: str, content: _Content, spent: _Spent) -> None:
         now = read_clocks()
         begin = time.thread_time()
-        array = self._decode(name, queue.get(), now)
+        array = self._decode(name, content, now)
         decoded = time.thread_time()
         try:
             if array is not None:
                 self._receiver.receive(Topic(self._domain_id, name), array, now)
         finally:
             end = time.thread_time()
-            queue.spend(end - begin)
+            content.queue.spend(end - begin)
             spent.decode += decoded - begin
             spent.ingest += end - decoded
 
-    def _decode(self, name: str, data: bytes, now: Instant) -> Array | None:
+    def _decode(self, name: str, content: _Content, now: Instant) -> Array | None:
+        data = content.queue.get()
         try:
-            return decode(data)
+            return content.decoder.decode(data) if is_cdr(data) else decode(data)
         except ValueError as error:
             self._undecodable(name, str(error), now)
             return None
