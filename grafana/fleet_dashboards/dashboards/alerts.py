@@ -322,7 +322,7 @@ FLEET = Column("fleet", "Fleet")
 SHARES = (
     Column("available", "Available", unit="percentunit", width=90),
     *(
-        Column(part, "OK" if part == "ok" else part.capitalize(), unit="percentunit", width=115)
+        Column(part, "OK" if part == "ok" else part.capitalize(), unit="percentunit", width=102)
         for part in PARTS
     ),
 )
