@@ -51,6 +51,7 @@ def page(chromium: Any, grafana: str) -> Iterator[browser.Page]:
 def window(chromium: Any, address: str, size: tuple[int, int]) -> Iterator[browser.Page]:
     width, height = size
     page = chromium.new_page(viewport={"width": width, "height": height})
+    page.set_default_timeout(120_000)  # ms: a busy machine takes long to load Grafana's pages
     try:
         yield browser.Page(address, page)
     finally:
