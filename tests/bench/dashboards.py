@@ -9,6 +9,7 @@ reports* about a month, which have no target.
 from __future__ import annotations
 
 import argparse
+import json
 import tempfile
 import time
 from collections.abc import Iterator
@@ -87,6 +88,16 @@ def big_fleet(robots: int) -> ServedFleet:
     return ServedFleet(Fleet("bench", tuple(declared)), publish)
 
 
+def notify(fleet: ServedFleet, site: prometheus_site.Site) -> None:
+    """Have two receivers notified of all faults, as Alertmanager's webhook would."""
+    alerts = [{"status": "firing", "labels": each["labels"]} for each in site.alerts()]
+    for receiver in ("email", "sms"):
+        message = {"version": "4", "receiver": receiver, "alerts": alerts}
+        fleet.notified(json.dumps(message).encode())
+    sent = "ros_diagnostics_fault_notified_timestamp_seconds > 0"
+    until(lambda: site.query(sent), "notifications", 60, every=1)
+
+
 def measure(site: prometheus_site.Site, question: Query, hours: float, rounds: int) -> Cost:
     """Send one query ``rounds`` times."""
     expr = filled(question.expr, {"__range": f"{hours:g}h"})
@@ -134,6 +145,7 @@ def dashboard(options: argparse.Namespace) -> None:
             "confirmed faults": "fleet:ros_diagnostics_fault_start:held",
         }.items():
             until(lambda expr=expr: site.query(expr), what, 300, every=1)
+        notify(fleet, site)
         series = site.query("prometheus_tsdb_head_series")[0]["value"][1]
         print(f"{options.robots} robots, {series} series, {options.hours:g} h")
         chosen = [each for each in queries() if each.board == options.dashboard]

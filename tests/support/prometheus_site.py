@@ -13,7 +13,7 @@ import urllib.parse
 import urllib.request
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +28,11 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @dataclass(frozen=True)
 class Site:
-    """The addresses of the servers, as HOST:PORT."""
+    """The addresses of the servers, as HOST:PORT, and what ends the second before its time."""
 
     prometheus: str
     alertmanager: str
+    stop_alertmanager: Callable[[], None] = lambda: None
 
     def query(self, expr: str, at: float | None = None) -> list[dict[str, Any]]:
         """The elements of an instant vector; a scalar as one without labels.
@@ -119,7 +120,7 @@ def running(
         cluster=f"127.0.0.1:{free_port()}",
     )
     with servers.running(prometheus, alertmanager):
-        yield site
+        yield replace(site, stop_alertmanager=alertmanager.process.stop)
 
 
 def _configure(

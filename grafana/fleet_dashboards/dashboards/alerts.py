@@ -273,7 +273,8 @@ def failed_notifications() -> stat.Panel:
 
 
 def _by_integration(title: str, description: str, expr: str) -> stat.Panel:
-    panel = panels.number(title, description, expr).decimals(0).no_value("None")
+    # Not "short", which would show 1034 as 1 K.
+    panel = panels.number(title, description, expr, "none").decimals(0).no_value("None")
     panel = panel.targets([panels.at_end(expr, "{{integration}}")])
     return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).height(8).span(6)
 
@@ -322,7 +323,7 @@ FLEET = Column("fleet", "Fleet")
 SHARES = (
     Column("available", "Available", unit="percentunit", width=90),
     *(
-        Column(part, "OK" if part == "ok" else part.capitalize(), unit="percentunit", width=115)
+        Column(part, "OK" if part == "ok" else part.capitalize(), unit="percentunit", width=108)
         for part in PARTS
     ),
 )

@@ -166,22 +166,18 @@ def distances() -> timeseries.Panel:
     farthest = (
         f"{_score()}\nand on (fleet, robot, unit)\n  topk({LINES}, abs({_score(' @ end()')}))"
     )
-    return (
-        panels.graph(
-            "Distance from the median",
-            f"Which robot is an outlier, to either side? The {LINES} farthest, by the modified "
-            "z-score of Iglewicz and Hoaglin: beyond 3.5 (the dashed lines) a robot is an outlier.",
-            panels.over_time(farthest, "{{robot}}"),
-        )
-        .thresholds(
-            panels.steps(
-                (None, palette.CRITICAL.colour),
-                (-OUTLIER, palette.NOTHING),
-                (OUTLIER, palette.CRITICAL.colour),
-            )
-        )
-        .thresholds_style(panels.threshold_lines())
-        .no_value("No robot has this key as a number")
+    limit = f"group({_value(_ALL)}) * {OUTLIER}"
+    panel = panels.graph(
+        "Distance from the median",
+        f"Which robot is an outlier, to either side? The {LINES} farthest, by the modified "
+        "z-score of Iglewicz and Hoaglin: beyond 3.5 (the dashed lines) a robot is an outlier.",
+        panels.over_time(farthest, "{{robot}}"),
+        # Lines of their own: Grafana 9.0 draws no dashed thresholds.
+        panels.over_time(limit, "outlier above", "B"),
+        panels.over_time(f"-({limit})", "outlier below", "C"),
+    ).no_value("No robot has this key as a number")
+    return panel.override_by_regexp(
+        "/^outlier (above|below)$/", panels.dashed(palette.CRITICAL.colour)
     )
 
 

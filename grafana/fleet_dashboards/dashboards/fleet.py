@@ -74,7 +74,7 @@ def robots_by_state() -> stat.Panel:
         link = {"title": f"Only {state.word}", "url": links.to_fleet(quote(f"== {state.rank}"))}
         look = [*panels.counted(state), panels.look("links", [link])]
         panel = panel.override_by_name(state.word, look)
-    return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(20)
+    return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).span(20).height(3)
 
 
 def _count(state: palette.State) -> str:
@@ -133,6 +133,7 @@ def number_of_problems() -> stat.Panel:
         )
         .text_mode(common.BigValueTextMode.VALUE_AND_NAME)
         .span(4)
+        .height(3)
     )
 
 

@@ -242,9 +242,3 @@ def dashed(colour: str) -> list[dashboard.DynamicConfigValue]:
         dashboard.DynamicConfigValue("custom.lineStyle", {"fill": "dash", "dash": [10, 10]}),
         dashboard.DynamicConfigValue("custom.fillOpacity", 0),
     ]
-
-
-def threshold_lines() -> common_builders.GraphThresholdsStyleConfig:
-    """Draw the thresholds as dashed lines."""
-    style = common_builders.GraphThresholdsStyleConfig()
-    return style.mode(common.GraphThresholdsStyleMode.DASHED)

@@ -96,8 +96,11 @@ def _soft(matchers: str, covered: str) -> str:
     unless on (fleet, robot)
       (robot:ros_diagnostics:info and on (fleet, site) {HELD}{{scope="site"}})
 """
+    # Of few components, before they are grouped: there are messages of all.
     message = f"""
-    group by ({_COMPONENT}, message) (ros_diagnostics_component_message_info{{{matchers}}})
+    group by ({_COMPONENT}, message) (
+      ros_diagnostics_component_message_info{{{matchers}}} and on ({_COMPONENT}) {components}
+    )
 """
     reason = label(
         f"ros_diagnostics_robot_silent_reason{{{matchers}}} == 1", "message", "$1", "reason", "(.*)"
@@ -108,18 +111,18 @@ def _soft(matchers: str, covered: str) -> str:
 
 
 def _with_message(expr: str, messages: str, by: str) -> str:
-    one = f"topk by ({by}) (1,\n{messages}\n)"
     return f"""
   (
 {expr}
   )
 + on ({by}) group_left (message)
-  0 * {one}
-or
+  0 * topk by ({by}) (1,
+{messages}
+  )
+or on ({by})
   (
 {expr}
   )
-  unless on ({by}) {one}
 """
 
 
@@ -180,12 +183,12 @@ def _notified(matchers: str, states: str) -> str:
     uplink_down = 'ALERTS{alertname="RosDiagnosticsUplinkDown", alertstate="firing"}'
     why_not = {
         f"{nobody} and on ({IDENTITY}) ({of_uplink} and on (fleet, uplink) {uplink_down})": (
-            "nobody: uplink down"
+            "no: uplink down"
         ),
-        f"{nobody} and on ({IDENTITY}) {ACKNOWLEDGED}": "nobody: acknowledged",
-        nobody: "nobody yet",
+        f"{nobody} and on ({IDENTITY}) {ACKNOWLEDGED}": "no: acknowledged",
+        nobody: "not yet",
         f"max by ({IDENTITY}) ({HELD}{{{matchers}}})": _UNKNOWN,
-        soft: "nobody: not confirmed",
+        soft: "no: not confirmed",
     }
     found = _first_of(
         label(
@@ -208,20 +211,21 @@ def _in_maintenance(matchers: str) -> str:
     return f"max by (fleet, robot) (ros_diagnostics_robot_maintenance{{{matchers}}})"
 
 
-ROBOT = Column("robot", "Robot", link=links.TO_ROBOT, width=120, filtered=True)
+ROBOT = Column("robot", "Robot", link=links.TO_ROBOT, width=110, filtered=True)
+# As wide as what they usually show, so that the message is legible on a screen of 1600 pixels.
 _COLUMNS = (
-    tables.STATE._replace(width=95),
+    tables.STATE._replace(width=90),
     ROBOT,
-    Column("component", "Component", link=links.TO_COMPONENT, width=150, filtered=True),
-    Column("message", "Message", mappings=palette.reason_mappings(), min_width=300),
-    Column("B", "Since", unit=tables.TIME, width=145),
-    Column("C", "For", unit=tables.DURATION, width=100),
+    Column("component", "Component", link=links.TO_COMPONENT, width=120, filtered=True),
+    Column("message", "Message", mappings=palette.reason_mappings(), min_width=260),
+    Column("B", "Since", unit=tables.TIME, width=140),
+    Column("C", "For", unit=tables.DURATION, width=85),
     Column("confirmed", "Confirmed", width=85),
-    Column("notified", "Notified", width=150),
-    Column("G", "Notified at", unit=tables.TIME, width=100),
-    Column("acknowledged", "Acknowledged", width=150),
+    Column("notified", "Notified", width=175),
+    Column("G", "Notified at", unit=tables.TIME, width=140),
+    Column("acknowledged", "Acknowledged", width=130),
     tables.MAINTENANCE._replace(width=100),
-    tables.FLEET._replace(width=80),
+    tables.FLEET._replace(width=70),
 )
 
 
