@@ -82,7 +82,10 @@ def shown_mail() -> str:
     return re.sub(r"\d+\\\.\d", r"\\d+\\.\\d", pattern)
 
 
-@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize(
+    "program",
+    [PROGRAMS[0], *(pytest.param(program, marks=pytest.mark.slow) for program in PROGRAMS[1:])],
+)
 def test_a_program_killed_for_good_makes_it_exit_1_and_name_it(start_demo, program):
     demo = start_demo("--seconds", "8")
 
@@ -109,6 +112,7 @@ def test_nothing_is_left_running_however_it_ends(start_demo, number):
     assert demo.exit_code == (-signal.SIGKILL if number == signal.SIGKILL else 0)
 
 
+@pytest.mark.slow
 def test_after_a_short_scenario_the_robots_run_until_the_seconds_are_over(start_demo, tmp_path):
     scenario = tmp_path / "scenario.yaml"
     scenario.write_text(SCENARIO)

@@ -156,7 +156,7 @@ class LargerCauses:
             if len(changes) < FLAPS or max(steps) > FLAP_INTERVAL or explained:
                 continue
             clear = min(changes) - max(known.gap, known.quiet, world.started) > LATE
-            flaps = world.now.mono - changes[-1] < LATE and clear and not known.bursts
+            flaps = world.now.mono - changes[-1] < LATE and clear
             alone = world.in_trouble(name) <= 2 and not self._recently("common", name)
             few = sum(each.trouble_since is not None or each.changes[-1:] > [changes[0]]
                       for each in known.parts.values()) <= 3  # fmt: skip

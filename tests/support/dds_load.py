@@ -20,9 +20,11 @@ from support.ros_publisher import message
 from testbed.polling import until
 
 
-def _array(statuses: int, values: int, text: int) -> bytes:
+def _array(turn: int, statuses: int, values: int, text: int) -> bytes:
     """One serialized array; a status has ``values`` key-values of ``text`` characters."""
-    pairs = tuple((f"Value {number}", f"{number}".rjust(text, "0")) for number in range(values))
+    pairs = tuple(
+        (f"Value {number}", f"{number + turn}".rjust(text, "0")) for number in range(values)
+    )
     rows = [Status(0, f"driver: part {number}", "OK", "", pairs) for number in range(statuses)]
     return bytes(serialize_message(message(rows)))
 
@@ -46,7 +48,8 @@ def _options() -> argparse.Namespace:
 def main() -> None:
     """Publish until ``--arrays`` or ``--seconds`` are reached."""
     options = _options()
-    data = _array(options.statuses, options.values, options.text)
+    # All values change from one to the next: what does not change costs a receiver little.
+    arrays = [_array(turn, options.statuses, options.values, options.text) for turn in (0, 1)]
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("load")
     quality = QoSProfile(depth=options.depth)
@@ -57,11 +60,11 @@ def main() -> None:
     ]
     if options.matched:
         until(lambda: all(p.get_subscription_count() for p in publishers), "a subscription")
-    print(f"publishing arrays of {len(data)} bytes", flush=True)
+    print(f"publishing arrays of {len(arrays[0])} bytes", flush=True)
     begin, sent = time.monotonic(), 0
     while sent < options.arrays and time.monotonic() - begin < options.seconds:
         for publisher in publishers:
-            publisher.publish(data)
+            publisher.publish(arrays[sent % 2])
         sent += 1
         time.sleep(max(0.0, begin + sent / options.rate - time.monotonic()))
     print(f"sent {sent * len(publishers)} arrays", flush=True)

@@ -22,7 +22,7 @@ from ros_diagnostics_exporter.service import Service
 from ros_diagnostics_exporter.state.database import InUseError
 from ros_diagnostics_exporter.state.storage import Retention, Storage
 from ros_diagnostics_exporter.state.unmatched import find_unmatched, known_from_json
-from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server
+from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server, parse_address
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
 
 EXIT_FAILURE = 1
@@ -72,6 +72,9 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
+    listen = options.listen_addresses or [flags.DEFAULT_ADDRESS]
+    for address in listen:
+        parse_address(address)
     fleet = load(options.config_file)
     for warning in fleet.warnings:
         log.warning(warning)
@@ -83,7 +86,7 @@ def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
         for_ros,
         alertmanager=_alertmanager(options),
     )
-    _serve(options, service)
+    _serve(options, listen, service)
     return 0
 
 
@@ -105,10 +108,10 @@ def _alertmanager(options: argparse.Namespace) -> Alertmanager | None:
     )
 
 
-def _serve(options: argparse.Namespace, service: Service) -> None:
+def _serve(options: argparse.Namespace, listen: list[str], service: Service) -> None:
     server = Server(
         service,
-        listen=options.listen_addresses or [flags.DEFAULT_ADDRESS],
+        listen=listen,
         telemetry_path=options.telemetry_path,
         web_config=options.web_config,
         lifecycle=options.lifecycle,

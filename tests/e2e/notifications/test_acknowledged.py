@@ -40,6 +40,7 @@ def acknowledged(stack: Stack) -> set[str]:
     return {sample.labels.get("acknowledged", "") for sample in stack.query(PROBLEMS["E"])} - {""}
 
 
+@pytest.mark.slow
 def test_the_table_of_problems_names_the_acknowledgement_of_this_fault_only(stack: Stack):
     url = f"http://{stack.addresses.alertmanager}"
     arguments = ["robot_1", "--author", "ann", "--comment", "spare part ordered", "--url", url]

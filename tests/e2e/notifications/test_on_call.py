@@ -149,6 +149,7 @@ def team(name: str, matcher: str, since: datetime, people: str, zone: str = "UTC
           - {{people: [{people}], since: {since:%Y-%m-%dT%H:%M}, every: day, time_zone: {zone}}}"""
 
 
+@pytest.mark.slow
 def test_across_a_handover_and_across_clock_changes_everybody_gets_what_is_theirs(site: Site):
     """One team hands over at T.
 

@@ -76,7 +76,7 @@ def pair(
     server.stop()
 
 
-@pytest.mark.parametrize("killed", [0, 1])
+@pytest.mark.parametrize("killed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_with_one_half_killed_every_mail_is_sent_once(pair: Pair, killed: int):
     pair.post()
     assert pair.settled(1) == [PROBLEM]

@@ -140,9 +140,8 @@ def played(
     return play
 
 
-@pytest.mark.parametrize(
-    "seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3, 4))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_a_bag_gives_the_faults_of_the_live_run(played, seed, ros_domain):
     events, config, bag = played(seed)
 

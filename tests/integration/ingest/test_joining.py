@@ -107,6 +107,7 @@ def test_sigterm_ends_a_program_whose_join_hangs(
         [
             sys.executable, "-c", program, "--config.file", tmp_path / "fleet.yml",
             "--web.listen-address", f"127.0.0.1:{port}",
+            "--storage.path", tmp_path / "exporter.db",
         ],
         dds_environment,
     )  # fmt: skip

@@ -7,12 +7,12 @@ import re
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
-from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
+from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, as_texts
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics import fault_text
 from ros_diagnostics_exporter.metrics.fault_text import FaultText
 from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_exporter.notifications import key_of_fault
+from ros_diagnostics_exporter.notifications import key_of
 from support.state_driver import ERROR, OK, WALL, WARN, StateDriver
 
 MOTOR, HOT = Status(OK, "Motor"), Status(ERROR, "Motor", 'Hot "92"')
@@ -141,7 +141,7 @@ def test_the_level_of_a_problem_is_there_while_there_is_one(level, shown):
 def test_a_fault_says_who_was_notified_or_that_nobody_was(notified, expected):
     identity = Identity(Scope.COMPONENT, State.CRITICAL, robot="r", component="Motor")
     fault = Fault(identity, since=1.0, confirmed=2.0, evidence="", labels={})
-    of = None if notified is None else {key_of_fault(fault): notified}
+    of = None if notified is None else {key_of(as_texts(identity, {})): notified}
     rendered = FaultText().render("f", "", [fault], notified=of)[metrics.FAULT_NOTIFIED.name]
 
     found = {}
