@@ -113,7 +113,9 @@ class Component:
         if course is None or course.drive is None:
             return
         if course.over:
-            self._return_speed = abs(course.to - self._drive_from) / course.over
+            speed = abs(course.to - self._drive_from) / course.over
+            # A second fault of the same kind did not move it: it returns as from the first.
+            self._return_speed = speed or self._return_speed
         else:
             self.variables[course.drive] = self._drive_from
 

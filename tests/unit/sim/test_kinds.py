@@ -158,6 +158,20 @@ def test_a_drifting_value_stays_between_its_bounds() -> None:
     assert len(set(values)) > 200
 
 
+def test_a_value_returns_after_a_fault_that_was_injected_twice() -> None:
+    part = component(
+        variables={"t": {"walk": 0, "start": 80, "low": 60, "high": 100}},
+        faults={"low": {"drive": "t", "to": 15, "over": 1}},
+    )
+    for second in range(2):
+        part.inject(Fault("low", float(second)))
+        part.advance(second + 1.0, 1.0)
+        assert part.variables["t"] == 15
+    part.inject(None)
+    part.advance(3.0, 1.0)
+    assert part.variables["t"] == 60
+
+
 MINIMAL = "components: [{name: Arm}]\nanalyzers: my.analyzers.yaml\n"
 ANALYZERS = "/**:\n  ros__parameters:\n    path: My\n"
 
