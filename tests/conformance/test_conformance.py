@@ -17,7 +17,7 @@ from conformance.history import History, Notification
 from conformance.table import PAGE, table
 from support.planted import planted
 
-pytestmark = [pytest.mark.e2e, pytest.mark.slow]
+pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(1800)]
 
 # What is planted in faults/: file, the right text, the wrong text, and a history that finds it.
 MISTAKES = {
@@ -55,28 +55,22 @@ print(json.dumps([[] if each.of_people else play(each) for each in WRITTEN]))
 """
 
 
-@pytest.fixture(scope="module")
-def outcomes(tmp_path_factory) -> list[Outcome]:
-    return run(tmp_path_factory.mktemp("conformance") / "all", [*WRITTEN, *drawn()])
-
-
 def wrong(found: Sequence[Outcome]) -> list[Outcome]:
     return [each for each in found if not each.same and not each.reason]
 
 
-def test_every_history_is_notified_the_same_or_differs_for_a_reason(outcomes):
+def test_every_history_is_notified_the_same_or_differs_for_a_reason(tmp_path):
+    """One test, because the run takes minutes: its result, its table, and planted mistakes."""
+    outcomes = run(tmp_path / "all", [*WRITTEN, *drawn()])
+
     assert len(outcomes) >= 60
     assert not wrong(outcomes), "\n".join(map(str, wrong(outcomes)))
-
-
-def test_a_reason_is_given_only_where_something_differs(outcomes):
     needless = [each.history.name for each in outcomes if each.same and each.history.reason]
-
-    assert not needless
-
-
-def test_the_table_of_the_documentation_is_that_of_this_run(outcomes):
+    assert not needless, "a reason is given, and nothing differs"
     assert table(outcomes) in PAGE.read_text(), "run ./run conformance --write"
+    for mistake, (*change, history) in MISTAKES.items():
+        found = with_mistake(outcomes[: len(WRITTEN)], planted(tmp_path / mistake, *change))
+        assert history in [each.history.name for each in wrong(found)], f"not found: {mistake}"
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -86,22 +80,16 @@ def test_other_histories_that_are_drawn_are_notified_the_same(tmp_path, seed):
     assert not found, shrunk(tmp_path / "shrunk", found[0].history)
 
 
-@pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_in_the_judgement_is_found(outcomes, mistake, tmp_path):
-    *change, history = MISTAKES[mistake]
+def with_mistake(written: Sequence[Outcome], environment: dict[str, str]) -> list[Outcome]:
+    """The outcomes of the written histories as they are with an exporter that has a mistake."""
     argv = [sys.executable, "-c", PLAY]
-    done = subprocess.run(
-        argv, env=planted(tmp_path, *change), check=True, capture_output=True, text=True
-    )
+    done = subprocess.run(argv, env=environment, check=True, capture_output=True, text=True)
     played = [[Notification(*each) for each in found] for found in json.loads(done.stdout)]
-
-    found = [
+    return [
         replace(outcome, ours=ours)
-        for outcome, ours in zip(outcomes[: len(WRITTEN)], played, strict=True)
+        for outcome, ours in zip(written, played, strict=True)
         if not outcome.history.of_people
     ]
-
-    assert history in [each.history.name for each in wrong(found)]
 
 
 def play_early(history: History) -> list[Notification]:

@@ -73,12 +73,13 @@ def _compare(
     since, until = _span(options, theirs, events)
     compared = [each for each in theirs.notices if each.robot in robots]
     here = follow(events, {each.about for each in compared}, dict(options.service))
+    wide = since - options.within, until + options.within
     found = compare(
-        _within(compared, since, until),
-        Here(list(_within(here.notices, since, until)), here.larger, here.robots),
+        _within(compared, *wide),
+        Here(_within(here.notices, *wide), here.larger, here.robots),
         late=options.late,
         within=options.within,
-    )
+    ).between(since, until)
     others = len(theirs.notices) - len(compared)
     notes = dict(_notes(theirs, others))
     if options.json:

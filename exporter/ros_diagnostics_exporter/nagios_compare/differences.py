@@ -37,6 +37,20 @@ class Differences:
         """Whether there is none."""
         return not (self.late or self.only_in_nagios or self.only_here)
 
+    def between(self, since: float, until: float) -> Differences:
+        """What at least one side notified in that time; the other may have just before or after."""
+
+        def is_in(*notices: Notice) -> bool:
+            return any(since <= each.time <= until for each in notices)
+
+        return Differences(
+            pairs=[each for each in self.pairs if is_in(each.nagios, each.here)],
+            late=[each for each in self.late if is_in(each.nagios, each.here)],
+            only_in_nagios=[each for each in self.only_in_nagios if is_in(each)],
+            only_here=[each for each in self.only_here if is_in(each)],
+            explained=[each for each in self.explained if is_in(each[0])],
+        )
+
 
 def compare(nagios: Sequence[Notice], here: Here, *, late: float, within: float) -> Differences:
     """Pair what is about the same, of the same state and at most ``within`` seconds apart.

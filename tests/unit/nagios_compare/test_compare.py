@@ -343,3 +343,13 @@ def test_the_exporter_is_asked_and_the_standard_input_is_read(serve, site, monke
     assert main(["-", "--url", f"http://{server.addresses[0]}"]) == 0
     assert "hosts that are no robots here: 1 notif" in capsys.readouterr().out
     assert wanted == ["notified"]
+
+
+def test_what_follows_right_after_the_end_of_the_time_belongs_to_it(site):
+    site.nagios(100, "CRITICAL")
+    site.here(105)
+    site.here(300, component="Laser 1", group="/Laser")
+
+    code, found = site.compare("--until", "2026-01-01 00:01:42")
+
+    assert (code, found["same"], found["only_here"]) == (0, 1, [])
