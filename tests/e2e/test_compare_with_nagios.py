@@ -11,6 +11,7 @@ import pytest
 
 from ros_diagnostics_exporter.cli.compare_nagios import main
 from support import nagios_program
+from testbed import http
 from testbed.polling import until
 from testbed.processes import Process
 
@@ -130,6 +131,15 @@ class Site:
             60,
         )
 
+    def wait_for_records(self, number: int) -> None:
+        """Wait until the exporter has recorded so many notifications."""
+
+        def recorded() -> int:
+            path = "/api/v1/events?kind=notified"
+            return len(http.get_json(self.url.removeprefix("http://"), path)["events"])
+
+        until(lambda: recorded() >= number, lambda: f"{recorded()} of {number} records", 60)
+
     def passive(self, robot: str, service: str, code: int) -> None:
         """Somebody else sends Nagios two results: enough for a hard state."""
         line = f"[{int(time.time())}] PROCESS_SERVICE_CHECK_RESULT;{robot};{service};{code};by hand"
@@ -172,6 +182,7 @@ def test_what_only_nagios_or_only_this_project_notified_is_found(site, capsys):
     site.wait_for_mail("PROBLEM ** demo/robot_3 Motor 2 is CRITICAL")
     site.stack.fault("robot_3", "Motor 2", "ok")
     site.wait_for_mail("RECOVERY ** demo/robot_3 Motor 2")
+    site.wait_for_records(6)  # before the last lines of Nagios' log, or it is not compared
     site.nagios.start()
     site.wait_until_checked()
 
