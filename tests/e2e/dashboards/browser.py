@@ -23,7 +23,7 @@ CHROMIUM_OPTIONS = [
     *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
 ]
-TALL = (1600, 4500)  # pixels: Grafana queries only for panels in view
+TALL = (1600, 6500)  # pixels: Grafana queries only for panels in view
 WALL = (1920, 1080)
 PHONE = (390, 844)
 
