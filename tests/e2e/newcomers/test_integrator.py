@@ -34,7 +34,8 @@ def test_from_a_checkout_to_the_mail_and_back(tmp_path: Path):
         settled = "promtool query instant http://localhost:9090 'ros_diagnostics_exporter_settled'"
         person.until_output(settled, "=> 1")
 
-        assert "CRITICAL" in person.does(fault)
+        person.does(fault)
+        person.until_output(status, "CRITICAL")
         person.until_mail("** PROBLEM ** warehouse/robot_1 Motor 1 is CRITICAL")
         person.does(f"{activate}\nvirtual-robots fault robot_1 'Motor 1' ok")
         person.until_mail("** RECOVERY ** warehouse/robot_1 Motor 1 is no longer CRITICAL")
