@@ -60,7 +60,7 @@ class Exposition:
             ours = metrics.FLEET_FAMILIES + metrics.FAULT_FAMILIES
             text: list[bytes] = []
             series: dict[Part, dict[str, int]] = {part: {} for part in parts}
-            more = self._more()
+            more = self._more(parts)
             for family in (*ours, *map(_promoted_family, promoted)):
                 if family.part not in parts:
                     continue
@@ -73,13 +73,15 @@ class Exposition:
             self._series |= series
             return b"".join(text)
 
-    def _more(self) -> dict[str, bytes]:
+    def _more(self, parts: Collection[Part]) -> dict[str, bytes]:
         """What no robot's text has: samples by the family's name."""
         fleet, faults = self._state.fleet, self._state.faults()
         acknowledged, notified = self._acknowledged(), self._notified()
         return {
             metrics.ROBOT_SILENT_REASON.name: self._over_limit(),
-            **self._faults.render(fleet.name, fleet.exporter, faults, acknowledged, notified),
+            **self._faults.render(
+                fleet.name, fleet.exporter, faults, acknowledged, notified=notified, parts=parts
+            ),
         }
 
     def _over_limit(self) -> bytes:

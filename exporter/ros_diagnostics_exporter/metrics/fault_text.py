@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
@@ -10,6 +10,7 @@ from ros_diagnostics_exporter.faults.model import Fault, Identity, as_texts
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import number
 from ros_diagnostics_exporter.metrics.families import Family
+from ros_diagnostics_exporter.model import ALL_PARTS, Part
 from ros_diagnostics_exporter.notifications import Key
 from ros_diagnostics_exporter.texts import encodable, escape
 
@@ -40,9 +41,11 @@ class FaultText:
         exporter: str,
         faults: Iterable[Fault],
         acknowledgements: Iterable[Acknowledgement] = (),
+        *,
         notified: Mapping[Key, Mapping[str, float]] | None = None,
+        parts: Collection[Part] = ALL_PARTS,
     ) -> dict[str, bytes]:
-        """By the family's name.
+        """By the family's name, those of ``parts``.
 
         Args:
             fleet: The fleet's name.
@@ -50,6 +53,7 @@ class FaultText:
             faults: All that last.
             acknowledgements: Those in force, the newest last; of other faults, too.
             notified: Of each fault, when each receiver was last notified; None: not known.
+            parts: Of the exposition.
         """
         source = fleet, exporter
         known = self._lines if source == self._source else {}
@@ -60,13 +64,17 @@ class FaultText:
                 kept = _render(fleet, exporter, fault)
             lines[fault.identity] = kept
         self._source, self._lines = source, lines
+        all_lines = lines.values()
+        samples: dict[Family, Iterable[str]] = {  # generators: what is not wanted is not rendered
+            metrics.FAULT_START: (each.start for each in all_lines),
+            metrics.FAULT_INFO: (each.info for each in all_lines),
+            metrics.FAULT_ACKNOWLEDGED: _acknowledged(all_lines, acknowledgements),
+            metrics.FAULT_NOTIFIED: _notified(all_lines, notified),
+        }
         return {
-            metrics.FAULT_START.name: "".join(each.start for each in lines.values()).encode(),
-            metrics.FAULT_INFO.name: "".join(each.info for each in lines.values()).encode(),
-            metrics.FAULT_ACKNOWLEDGED.name: "".join(
-                _acknowledged(lines.values(), acknowledgements)
-            ).encode(),
-            metrics.FAULT_NOTIFIED.name: "".join(_notified(lines.values(), notified)).encode(),
+            family.name: "".join(each).encode()
+            for family, each in samples.items()
+            if family.part in parts
         }
 
 

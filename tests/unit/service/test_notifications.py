@@ -184,14 +184,14 @@ def test_an_acknowledgement_is_one_event_of_the_fault_that_it_names():
 
 
 def test_it_is_served_for_faults_that_last():
-    rendered = FaultText().render("f", "", [FAULT], (), {KEY: {"email": 12.5, 'a"b': 13.0}})
+    rendered = FaultText().render("f", "", [FAULT], notified={KEY: {"email": 12.5, 'a"b': 13.0}})
     families = text_string_to_metric_families(rendered[metrics.FAULT_NOTIFIED.name].decode())
     assert [(each.labels, each.value) for family in families for each in family.samples] == [
         (LABELS | {"receiver": "email"}, 12.5),
         (LABELS | {"receiver": 'a"b'}, 13.0),
     ]
     assert (
-        FaultText().render("f", "", [], (), {KEY: {"email": 1.0}})[metrics.FAULT_NOTIFIED.name]
+        FaultText().render("f", "", [], notified={KEY: {"email": 1.0}})[metrics.FAULT_NOTIFIED.name]
         == b""
     )
 
