@@ -39,17 +39,19 @@ class FlapHistory:
         self.ratio = flap_ratio(self.slots)
         self.last = mono  # when the latest state was recorded
 
-    def decay(self, mono: float, interval: float) -> None:
-        """Record what the time since the last record adds."""
+    def decay(self, mono: float, interval: float) -> bool:
+        """Record what the time since the last record adds; True if the ratio may have changed."""
         # The tolerance lets a timer that is due after one interval find it over.
         steps = int((mono - self.last) / interval + 1e-9)
         if steps <= 0:
-            return
+            return False
         self.last += steps * interval
-        if self.ratio > 0.0:
-            steps = min(steps, SLOTS)
-            self.slots = self.slots[steps:] + [self.slots[-1]] * steps
-            self.ratio = flap_ratio(self.slots)
+        if self.ratio == 0.0:
+            return False
+        steps = min(steps, SLOTS)
+        self.slots = self.slots[steps:] + [self.slots[-1]] * steps
+        self.ratio = flap_ratio(self.slots)
+        return True
 
     def change(self, state: int, mono: float, interval: float) -> None:
         """Record a change to another state."""

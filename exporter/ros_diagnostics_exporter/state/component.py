@@ -13,10 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule, Threshold, ValueRule
-from ros_diagnostics_exporter.faults.flapping import SLOTS
+from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
 from ros_diagnostics_exporter.ingest.values import Number, parse_numbers
 from ros_diagnostics_exporter.model import Instant, Level, Status
-from ros_diagnostics_exporter.state.flapping import FlapHistory
 from ros_diagnostics_exporter.state.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.state.rejections import Reject, RejectionReason
 from ros_diagnostics_exporter.state.storage import PersistedComponent
@@ -149,7 +148,7 @@ class Component:
     def _change(self, level: int, now: Instant, flap_interval: float) -> None:
         self.before_stale = self.level if level == STALE and self.level >= OK else None
         if self.flaps is None:
-            self.flaps = FlapHistory(level, now.mono)
+            self.flaps = FlapHistory([level] * SLOTS, now.mono)
         else:
             self.flaps.change(level, now.mono, flap_interval)
             self.changes += 1
@@ -229,8 +228,7 @@ class Component:
             )
             self.since = now.wall
         self.problem_since = None if self.level == OK else problem_since
-        self.flaps = FlapHistory(persisted.level, now.mono)
-        self.flaps.restore(list(persisted.slots), now.mono)
+        self.flaps = FlapHistory(persisted.slots, now.mono)
 
     def note_raw(self, mono: float, threshold: float) -> None:
         """Note the receipt of a raw status, and the gap before it.

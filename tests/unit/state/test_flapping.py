@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.state.flapping import SLOTS, FlapHistory, flap_ratio
+from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory, flap_ratio
 
 
 def nagios(history: list[int]) -> float:
@@ -33,7 +33,7 @@ def test_a_steady_component_is_calm_and_one_that_changes_at_every_slot_is_at_one
 def test_the_slots_are_every_change_and_the_rests_between(changes):
     """Against a plain replay: each change is a slot, each full interval of rest one more."""
     level, mono = 0, 100.0
-    flaps = FlapHistory(level, mono)
+    flaps = FlapHistory([level] * SLOTS, mono)
     slots, last = [0] * SLOTS, mono
     for new, pause in changes:
         mono += pause
@@ -50,7 +50,7 @@ def test_the_slots_are_every_change_and_the_rests_between(changes):
 
 
 def test_a_component_at_rest_is_calm_after_21_intervals():
-    flaps = FlapHistory(0, 0.0)
+    flaps = FlapHistory([0] * SLOTS, 0.0)
     flaps.change(2, 10.0, 15.0)
     assert flaps.ratio > 0
 
