@@ -14,7 +14,12 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterable
+from difflib import get_close_matches
+from itertools import islice
 from typing import Any
+
+MOST_COMPARED = 1000  # names among which the nearest is looked for: a comparison is expensive
 
 # Drivers use these as a space: the blanks of all scripts, tabs and line ends.
 _SPACES = dict.fromkeys(
@@ -74,3 +79,10 @@ def _json_escape(char: str) -> str:
     if "\ud800" <= char <= "\udfff":
         return "?"
     return "\\u007f" if char == "\x7f" else json.dumps(char)[1:-1]
+
+
+def nearest(text: str, names: Iterable[str]) -> str:
+    """The name that is most similar to a text, case ignored; "" if none of the first 1,000 is."""
+    known = {each.casefold(): each for each in islice(dict.fromkeys(names), MOST_COMPARED) if each}
+    close = get_close_matches(text.casefold(), known, 1)
+    return known[close[0]] if close else ""

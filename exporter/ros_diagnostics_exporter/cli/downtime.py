@@ -16,7 +16,6 @@ import sys
 import time
 from collections.abc import Sequence
 from datetime import datetime, timedelta, timezone
-from difflib import get_close_matches
 from typing import Any, NamedTuple
 from urllib.parse import quote, urlencode
 
@@ -43,7 +42,7 @@ from ros_diagnostics_exporter.cli.connection_flags import (
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import Downtime
 from ros_diagnostics_exporter.severity import clock
-from ros_diagnostics_exporter.texts import escape, one_line, printable
+from ros_diagnostics_exporter.texts import escape, nearest, one_line, printable
 
 FOLLOWED = 20.0  # seconds in which an exporter has read a new downtime; it asks every 5 s
 LONGEST = 3650 * 86_400.0  # seconds
@@ -167,16 +166,16 @@ def _check_names(exporter: Client, known: dict[str, Any], options: argparse.Name
         raise UnreachableError(f"{options.exporter} is of fleet {known['fleet']!r}")
     if not known["robots"]:
         names = [each["robot"] for each in exporter.fleet()["robots"]]
-        raise UnreachableError(f"no robot {options.robot!r}{_nearest(options.robot, names)}")
+        raise UnreachableError(f"no robot {options.robot!r}{_hint(options.robot, names)}")
     names = [each["component"] for each in known["robots"][0]["components"]]
     if options.component and options.component not in names:
-        near = _nearest(options.component, names)
+        near = _hint(options.component, names)
         raise UnreachableError(f"{options.robot} has no component {options.component!r}{near}")
 
 
-def _nearest(name: str, names: list[str]) -> str:
-    close = get_close_matches(name, names, 1)
-    return f"; the nearest is {close[0]!r}" if close else ""
+def _hint(name: str, names: list[str]) -> str:
+    near = nearest(name, names)
+    return f"; the nearest is {near!r}" if near else ""
 
 
 def _make(client: Client, fleet: str, options: argparse.Namespace) -> Downtime:

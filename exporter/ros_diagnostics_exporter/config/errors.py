@@ -5,7 +5,6 @@ pydantic's errors are put into plain words here.
 
 from __future__ import annotations
 
-import difflib
 import json
 import re
 from collections.abc import Iterable
@@ -15,7 +14,7 @@ from typing import Annotated, Any, NamedTuple, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from ros_diagnostics_exporter.texts import printable
+from ros_diagnostics_exporter.texts import nearest, printable
 
 LISTED = 20  # problems, or warnings, that are listed one by one
 MOST = 1000  # problems that are collected; a file may have any number
@@ -146,10 +145,9 @@ def _about_value(error: ErrorDetails) -> tuple[str, str]:
 
 def suggestion(word: str, known: Iterable[str]) -> str:
     """The remedy for an unknown word: the most similar known one, or a list of all."""
-    words, word = list(known), word[:100]  # the time of a comparison is quadratic
-    close = difflib.get_close_matches(word.lower(), {each.lower(): each for each in words}, n=1)
-    if close:
-        best = next(each for each in words if each.lower() == close[0])
+    words = list(known)
+    best = nearest(word[:100], words)  # the time of a comparison is quadratic
+    if best:
         return f"did you mean {best}?"
     return _one_of(words) if words else "remove it"
 

@@ -8,8 +8,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
-from itertools import islice
 from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import (
@@ -33,12 +31,12 @@ from ros_diagnostics_exporter.state.rules import (
     key_matches,
     value_matches,
 )
+from ros_diagnostics_exporter.texts import nearest
 
 log = logging.getLogger(__name__)
 
 KINDS = ("check", "component", "condition", "discovery", "maintenance", "shared", "task", "value")
 GRACE = 300.0  # seconds for which nothing has to match until it is reported
-MOST_COMPARED = 1000  # names among which the nearest is looked for
 
 Part = tuple[str, str, tuple[str, ...]]  # of a robot: group, component, keys of its values
 
@@ -135,7 +133,7 @@ def _sources(fleet: Fleet, robots: list[KnownRobot]) -> Iterator[Unmatched]:
         if not any(_is_found(discovery, robot) for robot in robots):
             only = written(discovery.include)
             entry = f"{discovery.template}{only and f' include {only}'}"
-            yield Unmatched("discovery", entry, _nearest(only, [each.name for each in robots]))
+            yield Unmatched("discovery", entry, nearest(only, [each.name for each in robots]))
     places = {(each.topic, each.domain_id) for each in robots}
     for shared in fleet.shared:
         if (shared.topic, shared.domain_id) not in places:
@@ -154,7 +152,7 @@ def _maintenance(fleet: Fleet, robots: list[KnownRobot], wall: float) -> Iterato
         if not is_over and not any(selects(each, of) for of in labels):
             selector = {label: written(patterns) for label, patterns in each.selector.items()}
             near = (
-                _nearest(selector[name], (of.get(name, "") for of in labels)) for name in selector
+                nearest(selector[name], (of.get(name, "") for of in labels)) for name in selector
             )
             entry = ", ".join(f"{label}={text}" for label, text in selector.items())
             yield Unmatched("maintenance", f"{each.name}: {entry}", next(filter(None, near), ""))
@@ -179,18 +177,18 @@ def _rules(profile: Profile, parts: Collection[Part]) -> Iterator[tuple[Unmatche
     for check in profile.checks:
         text = written(check.patterns)
         matches = any(check_matches(check, group, name) for group, name, _keys in parts)
-        near = "" if matches else _nearest(text, names)
+        near = "" if matches else nearest(text, names)
         yield Unmatched("check", f"{check.name}: {text}", near), matches
     for rule in profile.components:
         if not rule.ignore:
             text = written([rule.pattern])
             matches = any(rule.pattern.search(name[:SEARCHED]) for name in names)
-            yield Unmatched("component", text, "" if matches else _nearest(text, names)), matches
+            yield Unmatched("component", text, "" if matches else nearest(text, names)), matches
             yield from _conditions(rule.conditions, rule.pattern, parts)
     for task, patterns in profile.tasks.items():
         text = written(patterns)
         matches = any(_is_named(part, patterns) for part in parts)
-        near = "" if matches else _nearest(text, names)
+        near = "" if matches else nearest(text, names)
         yield Unmatched("task", f"{task}: {text}", near), matches
     for value in profile.values:
         yield _value(value, parts)
@@ -212,7 +210,7 @@ def _conditions(
             yield Unmatched("condition", each.text), True
         else:
             names = keys or [name for _group, name, _keys in parts]
-            near = _nearest(written(each.key if keys else patterns), names)
+            near = nearest(written(each.key if keys else patterns), names)
             yield Unmatched("condition", each.text, near), False
 
 
@@ -229,15 +227,8 @@ def _value(rule: ValueRule, parts: Collection[Part]) -> tuple[Unmatched, bool]:
     anywhere = replace(rule, key=None)
     keys = [key for _, name, keys in parts for key in keys if value_matches(anywhere, name, key)]
     names = [name for _group, name, _keys in parts]
-    near = _nearest(key, keys) if keys else _nearest(component, names)
+    near = nearest(key, keys) if keys else nearest(component, names)
     return Unmatched("value", entry, near), False
-
-
-def _nearest(text: str, names: Iterable[str]) -> str:
-    """The name that is most similar to the text, "" if none is."""
-    known = {each.casefold(): each for each in islice(dict.fromkeys(names), MOST_COMPARED) if each}
-    close = get_close_matches(text.casefold(), known, 1)
-    return known[close[0]] if close else ""
 
 
 class UnmatchedWatch:
