@@ -20,13 +20,12 @@ from datetime import datetime, timedelta, timezone
 from typing import Any
 from urllib.parse import urlencode
 
-from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.alertmanager import ESCALATION, IDENTITY
 from ros_diagnostics_exporter.cli.connection_flags import INTERRUPTED, add_arguments, make_client
+from ros_diagnostics_exporter.cli.terminal import cells, make_console
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.texts import escape, one_line, printable
 
@@ -196,11 +195,9 @@ def _list(client: Client, options: argparse.Namespace) -> int:
     table = Table("Fleet", "Part", "State", "Since", "Acknowledged by", "Comment", box=None)
     for problem in problems(_alerts(client, options.fleet)):
         known = acknowledged(problem, silences) or {"createdBy": "nobody", "comment": ""}
-        cells = (problem.labels.get("fleet", ""), problem.part, problem.state, problem.since)
-        texts = (*cells, known["createdBy"], known["comment"])
-        table.add_row(*(Text(one_line(text)) for text in texts))  # as Text: no markup
-    # In a pipe nothing is cut off; in a terminal the columns share its width.
-    Console(width=None if sys.stdout.isatty() else 200).print(table)
+        about = (problem.labels.get("fleet", ""), problem.part, problem.state, problem.since)
+        table.add_row(*cells((*about, known["createdBy"], known["comment"])))
+    make_console().print(table)
     return 0
 
 

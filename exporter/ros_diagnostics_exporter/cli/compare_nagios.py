@@ -15,12 +15,12 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from ros_diagnostics_exporter import __version__, durations
 from ros_diagnostics_exporter.cli.connection_flags import add_arguments, make_client
+from ros_diagnostics_exporter.cli.terminal import cells, make_console
 from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.nagios_compare import log
 from ros_diagnostics_exporter.nagios_compare.differences import Differences, compare
@@ -141,15 +141,14 @@ def _fields(notice: Notice) -> dict[str, Any]:
 
 
 def _print(found: Differences, since: float, until: float, notes: dict[str, str]) -> None:
-    console = Console(width=None if sys.stdout.isatty() else 200)
+    console = make_console()
     table = Table("Time", "Robot", "Service", "State", "Difference", box=None, pad_edge=False)
     rows = [(each, f"only in Nagios: {each.detail:.80}") for each in found.only_in_nagios]
     rows += [(each, f"only here: {each.detail:.80}") for each in found.only_here]
     rows += [(each.nagios, _later(each.later)) for each in found.late]
     rows += [(each, f"here one notification: {one.name}") for each, one in found.explained]
     for each, text in sorted(rows, key=lambda row: row[0].time):
-        cells = (each.robot, each.service, each.state, text)
-        table.add_row(_clock(each.time), *(Text(one_line(cell)) for cell in cells))
+        table.add_row(*cells((_clock(each.time), each.robot, each.service, each.state, text)))
     if rows:
         console.print(table)
     for what, note in notes.items():

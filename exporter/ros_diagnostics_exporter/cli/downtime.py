@@ -19,9 +19,7 @@ from datetime import datetime, timedelta, timezone
 from typing import Any, NamedTuple
 from urllib.parse import quote, urlencode
 
-from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from ros_diagnostics_exporter import __version__, durations
 from ros_diagnostics_exporter.alertmanager import (
@@ -39,6 +37,7 @@ from ros_diagnostics_exporter.cli.connection_flags import (
     add_arguments,
     make_client,
 )
+from ros_diagnostics_exporter.cli.terminal import cells, make_console
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import Downtime
 from ros_diagnostics_exporter.severity import clock
@@ -230,11 +229,9 @@ def _list(client: Client, fleet: str | None) -> int:
     for each in _planned(client, fleet):
         planned = each.downtime
         times = (clock(unix, now, local=True) for unix in (planned.start, planned.end))
-        cells = (each.fleet, planned.robot, planned.component or "all", *times)
-        texts = (*cells, planned.author, planned.comment)
-        table.add_row(*(Text(one_line(text)) for text in texts))  # as Text: no markup
-    # In a pipe nothing is cut off; in a terminal the columns share its width.
-    Console(width=None if sys.stdout.isatty() else 200).print(table)
+        about = (each.fleet, planned.robot, planned.component or "all")
+        table.add_row(*cells((*about, *times, planned.author, planned.comment)))
+    make_console().print(table)
     return 0
 
 

@@ -20,11 +20,10 @@ from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import yaml
-from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.cli.terminal import cells, make_console
 from ros_diagnostics_exporter.config.errors import (
     ConfigError,
     Problem,
@@ -38,7 +37,7 @@ from ros_diagnostics_exporter.oncall.build import build, built_until
 from ros_diagnostics_exporter.oncall.calendar import NoCalendarError, calendar
 from ros_diagnostics_exporter.oncall.file import OnCall, load
 from ros_diagnostics_exporter.oncall.rota import instant
-from ros_diagnostics_exporter.texts import one_line, printable
+from ros_diagnostics_exporter.texts import printable
 
 EXIT_WARNING = 1
 EXIT_USAGE = 2  # also for an invalid file, as argparse for an invalid flag
@@ -110,11 +109,10 @@ def _who(options: argparse.Namespace, oncall: OnCall, now: datetime) -> int:
         duty, then = duties[0], duties[1].person if len(duties) > 1 else ""
         end = oncall.local(duty.end) if then else ""
         person = oncall.people[duty.person]
-        cells = (level.team, level.name, person.name, person.email, person.phone, end, then)
-        table.add_row(*(Text(one_line(cell or "")) for cell in cells))  # as Text: no markup
+        reached = (person.name, person.email, person.phone)
+        table.add_row(*cells((level.team, level.name, *reached, end, then)))
     print(f"on call at {oncall.local(at)}")  # noqa: T201
-    # In a pipe nothing is cut off; in a terminal the columns share its width.
-    Console(width=None if sys.stdout.isatty() else 200).print(table)
+    make_console().print(table)
     return 0
 
 

@@ -10,12 +10,12 @@ from datetime import datetime, timedelta
 from typing import Any
 from urllib.parse import urlencode
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from ros_diagnostics_exporter import __version__, durations
 from ros_diagnostics_exporter.cli.connection_flags import INTERRUPTED, add_arguments, make_client
+from ros_diagnostics_exporter.cli.terminal import cells, make_console
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.severity import clock
 from ros_diagnostics_exporter.texts import one_line, printable
@@ -46,11 +46,11 @@ def _ask(client: Client, path: str) -> dict[str, Any]:
 
 
 def _print(found: dict[str, Any]) -> None:
-    console = Console(width=None if sys.stdout.isatty() else 200)
+    console = make_console()
     table = Table("Time", "What happened", box=None, pad_edge=False)
     for each in found["entries"]:
         moment = clock(each["time"], found["time"], local=True)
-        table.add_row(moment, Text(one_line(each["text"])))
+        table.add_row(*cells((moment, each["text"])))
     console.print(table if found["entries"] else Text("No fault and no event at that time."))
     console.print(Text(f"\nNow, {clock(found['time'], found['time'], local=True)}:"))
     for sentence in found["now"] or ["no problem"]:
