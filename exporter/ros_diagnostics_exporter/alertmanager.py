@@ -82,9 +82,8 @@ def read_downtimes(silences: Any, fleet: str) -> list[Downtime]:
     Raises:
         ValueError: The response is no list of silences.
     """
-    if not isinstance(silences, list):
-        raise ValueError("it answered no list of silences")  # noqa: TRY004 - no bug of the caller
-    found = [each for silence in silences if (each := downtime_of(silence, fleet)) is not None]
+    listed = _listed(silences, "silences")
+    found = [each for silence in listed if (each := downtime_of(silence, fleet)) is not None]
     return sorted(found, key=lambda each: each.start)[-MOST:]
 
 
@@ -92,6 +91,22 @@ def downtime_matchers(fleet: str, robot: str, component: str) -> dict[str, str]:
     """What the silence of a downtime matches, label -> value; ``component`` "" for all."""
     of = {"component": component} if component else {}
     return {"alertname": ESCALATION, DOWNTIME: "", "fleet": fleet, "robot": robot, **of}
+
+
+def silence(
+    matchers: Mapping[str, str], start: datetime, end: datetime, author: str, comment: str
+) -> dict[str, Any]:
+    """A silence as Alertmanager's API takes it; ``matchers`` label -> just this value."""
+    return {
+        "matchers": [
+            {"name": name, "value": value, "isRegex": False, "isEqual": True}
+            for name, value in matchers.items()
+        ],
+        "startsAt": start.isoformat(),
+        "endsAt": end.isoformat(),
+        "createdBy": author,
+        "comment": comment,
+    }
 
 
 def downtime_of(silence: Any, fleet: str | None = None) -> Downtime | None:
@@ -125,10 +140,15 @@ def read(silences: Any, fleet: str) -> list[Acknowledgement]:
     Raises:
         ValueError: The response is no list of silences.
     """
-    if not isinstance(silences, list):
-        raise ValueError("it answered no list of silences")  # noqa: TRY004 - no bug of the caller
-    found = [each for silence in silences if (each := _one(silence, fleet)) is not None]
+    listed = _listed(silences, "silences")
+    found = [each for silence in listed if (each := _one(silence, fleet)) is not None]
     return sorted(found, key=lambda each: each.at)[-MOST:]
+
+
+def _listed(answer: Any, what: str) -> list[Any]:
+    if not isinstance(answer, list):
+        raise ValueError(f"it answered no list of {what}")  # noqa: TRY004 - no bug of the caller
+    return answer
 
 
 def _one(silence: Any, fleet: str) -> Acknowledgement | None:
@@ -289,10 +309,7 @@ def _explain(client: Client, labels: Mapping[str, str | None], size: int) -> lis
 def _alerts(client: Client, labels: Mapping[str, str | None], size: int) -> list[dict[str, Any]]:
     """The alerts with these labels; those that are None may be any."""
     wanted = [("filter", f'{key}="{escape(text)}"') for key, text in labels.items() if text]
-    found = client.get(f"/api/v2/alerts?{urlencode(wanted)}", limit=size)
-    if not isinstance(found, list):
-        raise ValueError("it answered no list of alerts")  # noqa: TRY004 - no bug of the caller
-    return found
+    return _listed(client.get(f"/api/v2/alerts?{urlencode(wanted)}", limit=size), "alerts")
 
 
 def _silence(client: Client, name: str, size: int) -> str:

@@ -22,7 +22,7 @@ from urllib.parse import urlencode
 
 from rich.table import Table
 
-from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter import __version__, alertmanager
 from ros_diagnostics_exporter.alertmanager import ESCALATION, IDENTITY
 from ros_diagnostics_exporter.cli.connection_flags import INTERRUPTED, add_arguments, make_client
 from ros_diagnostics_exporter.cli.terminal import cells, make_console
@@ -136,17 +136,8 @@ def silence(
     problem: Problem, author: str, comment: str, start: datetime, days: float | None = None
 ) -> dict[str, Any]:
     """The silence that acknowledges ``problem``, as Alertmanager's API takes it."""
-    days = days or (DAYS if problem.since else DAYS_OF_OTHERS)
-    return {
-        "matchers": [
-            {"name": name, "value": value, "isRegex": False, "isEqual": True}
-            for name, value in problem.matchers.items()
-        ],
-        "startsAt": start.isoformat(),
-        "endsAt": (start + timedelta(days=days)).isoformat(),
-        "createdBy": author,
-        "comment": comment,
-    }
+    end = start + timedelta(days=days or (DAYS if problem.since else DAYS_OF_OTHERS))
+    return alertmanager.silence(problem.matchers, start, end, author, comment)
 
 
 def acknowledged(problem: Problem, silences: Iterable[dict[str, Any]]) -> dict[str, Any] | None:

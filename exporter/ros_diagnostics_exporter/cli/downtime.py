@@ -29,6 +29,7 @@ from ros_diagnostics_exporter.alertmanager import (
     clean,
     downtime_matchers,
     downtime_of,
+    silence,
 )
 from ros_diagnostics_exporter.cli.ack import DEFAULT_URL, current_user
 from ros_diagnostics_exporter.cli.connection_flags import (
@@ -181,17 +182,8 @@ def _make(client: Client, fleet: str, options: argparse.Namespace) -> Downtime:
     begin = options.start or datetime.now(timezone.utc)
     end = begin + timedelta(seconds=options.seconds)
     comment = clean(options.comment, COMMENT_LENGTH)
-    body = {
-        "matchers": [
-            {"name": name, "value": value, "isRegex": False, "isEqual": True}
-            for name, value in downtime_matchers(fleet, options.robot, options.component).items()
-        ],
-        "startsAt": begin.isoformat(),
-        "endsAt": end.isoformat(),
-        "createdBy": options.author,
-        "comment": comment,
-    }
-    client.post("/api/v2/silences", body)
+    matchers = downtime_matchers(fleet, options.robot, options.component)
+    client.post("/api/v2/silences", silence(matchers, begin, end, options.author, comment))
     times = begin.timestamp(), end.timestamp()
     return Downtime(options.robot, options.component, *times, options.author, comment)
 
