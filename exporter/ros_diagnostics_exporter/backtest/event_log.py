@@ -12,7 +12,6 @@ import heapq
 import json
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import closing
 from dataclasses import dataclass
 from math import inf
 from operator import itemgetter
@@ -24,7 +23,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet, Source
 from ros_diagnostics_exporter.config.fleet import Robot as RobotSettings
 from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.model import Array, Instant, Level, Status, Topic
-from ros_diagnostics_exporter.state.database import APPLICATION, VERSION, find_events
+from ros_diagnostics_exporter.state.database import APPLICATION, VERSION, find_events, reading
 from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.state.storage import PersistedRobot
 
@@ -126,8 +125,7 @@ class _Timeline:
 
 
 def _robots(path: Path) -> Iterator[tuple[str, PersistedRobot]]:
-    uri = path.absolute().as_uri() + "?mode=ro"
-    with closing(sqlite3.connect(uri, uri=True)) as connection:
+    with reading(path) as connection:
         [(version,)] = connection.execute("PRAGMA user_version")
         if version != VERSION:
             raise EventLogError(f"has version {version}, and this program reads {VERSION}")

@@ -286,6 +286,15 @@ def rename_database(path: Path, to: Path) -> None:
             path.with_name(path.name + suffix).rename(to.with_name(to.name + suffix))
 
 
+@contextmanager
+def reading(path: Path) -> Iterator[sqlite3.Connection]:
+    """A connection of its own that only reads; damaged text is no error."""
+    uri = path.absolute().as_uri() + "?mode=ro"
+    with closing(sqlite3.connect(uri, uri=True, timeout=BUSY, isolation_level=None)) as connection:
+        connection.text_factory = _decode
+        yield connection
+
+
 def find_events(path: Path, wanted: Wanted) -> Iterator[tuple[int, Event]]:
     """The written events that match, newest first, by a connection of its own.
 
@@ -306,9 +315,7 @@ def find_events(path: Path, wanted: Wanted) -> Iterator[tuple[int, Event]]:
             conditions.append(condition)
             values.append(encodable(value) if isinstance(value, str) else value)
     query = f"SELECT id, data FROM events WHERE {' AND '.join(conditions)}"  # noqa: S608
-    uri = path.absolute().as_uri() + "?mode=ro"
-    with closing(sqlite3.connect(uri, uri=True, timeout=BUSY, isolation_level=None)) as connection:
-        connection.text_factory = _decode
+    with reading(path) as connection:
         found = connection.execute(f"{query} ORDER BY id DESC LIMIT ?", (*values, wanted.limit))
         while rows := found.fetchmany(BLOCK):
             for number, text in rows:
