@@ -20,7 +20,7 @@ import pytest
 import yaml
 
 from e2e.rule_scenarios.stack import Orders
-from support import short_clocks
+from support import short_clocks, victoriametrics
 from testbed import domains, http, programs, servers
 from testbed.configuration import CHECKOUT
 from testbed.polling import until
@@ -132,35 +132,12 @@ def _start_prometheus(stack: ExitStack, folder: Path, config: Path, *, concurren
 
 def _vmalert(stack: ExitStack, folder: Path, config: Path, *, concurrent: bool) -> str:
     assert not concurrent
-    storage, address = (f"127.0.0.1:{free_port()}" for _ in range(2))
-    url = f"http://{storage}"
-    programs_ = {
-        storage: [
-            programs.distributed("victoria-metrics"),
-            f"-httpListenAddr={storage}",
-            f"-storageDataPath={folder / 'victoria'}",
-            f"-promscrape.config={config}",
-            "-promscrape.config.strictParse=false",  # it evaluates no rules itself
-            "-search.latencyOffset=0s",
-        ],
-        address: [
-            programs.distributed("vmalert"),
-            f"-httpListenAddr={address}",
-            f"-rule={config.parent / 'rules' / '*.yml'}",
-            f"-datasource.url={url}",
-            f"-remoteWrite.url={url}",
-            f"-remoteRead.url={url}",
-            "-remoteWrite.flushInterval=200ms",
-            "-notifier.url=http://127.0.0.1:1",
-        ],
-    }
-    for where, argv in programs_.items():
-        name = Path(argv[0]).name
-        process = Process(name, argv, None, folder / f"{name}.log")
-        stack.callback(process.stop)
-        process.start()
-        until(lambda where=where: http.answers(where, "/health"), process.describe, 60)
-    return address
+    scraping = (
+        f"-promscrape.config={config}",
+        "-promscrape.config.strictParse=false",  # it evaluates no rules itself
+    )
+    rules = str(config.parent / "rules" / "*.yml")
+    return victoriametrics.start(stack, folder, rules, *scraping).alerts
 
 
 def test_a_fault_the_death_of_its_exporter_and_a_silent_robot(site: Site):

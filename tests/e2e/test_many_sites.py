@@ -20,7 +20,7 @@ import pytest
 import yaml
 
 from e2e.rule_scenarios.stack import Orders
-from support import committed_dashboards, short_clocks
+from support import committed_dashboards, short_clocks, victoriametrics
 from support.link import Link
 from support.prometheus_site import Site as Engine
 from testbed import domains, http, programs, servers
@@ -63,10 +63,8 @@ class Site:
         to = self.link.address
         if vmagent:
             to = f"127.0.0.1:{free_port()}"
-            agent = Process("vmagent", self._vmagent(folder, to), None, folder / "vmagent.log")
-            stack.callback(agent.stop)
-            agent.start()
-            until(lambda: http.answers(to, "/health"), agent.describe, 60)
+            flags = self._vmagent_flags(folder, to)
+            agent = victoriametrics.start_program(stack, folder, to, "vmagent", *flags)
         self.prometheus = f"127.0.0.1:{free_port()}"
         config = self._configuration(folder, to)
         server = servers.prometheus(folder, config, self.prometheus)
@@ -86,8 +84,8 @@ class Site:
             process.start()
         return address
 
-    def _vmagent(self, folder: Path, address: str) -> list[str]:
-        """The command of the page, with other addresses and folders."""
+    def _vmagent_flags(self, folder: Path, address: str) -> list[str]:
+        """Those of the page's command, with other addresses and folders."""
         found = re.search(r"^(vmagent .*?)\n```", PAGE, re.MULTILINE | re.DOTALL)
         assert found
         _, *flags = found[1].replace("\\\n", " ").split()
@@ -96,8 +94,7 @@ class Site:
             "-remoteWrite.url": f"http://{self.link.address}/api/v1/write",
             "-remoteWrite.tmpDataPath": str(folder / "queue"),
         }
-        changed = [f"{name}={ours.get(name, value)}" for name, value in map(_split, flags)]
-        return [programs.distributed("vmagent"), *changed]
+        return [f"{name}={ours.get(name, value)}" for name, value in map(_split, flags)]
 
     def _configuration(self, folder: Path, to: str) -> Path:
         """The shipped one with the page's `remote_write`."""
@@ -204,33 +201,7 @@ def _prometheus_centre(stack: ExitStack, folder: Path) -> Centre:
 
 def _victoria_centre(stack: ExitStack, folder: Path) -> Centre:
     config = _centre_rules(folder / "centre")
-    metrics, alerts = (f"127.0.0.1:{free_port()}" for _ in range(2))
-    url = f"http://{metrics}"
-    commands = {
-        metrics: [
-            programs.distributed("victoria-metrics"),
-            f"-httpListenAddr={metrics}",
-            f"-storageDataPath={folder / 'victoria'}",
-            "-search.latencyOffset=0s",
-        ],
-        alerts: [
-            programs.distributed("vmalert"),
-            f"-httpListenAddr={alerts}",
-            f"-rule={config.parent / 'rules' / 'sites.yml'}",
-            f"-datasource.url={url}",
-            f"-remoteWrite.url={url}",
-            f"-remoteRead.url={url}",
-            "-remoteWrite.flushInterval=200ms",
-            "-notifier.url=http://127.0.0.1:1",
-        ],
-    }
-    for address, argv in commands.items():
-        name = Path(argv[0]).name
-        process = Process(name, argv, None, folder / f"{name}.log")
-        stack.callback(process.stop)
-        process.start()
-        until(lambda address=address: http.answers(address, "/health"), process.describe, 60)
-    return Centre(metrics, alerts)
+    return Centre(*victoriametrics.start(stack, folder, str(config.parent / "rules" / "sites.yml")))
 
 
 @pytest.fixture(params=["prometheus", "victoriametrics"])

@@ -349,8 +349,3 @@ def _same(event: Event, key: tuple[Any, ...]) -> bool:
     return (event.scope, event.state) == (key[0].value, key[1].value) and mine == key[3:9] and (
         event.scope != "site" or event.site == key[2]
     ) and (event.state != "many" or event.severity == key[9])  # fmt: skip
-
-
-def scopes(story: Story) -> Iterator[str]:
-    """What kinds of events a story has."""
-    yield from sorted({event.what for event in story.events})
