@@ -35,8 +35,7 @@ PAGE = (CHECKOUT / "docs" / "many-sites.md").read_text()
 CENTRE = CHECKOUT / "prometheus" / "centre"
 SECONDS = 2  # between scrapes and between evaluations
 FLEET = """\
-fleet: hall
-exporter: {name}
+fleet: {name}
 profiles: {{default: {{stale_after: 4s, confirm_after: 4s}}}}
 faults: {{restart_grace: 8s}}
 discovery:
@@ -232,6 +231,13 @@ def test_a_site_that_is_cut_off_goes_on_alone_and_the_centre_catches_up(world):
     until(lambda: _faults(centre, "north") == 1, "the fault of north at the centre", 60)
     assert _rows_of_problems(centre, "north") == ["robot_1"]
     assert _rows_of_problems(centre, "south") == []
+    robots = _cells(centre, "Robots", {"site": "north|south"})
+    assert sorted((each["fleet"], each["robot"]) for each in robots) == [
+        (fleet, robot) for fleet in ("north", "south") for robot in ("robot_1", "robot_2")
+    ]
+    # These sites scrape neither server; both exporters answer.
+    [banner] = _cells(centre, "Monitoring", {})
+    assert banner["text"].startswith("Prometheus or Alertmanager is not scraped")
     begin = time.time()
 
     south.link.cut()
@@ -269,14 +275,19 @@ def _faults(centre: Centre, site: str) -> float:
 
 
 def _rows_of_problems(centre: Centre, site: str) -> list[str]:
-    """The robots in the table of problems of the fleet's dashboard, with a site chosen."""
+    """The robots in the table of problems, with a site chosen."""
+    return sorted({each["robot"] for each in _cells(centre, "Problems", {"site": site})})
+
+
+def _cells(centre: Centre, panel: str, chosen: dict[str, str]) -> list[dict[str, str]]:
+    """The labels of the first query of a panel of the fleet's dashboard."""
     [query] = [
         each
         for each in committed_dashboards.queries()
-        if (each.board, each.place, each.ref) == ("ros-diagnostics-fleet", "Problems", "A")
+        if (each.board, each.place, each.ref) == ("ros-diagnostics-fleet", panel, "A")
     ]
-    found = centre.metrics.query(committed_dashboards.filled(query.expr, {"site": site}))
-    return sorted({each["metric"]["robot"] for each in found})
+    found = centre.metrics.query(committed_dashboards.filled(query.expr, chosen))
+    return [each["metric"] for each in found]
 
 
 def _missing(centre: Centre, site: Site, begin: float, end: float) -> int:
