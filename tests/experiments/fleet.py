@@ -75,7 +75,7 @@ def main() -> None:
     with publisher(int(os.environ["ROS_DOMAIN_ID"])) as fleet:
         topics = [f"/unit_{number}/diagnostics_agg" for number in range(options.robots)]
         for topic in topics:
-            fleet.offer(topic, depth=10)
+            fleet.offer(topic, depth=1)  # as diagnostic_updater and aggregator
         print("ready", flush=True)
         begin, sent, arrays = time.monotonic(), 0, {}
         while True:

@@ -106,6 +106,8 @@ def running(workload: Workload) -> Iterator[Site]:
 
 def _prepare(folder: Path, domain_id: int, workload: Workload) -> Site:
     environment = domains.environment(domain_id) | {
+        # UDP, as between machines; with LOCALHOST rmw_fastrtps always uses shared memory.
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
         "ROS_LOG_DIR": str(folder / "ros-log"),
         "PYTHONPATH": str(CHECKOUT / "tests"),
     }
