@@ -8,78 +8,28 @@ same number of robots is that of `./run experiment scalability`.
 
 from __future__ import annotations
 
+import os
 import re
 import statistics
-import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
-from bench.scraper import UP
 from bench.sim import cpu_seconds
-from experiments import plots, results
+from experiments import nagios_fleet, plots, results
+from experiments.nagios_fleet import WAYS, NagiosFleet
 from experiments.results import Results, numbers, table
-from support import nagios_program
-from testbed import configuration, domains, http, programs
 from testbed.polling import until
-from testbed.ports import free_port
 from testbed.processes import Process
 
 NAME = "nagios"
-WAYS = ("subscriber", "exporter")
 INTERVAL = 60  # seconds between two checks of a service
 SERVICES = {"motors": "Motor", "sensors": "Sensor", "lasers": "Laser", "batteries": "Battery"}
 MEASURED = 60.0  # seconds: each service is due once
-TICKS = 100
-OBJECTS = """\
-define timeperiod {{
-  timeperiod_name always
-  alias always
-}}
-define contact {{
-  contact_name nobody
-  host_notifications_enabled 0
-  service_notifications_enabled 0
-  host_notification_period always
-  service_notification_period always
-  host_notification_commands alive
-  service_notification_commands alive
-}}
-define command {{
-  command_name check
-  command_line {check} -H $HOSTNAME$ -N "$ARG1$"
-}}
-define command {{
-  command_name alive
-  command_line /bin/true
-}}
-"""
-HOST = """\
-define host {{
-  host_name {robot}
-  address {robot}
-  check_command alive
-  active_checks_enabled 0
-  max_check_attempts 1
-  contacts nobody
-}}
-"""
-SERVICE = """\
-define service {{
-  host_name {robot}
-  service_description {service}
-  check_command check!{pattern}
-  max_check_attempts 4
-  check_interval {interval}
-  retry_interval {interval}
-  contacts nobody
-}}
-"""
-SETTINGS = "max_service_check_spread=1\nservice_check_timeout=60\n"  # all are checked in a minute
+TICKS = os.sysconf("SC_CLK_TCK")
+TITLES = {"subscriber": "a subscriber for each check", "exporter": "asking the exporter"}
 
 
 class Case(NamedTuple):
@@ -87,18 +37,6 @@ class Case(NamedTuple):
 
     way: str
     robots: int
-
-
-def objects(check: str, robots: int) -> str:
-    """Return Nagios' objects."""
-    names = [f"robot_{number + 1}" for number in range(robots)]
-    hosts = [HOST.format(robot=name) for name in names]
-    services = [
-        SERVICE.format(robot=name, service=service, pattern=pattern, interval=INTERVAL)
-        for name in names
-        for service, pattern in SERVICES.items()
-    ]
-    return "".join([OBJECTS.format(check=check), *hosts, *services])
 
 
 def services(folder: Path) -> list[dict[str, str]]:
@@ -126,67 +64,21 @@ def session_cpu(session: int) -> float:
 
 def measure(case: Case) -> Iterator[dict[str, float | str]]:
     """Run Nagios for two intervals; yield what it did in the second."""
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="experiment-")))
-        domain_id = stack.enter_context(domains.lease())
-        environment = domains.environment(domain_id) | {
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",  # LOCALHOST has 32 participants at most
-            "ROS_LOG_DIR": str(folder / "ros-log"),
-        }
-
-        def start(name: str, argv: list[str]) -> Process:
-            process = Process(name, argv, environment, folder / f"{name}.log")
-            stack.callback(process.stop)
-            return process.start()
-
-        robots = start("robots", programs.virtual_robots(case.robots, 1, domain_id))
-        robots.wait_for_output("ready: .*\n", 120)
-        plugin = Path(__file__).with_name("check_by_subscription.py")
-        check = f"{sys.executable} {plugin}"
-        exporter = None
-        if case.way == "exporter":
-            address = f"127.0.0.1:{free_port()}"
-            config = folder / "fleet.yml"
-            config.write_text(_fleet(domain_id))
-            exporter = start(
-                "exporter", programs.exporter(config, address, folder / "db", "127.0.0.1:1")
-            )
-            _wait_for_robots(address, case.robots)
-            check = f"{programs.own('check_ros_diagnostics')} --url http://{address}"
-        nagios = nagios_program.prepare(
-            folder / "nagios", objects(check, case.robots), SETTINGS, environment
-        )
-        stack.callback(nagios.stop)
+    with nagios_fleet.running(case.robots, case.way) as fleet:
+        nagios = nagios_fleet.nagios(fleet, case.robots, SERVICES, interval=INTERVAL)
         nagios.start()
-        yield _observe(case, folder / "nagios", nagios, robots, exporter)
-
-
-def _fleet(domain_id: int) -> str:
-    return (
-        f"fleet: {configuration.FLEET}\ndiscovery:\n"
-        f'  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain_id}]}}\n'
-    )
-
-
-def _wait_for_robots(address: str, robots: int) -> None:
-    def up() -> bool:
         try:
-            text = http.get(address, "/metrics", seconds=10.0)
-        except http.Unanswered:
-            return False
-        return sum(float(value) for _, value in UP.findall(text)) == robots
-
-    until(up, f"{robots} robots", 120, every=0.5)
+            yield _observe(case, fleet, nagios)
+        finally:
+            nagios.stop()
 
 
-def _observe(
-    case: Case, folder: Path, nagios: Process, robots: Process, exporter: Process | None
-) -> dict[str, float | str]:
-    pause = threading.Event()
+def _observe(case: Case, fleet: NagiosFleet, nagios: Process) -> dict[str, float | str]:
+    pause, folder = threading.Event(), fleet.folder / "nagios"
     until(lambda: services(folder), "Nagios' status file", 60)
     pause.wait(INTERVAL + 10)  # the first checks, spread over a minute
     began, clock = time.time(), time.monotonic()
-    others = [each for each in (robots, exporter) if each is not None]
+    others = [each for each in (fleet.robots, fleet.exporter) if each is not None]
     used = [session_cpu(nagios.pid), *(cpu_seconds(each.pid) for each in others)]
     running, false = [], 0
     while time.monotonic() - clock < MEASURED:
@@ -207,7 +99,7 @@ def _observe(
         "false_alarms": false,
         "nagios_cpu": round(cpu[0], 4),
         "robots_cpu": round(cpu[1], 4),
-        "exporter_cpu": round(cpu[2], 4) if exporter else "",
+        "exporter_cpu": round(cpu[2], 4) if fleet.exporter else "",
         "check_cpu": round(cpu[0] * seconds / max(1, len(checked)), 4),
         "latency_median": round(statistics.median(latencies), 2),
         "latency_max": round(max(latencies), 2),
@@ -244,7 +136,7 @@ def _table(rows: list[dict[str, str]]) -> list[str]:
     return table(
         rows,
         [
-            ("way to check", lambda row: row["way"]),
+            ("Nagios", lambda row: TITLES[row["way"]]),
             ("robots", lambda row: row["robots"]),
             ("services checked in a minute", on_time),
             ("not OK at the worst moment", lambda row: row["false_alarms"]),
