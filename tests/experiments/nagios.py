@@ -1,4 +1,4 @@
-"""Where Nagios saturates: the distribution's nagios4 with four services of each robot every minute.
+"""Where Nagios saturates: the distribution's nagios4 with two services of each robot every minute.
 
 Two ways to check: `subscriber`, as in the 2014 thesis, starts a ROS process for each check, which
 waits for one message of the robot; `exporter` asks the exporter with check_ros_diagnostics. All
@@ -26,7 +26,7 @@ from testbed.processes import Process
 
 NAME = "nagios"
 INTERVAL = 60  # seconds between two checks of a service
-SERVICES = {"motors": "Motor", "sensors": "Sensor", "lasers": "Laser", "batteries": "Battery"}
+SERVICES = {"motors": "Motor", "batteries": "Battery"}
 MEASURED = 60.0  # seconds: each service is due once
 TICKS = os.sysconf("SC_CLK_TCK")
 TITLES = {"subscriber": "a subscriber for each check", "exporter": "asking the exporter"}
@@ -171,7 +171,7 @@ def _plot(result: Results, rows: list[dict[str, str]]) -> None:
             plots.line(cpu, robots, numbers(of_way, "nagios_cpu"), title[way], color)
             plots.line(duration, robots, numbers(of_way, "execution_median"), title[way], color)
         _plot_exporter(result, cpu)
-        plots.label(cpu, "robots, four services each, every minute", "CPU, cores")
+        plots.label(cpu, "robots, two services each, every minute", "CPU, cores")
         plots.label(duration, "robots", "duration of a check, median, s")
         cpu.set_ylim(bottom=0)
         duration.set_ylim(bottom=0)
@@ -195,7 +195,7 @@ def _plot_exporter(result: Results, axes: object) -> None:
 def main() -> None:
     """Measure the cases; write the result."""
     parser = results.parser(NAME, __doc__ or "")
-    parser.add_argument("--sizes", type=int, nargs="+", default=(10, 30, 60, 100))
+    parser.add_argument("--sizes", type=int, nargs="+", default=(10, 30, 60, 100, 200))
     parser.add_argument("--ways", nargs="+", choices=WAYS, default=WAYS)
     options = parser.parse_args()
     cases = [Case(way, robots) for way in options.ways for robots in options.sizes]
