@@ -4,8 +4,8 @@ A virtual robot (ten components, driver and aggregator, 1 Hz) in a network of it
 monitoring by a virtual cable whose bytes the kernel counts; needs root and `ip`. In turn, in random
 order, again and again: nobody listens; the exporter is attached; a fresh subscriber process takes
 one message every 10 s, as the 2014 thesis did every 1 and 5 minutes. Each is compared with nobody
-listening in the same block. What a poll costs is independent of how often it comes, so the cost at
-1 and 5 minutes is that at 10 s times 1/6 and 1/30.
+listening in the same block. What a poll costs does not depend on how often it comes, so the cost at
+1 and 5 minutes is computed from that of one poll.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ NAME = "robot"
 ARMS = ("none", "exporter", "polled")
 PERIOD = 20.0  # seconds of an arm
 POLL_INTERVAL = 10.0
+INTERVALS = (("10 s", 10.0), ("minute", 60.0), ("5 minutes", 300.0))
 SETTLE = 8.0  # seconds after an arm has begun: discovery is over
 QUANTITIES = (  # column, title, unit, digits
     ("cpu", "CPU", "ms/s", 2),
@@ -172,7 +173,7 @@ def measure_arm(place: Place, arm: str) -> dict[str, float | str]:
         began = time.monotonic()
         cpu, (sent, received) = _cpu(place.robot.pid), place.link.counters()
         polls, used = 0, 0.0
-        while arm == "polled" and time.monotonic() - began < PERIOD - POLL_INTERVAL / 2:
+        while arm == "polled" and polls < PERIOD / POLL_INTERVAL:
             pause.wait(max(0.0, began + polls * POLL_INTERVAL + 1.0 - time.monotonic()))
             used += place.poll()
             polls += 1
@@ -219,9 +220,30 @@ def _spread(found: list[float], digits: int, *, sign: bool = False) -> str:
     return f"{mean(found):{'+' if sign else ''}.{digits}f} ± {_margin(found):.{digits}f}"
 
 
-def extra(blocks: list[dict[str, Mapping[str, str]]], arm: str, column: str) -> list[float]:
-    """Return by how much an arm is above nobody listening, block by block."""
-    return [float(block[arm][column]) - float(block["none"][column]) for block in blocks]
+def extra(
+    blocks: list[dict[str, Mapping[str, str]]], column: str, interval: float = 0.0
+) -> list[float]:
+    """Return by how much a column is above nobody listening, block by block.
+
+    Of the exporter attached, or with ``interval`` of a poll every so many seconds.
+    """
+    if not interval:
+        return [_above(block, "exporter", column) for block in blocks]
+    return [each / interval for each in per_poll(blocks, column)]
+
+
+def per_poll(blocks: list[dict[str, Mapping[str, str]]], column: str) -> list[float]:
+    """Return what one poll costs the robot, block by block: ms of CPU, or bytes."""
+    return [
+        _above(block, "polled", column)
+        * float(block["polled"]["seconds"])
+        / float(block["polled"]["polls"])
+        for block in blocks
+    ]
+
+
+def _above(block: dict[str, Mapping[str, str]], arm: str, column: str) -> float:
+    return float(block[arm][column]) - float(block["none"][column])
 
 
 def render(result: Results) -> str:
@@ -232,56 +254,35 @@ def render(result: Results) -> str:
 
 
 def _table(blocks: list[dict[str, Mapping[str, str]]]) -> list[str]:
-    rows = []
-    for title, arm, share in (
-        ("nobody listens", "none", 1.0),
-        ("exporter attached", "exporter", 1.0),
-        ("a poll every 10 s (measured)", "polled", 1.0),
-        ("a poll every minute (1/6 of that)", "polled", 1 / 6),
-        ("a poll every 5 minutes (1/30 of that)", "polled", 1 / 30),
-    ):
-        row = {"what": title}
-        for column, _, unit, digits in QUANTITIES:
-            if arm == "none":
-                found = [float(block[arm][column]) for block in blocks]
-                row[column] = f"{_spread(found, digits)} {unit}"
-            else:
-                found = [share * each for each in extra(blocks, arm, column)]
-                digits_here = digits if share == 1.0 else max(2, digits)
-                row[column] = f"{_spread(found, digits_here, sign=True)} {unit}"
-        memory = [float(block[arm]["memory"]) for block in blocks]
-        row["memory"] = f"{mean(memory):.1f} MB" if share == 1.0 else ""
-        rows.append(row)
+    rows = [{"what": "nobody listens"}, {"what": "more with the exporter attached"}]
+    rows += [{"what": f"more with a poll every {title}"} for title, _ in INTERVALS]
+    for column, _, unit, digits in QUANTITIES:
+        alone = [float(block["none"][column]) for block in blocks]
+        rows[0][column] = f"{_spread(alone, digits)} {unit}"
+        for row, interval in zip(rows[1:], (0.0, *(each for _, each in INTERVALS)), strict=True):
+            found = extra(blocks, column, interval)
+            row[column] = f"{_spread(found, max(digits, 1), sign=True)} {unit}"
+    for row, arm in zip(rows, ARMS, strict=False):
+        row["memory"] = f"{mean(float(block[arm]['memory']) for block in blocks):.1f} MB"
     titles = [("", "what"), *((title, column) for column, title, *_ in QUANTITIES)]
     titles.append(("memory", "memory"))
-    return table(
-        rows, [(title, lambda row, column=column: row[column]) for title, column in titles]
-    )
+    return table(rows, [(name, lambda row, key=key: row.get(key, "")) for name, key in titles])
 
 
 def _polls(blocks: list[dict[str, Mapping[str, str]]]) -> list[str]:
     used = [float(block["polled"]["poll_cpu"]) for block in blocks]
-    polls = [
-        difference * POLL_INTERVAL / 1e3
-        for column in ("sent", "received")
-        for difference in extra(blocks, "polled", column)
-    ]
-    half = len(blocks)
+    cpu, sent, received = (per_poll(blocks, column) for column, *_ in QUANTITIES)
     text = (
-        f"{len(blocks)} blocks; ± is the 95 % interval of the mean. A poll costs the server"
-        f" {_spread(used, 2)} s of CPU, and the robot {_spread(polls[:half], 1)} kB sent and"
-        f" {_spread(polls[half:], 1)} kB received."
+        f"{len(blocks)} blocks; ± is the 95 % interval of the mean. A poll costs the robot"
+        f" {_spread(cpu, 1)} ms of CPU, {_spread([each / 1e3 for each in sent], 1)} kB sent and"
+        f" {_spread([each / 1e3 for each in received], 1)} kB received, and the server"
+        f" {_spread(used, 2)} s of CPU."
     )
     return [text]
 
 
 def _plot(result: Results, blocks: list[dict[str, Mapping[str, str]]]) -> None:
-    bars = (
-        ("exporter", 1.0, "exporter\nattached"),
-        ("polled", 1.0, "poll\nevery 10 s"),
-        ("polled", 1 / 6, "every\nminute"),
-        ("polled", 1 / 30, "every\n5 minutes"),
-    )
+    bars = (("exporter\nattached", 0.0), *((f"poll every\n{name}", at) for name, at in INTERVALS))
     with plots.figure(result.path(".png"), 1, 2) as (cpu, network):
         for axes, columns, unit in (
             (cpu, (("cpu", "CPU"),), "more CPU of the robot, ms/s"),
@@ -289,7 +290,7 @@ def _plot(result: Results, blocks: list[dict[str, Mapping[str, str]]]) -> None:
         ):
             width = 0.8 / len(columns)
             for number, (column, title) in enumerate(columns):
-                found = [[share * x for x in extra(blocks, arm, column)] for arm, share, _ in bars]
+                found = [extra(blocks, column, interval) for _, interval in bars]
                 margins = [_margin(each) for each in found]
                 places = [n + number * width for n in range(len(bars))]
                 axes.bar(
@@ -303,7 +304,7 @@ def _plot(result: Results, blocks: list[dict[str, Mapping[str, str]]]) -> None:
                     capsize=3,
                 )
             axes.set_xticks([n + width * (len(columns) - 1) / 2 for n in range(len(bars))])
-            axes.set_xticklabels([title for *_, title in bars])
+            axes.set_xticklabels([title for title, _ in bars])
             axes.set_ylabel(unit)
             axes.axhline(0, color=plots.TEXT, linewidth=0.8)
         network.legend()
