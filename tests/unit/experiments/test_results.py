@@ -34,6 +34,20 @@ def test_what_was_measured_before_an_interruption_is_kept(tmp_path, capsys):
     assert "interrupted; what was measured is kept" in err
 
 
+def test_a_case_that_fails_is_named_and_the_others_are_measured(tmp_path):
+    def measure(size):
+        if size == 2:
+            raise TimeoutError("2 robots in Prometheus")
+        yield {"size": size}
+
+    result = Results(tmp_path, "some")
+    with pytest.raises(SystemExit, match="2 failed: 2 robots in Prometheus"):
+        results.run(result, options(tmp_path), [1, 2, 3], measure, render)
+
+    assert [row["size"] for row in result.rows()] == ["1", "3"]
+    assert "| 3 |" in result.path(".md").read_text()
+
+
 def test_a_later_run_adds_rows_or_begins_anew(tmp_path):
     result = Results(tmp_path, "some")
 
