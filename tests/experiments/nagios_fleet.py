@@ -71,6 +71,7 @@ define service {{
   check_interval {interval}
   retry_interval {interval}
   notification_period always
+  notification_interval 0
   contacts operator
 }}
 """
