@@ -297,10 +297,13 @@ def test_links_with_odd_names_lead_to_their_robot_and_component(odd_page: browse
 
 
 def test_a_healthy_fleet_has_no_problems(odd: OddSite, odd_page: browser.Page):
-    odd.fleet.broken = False
     odd_page.open(FLEET)
+    odd_page.wait_for("Working robots", "0%")  # its only robot is CRITICAL
+    odd.fleet.broken = False
+    odd_page.page.reload()
 
     odd_page.wait_for("Problems", "No problems")
+    odd_page.wait_for("Working robots", "100%")
     odd.fleet.broken = True
     odd_page.page.reload()
     odd_page.wait_for("Problems", "CRITICAL")
