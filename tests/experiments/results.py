@@ -12,13 +12,15 @@ import json
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from experiments import machine
 
 DEFAULT_FOLDER = Path("build/experiments")
 Row = Mapping[str, "float | int | str"]
+Case = TypeVar("Case")
 
 
 class Results:
@@ -108,38 +110,46 @@ def parser(name: str, description: str) -> argparse.ArgumentParser:
 def run(
     results: Results,
     options: argparse.Namespace,
-    cases: Sequence[object],
-    measure: Callable[[object], Iterable[Row]],
+    cases: Sequence[Case],
+    measure: Callable[[Case], Iterable[Row]],
     render: Callable[[Results], str],
 ) -> None:
     """Measure case after case unless only a report is wanted; then write and print the report.
 
-    Ctrl-C (or SIGTERM) ends the measuring; the report then has the cases that are complete.
+    Ctrl-C (or SIGTERM) ends the measuring; the report then has the cases that are complete. A case
+    that fails is named at the end, and the exit code is 1.
     """
+    failed: list[str] = []
     if not options.report:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         results.begin(append=options.append, settings={"seed": options.seed})
         try:
-            _measure(results, cases, measure)
+            failed = list(_measure(results, cases, measure))
         except KeyboardInterrupt:
             print("interrupted; what was measured is kept", file=sys.stderr)
-    if not results.rows():
-        sys.exit(f"{results.path('.csv')}: nothing measured yet")
-    print(render(results))
+    if results.rows():
+        print(render(results))
+    else:
+        failed.append(f"{results.path('.csv')}: nothing measured yet")
+    if failed:
+        sys.exit("\n".join(failed))
 
 
 def _measure(
-    results: Results, cases: Sequence[object], measure: Callable[[object], Iterable[Row]]
-) -> None:
+    results: Results, cases: Sequence[Case], measure: Callable[[Case], Iterable[Row]]
+) -> Iterator[str]:
+    """Measure all cases; yield the errors of those that fail."""
     began = time.monotonic()
     for number, case in enumerate(cases):
-        elapsed = time.monotonic() - began
+        spent = time.monotonic() - began
         left = (
-            f", about {elapsed / number * (len(cases) - number) / 60:.0f} min left"
-            if number
-            else ""
+            f", about {spent / number * (len(cases) - number) / 60:.0f} min left" if number else ""
         )
         print(f"{number + 1} of {len(cases)}{left}: {case}", flush=True)
-        for row in measure(case):
-            results.add(row)
-            print(f"   {' '.join(f'{name}={value}' for name, value in row.items())}", flush=True)
+        try:
+            for row in measure(case):
+                results.add(row)
+                print(f"   {' '.join(f'{name}={x}' for name, x in row.items())}", flush=True)
+        except (TimeoutError, RuntimeError) as error:
+            print(f"   failed: {error}", file=sys.stderr, flush=True)
+            yield f"{case} failed: {error}"

@@ -14,6 +14,13 @@ from experiments.results import Results, numbers, table
 NAME = "scalability"
 SIZES = (1, 30, 60, 100, 300, 1000, 3000)
 PROGRAMS = ("exporter", "prometheus", "alertmanager")
+TARGETS = (  # robots, column, what, unit, at most
+    (1000, "exporter_cpu", "exporter's CPU", "cores", 0.30),
+    (1000, "exporter_memory", "exporter's memory", "MB", 250.0),
+    (1000, "lost", "messages lost", "", 0.0),
+    (3000, "exporter_cpu", "exporter's CPU", "cores", 1.25),
+    (3000, "lost", "messages lost", "", 0.0),
+)
 
 
 def measure(workload: site.Workload, seconds: float) -> Iterator[dict[str, float]]:
@@ -26,7 +33,38 @@ def render(result: Results) -> str:
     """Write the tables and the plot."""
     rows = sorted(result.rows(), key=lambda row: int(row["robots"]))
     _plot(result, rows)
+    goals = targets(rows)
+    Results(result.folder, "targets").path(".md").write_text("\n".join([*goals, ""]))
     return result.write_markdown(_usage_table(rows), _latency_table(rows))
+
+
+def targets(rows: list[dict[str, str]]) -> list[str]:
+    """Return a table of the targets, and by how much each is missed."""
+    by_size = {int(row["robots"]): row for row in rows}
+    lines = []
+    for robots, column, what, unit, most in TARGETS:
+        if robots not in by_size:
+            continue
+        value = float(by_size[robots][column])
+        if value <= most:
+            verdict = "met"
+        else:
+            verdict = f"missed: {value / most:.2f} times it" if most else f"missed by {value:,.0f}"
+        lines.append(
+            {
+                "what": f"{what}, {robots:,} robots",
+                "target": f"{most:g} {unit}".rstrip(),
+                "measured": f"{value:,.6g} {unit}".rstrip(),
+                "verdict": verdict,
+            }
+        )
+    columns = [
+        ("", "what"),
+        ("target, at most", "target"),
+        ("measured", "measured"),
+        ("", "verdict"),
+    ]
+    return table(lines, [(name, lambda row, key=key: row[key]) for name, key in columns])
 
 
 def _cpu(name: str, row: Mapping[str, str]) -> str:
@@ -56,6 +94,7 @@ def _latency_table(rows: list[dict[str, str]]) -> list[str]:
         rows,
         [
             ("robots", lambda row: f"{int(row['robots']):,}"),
+            ("received", lambda row: f"{float(row['up']):,.0f}"),
             ("samples", lambda row: f"{float(row['samples']):,.0f}"),
             ("scrape", lambda row: _milliseconds(row["scrape_seconds"])),
             ("longest", lambda row: _milliseconds(row["scrape_seconds_max"])),

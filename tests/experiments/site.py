@@ -85,7 +85,9 @@ class Site:
 
 @contextmanager
 def running(workload: Workload) -> Iterator[Site]:
-    """Start everything, yield when Prometheus has every robot, stop everything.
+    """Start everything, yield when Prometheus has every robot and fault, stop everything.
+
+    A robot of which too little is received may be silent: that is for the result.
 
     Raises:
         TimeoutError: It was not ready in time.
@@ -137,11 +139,11 @@ def _prepare(folder: Path, domain_id: int, workload: Workload) -> Site:
 def _wait_for_robots(site: Site, workload: Workload) -> None:
     def there() -> bool:
         try:
-            up = site.number("count(ros_diagnostics_robot_up == 1)")
+            known = site.number("count(ros_diagnostics_robot_up)")
             faults = site.number('count(ALERTS{alertstate="firing",component!=""})')
         except http.Unanswered:  # too busy
             return False
-        return up == workload.robots and (workload.faults == 0 or faults >= workload.faults)
+        return known == workload.robots and (workload.faults == 0 or faults >= workload.faults)
 
     until(there, f"{workload.robots} robots in Prometheus", START_SECONDS, every=1.0)
 
@@ -187,6 +189,7 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
     return {
         **workload._asdict(),
         **_usage(site, samples),
+        "up": site.number("count(ros_diagnostics_robot_up == 1)"),
         "messages": received,
         "lost": sum(lost),
         "payload_rate": round((_payload(site) - bytes_before) / seconds / 1e3, 1),

@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from bench.scraper import MESSAGES, REJECTED, ScrapeError, Scraper
-from experiments import machine, soak_report, soak_scenario
+from experiments import machine, soak_plot, soak_report, soak_scenario
 from experiments.usage import megabytes, usage
 from testbed import http
 from testbed.mail import Inbox
@@ -271,6 +271,7 @@ def main() -> None:
         with suppress(KeyboardInterrupt):
             soak(options, out)
     print(soak_report.write(out))
+    soak_plot.draw(out)
 
 
 if __name__ == "__main__":
