@@ -182,7 +182,7 @@ def problems() -> table.Panel:
         "message is that at the time of confirmation, with values and what else was wrong.",
         problem_rows(_ROBOT),
         _ROBOT,
-        proof=f"{settled(variables.FLEET)} and on (fleet) {received}",
+        proof=f"{settled(variables.FLEET, of='fleet')} and on (fleet) {received}",
         hidden=("Robot", "Maintenance", "Fleet"),
     ).height(7)
 
