@@ -1,0 +1,120 @@
+"""Hosts in subnets of their own behind a router, as network namespaces: multicast ends at the router.
+
+All of it is in one namespace of users, networks and mounts, so that it needs no root where the kernel
+lets users make these, it collides with nothing on this machine, and is gone with its first process.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from testbed.polling import until
+from testbed.processes import Process
+
+# The router forwards; the kernel has no multicast routing unless a daemon sets it up.
+START = """
+mount -t tmpfs tmpfs /run
+ip link set lo up
+echo 1 > /proc/sys/net/ipv4/ip_forward
+number=0
+for host in "$@"; do
+    number=$((number + 1))
+    ip netns add "$host"
+    ip link add "to$number" type veth peer name eth0 netns "$host"
+    ip address add "10.77.$number.1/24" dev "to$number"
+    ip link set "to$number" up
+    ip -n "$host" address add "10.77.$number.2/24" dev eth0
+    ip -n "$host" link set lo up
+    ip -n "$host" link set eth0 up
+    ip -n "$host" route add default via "10.77.$number.1"
+done
+echo ready
+exec sleep infinity
+"""
+FETCH = "import sys, urllib.request as u; print(u.urlopen(sys.argv[1], timeout=5).read().decode())"
+
+
+def missing() -> str:
+    """Why there can be no subnets here; empty where there can."""
+    if shutil.which("ip") is None:
+        return "needs the program ip (package iproute2)"
+    probe = ["unshare", "--user", "--map-root-user", "--net", "--mount", "--", "sh", "-ec"]
+    script = (
+        "mount -t tmpfs tmpfs /run && ip netns add any && ip link add one type veth peer name other"
+    )
+    done = subprocess.run([*probe, script], capture_output=True, text=True, check=False)
+    return f"network namespaces cannot be made here: {done.stderr}" if done.returncode else ""
+
+
+class Subnets:
+    """One host in each subnet; all reach each other through the router, by unicast only."""
+
+    def __init__(self, stack: ExitStack, folder: Path, hosts: Sequence[str]) -> None:
+        self._stack = stack
+        self._folder = folder
+        self._hosts = list(hosts)
+        self._started = 0
+        unshare = ["unshare", "--user", "--map-root-user", "--net", "--mount", "--"]
+        self._router = self._start("router", [*unshare, "sh", "-ec", START, "sh", *hosts], None)
+        self._router.wait_for_output("ready")
+        # Fast DDS uses the interfaces that have a carrier when a participant starts.
+        until(lambda: all(map(self._is_up, hosts)), "the interfaces of the hosts are up")
+
+    def address(self, host: str) -> str:
+        """The IPv4 address of a host."""
+        return f"10.77.{self._hosts.index(host) + 1}.2"
+
+    def start(self, host: str, argv: Sequence[str | Path], env: Mapping[str, str]) -> Process:
+        """Start a program on a host; it ends with the stack."""
+        return self._start(f"{host}-{Path(argv[0]).name}", [*self._into(host), *argv], env)
+
+    def fetch(self, host: str, url: str) -> str:
+        """What a server answers to a host.
+
+        Raises:
+            OSError: There is no answer, or an error of HTTP.
+        """
+        argv = [*self._into(host), sys.executable, "-c", FETCH, url]
+        done = subprocess.run(argv, capture_output=True, text=True, timeout=20, check=False)
+        if done.returncode:
+            raise OSError(done.stderr)
+        return done.stdout
+
+    def disconnect(self, host: str) -> None:
+        """Cut a host off from the router."""
+        self._set_link(host, "down")
+
+    def connect(self, host: str) -> None:
+        """Connect it again."""
+        self._set_link(host, "up")
+
+    def _set_link(self, host: str, state: str) -> None:
+        number = self._hosts.index(host) + 1
+        subprocess.run([*self._enter(), "ip", "link", "set", f"to{number}", state], check=True)
+
+    def _is_up(self, host: str) -> bool:
+        argv = [*self._enter(), "ip", "-json", "-n", host, "link", "show", "eth0"]
+        done = subprocess.run(argv, capture_output=True, text=True, check=True)
+        (link,) = json.loads(done.stdout)
+        return bool(link["operstate"] == "UP")
+
+    def _enter(self) -> list[str]:
+        into = ["--user", "--preserve-credentials", "--net", "--mount"]
+        return ["nsenter", "--target", str(self._router.pid), *into, "--"]
+
+    def _into(self, host: str) -> list[str]:
+        return [*self._enter(), "ip", "netns", "exec", host]
+
+    def _start(
+        self, name: str, argv: Sequence[str | Path], env: Mapping[str, str] | None
+    ) -> Process:
+        self._started += 1
+        process = Process(name, argv, env, self._folder / f"{name}-{self._started}.log")
+        self._stack.callback(process.stop)
+        return process.start()
