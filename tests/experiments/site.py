@@ -193,9 +193,7 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
         "payload_rate": round((_payload(site) - bytes_before) / seconds / 1e3, 1),
         **_scrapes(site, seconds),
         "evaluation_seconds": round(median(samples.evaluation), 4),
-        "age_p50": round(median(samples.age), 2),
-        "age_p95": round(quantiles(samples.age, n=20, method="inclusive")[-1], 2),
-        "age_max": round(max(samples.age), 2),
+        **_ages(samples.age),
     }
 
 
@@ -221,6 +219,15 @@ def _usage(site: Site, samples: _Samples) -> dict[str, float]:
             f"{name}_memory": round(usage(site.programs[name].process.pid).memory, 1),
         }
     return row
+
+
+def _ages(found: list[float]) -> dict[str, float]:
+    """Return p50, p95 and maximum; NaN where no scrape succeeded."""
+    if len(found) < 2:
+        return dict.fromkeys(("age_p50", "age_p95", "age_max"), float("nan"))
+    p95 = quantiles(found, n=20, method="inclusive")[-1]
+    ages = {"age_p50": median(found), "age_p95": p95, "age_max": max(found)}
+    return {name: round(age, 2) for name, age in ages.items()}
 
 
 class _Count(NamedTuple):
