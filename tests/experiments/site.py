@@ -107,12 +107,14 @@ def running(workload: Workload) -> Iterator[Site]:
 
 
 def _prepare(folder: Path, domain_id: int, workload: Workload) -> Site:
-    environment = domains.environment(domain_id) | {
-        # UDP, as between machines; with LOCALHOST rmw_fastrtps always uses shared memory.
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
-        "ROS_LOG_DIR": str(folder / "ros-log"),
-        "PYTHONPATH": str(CHECKOUT / "tests"),
-    }
+    environment = (
+        domains.environment(domain_id)
+        | domains.BETWEEN_MACHINES
+        | {
+            "ROS_LOG_DIR": str(folder / "ros-log"),
+            "PYTHONPATH": str(CHECKOUT / "tests"),
+        }
+    )
     addresses = configuration.Addresses(*(f"127.0.0.1:{free_port()}" for _ in range(5)))
     configs = configuration.write(folder, domain_id, addresses, configuration.Clocks())
     configs.fleet.write_text(FLEET_YML.format(domain_id=domain_id))
