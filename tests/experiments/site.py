@@ -169,7 +169,7 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
     pause.wait(SETTLE)
     scraper, samples = Scraper(site.exporter), _Samples()
     before, started = _counts(scraper.text()), time.monotonic()
-    bytes_before = _payload(site)
+    bytes_before, dropped = _payload(site), _dropped()
     for _ in range(round(seconds / SLICE)):
         began = time.monotonic()
         used = {name: usage(server.process.pid).cpu for name, server in site.programs.items()}
@@ -192,6 +192,7 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
         "up": site.number("count(ros_diagnostics_robot_up == 1)"),
         "messages": received,
         "lost": lost,
+        "dropped": _dropped() - dropped,
         "payload_rate": round((_payload(site) - bytes_before) / seconds / 1e3, 1),
         **_scrapes(site, seconds),
         "evaluation_seconds": round(median(samples.evaluation), 4),
@@ -253,6 +254,13 @@ def _lost(before: _Count, after: _Count, sent: float) -> int:
     if before.number is None or after.number is None:
         return max(0, round(sent) - received)
     return after.number - before.number - received
+
+
+def _dropped() -> int:
+    """Return how many datagrams this machine has dropped so far for want of a socket's buffer."""
+    lines = [line.split() for line in Path("/proc/net/snmp").read_text().splitlines()]
+    names, values = (line for line in lines if line[0] == "Udp:")
+    return int(values[names.index("RcvbufErrors")])
 
 
 def _payload(site: Site) -> float:
