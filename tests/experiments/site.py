@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 import re
-import sys
 import tempfile
 import threading
 import time
@@ -63,8 +62,9 @@ class Workload(NamedTuple):
 
 @dataclass(frozen=True)
 class Site:
-    """The running programs by name, and where they listen."""
+    """The processes of the fleet, the measured programs by name, and where they listen."""
 
+    fleets: list[Server]
     programs: dict[str, Server]
     addresses: configuration.Addresses
 
@@ -96,12 +96,13 @@ def running(workload: Workload) -> Iterator[Site]:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="experiment-")))
         domain_id = stack.enter_context(domains.lease())
         site = _prepare(folder, domain_id, workload)
-        for server in site.programs.values():
+        for server in (*site.fleets, *site.programs.values()):
             stack.callback(server.process.stop)
             server.process.start()
-        site.programs["fleet"].process.wait_for_output("ready", START_SECONDS)
-        for name in ("exporter", "prometheus", "alertmanager"):
-            site.programs[name].wait_until_ready()
+        for server in site.fleets:
+            server.process.wait_for_output("ready", START_SECONDS)
+        for server in site.programs.values():
+            server.wait_until_ready()
         _wait_for_robots(site, workload)
         yield site
 
@@ -121,10 +122,13 @@ def _prepare(folder: Path, domain_id: int, workload: Workload) -> Site:
     exporter = programs.exporter(
         configs.fleet, addresses.exporter, folder / "exporter.db", addresses.alertmanager
     )
-    argv = [sys.executable, "-m", "experiments.fleet", *fleet.arguments(*workload)]
+    fleets = [
+        Server(Process("fleet", argv, environment, folder / f"fleet-{number}.log"))
+        for number, argv in enumerate(fleet.commands(*workload))
+    ]
     return Site(
+        fleets,
         {
-            "fleet": Server(Process("fleet", argv, environment, folder / "fleet.log")),
             "exporter": Server(
                 Process("exporter", exporter, environment, folder / "exporter.log"),
                 addresses.exporter,
