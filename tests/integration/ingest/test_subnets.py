@@ -1,6 +1,6 @@
-"""Robots in subnets that multicast does not reach: what docs/subnets.md says has to be set.
+"""Robots on other hosts: what docs/subnets.md says has to be set where there is no multicast.
 
-Two halls with robots, an office with the exporters, and a fourth subnet with the discovery server.
+Two halls with robots, an office with the exporters, and a host for the discovery server.
 """
 
 from __future__ import annotations
@@ -79,9 +79,9 @@ class Exporter:
 class Network:
     """The halls, the office and the programs in them."""
 
-    def __init__(self, stack: ExitStack, folder: Path) -> None:
+    def __init__(self, stack: ExitStack, folder: Path, layout: str) -> None:
         self.folder = folder
-        self.subnets = subnets.Subnets(stack, folder, HOSTS)
+        self.subnets = subnets.Subnets(stack, folder, HOSTS, layout)
         kept = domains.environment(0) | {"ROS_LOG_DIR": str(folder / "ros-log")}
         del kept["ROS_AUTOMATIC_DISCOVERY_RANGE"], kept["ROS_DOMAIN_ID"]
         self._environment = kept
@@ -105,13 +105,18 @@ class Network:
 
 
 @pytest.fixture
-def network(tmp_path: Path) -> Iterator[Network]:
+def layout() -> str:
+    return subnets.ROUTED
+
+
+@pytest.fixture
+def network(tmp_path: Path, layout: str) -> Iterator[Network]:
     if why := subnets.missing():
         pytest.skip(why)
     if not SERVER.exists():
         pytest.skip("needs fast-discovery-server, which the wheels of the extra [ros] bring")
     with ExitStack() as stack:
-        yield Network(stack, tmp_path)
+        yield Network(stack, tmp_path, layout)
 
 
 def test_a_super_client_finds_robots_and_a_client_receives_those_it_knows(network):
@@ -194,3 +199,15 @@ def test_static_peers_at_one_side_are_enough(network, side):
         network.robot(hall, peers["robots"] if side == "robots" else {})
 
     exporter.wait_for("north_1", "south_1")
+
+
+@pytest.mark.parametrize("layout", [subnets.SWITCHED])
+def test_in_one_subnet_nothing_has_to_be_set(network):
+    network.server()
+    network.robot("north", {})
+    network.robot("south", CLIENT)  # found through the server only, though multicast would do
+    exporter = network.exporter(9877, DISCOVERY, {})
+
+    exporter.wait_for("north_1")
+    exporter.wait_for_looks()
+    assert exporter.received() == {"north_1"}
