@@ -95,6 +95,10 @@ class Subnets:
         """Start a program on a host; it ends with the stack."""
         return self._start(f"{host}-{Path(argv[0]).name}", [*self._into(host), *argv], env)
 
+    def run(self, host: str, *argv: str) -> None:
+        """Run a command on a host until it ends, which has to be without an error."""
+        subprocess.run([*self._into(host), *argv], check=True)
+
     def fetch(self, host: str, url: str) -> str:
         """What a server answers to a host.
 

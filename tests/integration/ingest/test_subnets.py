@@ -6,6 +6,7 @@ Two halls with robots, an office with the exporters, and a host for the discover
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
@@ -42,13 +43,20 @@ class Exporter:
         argv = [COMMANDS / "ros-diagnostics-exporter", *flags, "--web.listen-address", f":{port}"]
         self.process = network.start("office", argv, env)
 
-    def received(self) -> set[str]:
-        """The robots that are received; none while the port does not answer."""
+    def robots(self) -> dict[str, str]:
+        """Why each known robot is silent, "" if it is not; none while the port does not answer."""
         try:
             fleet = json.loads(self._network.subnets.fetch("office", f"{self._url}/api/v1/fleet"))
         except OSError:
-            return set()
-        return {each["robot"] for each in fleet["robots"] if each["up"]}
+            return {}
+        return {
+            each["robot"]: "" if each["up"] else str(each["silent_reason"])
+            for each in fleet["robots"]
+        }
+
+    def received(self) -> set[str]:
+        """The robots that are received."""
+        return {robot for robot, why in self.robots().items() if not why}
 
     def arrays(self, robot: str) -> float:
         """How many arrays of a robot were received."""
@@ -211,3 +219,31 @@ def test_in_one_subnet_nothing_has_to_be_set(network):
     exporter.wait_for("north_1")
     exporter.wait_for_looks()
     assert exporter.received() == {"north_1"}
+
+
+@pytest.mark.skipif(shutil.which("iptables") is None, reason="needs iptables")
+@pytest.mark.parametrize("layout", [subnets.SWITCHED])
+@pytest.mark.parametrize(
+    ("open_ports", "expected"),
+    [
+        (["7400", "7410:7411"], {"north_1": ""}),
+        (["7400", "7410"], {"north_1": "mute"}),  # not the port for data
+        (["7400"], {"north_1": "never_seen"}),  # multicast only
+    ],
+)
+def test_a_firewall_with_the_documented_ports(network, open_ports, expected):
+    """docs/deployment.md#ports-and-firewalls, for domain 0 and one program on each host."""
+    for host in ("north", "office"):
+        network.subnets.run(host, "iptables", "-A", "INPUT", "-i", "lo", "-j", "ACCEPT")
+        for ports in open_ports:
+            accept = ["-p", "udp", "--dport", ports, "-j", "ACCEPT"]
+            network.subnets.run(host, "iptables", "-A", "INPUT", *accept)
+        network.subnets.run(host, "iptables", "-P", "INPUT", "DROP")
+    network.robot("north", {}).wait_for_output("ready")
+    exporter = network.exporter(9877, DECLARED, {})
+    exporter.process.wait_for_output("serving fleet")
+
+    until(lambda: exporter.robots() == expected, lambda: str(exporter.robots()), 60, every=0.5)
+    for _ in range(3):  # and it stays so
+        exporter.wait_for_looks()
+    assert exporter.robots() == expected
