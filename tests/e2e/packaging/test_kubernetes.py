@@ -25,7 +25,7 @@ from testbed.polling import until
 pytestmark = pytest.mark.e2e
 
 FOLDER = CHECKOUT / "packaging" / "kubernetes"
-RULES = FOLDER / "prometheus-operator" / "rules.yaml"
+RULES = FOLDER / "rules" / "rules.yaml"
 PAGE = (CHECKOUT / "docs" / "kubernetes.md").read_text()
 OPERATOR = "github.com/prometheus-operator/prometheus-operator@v0.85.0"
 KUSTOMIZE = "sigs.k8s.io/kustomize/kustomize/v5@v5.7.1"
@@ -154,16 +154,18 @@ def test_the_command_of_the_pod_runs_passes_the_probes_and_reads_a_new_config_ma
     until(lambda: http.get_json(address, "/api/v1/fleet")["fleet"] == "yokohama", exporter.describe)
 
 
-def overlay(folder: Path) -> Path:
-    """The overlay of docs/kubernetes.md, beside a checkout."""
+def overlays(folder: Path) -> tuple[Path, Path]:
+    """The overlay of docs/kubernetes.md, beside a checkout, and one for a second exporter."""
     (folder / "ros-diagnostics").symlink_to(CHECKOUT)
-    site = folder / "site"
-    site.mkdir()
     text = re.search(r"```yaml\n# kustomization.yaml\n(.*?)```", PAGE, re.DOTALL)
     assert text
-    (site / "kustomization.yaml").write_text(text[1])
-    (site / "fleet.yml").write_text("fleet: yokohama\n")
-    return site
+    second = text[1].replace("\nnamespace: ros-diagnostics\n", "\nnamespace: hall-2\n")
+    second = second.replace("  - ../ros-diagnostics/packaging/kubernetes/rules\n", "")
+    for name, content in (("site", text[1]), ("hall-2", second)):
+        (folder / name).mkdir()
+        (folder / name / "kustomization.yaml").write_text(content)
+        (folder / name / "fleet.yml").write_text("fleet: yokohama\n")
+    return folder / "site", folder / "hall-2"
 
 
 def go(*arguments: str, cwd: Path, **environment: str) -> str:
@@ -184,7 +186,7 @@ def go(*arguments: str, cwd: Path, **environment: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_kustomize_builds_the_base_and_the_overlay_of_the_page(tmp_path):
+def test_kustomize_builds_the_base_and_the_overlays_of_the_page(tmp_path):
     kustomize = shutil.which("kustomize")
     if kustomize is None:
         go("install", KUSTOMIZE, cwd=tmp_path, GOBIN=str(tmp_path))
@@ -202,7 +204,7 @@ def test_kustomize_builds_the_base_and_the_overlay_of_the_page(tmp_path):
         return found
 
     base = build(FOLDER / "base")
-    site = build(overlay(tmp_path))
+    site, second = map(build, overlays(tmp_path))
 
     assert base["ConfigMap", "ros-diagnostics-fleet"]["data"] == {
         "fleet.yml": (FOLDER / "base" / "fleet.yml").read_text()
@@ -220,6 +222,9 @@ def test_kustomize_builds_the_base_and_the_overlay_of_the_page(tmp_path):
     for each in of_operator:
         assert each["metadata"]["namespace"] == "ros-diagnostics"
         assert each["metadata"]["labels"] == {"release": "prometheus"}
+    assert {kind for kind, _ in second} == {kind for kind, _ in site} - {"PrometheusRule"}
+    for (kind, _), each in second.items():
+        assert each["metadata"]["name" if kind == "Namespace" else "namespace"] == "hall-2"
 
 
 @pytest.mark.slow
