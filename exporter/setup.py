@@ -27,6 +27,7 @@ setup(
             f"nagios2fleet = {NAME}.cli.nagios2fleet:main",
             f"ros-diagnostics-ack = {NAME}.cli.ack:main",
             f"ros-diagnostics-backtest = {NAME}.cli.backtest:main",
+            f"ros-diagnostics-compare = {NAME}.cli.compare_nagios:main",
             f"ros-diagnostics-downtime = {NAME}.cli.downtime:main",
             f"ros-diagnostics-exporter = {NAME}.cli.main:main",
             f"ros-diagnostics-oncall = {NAME}.cli.oncall:main",
