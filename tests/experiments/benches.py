@@ -15,7 +15,7 @@ from experiments.machine import CHECKOUT
 from experiments.results import Results
 
 NAME = "benches"
-BENCHES = ("ingest", "scrape", "faults", "storage", "rules")
+BENCHES = ("ingest", "scrape", "faults", "storage")
 SECONDS = 450.0  # that one may take
 
 

@@ -121,7 +121,8 @@ def run(
     """
     failed: list[str] = []
     if not options.report:
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        for number in (signal.SIGINT, signal.SIGTERM):  # SIGINT is ignored in a background job
+            signal.signal(number, signal.default_int_handler)
         results.begin(append=options.append, settings={"seed": options.seed})
         try:
             failed = list(_measure(results, cases, measure))

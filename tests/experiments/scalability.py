@@ -136,7 +136,9 @@ def _plot(result: Results, rows: list[dict[str, str]]) -> None:
         for end, color in zip(("p50", "p95", "max"), plots.COLORS, strict=False):
             plots.line(age, robots, numbers(rows, f"age_{end}"), end, color)
         plots.label(cpu, "robots", "CPU, cores", log=True)
-        plots.label(memory, "robots", "resident memory, MB", log=True)
+        cpu.set_ylim(bottom=1e-3)
+        plots.label(memory, "robots", "resident memory, MB", logx=True)
+        memory.set_ylim(bottom=0)
         plots.label(latency, "robots", "duration, s", log=True)
         plots.label(age, "robots", "age of what is shown, s", logx=True)
         age.set_ylim(bottom=0)

@@ -166,7 +166,7 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
     pause = threading.Event()
     pause.wait(SETTLE)
     scraper, samples = Scraper(site.exporter), _Samples()
-    before = _counts(scraper.text())
+    before, started = _counts(scraper.text()), time.monotonic()
     bytes_before = _payload(site)
     for _ in range(round(seconds / SLICE)):
         began = time.monotonic()
@@ -181,23 +181,19 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
             samples.cpu.setdefault(name, []).append(share)
         _sample_evaluation(site, samples)
     after = _counts(scraper.text())
-    lost = [
-        (after[robot][1] - before[robot][1]) - (after[robot][0] - before[robot][0])
-        for robot in before
-    ]
-    received = sum(after[robot][0] - before[robot][0] for robot in before)
+    elapsed = time.monotonic() - started
+    received = sum(after[robot].received - before[robot].received for robot in before)
+    lost = sum(_lost(before[robot], after[robot], elapsed * workload.rate) for robot in before)
     return {
         **workload._asdict(),
         **_usage(site, samples),
         "up": site.number("count(ros_diagnostics_robot_up == 1)"),
         "messages": received,
-        "lost": sum(lost),
+        "lost": lost,
         "payload_rate": round((_payload(site) - bytes_before) / seconds / 1e3, 1),
         **_scrapes(site, seconds),
         "evaluation_seconds": round(median(samples.evaluation), 4),
-        "age_p50": round(median(samples.age), 2),
-        "age_p95": round(quantiles(samples.age, n=20, method="inclusive")[-1], 2),
-        "age_max": round(max(samples.age), 2),
+        **_ages(samples.age),
     }
 
 
@@ -225,11 +221,36 @@ def _usage(site: Site, samples: _Samples) -> dict[str, float]:
     return row
 
 
-def _counts(text: bytes) -> dict[str, tuple[int, int]]:
-    """Return of each robot how many messages were received, and the number of the last."""
-    received = {robot: int(float(value)) for robot, value in MESSAGES.findall(text)}
-    last = {robot: int(float(value)) for robot, value in NUMBER.findall(text)}
-    return {robot.decode(): (received[robot], last[robot]) for robot in received.keys() & last}
+def _ages(found: list[float]) -> dict[str, float]:
+    """Return p50, p95 and maximum; NaN where no scrape succeeded."""
+    if len(found) < 2:
+        return dict.fromkeys(("age_p50", "age_p95", "age_max"), float("nan"))
+    p95 = quantiles(found, n=20, method="inclusive")[-1]
+    ages = {"age_p50": median(found), "age_p95": p95, "age_max": max(found)}
+    return {name: round(age, 2) for name, age in ages.items()}
+
+
+class _Count(NamedTuple):
+    """Of one robot: messages received, and the number of the last; None while it is silent."""
+
+    received: int
+    number: int | None
+
+
+def _counts(text: bytes) -> dict[str, _Count]:
+    numbers = {robot: int(float(value)) for robot, value in NUMBER.findall(text)}
+    return {
+        robot.decode(): _Count(int(float(value)), numbers.get(robot))
+        for robot, value in MESSAGES.findall(text)
+    }
+
+
+def _lost(before: _Count, after: _Count, sent: float) -> int:
+    """Return how many messages of a robot were lost: by their numbers, or of so many sent."""
+    received = after.received - before.received
+    if before.number is None or after.number is None:
+        return max(0, round(sent) - received)
+    return after.number - before.number - received
 
 
 def _payload(site: Site) -> float:

@@ -266,7 +266,8 @@ def main() -> None:
     out: Path = options.report or options.out
     if options.report is None:
         out.mkdir(parents=True, exist_ok=True)
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        for number in (signal.SIGINT, signal.SIGTERM):  # SIGINT is ignored in a background job
+            signal.signal(number, signal.default_int_handler)
         print(f"soak test in {out}, process {os.getpid()}", flush=True)
         with suppress(KeyboardInterrupt):
             soak(options, out)

@@ -83,4 +83,4 @@ def _counts(rows: list[dict[str, float]]) -> list[str]:
 
 
 def _about(about: dict[str, object]) -> list[str]:
-    return ["; ".join(f"{name}: {value}" for name, value in about.items())]
+    return ["Measured on: " + "; ".join(f"{name} {value}" for name, value in about.items()) + "."]

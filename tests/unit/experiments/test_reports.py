@@ -1,0 +1,30 @@
+"""The committed tables are those of the committed measurements."""
+
+from __future__ import annotations
+
+import importlib
+import shutil
+
+import pytest
+
+from experiments.pages import DOCS
+from experiments.results import Results
+
+FOLDER = DOCS / "experiments"
+NAMES = sorted(path.stem for path in FOLDER.glob("*.csv") if path.stem != "soak")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_report_is_made_from_the_measurements_alone(tmp_path, name):
+    pytest.importorskip("matplotlib", reason="./run experiment installs it")
+    for path in FOLDER.glob("*.[cj]s*"):  # some read the results of others too
+        shutil.copy(path, tmp_path)
+
+    text = importlib.import_module(f"experiments.{name}").render(Results(tmp_path, name))
+
+    assert text == (FOLDER / f"{name}.md").read_text()
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.png")), ids=lambda path: path.stem)
+def test_plots_are_small(path):
+    assert path.stat().st_size < 60_000
