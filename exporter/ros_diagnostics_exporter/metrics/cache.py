@@ -44,16 +44,29 @@ class RobotText:
         self._base = f'fleet="{escape(fleet)}",robot="{escape(robot.settings.name)}"'
         self._exporter_label = f',exporter="{escape(exporter)}"' if exporter else ""
         self._seen: Versions | None = None
-        self._values_due = True
+        self._presence: tuple[bool, str | None] | None = None
+        self._receipt_due = self._values_due = True
         self._labels: list[tuple[Component, str]] = []  # group and component, rendered
         self._values: dict[str, list[tuple[str, Value]]] = {}
         self._reasons: set[str] = set()  # every reason that ever applied
 
-    def update(self, *, values: bool = True) -> None:
-        """Render what changed since the last call; without ``values``, these only later."""
+    def update(self, *, everything: bool = True) -> None:
+        """Render what changed since the last call.
+
+        Without ``everything`` what most messages change is rendered only later.
+        """
         new, old = self.robot.versions, self._seen
-        if new == old and not (values and self._values_due):
-            return
+        if new != old:
+            self._update_parts(new, old)
+            self._seen = new.copy()
+        if everything and self._receipt_due:
+            self._render_receipt()
+            self._receipt_due = False
+        if everything and self._values_due:
+            self._render_values()
+            self._values_due = False
+
+    def _update_parts(self, new: Versions, old: Versions | None) -> None:
         structure = old is None or new.structure != old.structure
         inventory = old is None or new.inventory != old.inventory
         if structure or inventory:
@@ -61,19 +74,16 @@ class RobotText:
         if inventory:
             self._render_inventory()
         if old is None or new.receipt != old.receipt:
-            self._render_receipt()
+            self._receipt_due = True
+            self._render_presence()
         if old is None or new.rejections != old.rejections:
             self._render_rejections()
         if structure or inventory or old is None or new.levels != old.levels:
             self._render_levels()
         if structure or inventory or old is None or new.values != old.values:
             self._values_due = True
-        if values and self._values_due:
-            self._render_values()
-            self._values_due = False
         if structure or old is None or new.groups != old.groups:
             self._render_groups()
-        self._seen = new.copy()
 
     def _set(self, family: Family, lines: Iterable[str]) -> None:
         self._set_chunk(family.name, list(lines))
@@ -194,8 +204,7 @@ class RobotText:
     # -- values ------------------------------------------------------------------------
 
     def _render_receipt(self) -> None:
-        robot, up = self.robot, metrics.ROBOT_UP
-        self._set(up, [self._one(up, float(robot.up), self._exporter_label)])
+        robot = self.robot
         for family, value in (
             (metrics.ROBOT_LAST_MESSAGE, round(robot.last_wall, 3)),
             (metrics.ROBOT_MESSAGES, robot.messages),
@@ -206,7 +215,14 @@ class RobotText:
         if robot.clock_offset is not None:
             family = metrics.ROBOT_CLOCK_OFFSET
             self._set(family, [self._one(family, round(robot.clock_offset, 6))])
-        reason = robot.silent_reason
+
+    def _render_presence(self) -> None:
+        presence = up, reason = self.robot.up, self.robot.silent_reason
+        if presence == self._presence:
+            return
+        self._presence = presence
+        family = metrics.ROBOT_UP
+        self._set(family, [self._one(family, float(up), self._exporter_label)])
         if reason is not None:
             self._reasons.add(reason)
         reasons = {each: float(each == reason) for each in sorted(self._reasons)}

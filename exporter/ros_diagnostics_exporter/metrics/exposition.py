@@ -70,7 +70,7 @@ class Exposition:
         if not {Part.FAULTS, Part.ROBOTS}.intersection(parts):
             return []
         with self._lock:
-            texts = self._update(values=Part.ROBOTS in parts)
+            texts = self._update(everything=Part.ROBOTS in parts)
             promoted = sorted({name for text in texts for name in text.promoted})
             ours = metrics.FLEET_FAMILIES + metrics.FAULT_FAMILIES
             text: list[bytes] = []
@@ -117,9 +117,11 @@ class Exposition:
             for robot in self._state.robots_over_limit
         ).encode()
 
-    def _update(self, *, values: bool) -> list[RobotText]:
-        """Every robot's text, up to date; without ``values``, all but these."""
-        texts = list(self._state.visit(lambda robot: self._update_robot(robot, values=values)))
+    def _update(self, *, everything: bool) -> list[RobotText]:
+        """Every robot's text, up to date; without ``everything``, what faults are judged by."""
+        texts = list(
+            self._state.visit(lambda robot: self._update_robot(robot, everything=everything))
+        )
         if texts != [*self._texts.values()]:
             self._texts = {text.robot.settings.name: text for text in texts}
             self._gathered.clear()
@@ -128,13 +130,13 @@ class Exposition:
                 self._gathered.pop(text.changed.pop(), None)
         return texts
 
-    def _update_robot(self, robot: Robot, *, values: bool) -> RobotText:
+    def _update_robot(self, robot: Robot, *, everything: bool) -> RobotText:
         fleet = self._state.fleet
         text = self._texts.get(robot.settings.name)
         source = fleet.name, fleet.exporter
         if text is None or text.robot is not robot or (text.fleet, text.exporter) != source:
             text = RobotText(*source, robot)
-        text.update(values=values)
+        text.update(everything=everything)
         return text
 
 

@@ -18,7 +18,7 @@ TEXT = "text/plain; version=0.0.4; charset=utf-8"
 OPENMETRICS = "application/openmetrics-text; version=1.0.0; charset=utf-8"
 FIRST_SIZE = 8 * 1024 * 1024  # bytes reserved for a response until one was rendered
 PIECES = 256  # compressed at once: of a robot each has about a kilobyte
-GZIP_LEVEL = 1  # 29 MB: 55 ms at level 1, 153 ms at level 6, for little less
+GZIP_LEVEL = 1  # 20 MB: 34 ms and 0.64 MB at level 1, 100 ms and 0.47 MB at level 6
 
 
 _KNOWN = ", ".join(part.value for part in Part)

@@ -369,6 +369,15 @@ def test_values_that_changed_between_two_scrapes_of_faults_are_served_later():
     assert driver.sample("ros_battery_charge_ratio") == pytest.approx(0.16)
 
 
+def test_messages_between_two_scrapes_of_faults_are_counted_later():
+    driver = full_scenario()
+    before = driver.sample("robot_messages_total")
+    driver.agg(*tree(All=[Status(ERROR, "Laser")]))
+
+    assert b"robot_messages_total" not in driver.exposition.render(parts={Part.FAULTS})
+    assert driver.sample("robot_messages_total") == before + 1
+
+
 def test_every_reason_of_a_rejection_is_counted_from_0_on():
     driver = StateDriver()
     counted = {"fleet": "f", "robot": "r"}
