@@ -1,8 +1,8 @@
 """The shipped rules, unchanged but for short durations, on every engine that may evaluate them.
 
-A fault and its recovery, the death of the exporter in it, a silent robot, and the load of a robot's
-computer, on the Prometheus in PATH (or $PROMETHEUS), the same with concurrent evaluation where it has
-that, and vmalert over VictoriaMetrics.
+A fault and its recovery, the death of the exporter in it, a silent robot, and the load of a
+robot's computer, on the Prometheus in PATH (or $PROMETHEUS), the same with concurrent evaluation
+where it has that, and vmalert over VictoriaMetrics.
 """
 
 from __future__ import annotations
