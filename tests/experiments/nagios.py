@@ -144,37 +144,45 @@ def _table(rows: list[dict[str, str]]) -> list[str]:
                 "CPU of Nagios and its checks",
                 lambda row: f"{float(row['nagios_cpu']):.2f} cores",
             ),
-            ("of one check", lambda row: f"{1e3 * float(row['check_cpu']):.0f} ms"),
+            ("of one check", _check_cpu),
             ("CPU of the robots", lambda row: f"{float(row['robots_cpu']):.2f} cores"),
             (
                 "a check takes, median and most",
-                lambda row: f"{row['execution_median']}, {row['execution_max']} s",
+                lambda row: _two(row["execution_median"], row["execution_max"]),
             ),
             (
                 "begins late by, median and most",
-                lambda row: f"{row['latency_median']}, {row['latency_max']} s",
+                lambda row: _two(row["latency_median"], row["latency_max"]),
             ),
             ("checks at once", lambda row: row["running_max"]),
         ],
     )
 
 
+def _check_cpu(row: Mapping[str, str]) -> str:
+    return f"{1e3 * float(row['check_cpu']):.0f} ms" if int(row["checked"]) else "none ended"
+
+
+def _two(median: str, most: str) -> str:
+    return "" if median == "nan" else f"{median}, {most} s"
+
+
 def _plot(result: Results, rows: list[dict[str, str]]) -> None:
-    with plots.figure(result.path(".png"), 1, 2) as (cpu, duration):
+    with plots.figure(result.path(".png"), 1, 2) as (cpu, checked):
         for way, color in zip(WAYS, plots.COLORS, strict=False):
             of_way = [row for row in rows if row["way"] == way]
-            robots = numbers(of_way, "robots")
-            title = {
-                "subscriber": "Nagios, a subscriber for each check",
-                "exporter": "Nagios, asking the exporter",
-            }
-            plots.line(cpu, robots, numbers(of_way, "nagios_cpu"), title[way], color)
-            plots.line(duration, robots, numbers(of_way, "execution_median"), title[way], color)
+            if not of_way:
+                continue
+            title = f"Nagios, {TITLES[way]}"
+            robots, ended = numbers(of_way, "robots"), numbers(of_way, "checked")
+            share = [100 * a / b for a, b in zip(ended, numbers(of_way, "services"), strict=True)]
+            plots.line(cpu, robots, numbers(of_way, "nagios_cpu"), title, color)
+            plots.line(checked, robots, share, title, color)
         _plot_exporter(result, cpu)
         plots.label(cpu, "robots, two services each, every minute", "CPU, cores")
-        plots.label(duration, "robots", "duration of a check, median, s")
+        plots.label(checked, "robots", "services checked in a minute, %")
         cpu.set_ylim(bottom=0)
-        duration.set_ylim(bottom=0)
+        checked.set_ylim(0, 105)
 
 
 def _plot_exporter(result: Results, axes: object) -> None:

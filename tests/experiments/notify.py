@@ -202,7 +202,7 @@ def _steps(groups: list[tuple[str, list[dict[str, str]]]]) -> list[str]:
 
 
 def _plot(result: Results, groups: list[tuple[str, list[dict[str, str]]]]) -> None:
-    with plots.figure(result.path(".png")) as axes:
+    with plots.figure(result.path(".png"), width=1.7) as axes:
         for (title, rows), color in zip(groups, plots.COLORS, strict=False):
             found = sorted(_seconds(rows, STEPS[-1]))
             share = [(number + 1) / len(found) for number in range(len(found))]
@@ -213,6 +213,7 @@ def _plot(result: Results, groups: list[tuple[str, list[dict[str, str]]]]) -> No
         plots.label(
             axes, "seconds from the fault to the notification", "share of faults", logx=True
         )
+        axes.legend(loc="upper left", bbox_to_anchor=(1, 1))
 
 
 def main() -> None:

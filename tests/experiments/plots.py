@@ -45,11 +45,14 @@ PALETTE = 160  # colours with their transparency
 
 
 @contextmanager
-def figure(path: Path, rows: int = 1, columns: int = 1) -> Iterator[Any]:
-    """Yield the axes of a figure (an array, where there are several), and save it at the end."""
+def figure(path: Path, rows: int = 1, columns: int = 1, width: float = 1.0) -> Iterator[Any]:
+    """Yield the axes of a figure (an array, where there are several), and save it at the end.
+
+    ``width`` is that of a panel, as a multiple of the usual one.
+    """
     with mpl.rc_context(STYLE):
         drawn, axes = plt.subplots(
-            rows, columns, figsize=(SIZE[0] * columns, SIZE[1] * rows), layout="constrained"
+            rows, columns, figsize=(SIZE[0] * columns * width, SIZE[1] * rows), layout="constrained"
         )
         yield axes
         image = BytesIO()
