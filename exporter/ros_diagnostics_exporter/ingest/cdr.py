@@ -2,7 +2,8 @@
 
 The layout is that of the OMG's CDR (formal/02-06-51, 15.3): a header of four bytes that says the
 order of bytes, numbers aligned to their size, strings with their length and a closing zero. rclpy's
-deserialization costs 1.7 times as much, as its objects are copied into ours (`./run bench ingest`).
+deserialization costs twice as much and more, as its objects are copied into ours
+(`./run bench ingest`).
 """
 
 from __future__ import annotations
