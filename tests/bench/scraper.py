@@ -52,12 +52,20 @@ class Scraper:
             ScrapeError: It failed.
         """
         begin = time.monotonic()
+        text = self.text()
+        return _parse(text, time.monotonic() - begin, time.time())
+
+    def text(self) -> bytes:
+        """Scrape once; return the text as it was served, unzipped.
+
+        Raises:
+            ScrapeError: It failed.
+        """
         try:
-            body = self._ask_again_if_closed(begin + TIMEOUT)
+            return gzip.decompress(self._ask_again_if_closed(time.monotonic() + TIMEOUT))
         except (OSError, http.client.HTTPException) as error:
             self.close()
             raise ScrapeError(f"{type(error).__name__}: {error}") from error
-        return _parse(gzip.decompress(body), time.monotonic() - begin, time.time())
 
     def close(self) -> None:
         """Close the connection; the next scrape opens another."""

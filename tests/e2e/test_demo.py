@@ -96,7 +96,14 @@ def test_a_program_killed_for_good_makes_it_exit_1_and_name_it(start_demo, progr
     assert f"demo: {program} was killed by sigkill" in demo.output().lower()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGINT,
+        pytest.param(signal.SIGTERM, marks=pytest.mark.slow),
+        pytest.param(signal.SIGKILL, marks=pytest.mark.slow),
+    ],
+)
 def test_nothing_is_left_running_however_it_ends(start_demo, number):
     demo = start_demo()
     started = children(demo)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
-import yaml
 
 from support import host_checks, prometheus_site
 from testbed import domains, programs
@@ -27,33 +27,18 @@ robots:
 """
 
 
-def jobs(exporter: str, node: str, blackbox: str, module: str) -> list[dict]:
-    """The jobs in the comments at the end of prometheus.yml, with addresses of this machine.
-
-    With ``module`` tcp_connect a port is probed instead of pings, as the comment says.
-    """
-    text = (prometheus_site.ROOT / "prometheus" / "prometheus.yml").read_text()
-    _rest, mark, end = text.partition("  # --- Hosts:")
-    assert mark
-    lines = [re.sub(r"^  # (?!---)", "  ", line) for line in end.splitlines()[1:]]
-    shown = "\n".join(lines)
+def jobs(exporter: str, node: str, blackbox: str, module: str) -> list[dict[str, Any]]:
+    """Those for computers, robots and uplinks; ``module`` tcp_connect as the comment says."""
     port = node.rpartition(":")[2]
+    replaced = {
+        "/sd/node": f"/sd/node?port={port}",
+        "localhost:9877": exporter,
+        "localhost:9115": blackbox,
+    }
     if module == "tcp_connect":
-        shown = shown.replace("[icmp]", "[tcp_connect]").replace("/sd/ping", f"/sd/tcp?port={port}")
-    for old, new in (
-        ("/sd/node", f"/sd/node?port={port}"),
-        ("localhost:9877", exporter),
-        ("localhost:9115", blackbox),
-        ("30s", "1s"),
-    ):
-        assert old in shown
-        shown = shown.replace(old, new)
-    found = yaml.safe_load(shown)
-    for job in found:
-        for sd in job.get("http_sd_configs", ()):
-            sd["refresh_interval"] = "1s"
-        job.pop("scrape_interval", None)
-    return found
+        replaced |= {"[icmp]": "[tcp_connect]", "/sd/ping": f"/sd/tcp?port={port}"}
+    services = [f"ros-diagnostics-{name}" for name in ("ssh", "http", "tcp")]
+    return host_checks.jobs(replaced, services)
 
 
 @pytest.fixture(params=["icmp", "tcp_connect"])

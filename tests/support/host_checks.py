@@ -1,11 +1,17 @@
-"""Real node_exporter and blackbox_exporter, as the distribution packages them."""
+"""Real node_exporter and blackbox_exporter as the distribution packages them; jobs for them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import yaml
+
+from support import short_clocks
+from testbed.configuration import CHECKOUT
 from testbed.http import answers, get
 from testbed.polling import until
 from testbed.ports import free_port
@@ -17,7 +23,28 @@ BLACKBOX = ("prometheus-blackbox-exporter", "blackbox_exporter")
 DEGREES = 48
 # A virtual machine has no sensor; node_exporter serves this one from a file.
 SENSOR = f'node_hwmon_temp_celsius{{chip="soc",sensor="temp1"}} {DEGREES}\n'
-MODULES = "modules: {icmp: {prober: icmp}, tcp_connect: {prober: tcp}}\n"
+# Of Debian's blackbox.yml, those that the jobs use.
+MODULES = """
+modules:
+  icmp: {prober: icmp}
+  tcp_connect: {prober: tcp}
+  http_2xx: {prober: http}
+  ssh_banner: {prober: tcp, tcp: {query_response: [{expect: "^SSH-2.0-"}]}}
+"""
+
+
+def only_probes(prometheus: Path) -> None:
+    """Confirm problems of hosts after 2 s, and let none depend on how busy this machine is."""
+
+    def change(document: dict[str, Any]) -> None:
+        thresholds = document["groups"][0]["rules"]
+        thresholds[0]["expr"] = "vector(2)"
+        measured = {"load", "users", "processes", "disk"}
+        thresholds[:] = [
+            each for each in thresholds if each.get("labels", {}).get("check") not in measured
+        ]
+
+    short_clocks.edit(prometheus / "rules" / "hosts.yml", change)
 
 
 def ping_error(blackbox: str) -> str:
@@ -29,9 +56,33 @@ def ping_error(blackbox: str) -> str:
     return next(line for line in text.splitlines() if "Error listening to socket" in line)
 
 
+def jobs(replaced: Mapping[str, str], removed: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """The jobs in the comments at the end of prometheus.yml, scraped as often as all others.
+
+    Args:
+        replaced: Texts of them and what is put there, such as addresses of this machine.
+        removed: Names of jobs that are left out.
+    """
+    text = (CHECKOUT / "prometheus" / "prometheus.yml").read_text()
+    _rest, mark, end = text.partition("  # --- Hosts:")
+    assert mark
+    shown = "\n".join(re.sub(r"^  # (?!---)", "  ", line) for line in end.splitlines()[1:])
+    for old, new in {"30s": "1s", **replaced}.items():
+        assert old in shown
+        shown = shown.replace(old, new)
+    found: list[dict[str, Any]] = yaml.safe_load(shown)
+    for job in found:
+        for sd in job.get("http_sd_configs", ()):
+            sd["refresh_interval"] = "1s"
+        job.pop("scrape_interval", None)
+    return [job for job in found if job["job_name"] not in removed]
+
+
 @contextmanager
-def running(folder: Path) -> Iterator[tuple[str, str]]:
+def running(folder: Path, *options: str) -> Iterator[tuple[str, str]]:
     """Start both exporters; yields the addresses of node_exporter and blackbox_exporter.
+
+    ``options`` are further ones of node_exporter.
 
     Raises:
         testbed.programs.MissingProgram: One is not installed.
@@ -47,6 +98,7 @@ def running(folder: Path) -> Iterator[tuple[str, str]]:
             f"--collector.textfile.directory={folder / 'sensors'}",
             "--no-collector.hwmon",
             "--no-collector.thermal_zone",
+            *options,
         ],
         blackbox: [
             distributed(*BLACKBOX),

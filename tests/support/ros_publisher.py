@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from ros_diagnostics_exporter.model import Status
@@ -63,6 +64,12 @@ class Publisher:
     def wait_for_listeners(self) -> None:
         for topic in self._publishers:
             until(lambda each=topic: self.listeners(each), f"{topic} is subscribed")
+
+    def wait_for_acknowledgements(self) -> None:
+        """Until every subscription has what was sent: a publisher that ends drops the rest."""
+        second = Duration(seconds=1)
+        for topic, sent in self._publishers.items():
+            until(lambda each=sent: each.wait_for_all_acked(second), f"{topic} is acknowledged")
 
     def send(self, topic: str, *statuses: Status) -> None:
         self._publishers[topic].publish(message(statuses))

@@ -33,6 +33,8 @@ _NUMBER = re.compile(
     r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"(?: ?([^0-9 ].{0,15}))?"  # what stands behind it, perhaps a unit
 )
+# What most drivers write: neither a unit nor anything that could be misread.
+_PLAIN = re.compile(r"-?(?:0|[1-9][0-9]{0,14})(?:\.[0-9]{1,17})?")
 _SPECIAL = {
     sign + word: float(sign + word)
     for sign in ("", "+", "-")
@@ -71,6 +73,14 @@ def parse_numbers(key: str, text: str) -> tuple[Number, ...]:
     if brackets is None:
         return ()
     return _elements(name, key_unit, brackets[1])
+
+
+def parse_plain(text: str) -> float | None:
+    """The number in the text of a value, where it is nothing but a decimal number.
+
+    None also for some that `parse_numbers` reads: this is to be fast.
+    """
+    return None if _PLAIN.fullmatch(text) is None else float(text)
 
 
 _MAX_CACHED_KEY = 256  # characters of a key that is cached, which limits the cache

@@ -27,13 +27,19 @@ def number(value: float) -> str:
 
 
 class RobotText:
-    """The text of one robot. ``update`` is to be called while holding the state's lock."""
+    """The text of one robot. ``update`` is to be called while holding the state's lock.
+
+    ``chunks`` and ``series`` are by family: its samples, and how many these are. ``changed`` are
+    the families whose chunks are others than when it was last cleared.
+    """
 
     def __init__(self, fleet: str, exporter: str, robot: Robot) -> None:
         self.fleet = fleet
         self.exporter = exporter
         self.robot = robot
         self.chunks: dict[str, bytes] = {}
+        self.series: dict[str, int] = {}
+        self.changed: set[str] = set()
         self.promoted: set[str] = set()
         self._base = f'fleet="{escape(fleet)}",robot="{escape(robot.settings.name)}"'
         self._exporter_label = f',exporter="{escape(exporter)}"' if exporter else ""
@@ -46,6 +52,8 @@ class RobotText:
     def update(self, *, values: bool = True) -> None:
         """Render what changed since the last call; without ``values``, these only later."""
         new, old = self.robot.versions, self._seen
+        if new == old and not (values and self._values_due):
+            return
         structure = old is None or new.structure != old.structure
         inventory = old is None or new.inventory != old.inventory
         if structure or inventory:
@@ -68,7 +76,17 @@ class RobotText:
         self._seen = new.copy()
 
     def _set(self, family: Family, lines: Iterable[str]) -> None:
-        self.chunks[family.name] = "".join(lines).encode()
+        self._set_chunk(family.name, list(lines))
+
+    def _set_chunk(self, name: str, lines: list[str]) -> None:
+        self.chunks[name] = "".join(lines).encode()
+        self.series[name] = len(lines)
+        self.changed.add(name)
+
+    def _remove(self, name: str) -> None:
+        if self.chunks.pop(name, None) is not None:
+            del self.series[name]
+            self.changed.add(name)
 
     def _one(self, family: Family, value: float, labels: str = "") -> str:
         return f"{family.name}{{{self._base}{labels}}} {number(value)}\n"
@@ -101,7 +119,7 @@ class RobotText:
                     name = metrics.COMPONENT_MONITORED_VALUE.name
                     self._values.setdefault(name, []).append((name + key, value))
         for name in self.promoted:
-            self.chunks.pop(name, None)
+            self._remove(name)
         self.promoted = self._values.keys() - _VALUES
         name = metrics.COMPONENT_INFO.name
         self._set(
@@ -247,11 +265,9 @@ class RobotText:
 
     def _render_values(self) -> None:
         for name, rows in self._values.items():
-            self.chunks[name] = "".join(
-                [f"{prefix}{number(value.number)}\n" for prefix, value in rows]
-            ).encode()
+            self._set_chunk(name, [f"{prefix}{number(value.number)}\n" for prefix, value in rows])
         for name in _VALUES - self._values.keys():
-            self.chunks.pop(name, None)
+            self._remove(name)
 
     def _render_groups(self) -> None:
         family = metrics.GROUP_LEVEL

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule, Threshold, ValueRule
 from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
-from ros_diagnostics_exporter.ingest.values import Number, parse_numbers
+from ros_diagnostics_exporter.ingest.values import Number, parse_numbers, parse_plain
 from ros_diagnostics_exporter.model import Instant, Level, Status
 from ros_diagnostics_exporter.state.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.state.rejections import Reject, RejectionReason
@@ -100,7 +99,7 @@ class Component:
         self.raw_received: float | None = None
         self.listed = now.mono
         self.missing = False
-        self.gaps: deque[float] = deque(maxlen=GAPS_KEPT)
+        self.gaps: tuple[float, ...] = ()  # none where only an aggregator lists it
         self.flaps: FlapHistory | None = None
         self.last: Status | None = None
         self.key_values = 0  # key-values that count against the robot's limit
@@ -237,7 +236,8 @@ class Component:
         useless, while a driver that has become slower is recognized after a few of its periods.
         """
         if self.raw_received is not None:
-            self.gaps.append(min(mono - self.raw_received, 2 * threshold))
+            gap = min(mono - self.raw_received, 2 * threshold)
+            self.gaps = (*self.gaps, gap)[-GAPS_KEPT:]
         self.raw_received = mono
 
     def stale_after(self, default: float, *, raw: bool) -> float:
@@ -298,6 +298,7 @@ class ComponentValues:
         "_find_rule",
         "_limits",
         "_pairs",
+        "_plain",
         "_reject",
         "_rows",
         "_rules",
@@ -321,6 +322,8 @@ class ComponentValues:
         self.all: list[Value] = []
         # for each key-value its numbers; None for one that a limit rejects
         self._rows: list[list[Value | None]] = []
+        # for each key-value the number that a text without a unit sets; None where more is to do
+        self._plain: list[Value | None] = []
         self._series = 0  # series
         self._pairs: Pairs = ()
         self._units: dict[str, str] = {}
@@ -340,7 +343,12 @@ class ComponentValues:
             for row, (before, after) in enumerate(zip(old, pairs, strict=True)):
                 if before == after:
                     continue
-                if before[0] != after[0] or not self._update_row(row, after):
+                if before[0] != after[0]:
+                    break
+                value, number = self._plain[row], parse_plain(after[1])
+                if value is not None and number is not None:
+                    value.number = number
+                elif not self._update_row(row, after):
                     break
                 changed = True
             else:
@@ -353,7 +361,7 @@ class ComponentValues:
         """Remove the numbers and their series, but not their units."""
         self._series_limit.remove(self._series)
         self._series = 0
-        self.all, self._rows, self._pairs = [], [], ()
+        self.all, self._rows, self._plain, self._pairs = [], [], [], ()
 
     def exported(self, pairs: Pairs) -> list[list[Value]]:
         """For each of the key-values its numbers that are exported.
@@ -405,10 +413,20 @@ class ComponentValues:
         for pair in pairs:
             if self._is_list_beyond(pair):
                 self._rows.append([None])
+                self._plain.append(None)
                 continue
             found = self._read(*pair)
             rule = self._rules.get(pair[0])
-            self._rows.append([self._add(number, rule, taken) for number in found])
+            row = [self._add(number, rule, taken) for number in found]
+            self._rows.append(row)
+            self._plain.append(self._plain_value(pair[0], row))
+
+    def _plain_value(self, key: str, row: list[Value | None]) -> Value | None:
+        """The number of a key-value of which a text without a unit changes nothing else."""
+        value = row[0] if len(row) == 1 else None
+        if value is None or value.rejected or self._rules.get(key) is not None:
+            return None
+        return value if [each.unit for each in parse_numbers(key, "1")] == [value.unit] else None
 
     def _is_list_beyond(self, pair: tuple[str, str]) -> bool:
         """Count a list that a limit rejects: parsing it would cost as much as 32 numbers."""

@@ -174,16 +174,19 @@ class Components:
         component.missing = False
         if len(status.values) > component.key_values:
             status = self._within_limits(component, status)
-        if status == component.last and component.reported == status.level:
-            if status.level != STALE:
-                component.received = now.mono
-            return
+        last = component.last
+        if last is not None and component.reported == status.level:
+            if status == last:
+                if status.level != STALE:
+                    component.received = now.mono
+                return
+            if status[:4] == last[:4]:
+                self._update_values(component, status, now)
+                return
         reported = status.level
         if reported > STALE:
             self._reject("bad_level", component.name)
             reported = ERROR  # as diagnostic_aggregator reads it (status_item.hpp, valToLevel)
-        component.last = status
-        self._count_key_values(component, len(status.values))
         if status.hardware_id and status.hardware_id != component.hardware_id:
             component.hardware_id = status.hardware_id
             self._versions.structure += 1
@@ -192,13 +195,20 @@ class Components:
         if component.set_message(status.message, always=changed) and component.level != OK:
             self._versions.levels += 1
         self._record(component, before, now)  # after the message was set, which the event shows
-        if reported != STALE:
-            component.received = now.mono
-            numbers, structure = component.values.update(status.values)
-            self._versions.values += numbers
-            self._versions.structure += structure
-            if numbers or structure:
-                self.value_changes[component] = None
+        self._update_values(component, status, now)
+
+    def _update_values(self, component: Component, status: Status, now: Instant) -> None:
+        """Take the key-values of a status whose level and message are taken already."""
+        component.last = status
+        self._count_key_values(component, len(status.values))
+        if component.is_stale:
+            return
+        component.received = now.mono
+        numbers, structure = component.values.update(status.values)
+        self._versions.values += numbers
+        self._versions.structure += structure
+        if numbers or structure:
+            self.value_changes[component] = None
 
     def _within_limits(self, component: Component, status: Status) -> Status:
         """The status with no more key-values than one component, and one robot, may have."""

@@ -15,7 +15,8 @@ from fleet_dashboards.lib.tables import Column
 _FLEET = 'fleet=~"$fleet"'
 # Watchdog and canary fire to show that alerts arrive: they are about no robot.
 _ALERTS = f'{_FLEET}, alertname!~"RosDiagnostics(Watchdog|Canary)"'
-_FIRING = f'ALERTS{{alertstate="firing", {_ALERTS}}}'
+_FIRES = f'alertstate="firing", {_ALERTS}'
+_FIRING = f"ALERTS{{{_FIRES}}}"
 _ALERT = "alertname, severity, fleet, site, robot, component"
 # Where alerts are evaluated, so that none is good news.
 _EVALUATED = "exporter:ros_diagnostics_exporter:held"
@@ -126,6 +127,16 @@ min by ({_ALERT}) (
 """
 
 
+def _by_severity() -> str:
+    """Return a series for each firing alert; the worse its severity, the greater its value."""
+    worst_first = list(palette.SEVERITIES)
+    ordered = [
+        f'group by ({_ALERT}) (ALERTS{{severity="{severity}", {_FIRES}}}) * {rank}'
+        for rank, severity in enumerate(reversed(worst_first), 1)
+    ]
+    return "\nor\n".join([*ordered, f"group by ({_ALERT}) ({_FIRING}) * 0"])
+
+
 def firing_alerts() -> table.Panel:
     """List the firing alerts."""
     return tables.joined(
@@ -133,12 +144,13 @@ def firing_alerts() -> table.Panel:
         "Which alerts fire, where, and since when? Since is when the alert became active; the "
         "problem itself may be older.",
         {
-            "A": f"group by ({_ALERT}) ({_FIRING})",
+            "A": _by_severity(),
             "B": f"{_ACTIVE_SINCE} * 1000",
             "C": f"floor(time() - {_ACTIVE_SINCE})",
         },
         [
             SEVERITY,
+            Column("A", "Order", hidden=True),
             Column("alertname", "Alert", width=330),
             *COMPONENT,
             Column("site", "Site", min_width=90),
@@ -147,8 +159,7 @@ def firing_alerts() -> table.Panel:
             tables.FLEET,
         ],
         empty=tables.Empty("No alert fires", _EVALUATED, "alertname"),
-        sort=("Severity", "Since"),
-        ascending=("Severity", "Since"),
+        sort=("Order", "Since"),
         by=_ALERT,
     )
 
@@ -253,7 +264,11 @@ def notifications() -> stat.Panel:
     return _by_integration(
         "Notifications",
         "How many notifications were sent or attempted in the time range?",
-        f"{_notifications('', '$__range')} > 0",
+        f"""
+          {_notifications("", "$__range")} > 0
+        or on ()
+          group(alertmanager_notifications_total) * 0
+        """,
     )
 
 
@@ -267,6 +282,8 @@ def failed_notifications() -> stat.Panel:
           {_notifications("_failed", "$__range")}
         and
           {_notifications("", "$__range")} > 0
+        or on ()
+          group(alertmanager_notifications_total) * 0
         """,
     )
     return panels.on_colour(panel, (1, palette.CRITICAL.colour))
@@ -274,7 +291,7 @@ def failed_notifications() -> stat.Panel:
 
 def _by_integration(title: str, description: str, expr: str) -> stat.Panel:
     # Not "short", which would show 1034 as 1 K.
-    panel = panels.number(title, description, expr, "none").decimals(0).no_value("None")
+    panel = panels.number(title, description, expr, "none").decimals(0)
     panel = panel.targets([panels.at_end(expr, "{{integration}}")])
     return panel.text_mode(common.BigValueTextMode.VALUE_AND_NAME).height(8).span(6)
 

@@ -13,6 +13,7 @@ from fleet_dashboards.lib.tables import Column
 _ALL = f"{variables.FLEET}, {variables.COMPONENT}"
 _SELECTED = f"{_ALL}, {variables.ROBOTS}"
 _BY = "by (fleet, robot, group)"
+_NO_NUMBER = "No data: no number of this key"
 _RANK = f"max {_BY} ({component_rank(_SELECTED)})"
 
 
@@ -85,7 +86,6 @@ def states() -> table.Panel:
                 tables.NAME,
             ],
             by="fleet, robot, group",
-            empty="No robot has this component",
             sort=("State", "Robot"),
         )
         .height(10)
@@ -157,7 +157,7 @@ def value_on_every_robot() -> timeseries.Panel:
         )
         .override_by_name("median", panels.dashed(palette.UNDETERMINED_COLOUR))
         .data_links([link])
-        .no_value("No robot has this key as a number")
+        .no_value(_NO_NUMBER)
     )
 
 
@@ -175,7 +175,7 @@ def distances() -> timeseries.Panel:
         # Lines of their own: Grafana 9.0 draws no dashed thresholds.
         panels.over_time(limit, "outlier above", "B"),
         panels.over_time(f"-({limit})", "outlier below", "C"),
-    ).no_value("No robot has this key as a number")
+    ).no_value(_NO_NUMBER)
     return panel.override_by_regexp(
         "/^outlier (above|below)$/", panels.dashed(palette.CRITICAL.colour)
     )
@@ -192,14 +192,14 @@ def outliers() -> table.Panel:
         [
             tables.ROBOT,
             Column("A", "Value"),
-            Column("unit", "Unit", width=80),
+            Column("unit", "Unit", mappings=palette.rewritten("/^deg([CF])$/", "°$1"), width=80),
             Column("B", "Distance"),
             score,
             tables.FLEET,
         ],
         sort=("Score",),
         by="fleet, robot",
-        empty="No robot has this key as a number",
+        empty=_NO_NUMBER,
     )
     colours = panels.steps((None, palette.NOTHING), (OUTLIER, palette.CRITICAL.colour)).build()
     cell = {**tables.BACKGROUND, "thresholds": colours, "decimals": 1}

@@ -164,7 +164,11 @@ def share_working() -> stat.Panel:
             "Working robots",
             "Which share of the robots, without PENDING ones, is OK or in WARNING?",
             f"""
-              sum({_COUNT}{{{_MATCHERS}, state=~"ok|warning"}})
+              (
+                  sum({_COUNT}{{{_MATCHERS}, state=~"ok|warning"}})
+                or
+                  sum({_COUNT}{{{_MATCHERS}, state!="pending"}}) * 0
+              )
             /
               sum({_COUNT}{{{_MATCHERS}, state!="pending"}})
             """,
@@ -214,7 +218,7 @@ def health() -> timeseries.Panel:
     )
     for word, _label, colour in states:
         panel = panel.override_by_name(word, panels.series(word, colour))
-    return panels.stacked(panel).min(0).decimals(0)
+    return panels.stacked(panel).min(0).axis_soft_max(4).decimals(0)
 
 
 # --- Robots ---
@@ -286,6 +290,6 @@ def robots() -> table.Panel:
             tables.NAME,
         ],
         by="fleet, robot",
-        empty="No robot matches",
+        empty=tables.Empty("No robot matches", settled('fleet=~"$fleet"'), "kind"),
         sort=("State", "Robot"),
     ).height(14)

@@ -18,7 +18,6 @@ _BY = "fleet, exporter, instance"
 _SERVERS = 'job=~"prometheus|alertmanager"'
 
 _TARGET = 12  # seconds; one of the buckets
-_NO_CANARY = "No canary"
 FLEET = Column("fleet", "Fleet", min_width=90)
 UP = palette.up_mappings()
 SUCCESS = palette.success_mappings()
@@ -338,9 +337,13 @@ def alertmanager_cluster() -> stat.Panel:
     """Count the Alertmanagers of the cluster."""
     return panels.number(
         "Alertmanager cluster",
-        "How many members does the Alertmanager cluster have? None if only one runs.",
-        "max by (instance) (alertmanager_cluster_members)",
-    ).no_value("One alone")
+        "How many members does the Alertmanager cluster have? 1 if it runs alone.",
+        """
+          max by (instance) (alertmanager_cluster_members)
+        or
+          max by (instance) (alertmanager_build_info)
+        """,
+    )
 
 
 def configuration() -> stat.Panel:
@@ -411,7 +414,7 @@ def notification_time() -> timeseries.Panel:
         "How long does sending a notification take (95th percentile)?",
         panels.over_time(expr, "{{integration}}"),
         unit="s",
-    ).no_value("No notification was sent")
+    ).no_value("No data of a sent notification")
 
 
 # --- Canary ---
@@ -435,9 +438,9 @@ def canaries_in_time() -> stat.Panel:
         unit="percentunit",
     )
     colours = panels.steps((None, palette.CRITICAL.colour), (0.99, palette.NOTHING))
-    none = palette.special(dashboard.SpecialValueMatch.NULL_AND_NAN, _NO_CANARY)
+    none = palette.special(dashboard.SpecialValueMatch.NA_N, "none yet")
     panel = panels.on_colour(panel).thresholds(colours).mappings([none]).decimals(2)
-    return panel.no_value(_NO_CANARY).height(8).span(6)
+    return panel.height(8).span(6)
 
 
 def canary_under_way() -> stat.Panel:
@@ -446,11 +449,15 @@ def canary_under_way() -> stat.Panel:
     panel = panels.number(
         "Under way",
         "For how long has a test notification been waited for? Red: longer than a minute.",
-        f"max by (fleet) (time() - {start})",
+        f"""
+          max by (fleet) (time() - {start})
+        or
+          max by (fleet) (ros_diagnostics_canary_notification_seconds_count{{{_FLEET}}}) * 0
+        """,
         unit=tables.DURATION,
     )
     panel = panels.on_colour(panel, (60, palette.CRITICAL.colour))
-    return panel.no_value("None").height(8).span(6)
+    return panel.height(8).span(6)
 
 
 def canary_time() -> timeseries.Panel:
@@ -464,7 +471,7 @@ def canary_time() -> timeseries.Panel:
         panels.over_time(f"histogram_quantile(0.5, {by_bucket})", "{{fleet}}: median"),
         panels.over_time(f"histogram_quantile(0.95, {by_bucket})", "{{fleet}}: 95 %", "B"),
         unit="s",
-    ).no_value(_NO_CANARY)
+    )
 
 
 def server_cpu() -> timeseries.Panel:

@@ -182,7 +182,7 @@ def problems() -> table.Panel:
         "message is that at the time of confirmation, with values and what else was wrong.",
         problem_rows(_ROBOT),
         _ROBOT,
-        proof=f"{settled(variables.FLEET)} and on (fleet) {received}",
+        proof=f"{settled(variables.FLEET, of='fleet')} and on (fleet) {received}",
         hidden=("Robot", "Maintenance", "Fleet"),
     ).height(7)
 
@@ -241,7 +241,6 @@ def all_components() -> table.Panel:
         ],
         sort=("Group", "Component"),
         ascending=("Group", "Component"),
-        empty="No component was received",
     ).height(12)
 
 
@@ -268,7 +267,7 @@ def checks() -> table.Panel:
                 Column("C", "Expected", width=100),
             ],
             by="fleet, robot, check",
-            empty="No checks",
+            empty=tables.Empty("No checks", f"ros_diagnostics_robot_up{{{_ROBOT}}}", "check"),
         )
         .height(7)
         .span(12)
@@ -285,7 +284,9 @@ def groups() -> table.Panel:
             "between versions, so nothing else here is computed from it.",
             {"A": f"{level} ^ 3 % 5"},  # a level's rank: STALE (3) is 2, ERROR (2) is 3
             [tables.STATE, Column("group", "Group")],
-            empty="Its messages are not aggregated",
+            empty=tables.Empty(
+                "Its messages are not aggregated", f"ros_diagnostics_robot_up{{{_ROBOT}}}", "group"
+            ),
         )
         .height(7)
         .span(12)
@@ -320,7 +321,7 @@ def batteries() -> timeseries.Panel:
         "How full are the batteries? Dashed: the thresholds of fleet.yml.",
         f"{_value(_CHARGE)} or on (component, key) {percent}",
         _threshold(_CHARGE),
-        "No value looks like the charge of a battery",
+        "No data of the charge of a battery",
     ).min(0)
 
 
@@ -334,7 +335,7 @@ def temperatures() -> timeseries.Panel:
         "What becomes too hot? Dashed: the thresholds of fleet.yml.",
         f"{_value(degrees)} or on (component, key) {of_metrics}",
         _threshold(degrees),
-        "No value is a temperature",
+        "No data of a temperature",
     )
 
 
@@ -346,7 +347,7 @@ def values_without_unit() -> timeseries.Panel:
         "How do the other numbers develop, those without a unit?",
         f"{_value(without)} unless {_value(_CHARGE)}",
         f"{_threshold(without)} unless {_threshold(_CHARGE)}",
-        "No value is without a unit",
+        "No data without a unit",
     )
 
 
@@ -360,7 +361,7 @@ def promoted_values() -> timeseries.Panel:
         "Values with a metric of their own",
         "How do the values develop that fleet.yml gives a metric of their own? In its unit.",
         query,
-    ).no_value("fleet.yml gives no value of this robot a metric of its own")
+    ).no_value("No data of a value with a metric of its own (fleet.yml)")
 
 
 def values_by_unit() -> timeseries.Panel:
@@ -370,7 +371,7 @@ def values_by_unit() -> timeseries.Panel:
         "How do the numbers in this unit develop? One panel for each unit.",
         _value('unit="$unit"'),
         _threshold('unit="$unit"'),
-        panels.NO_DATA,
+        "No data in another unit",
     )
     return panel.repeat("unit").repeat_direction("h").max_per_row(2)
 

@@ -35,6 +35,8 @@ _KINDS = (
     _Kind('scope="value", state="critical"', palette.CRITICAL, named_by="key"),
     _Kind('scope="value", state="warning"', palette.WARNING, named_by="key"),
     _Kind('scope="check"', palette.CRITICAL, named_by="check"),
+    _Kind('scope="host", state="critical"', palette.CRITICAL, named_by="check"),
+    _Kind('scope="host", state="warning"', palette.WARNING, named_by="check"),
     _Kind('scope="robot", state="silent"', palette.UNKNOWN),
     _Kind('scope="robot", state="pending"', palette.PENDING),
     _Kind('scope="robot", state="flapping"', palette.WARNING, "comes and goes"),
@@ -149,7 +151,8 @@ _UNKNOWN = "not known"
 def _acknowledged(matchers: str) -> str:
     """Return every fault with a label ``acknowledged``: "ann: spare part ordered", or "nobody".
 
-    Only an exporter that answers and reads Alertmanager's silences knows that it is nobody.
+    Only an exporter that answers and reads Alertmanager's silences knows that it is nobody, and
+    none knows of hosts.
     """
     by_whom = f"""
     group by ({IDENTITY}, acknowledged) (
@@ -157,10 +160,11 @@ def _acknowledged(matchers: str) -> str:
     )
 """
     faults = f"group by ({IDENTITY}) ({HELD}{{{matchers}}})"
+    seen = f'group by ({IDENTITY}) ({HELD}{{{matchers}, scope!="host"}})'
     is_known = "ros_diagnostics_exporter_alertmanager_up == 1"
     return _first_of(
         by_whom,
-        label(f"({faults} and on (fleet) {is_known})", "acknowledged", "nobody"),
+        label(f"({seen} and on (fleet) {is_known})", "acknowledged", "nobody"),
         label(faults, "acknowledged", _UNKNOWN),
     )
 

@@ -90,16 +90,17 @@ or on ()
 """
 
 
-def settled(matchers: str) -> str:
+def settled(matchers: str, *, of: str = "") -> str:
     """Return a value if every exporter answers and has settled; else what is empty proves nothing.
 
-    An exporter that was ever scraped is held as long as its target exists.
+    With ``of="fleet"`` a value for each fleet of which that is true. An exporter that was ever
+    scraped is held as long as its target exists.
     """
     held = f"exporter:ros_diagnostics_exporter:held{{{matchers}}}"
     return f"""
     ros_diagnostics_exporter_settled{{{matchers}}} == 1
-  unless on ()
+  unless on ({of})
     ({held} unless on (instance, job) up == 1)
-  unless on ()
+  unless on ({of})
     ros_diagnostics_exporter_settled{{{matchers}}} == 0
 """

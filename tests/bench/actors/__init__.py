@@ -1,5 +1,5 @@
-"""The processes around the exporter in `bench.hostile`: a normal fleet, and attackers.
+"""The processes around the exporter in `bench.hostile` and `bench.dds`: a fleet, attackers.
 
-Each is a process of its own (`python -m bench.actors fleet|arrays|readers`), which ends after a
-given time and writes once a second to standard output what it has done so far.
+Each is a process of its own (`python -m bench.actors fleet|taker|arrays|readers`), which ends after
+a given time and writes once a second to standard output what it has done so far.
 """

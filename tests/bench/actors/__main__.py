@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from bench.actors.publishing import FLOODS, publish_fleet, publish_flood
+from bench.actors.publishing import ALL, FLOODS, publish_fleet, publish_flood
 from bench.actors.reading import hold_unread
+from bench.actors.taking import take_fleet
 
 
 def main() -> None:
@@ -15,6 +16,13 @@ def main() -> None:
     fleet = kinds.add_parser("fleet", help="normal robots")
     fleet.add_argument("domain_id", type=int)
     fleet.add_argument("robots", type=int)
+    fleet.add_argument("--first", type=int, default=0, help="number of the first robot")
+    fleet.add_argument(
+        "--changing", type=int, default=len(ALL), help="components whose values change each second"
+    )
+    taker = kinds.add_parser("taker", help="a subscriber of a fleet that decodes nothing")
+    taker.add_argument("domain_id", type=int)
+    taker.add_argument("robots", type=int)
     arrays = kinds.add_parser("arrays", help="a hostile robot")
     arrays.add_argument("domain_id", type=int)
     arrays.add_argument("flood", choices=FLOODS)
@@ -22,11 +30,14 @@ def main() -> None:
     readers.add_argument("port", type=int)
     readers.add_argument("path")
     readers.add_argument("count", type=int)
-    for each in (fleet, arrays, readers):
+    for each in (fleet, taker, arrays, readers):
         each.add_argument("seconds", type=float, help="after which it ends")
     options = parser.parse_args()
     if options.kind == "fleet":
-        publish_fleet(options.domain_id, options.robots, options.seconds)
+        robots = range(options.first, options.first + options.robots)
+        publish_fleet(options.domain_id, robots, options.seconds, range(options.changing))
+    elif options.kind == "taker":
+        take_fleet(options.domain_id, options.robots, options.seconds)
     elif options.kind == "arrays":
         publish_flood(options.domain_id, options.flood, options.seconds)
     else:

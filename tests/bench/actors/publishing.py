@@ -6,17 +6,24 @@ cores belong to the exporter.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from itertools import count
+from struct import pack_into
 
 from rclpy.serialization import serialize_message
 
 from bench.actors.pace import ticks
-from bench.robots import aggregated_array
+from bench.robots import COMPONENTS, GROUPS, aggregated_array
 from ros_diagnostics_exporter.model import Status
 from support.ros_publisher import message, publisher
+from testbed.polling import until
 
 HOSTILE_TOPIC = "/hostile/diagnostics_agg"
+MATCHED = 120.0  # seconds until the exporter has subscribed a whole fleet
+ALL = range(GROUPS * COMPONENTS)
+STAMP_AT = 4  # offset of header.stamp.sec in a serialized array
 LONGEST_TEXT = 4096  # characters of a text that the exporter keeps
 
 
@@ -25,19 +32,40 @@ def topic_of(robot: int) -> str:
     return f"/robot_{robot}/diagnostics_agg"
 
 
-def publish_fleet(domain_id: int, robots: int, seconds: float) -> None:
-    """Publish each robot's array once a second, the robots evenly spread over the second."""
+def publish_fleet(
+    domain_id: int, robots: range, seconds: float, changing: Collection[int] = ALL
+) -> None:
+    """Publish each robot's array once a second, the robots evenly spread over the second.
+
+    Begins when each topic has a subscription, and ends when all is acknowledged. The values of the
+    components numbered ``changing`` differ from turn to turn, and in any case the stamp.
+    """
     with publisher(domain_id) as fleet:
-        for robot in range(robots):
-            fleet.offer(topic_of(robot), depth=10)
+        topics = [topic_of(robot) for robot in robots]
+        for topic in topics:
+            fleet.offer(topic, depth=10)
+        until(lambda: all(map(fleet.listeners, topics)), "subscriptions", MATCHED)
         worst = 0.0
-        for tick, late in ticks(robots, seconds):
-            turn, robot = divmod(tick, robots)
+        for tick, late in ticks(len(topics), seconds):
+            turn, robot = divmod(tick, len(topics))
             if robot == 0:
-                data = _serialize(aggregated_array(turn).statuses)
+                data = bytearray(_serialize(_partly_changed(turn, changing)))
                 print(f"turn {turn}, late at worst {worst:.3f} s", flush=True)
-            fleet.send_bytes(topic_of(robot), data)
+            pack_into("<I", data, STAMP_AT, int(time.time()))
+            fleet.send_bytes(topics[robot], bytes(data))
             worst = max(worst, late)
+        fleet.wait_for_acknowledgements()
+        print(f"all of {int(seconds)} turns acknowledged, late at worst {worst:.3f} s", flush=True)
+
+
+def _partly_changed(turn: int, changing: Collection[int]) -> list[Status]:
+    """The array of this turn as far as it concerns these components, and that of turn 0."""
+    now, first = aggregated_array(turn).statuses, aggregated_array(0).statuses
+    components = count()
+    return [
+        new if "/" in new.name[1:] and next(components) in changing else old
+        for new, old in zip(now, first, strict=True)
+    ]
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,10 @@ READY = {
         "count(robot:ros_diagnostics_state:max1m == robot:ros_diagnostics_state:rank) == 13"
     ),
     "scraped servers": 'count(up{job=~"prometheus|alertmanager"} == 1) == 2',
-    "a ping": "count(probe_success) == 2",
+    "a ping": "count(probe_success) == 3",
+    "a service that does not answer": (
+        'count(fleet:ros_diagnostics_fault_start:held{scope="host"}) == 1'
+    ),
     "a computer": "rate(node_cpu_seconds_total[1m])",
     "a dead uplink": 'ALERTS{alertname="RosDiagnosticsUplinkDown", alertstate="firing"}',
     "notifications of every fault": (
@@ -73,6 +76,7 @@ def running(folder: Path) -> Iterator[WatchedFleet]:
             _job("node", node, robot="well"),
             _probe("ping", serve["hall"], blackbox, robot="well"),
             _probe("uplink", f"127.0.0.1:{free_port()}", blackbox, uplink="ap_9"),
+            _probe("http", f"127.0.0.1:{free_port()}", blackbox, robot="warned", site="north"),
         ]
         site = stack.enter_context(
             prometheus_site.running(
@@ -80,6 +84,7 @@ def running(folder: Path) -> Iterator[WatchedFleet]:
                 serve,
                 probes=probes,
                 history=folder / "history.txt",
+                prepare=host_checks.only_probes,
                 receivers=partial(_notify, serve["hall"]),
             )
         )

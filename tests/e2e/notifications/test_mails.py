@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from html import unescape
 
+import pytest
+
 PROBLEM = "** PROBLEM ** demo/robot_2 Motor 2 is CRITICAL"
 RECOVERY = "** RECOVERY ** demo/robot_2 Motor 2 is no longer CRITICAL"
 
 
+@pytest.mark.slow  # the demo, which is tested too, sends one of each
 def test_each_fault_and_each_recovery_of_a_motor_is_one_mail(
     stack, wait_for_mails, wait_for_scrapes
 ):

@@ -36,6 +36,7 @@ HALL = {
     "tender": {"profile": "thresholds"},
     "drains": {"profile": "watched"},
     "collapses": {},
+    "unsteady": {},
     "wedged": {"address": ON},
     "dark": {"address": OFF},
     "far_1": {"labels": {"uplink": "ap_9"}},

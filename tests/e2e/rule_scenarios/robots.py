@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from e2e.rule_scenarios.fleets import EAST, WEST
-from e2e.rule_scenarios.scenario import BEGIN, Scenario, critical, in_trouble, rank, silent, step
+from e2e.rule_scenarios.scenario import (
+    BEGIN,
+    Scenario,
+    Step,
+    critical,
+    in_trouble,
+    rank,
+    silent,
+    step,
+)
 
 MUTE = (critical("mute", "Motor 3"), silent("mute"))
 SCRAPPED = (critical("scrapped", "Laser 2"), silent("scrapped"))
 SHAFT = (critical("gap", "Motor 1"), critical("lost", "Motor 1"))
 UPLINK = "UplinkDown ap_9"
+UNSTEADY = "RobotFlapping unsteady"
 BUS = tuple(
     f"collapses/{part}"
     for part in (
@@ -30,6 +42,13 @@ MANY_MOTORS = tuple(f"{robot}/Motor" for robot in TWENTY)
 
 def _all(robots: tuple[str, ...], order: str) -> tuple[str, ...]:
     return tuple(f"{robot}: {order}" for robot in robots)
+
+
+def _comes_and_goes(times: int) -> Iterator[Step]:
+    """The robot is silent for less than its confirm_after, and back, so many times."""
+    for _ in range(times):
+        yield step("unsteady: hang", until='ros_diagnostics_robot_up{robot="unsteady"} == 0')
+        yield step("unsteady: resume", until='ros_diagnostics_robot_up{robot="unsteady"} == 1')
 
 
 ROBOTS = (
@@ -66,6 +85,21 @@ ROBOTS = (
             step("mute/Motor 3: error", MUTE[0]),
             step("mute: hang", *MUTE),
             step(("mute/Motor 3: ok", "mute: resume"), until=rank("mute", 0)),
+        ),
+    ),
+    Scenario(
+        "a robot that comes and goes is one alert, and none about its silence",
+        ("unsteady",),
+        (
+            step(BEGIN, until=rank("unsteady", 0)),
+            *_comes_and_goes(3),
+            step("unsteady: hang", UNSTEADY),
+            step(
+                "",
+                UNSTEADY,
+                until='max_over_time(ros_diagnostics_robot_up{robot="unsteady"}[20s]) == 0',
+            ),
+            step("unsteady: resume", UNSTEADY, until=rank("unsteady", 0)),
         ),
     ),
     Scenario(

@@ -126,7 +126,14 @@ def dropped(exporter: Exporter) -> float:
     )
 
 
-@pytest.mark.parametrize("flood", [LARGE, HUGE, SMALL], ids=["large", "huge", "small"])
+@pytest.mark.parametrize(
+    "flood",
+    [
+        pytest.param(LARGE, id="large"),
+        pytest.param(HUGE, id="huge", marks=pytest.mark.slow),
+        pytest.param(SMALL, id="small", marks=pytest.mark.slow),
+    ],
+)
 def test_a_flood_on_one_topic_harms_no_other_robot(make_exporter, ros_domain, flood):
     exporter = make_exporter(ros_domain, ros_domain)
     all_stay_fresh(exporter, exporter.attack("/evil/diagnostics", *flood))
@@ -139,6 +146,7 @@ def test_a_flood_on_one_topic_harms_no_other_robot(make_exporter, ros_domain, fl
         assert exporter.process.output().count("/evil/diagnostics: more arrives than") == 1
 
 
+@pytest.mark.slow
 def test_a_flood_in_another_domain_harms_no_robot(make_exporter, ros_domain):
     with domains.lease() as evil:
         exporter = make_exporter(ros_domain, evil)
@@ -146,6 +154,7 @@ def test_a_flood_in_another_domain_harms_no_robot(make_exporter, ros_domain):
         assert dropped(exporter)
 
 
+@pytest.mark.slow
 def test_floods_on_many_topics_harm_no_other_robot(make_exporter, ros_domain):
     """Together they may use the whole thread of the domain: who has cost little goes first."""
     exporter = make_exporter(ros_domain, ros_domain)

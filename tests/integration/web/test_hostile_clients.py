@@ -79,8 +79,15 @@ def declare(site, robots: int) -> None:
     site.fleet_file.write_text(f"fleet: hall\nrobots:\n{names}")
 
 
-@pytest.mark.parametrize("source", ["127.0.0.1", "127.0.0.2"])
-@pytest.mark.parametrize("path", ["/metrics", "/api/v1/fleet"])
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("/metrics", "127.0.0.1"),
+        ("/api/v1/fleet", "127.0.0.2"),
+        pytest.param("/metrics", "127.0.0.2", marks=pytest.mark.slow),
+        pytest.param("/api/v1/fleet", "127.0.0.1", marks=pytest.mark.slow),
+    ],
+)
 def test_clients_that_do_not_read_do_not_block_prometheus(site, ends, attack, source, path):
     declare(site, ROBOTS)
     exporter = ends(site.exporter()).start()

@@ -73,6 +73,17 @@ def test_a_panel_has_a_plain_type_and_a_description_that_begins_with_a_question(
     assert panel["type"] in PLAIN
 
 
+@pytest.mark.parametrize("panel", ALL_PANELS)
+def test_a_text_without_data_claims_nothing(panel):
+    """Grafana shows it for a Prometheus or an exporter that does not answer, too."""
+    text = panel["fieldConfig"]["defaults"].get("noValue", "No data")
+
+    assert text.startswith("No data") or text in {
+        "not known",
+        "Prometheus does not answer: nothing on this page is known",
+    }
+
+
 @pytest.mark.parametrize("uid", BOARDS)
 def test_every_query_uses_the_selected_data_source(uid: str):
     found = set(re.findall(r'"uid": "([^"]*)"', json.dumps(BOARDS[uid]["panels"])))

@@ -12,9 +12,11 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.ingest.units import unit_in_name
-from ros_diagnostics_exporter.ingest.values import MAX_ELEMENTS, parse_numbers
+from ros_diagnostics_exporter.ingest.values import MAX_ELEMENTS, parse_numbers, parse_plain
 
 NUMBERS = [
     # key, text -> unit, number
@@ -161,3 +163,15 @@ def _pairs(node):
     elif isinstance(node, list):
         for value in node:
             yield from _pairs(value)
+
+
+@given(st.from_regex(r"[+-]?[0-9]{0,17}(\.[0-9]{0,19})?(e[0-9])?\s?", fullmatch=True))
+def test_a_plain_number_is_read_as_any_other(text):
+    found = parse_plain(text)
+
+    assert found is None or [found] == [each.value for each in parse_numbers("Voltage", text)]
+
+
+@pytest.mark.parametrize("text", ["0", "-7", "12.125", "0.000001", "999999999999999"])
+def test_what_most_drivers_write_is_plain(text):
+    assert parse_plain(text) == float(text)

@@ -96,6 +96,18 @@ SUBJECTS = [
     ),
     (
         "firing",
+        "HostCritical",
+        {**R1, "scope": "host", "state": "critical", "check": "disk", "key": "/home"},
+        "PROBLEM ** f/r1 disk /home is CRITICAL",
+    ),
+    (
+        "resolved",
+        "HostWarning",
+        {**R1, "scope": "host", "state": "warning", "check": "load"},
+        "RECOVERY ** f/r1 load is no longer WARNING",
+    ),
+    (
+        "firing",
         "ComponentFlapping",
         {**MOTOR, "scope": "flapping", "state": "flapping"},
         "FLAPPING ** f/r1 Motor 1 started flapping",
@@ -216,7 +228,7 @@ def test_subject(status: str, alert: str, labels: dict[str, str], subject: str, 
 @pytest.mark.parametrize("name", sorted(set(alerts()) - {"RosDiagnosticsWatchdog"}))
 def test_no_subject_has_the_name_of_its_alert(name: str, tmp_path: Path):
     """Those with a state of their own are faults; the others need a text in email.tmpl."""
-    faults = ("Component", "Value", "Check", "Many", "Robot", "Fleet", "Common", "Unacknowledged")
+    faults = ("Component", "Value", "Check", "Host", "Many", "Robot", "Fleet", "Common", "Unack")
     own = name.removeprefix("RosDiagnostics")
     state = {"state": "critical"} if own.startswith(faults) and "Served" not in own else {}
     labels = {**R1, **state, "alertname": name}

@@ -104,6 +104,8 @@ def test_only_the_hold_reads_what_it_records():
     assert itself == {
         "exporter:ros_diagnostics_exporter:held",
         "fleet:ros_diagnostics_fault_start:held",
+        "host_check:ros_diagnostics_host:held",
+        "host_check:ros_diagnostics_host:start",
         "robot:ros_diagnostics:info",
         "site_component:ros_diagnostics_fault:held",
         SLOT,

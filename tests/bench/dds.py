@@ -1,0 +1,254 @@
+"""What receiving a whole fleet over DDS costs: CPU and memory of the exporter, and lost messages.
+
+Robots publish arrays of 16 components with 64 values once a second, evenly spread over the second,
+from several processes on this machine. Each case has a fresh exporter, scraped as the shipped
+Prometheus does, and another share of components whose values change: none, a quarter, all.
+
+The yardstick of the same run is a process that takes the same messages with rclpy, 20 times a
+second as the exporter does, and does nothing with them. CPU is user and system time of the whole
+process with the middleware's threads; "DDS" is these threads' part. Messages are counted from the
+first to the last: those sent against `robot_messages_total`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from bench.hostile import peak_megabytes
+from bench.scraper import MESSAGES
+from bench.sim import cpu_seconds, resident_megabytes
+from testbed import domains, http
+from testbed.polling import until
+from testbed.ports import free_port
+from testbed.processes import Process
+
+EXPORTER = Path(sys.executable).with_name("ros-diagnostics-exporter")
+CONFIG = """\
+fleet: bench
+discovery:
+  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain_id}]}}
+limits: {{robots: 10000}}
+"""
+CHANGING = {"nothing changes": 0, "a quarter changes": 4, "every value changes": 16}
+BEGIN = 300.0  # seconds until all robots are matched
+SETTLE = 15.0  # seconds from the first message to the measurement
+CALM = 5.0  # seconds without a message after the last that is acknowledged: the rest is lost
+SCRAPES = (("/metrics?collect[]=faults", 2.0), ("/metrics?exclude[]=faults", 15.0))
+
+
+class Cost(NamedTuple):
+    """Of one process: cores, those of the middleware's threads, MB at the end and at most."""
+
+    cpu: float
+    middleware: float
+    resident: float
+    peak: float
+    received: int
+
+
+class Fleet:
+    """The robots, in several processes that publish until all is acknowledged."""
+
+    def __init__(self, site: Site, changing: int) -> None:
+        options = site.options
+        self._share = -(-options.robots // options.processes)
+        self._turns = int(SETTLE + options.seconds + SETTLE)
+        self.sent = options.robots * self._turns
+        self._processes = [
+            site.start_actor(
+                "fleet",
+                str(min(self._share, options.robots - first)),
+                f"--first={first}",
+                f"--changing={changing}",
+                seconds=self._turns,
+            )
+            for first in range(0, options.robots, self._share)
+        ]
+
+    def wait_until_all_publish(self) -> None:
+        """Until each process has found its subscriptions."""
+        for each in self._processes:
+            each.wait_for_output("turn 0", BEGIN)
+
+    def wait_for_end(self) -> str:
+        """Until all is sent and acknowledged; the last line of the slowest."""
+        for each in self._processes:
+            until(lambda each=each: not each.alive, each.describe, 2 * SETTLE + BEGIN)
+            if each.exit_code:
+                raise RuntimeError(each.describe())
+        return max(each.output().splitlines()[-1] for each in self._processes)
+
+
+class Site:
+    """A ROS domain and a folder of its own."""
+
+    def __init__(self, options: argparse.Namespace, domain_id: int, folder: Path) -> None:
+        self.options = options
+        self._domain_id = domain_id
+        self._environment = domains.environment(domain_id)
+        self._folder = folder
+        self._started: list[Process] = []
+
+    def start_exporter(self, address: str) -> Process:
+        """Start the exporter, which finds the fleet."""
+        config = self._folder / "fleet.yml"
+        config.write_text(CONFIG.format(domain_id=self._domain_id))
+        arguments = ["--config.file", config, "--web.listen-address", address]
+        arguments += ["--storage.path", self._folder / "exporter.db"]
+        return self._start("exporter", [EXPORTER, *arguments])
+
+    def start_actor(self, kind: str, *arguments: str, seconds: float) -> Process:
+        """Start one of `bench.actors` in this domain."""
+        argv = [sys.executable, "-m", "bench.actors", kind, str(self._domain_id)]
+        return self._start(f"{kind}-{len(self._started)}", [*argv, *arguments, str(seconds)])
+
+    def _start(self, name: str, argv: list[str | Path]) -> Process:
+        process = Process(name, argv, self._environment, self._folder / f"{name}.log")
+        self._started.append(process)
+        return process.start()
+
+    def close(self) -> None:
+        """End everything."""
+        for process in reversed(self._started):
+            process.stop()
+
+
+@contextmanager
+def site_for(options: argparse.Namespace) -> Iterator[Site]:
+    """A site that is closed at the end."""
+    with ExitStack() as stack:
+        domain_id = stack.enter_context(domains.lease())
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        site = Site(options, domain_id, folder)
+        stack.callback(site.close)
+        yield site
+
+
+def measure(process: Process, seconds: float) -> tuple[float, float]:
+    """(cores of the whole process, of the middleware's threads) from SETTLE on."""
+    time.sleep(SETTLE)
+    before, of_threads = cpu_seconds(process.pid), middleware_seconds(process.pid)
+    begin = time.monotonic()
+    time.sleep(seconds)
+    took = time.monotonic() - begin
+    spent = cpu_seconds(process.pid) - before, middleware_seconds(process.pid) - of_threads
+    return spent[0] / took, spent[1] / took
+
+
+def middleware_seconds(pid: int) -> float:
+    """User and system time so far of the threads that Fast DDS has named as its own."""
+    tasks = Path(f"/proc/{pid}/task").iterdir()
+    own = [each.name for each in tasks if (each / "comm").read_text().startswith("dds.")]
+    return sum(cpu_seconds(f"{pid}/task/{task}") for task in own)
+
+
+def taking(options: argparse.Namespace) -> Cost:
+    """What it costs to take the messages alone."""
+    with site_for(options) as site:
+        taker = site.start_actor("taker", str(options.robots), seconds=2 * BEGIN + options.seconds)
+        fleet = Fleet(site, CHANGING["every value changes"])
+        fleet.wait_until_all_publish()
+        cpu, middleware = measure(taker, options.seconds)
+        resident, peak = resident_megabytes(taker.pid), peak_megabytes(taker.pid)
+        fleet.wait_for_end()
+        pattern = rf"{fleet.sent} arrays taken"
+        taker.wait_for_output(pattern, SETTLE)
+        return Cost(cpu, middleware, resident, peak, fleet.sent)
+
+
+def exporting(options: argparse.Namespace, changing: int) -> tuple[Cost, Fleet, str]:
+    """What the exporter costs with the same messages."""
+    with site_for(options) as site:
+        address = f"127.0.0.1:{free_port()}"
+        exporter = site.start_exporter(address)
+        until(lambda: http.answers(address, "/-/ready"), exporter.describe, SETTLE)
+        fleet = Fleet(site, changing)
+        fleet.wait_until_all_publish()
+        with scraping(address):
+            cpu, middleware = measure(exporter, options.seconds)
+            resident, peak = resident_megabytes(exporter.pid), peak_megabytes(exporter.pid)
+            late = fleet.wait_for_end()
+        received = count_received(address)
+        while received < fleet.sent and (more := count_after(address, CALM)) > received:
+            received = more
+        return Cost(cpu, middleware, resident, peak, received), fleet, late
+
+
+def count_after(address: str, seconds: float) -> int:
+    """`count_received` after a pause."""
+    time.sleep(seconds)
+    return count_received(address)
+
+
+def count_received(address: str) -> int:
+    """The messages of all robots."""
+    text = http.get(address, "/metrics", seconds=60)
+    return sum(int(float(value)) for _robot, value in MESSAGES.findall(text))
+
+
+@contextmanager
+def scraping(address: str) -> Iterator[None]:
+    """Scrape as the shipped Prometheus does."""
+    stop = threading.Event()
+
+    def scrape(path: str, interval: float) -> None:
+        while not stop.wait(interval):
+            http.get(address, path, seconds=60)
+
+    threads = [threading.Thread(target=scrape, args=each) for each in SCRAPES]
+    for each in threads:
+        each.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        for each in threads:
+            each.join()
+
+
+def main() -> None:
+    """Print a line for each case."""
+    parser = argparse.ArgumentParser(
+        "./run bench dds",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--robots", type=int, default=1000)
+    parser.add_argument("--processes", type=int, default=4, help="that the robots are spread over")
+    parser.add_argument("--seconds", type=float, default=60.0, help="of each case")
+    parser.add_argument(
+        "--changing", type=re.compile, default=re.compile(""), help="only cases that match this"
+    )
+    options = parser.parse_args()
+    processes = f"in {options.processes} processes"
+    print(f"{options.robots} robots at 1 Hz {processes}, {options.seconds:g} s a case")
+    print(f"{'':<28}{'CPU':>6}{'of taking':>11}{'DDS':>6}{'MB':>6}{'peak':>6}{'lost':>6}")
+    yardstick = taking(options)
+    print_row("taking alone", yardstick, yardstick, 0)
+    for what, changing in CHANGING.items():
+        if options.changing.search(what):
+            cost, fleet, _late = exporting(options, changing)
+            print_row(what, cost, yardstick, fleet.sent - cost.received)
+
+
+def print_row(what: str, cost: Cost, yardstick: Cost, lost: int) -> None:
+    """One case."""
+    ratio = cost.cpu / yardstick.cpu
+    print(
+        f"{what:<28}{cost.cpu:>6.1%}{ratio:>11.2f}{cost.middleware:>6.1%}"
+        f"{cost.resident:>6.0f}{cost.peak:>6.0f}{lost:>6}",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    main()

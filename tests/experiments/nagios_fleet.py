@@ -1,0 +1,172 @@
+"""Virtual robots, and a command by which Nagios checks them: it asks the robot or the exporter."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench.scraper import UP
+from support import nagios_program
+from testbed import configuration, domains, http, programs
+from testbed.polling import until
+from testbed.ports import free_port
+from testbed.processes import Process
+
+WAYS = ("subscriber", "exporter")
+START_SECONDS = 120.0
+OBJECTS = """\
+define timeperiod {{
+  timeperiod_name always
+  alias always
+  monday 00:00-24:00
+  tuesday 00:00-24:00
+  wednesday 00:00-24:00
+  thursday 00:00-24:00
+  friday 00:00-24:00
+  saturday 00:00-24:00
+  sunday 00:00-24:00
+}}
+define command {{
+  command_name check
+  command_line {check} -H $HOSTNAME$ -N "$ARG1$"
+}}
+define command {{
+  command_name notify
+  command_line {notify}
+}}
+define command {{
+  command_name alive
+  command_line /bin/true
+}}
+define contact {{
+  contact_name operator
+  host_notifications_enabled 0
+  host_notification_period always
+  service_notification_period always
+  service_notification_options c,r
+  host_notification_commands alive
+  service_notification_commands notify
+}}
+"""
+HOST = """\
+define host {{
+  host_name {robot}
+  address {robot}
+  check_command alive
+  active_checks_enabled 0
+  max_check_attempts 1
+  contacts operator
+}}
+"""
+SERVICE = """\
+define service {{
+  host_name {robot}
+  service_description {service}
+  check_command check!{pattern}
+  max_check_attempts {attempts}
+  check_interval {interval}
+  retry_interval {interval}
+  notification_period always
+  notification_interval 0
+  contacts operator
+}}
+"""
+# All services are checked within the first minute.
+SETTINGS = "max_service_check_spread=1\nservice_check_timeout=60\n"
+
+
+@dataclass(frozen=True)
+class NagiosFleet:
+    """The running robots, and the exporter where it is asked."""
+
+    folder: Path
+    environment: dict[str, str]
+    domain_id: int
+    robots: Process
+    exporter: Process | None
+    check: str  # the command without its arguments
+
+
+@contextmanager
+def running(robots: int, way: str) -> Iterator[NagiosFleet]:
+    """Start so many robots and, for the way `exporter`, an exporter that has received them all.
+
+    Raises:
+        TimeoutError: It was not ready in time.
+    """
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="experiment-")))
+        domain_id = stack.enter_context(domains.lease())
+        environment = domains.environment(domain_id) | {
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",  # LOCALHOST has 32 participants at most
+            "ROS_LOG_DIR": str(folder / "ros-log"),
+        }
+
+        def start(name: str, argv: list[str]) -> Process:
+            process = Process(name, argv, environment, folder / f"{name}.log")
+            stack.callback(process.stop)
+            return process.start()
+
+        fleet = start("robots", programs.virtual_robots(robots, 1, domain_id))
+        fleet.wait_for_output("ready: .*\n", START_SECONDS)
+        if way == "subscriber":
+            plugin = Path(__file__).with_name("check_by_subscription.py")
+            check = f"{sys.executable} {plugin}"
+            yield NagiosFleet(folder, environment, domain_id, fleet, None, check)
+            return
+        address, config = f"127.0.0.1:{free_port()}", folder / "fleet.yml"
+        config.write_text(
+            f"fleet: {configuration.FLEET}\ndiscovery:\n"
+            f'  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain_id}]}}\n'
+        )
+        argv = programs.exporter(config, address, folder / "exporter.db", "127.0.0.1:1")
+        exporter = start("exporter", argv)
+        until(lambda: up(address) == robots, f"{robots} robots", START_SECONDS, every=0.5)
+        check = f"{programs.own('check_ros_diagnostics')} --url http://{address}"
+        yield NagiosFleet(folder, environment, domain_id, fleet, exporter, check)
+
+
+def up(address: str) -> int:
+    """Return how many robots the exporter there receives; 0 while it does not answer."""
+    try:
+        text = http.get(address, "/metrics", seconds=10.0)
+    except http.Unanswered:
+        return 0
+    return sum(float(value) == 1 for _, value in UP.findall(text))
+
+
+def nagios(
+    fleet: NagiosFleet,
+    robots: int,
+    services: dict[str, str],
+    *,
+    interval: int,
+    attempts: int = 4,
+    notify: str = "/bin/true",
+) -> Process:
+    """Return a Nagios, not yet started, with its files in the folder `nagios` of the fleet's.
+
+    Args:
+        fleet: What is checked, and how.
+        robots: How many.
+        services: Of each robot: name -> text in the names of its components.
+        interval: Seconds between two checks, and two attempts.
+        attempts: Checks that have to fail before a notification.
+        notify: The command of a notification.
+    """
+    names = [f"robot_{number + 1}" for number in range(robots)]
+    objects = [OBJECTS.format(check=fleet.check, notify=notify)]
+    for name in names:
+        objects.append(HOST.format(robot=name))
+        objects += [
+            SERVICE.format(
+                robot=name, service=service, pattern=pattern, interval=interval, attempts=attempts
+            )
+            for service, pattern in services.items()
+        ]
+    folder = fleet.folder / "nagios"
+    return nagios_program.prepare(folder, "".join(objects), SETTINGS, fleet.environment)

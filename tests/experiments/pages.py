@@ -1,0 +1,47 @@
+"""Puts the results of docs/experiments/ into the pages that show them.
+
+A page has `<!-- result: NAME -->` and `<!-- end -->`; what is between them becomes NAME.md and the
+plot. `./run experiment pages` writes the pages, after results were copied to docs/experiments/.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from experiments.machine import CHECKOUT
+
+DOCS = CHECKOUT / "docs"
+PAGES = ("experiments.md", "performance.md")
+SECTION = re.compile(r"(<!-- result: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def filled(page: str, folder: Path) -> str:
+    """Return a page with its results put in.
+
+    Raises:
+        FileNotFoundError: A result that it names is not in ``folder``.
+    """
+
+    def section(found: re.Match[str]) -> str:
+        begin, name, end = found.groups()
+        text = (folder / f"{name}.md").read_text()
+        plot = folder / f"{name}.png"
+        image = f"![{name}]({folder.name}/{plot.name})\n\n" if plot.exists() else ""
+        return f"{begin}\n{image}{text}\n{end}"
+
+    return SECTION.sub(section, page)
+
+
+def main() -> None:
+    """Write the pages."""
+    for name in PAGES:
+        path = DOCS / name
+        text = filled(path.read_text(), DOCS / "experiments")
+        if text != path.read_text():
+            path.write_text(text)
+            print(f"{path.relative_to(CHECKOUT)} written")
+
+
+if __name__ == "__main__":
+    main()

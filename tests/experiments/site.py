@@ -1,0 +1,275 @@
+"""Exporter, Prometheus and Alertmanager as shipped, with a fleet of any size, and what they use."""
+
+from __future__ import annotations
+
+import random
+import re
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median, quantiles
+from typing import NamedTuple
+
+import httpx
+
+from bench.scraper import MESSAGES, Scraper
+from experiments import fleet
+from experiments.usage import usage
+from testbed import configuration, domains, http, programs, servers
+from testbed.polling import until
+from testbed.ports import free_port
+from testbed.processes import Process
+from testbed.servers import Server
+
+START_SECONDS = 240.0
+SETTLE = 20.0  # seconds from when all is there: a scrape of all jobs, and some evaluations
+SLICE = 10.0  # seconds; CPU is measured in such slices, so that its spread is known
+AGES = 6  # random moments of a slice at which the age of what is shown is read
+EVALUATION_INTERVAL = 5.0
+CHECKOUT = configuration.CHECKOUT
+NUMBER = re.compile(
+    rb'^ros_diagnostics_component_value\{[^\n]*?robot="([^"\n]+)"'
+    rb'[^\n]*key="Sequence"[^\n]*\} (\S+)$',
+    re.MULTILINE,
+)
+FLEET_YML = """\
+fleet: demo
+limits: {{robots: 10000, series: 5000000, components: 2000}}
+profiles: {{default: {{stale_after: 5s, confirm_after: 10s}}}}
+discovery:
+  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain_id}], labels: {{site: hall}}}}
+"""
+
+
+class Workload(NamedTuple):
+    """What the fleet sends; ``rate`` in arrays a second of a robot, ``faults`` in components."""
+
+    robots: int
+    components: int = 16
+    values: int = 4
+    rate: float = 1.0
+    faults: int = 0
+
+    @property
+    def messages(self) -> float:
+        """Messages a second of the whole fleet."""
+        return self.robots * self.rate
+
+
+@dataclass(frozen=True)
+class Site:
+    """The running programs by name, and where they listen."""
+
+    programs: dict[str, Server]
+    addresses: configuration.Addresses
+
+    @property
+    def exporter(self) -> str:
+        """HOST:PORT."""
+        return self.addresses.exporter
+
+    def query(self, promql: str) -> list[http.Sample]:
+        """Return the instant vector of an expression."""
+        return http.query(self.addresses.prometheus, promql)
+
+    def number(self, promql: str) -> float:
+        """Return the only value of an expression; NaN where there is none."""
+        found = self.query(promql)
+        return found[0].value if found else float("nan")
+
+
+@contextmanager
+def running(workload: Workload) -> Iterator[Site]:
+    """Start everything, yield when Prometheus has every robot and fault, stop everything.
+
+    A robot of which too little is received may be silent: that is for the result.
+
+    Raises:
+        TimeoutError: It was not ready in time.
+    """
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="experiment-")))
+        domain_id = stack.enter_context(domains.lease())
+        site = _prepare(folder, domain_id, workload)
+        for server in site.programs.values():
+            stack.callback(server.process.stop)
+            server.process.start()
+        site.programs["fleet"].process.wait_for_output("ready", START_SECONDS)
+        for name in ("exporter", "prometheus", "alertmanager"):
+            site.programs[name].wait_until_ready()
+        _wait_for_robots(site, workload)
+        yield site
+
+
+def _prepare(folder: Path, domain_id: int, workload: Workload) -> Site:
+    environment = domains.environment(domain_id) | {
+        # UDP, as between machines; with LOCALHOST rmw_fastrtps always uses shared memory.
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
+        "ROS_LOG_DIR": str(folder / "ros-log"),
+        "PYTHONPATH": str(CHECKOUT / "tests"),
+    }
+    addresses = configuration.Addresses(*(f"127.0.0.1:{free_port()}" for _ in range(5)))
+    configs = configuration.write(folder, domain_id, addresses, configuration.Clocks())
+    configs.fleet.write_text(FLEET_YML.format(domain_id=domain_id))
+    exporter = programs.exporter(
+        configs.fleet, addresses.exporter, folder / "exporter.db", addresses.alertmanager
+    )
+    argv = [sys.executable, "-m", "experiments.fleet", *fleet.arguments(*workload)]
+    return Site(
+        {
+            "fleet": Server(Process("fleet", argv, environment, folder / "fleet.log")),
+            "exporter": Server(
+                Process("exporter", exporter, environment, folder / "exporter.log"),
+                addresses.exporter,
+            ),
+            "prometheus": servers.prometheus(folder, configs.prometheus, addresses.prometheus),
+            "alertmanager": servers.alertmanager(
+                folder, configs.alertmanager, addresses.alertmanager
+            ),
+        },
+        addresses,
+    )
+
+
+def _wait_for_robots(site: Site, workload: Workload) -> None:
+    def there() -> bool:
+        try:
+            known = site.number("count(ros_diagnostics_robot_up)")
+            faults = site.number('count(ALERTS{alertstate="firing",component!=""})')
+        except http.Unanswered:  # too busy
+            return False
+        return known == workload.robots and (workload.faults == 0 or faults >= workload.faults)
+
+    until(there, f"{workload.robots} robots in Prometheus", START_SECONDS, every=1.0)
+
+
+@dataclass
+class _Samples:
+    """What is read while the measuring lasts."""
+
+    cpu: dict[str, list[float]] = field(default_factory=dict)  # of one core, by slice
+    evaluation: list[float] = field(default_factory=list)  # seconds of all rules, for 5 s
+    age: list[float] = field(default_factory=list)  # seconds, of every robot at every moment
+
+
+def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
+    """Measure for so many seconds.
+
+    CPU in cores (mean, and the lowest and highest of slices of 10 s), memory in MB at the end,
+    ages and durations in seconds, network in kB/s.
+    """
+    pause = threading.Event()
+    pause.wait(SETTLE)
+    scraper, samples = Scraper(site.exporter), _Samples()
+    before = _counts(scraper.text())
+    bytes_before = _payload(site)
+    for _ in range(round(seconds / SLICE)):
+        began = time.monotonic()
+        used = {name: usage(server.process.pid).cpu for name, server in site.programs.items()}
+        for _ in range(AGES):
+            pause.wait(random.uniform(0, 2 * SLICE / AGES))
+            _sample_age(site, samples)
+        pause.wait(max(0.0, began + SLICE - time.monotonic()))
+        elapsed = time.monotonic() - began
+        for name, server in site.programs.items():
+            share = (usage(server.process.pid).cpu - used[name]) / elapsed
+            samples.cpu.setdefault(name, []).append(share)
+        _sample_evaluation(site, samples)
+    after = _counts(scraper.text())
+    lost = [
+        (after[robot][1] - before[robot][1]) - (after[robot][0] - before[robot][0])
+        for robot in before
+    ]
+    received = sum(after[robot][0] - before[robot][0] for robot in before)
+    return {
+        **workload._asdict(),
+        **_usage(site, samples),
+        "up": site.number("count(ros_diagnostics_robot_up == 1)"),
+        "messages": received,
+        "lost": sum(lost),
+        "payload_rate": round((_payload(site) - bytes_before) / seconds / 1e3, 1),
+        **_scrapes(site, seconds),
+        "evaluation_seconds": round(median(samples.evaluation), 4),
+        "age_p50": round(median(samples.age), 2),
+        "age_p95": round(quantiles(samples.age, n=20, method="inclusive")[-1], 2),
+        "age_max": round(max(samples.age), 2),
+    }
+
+
+def _sample_evaluation(site: Site, samples: _Samples) -> None:
+    groups = http.get_json(site.addresses.prometheus, "/api/v1/rules")["data"]["groups"]
+    shares = (group["evaluationTime"] * EVALUATION_INTERVAL / group["interval"] for group in groups)
+    samples.evaluation.append(sum(shares))
+
+
+def _sample_age(site: Site, samples: _Samples) -> None:
+    """Read how old the last message of each robot is, as Prometheus shows it now."""
+    age = "time() - ros_diagnostics_robot_last_message_timestamp_seconds"
+    samples.age.extend(each.value for each in site.query(age))
+
+
+def _usage(site: Site, samples: _Samples) -> dict[str, float]:
+    row: dict[str, float] = {}
+    for name, shares in samples.cpu.items():
+        row |= {
+            f"{name}_cpu": round(sum(shares) / len(shares), 4),
+            f"{name}_cpu_low": round(min(shares), 4),
+            f"{name}_cpu_high": round(max(shares), 4),
+            f"{name}_memory": round(usage(site.programs[name].process.pid).memory, 1),
+        }
+    return row
+
+
+def _counts(text: bytes) -> dict[str, tuple[int, int]]:
+    """Return of each robot how many messages were received, and the number of the last."""
+    received = {robot: int(float(value)) for robot, value in MESSAGES.findall(text)}
+    last = {robot: int(float(value)) for robot, value in NUMBER.findall(text)}
+    return {robot.decode(): (received[robot], last[robot]) for robot in received.keys() & last}
+
+
+def _payload(site: Site) -> float:
+    text = http.get(site.exporter, "/metrics", seconds=30.0)
+    found = re.findall(
+        rb"^ros_diagnostics_robot_message_bytes_total\{.*\} (\S+)$", text, re.MULTILINE
+    )
+    return sum(float(each) for each in found)
+
+
+def _scrapes(site: Site, seconds: float) -> dict[str, float]:
+    """Return how long Prometheus' scrapes took, how many failed, and how much they transfer."""
+    robots, faults = ('job="ros-diagnostics"', 'job="ros-diagnostics-faults"')
+    since = f"[{seconds:.0f}s]"
+    sizes = {"robots": "exclude[]=faults", "faults": "collect[]=faults"}
+    zipped = {name: _transferred(site, query) for name, query in sizes.items()}
+    return {
+        "samples": site.number(f"scrape_samples_scraped{{{robots}}}"),
+        "scrape_seconds": site.number(f"avg_over_time(scrape_duration_seconds{{{robots}}}{since})"),
+        "scrape_seconds_max": site.number(
+            f"max_over_time(scrape_duration_seconds{{{robots}}}{since})"
+        ),
+        "faults_scrape_seconds": site.number(
+            f"avg_over_time(scrape_duration_seconds{{{faults}}}{since})"
+        ),
+        "scrapes_failed": site.number(
+            f'sum(count_over_time(up{{instance="{site.exporter}"}}{since})'
+            f' - sum_over_time(up{{instance="{site.exporter}"}}{since}))'
+        ),
+        # kB/s at the shipped intervals, 15 s and 2 s
+        "scrape_rate": round((zipped["robots"] / 15 + zipped["faults"] / 2) / 1e3, 2),
+    }
+
+
+def _transferred(site: Site, query: str) -> int:
+    """Return the bytes of one answer as they are sent, compressed."""
+    url = f"http://{site.exporter}/metrics?{query}"
+    headers = {"Accept-Encoding": "gzip"}
+    with (
+        httpx.Client(trust_env=False) as client,
+        client.stream("GET", url, headers=headers, timeout=60.0) as response,
+    ):
+        return sum(len(each) for each in response.iter_raw())
