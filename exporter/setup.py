@@ -15,7 +15,7 @@ setup(
     name=NAME,
     version=VERSION[1] if VERSION else "0",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={"": ["*.json", "*.yaml", "py.typed"]},
+    package_data={"": ["*.json", "*.xml", "*.yaml", "py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -27,6 +27,7 @@ setup(
             f"nagios2fleet = {NAME}.cli.nagios2fleet:main",
             f"ros-diagnostics-ack = {NAME}.cli.ack:main",
             f"ros-diagnostics-backtest = {NAME}.cli.backtest:main",
+            f"ros-diagnostics-compare = {NAME}.cli.compare_nagios:main",
             f"ros-diagnostics-downtime = {NAME}.cli.downtime:main",
             f"ros-diagnostics-exporter = {NAME}.cli.main:main",
             f"ros-diagnostics-oncall = {NAME}.cli.oncall:main",

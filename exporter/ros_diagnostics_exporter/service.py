@@ -217,14 +217,14 @@ class Service:
 
     # -- the web server's Backend --------------------------------------------------------------
 
-    def render_metrics(self, openmetrics: bool, parts: Collection[Part]) -> bytes:
+    def render_metrics(self, openmetrics: bool, parts: Collection[Part]) -> list[bytes]:
         """These parts of the exposition."""
         begin = time.perf_counter()
-        text = self._exposition.render(openmetrics=openmetrics, parts=parts)
+        pieces = self._exposition.pieces(openmetrics=openmetrics, parts=parts)
         own = self._self_metrics.render(openmetrics=openmetrics, parts=parts)
         self._exporter.scrapes += 1
         self._exporter.scrape_seconds = time.perf_counter() - begin
-        return b"".join((text, own, EOF if openmetrics else b""))
+        return [*pieces, own, EOF if openmetrics else b""]
 
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""

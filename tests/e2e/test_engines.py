@@ -1,8 +1,8 @@
 """The shipped rules, unchanged but for short durations, on every engine that may evaluate them.
 
-A fault and its recovery, the death of the exporter in it, and a silent robot, on the Prometheus in
-PATH (or $PROMETHEUS), the same with concurrent evaluation where it has that, and vmalert over
-VictoriaMetrics.
+A fault and its recovery, the death of the exporter in it, a silent robot, and the load of a
+robot's computer, on the Prometheus in PATH (or $PROMETHEUS), the same with concurrent evaluation
+where it has that, and vmalert over VictoriaMetrics.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import subprocess
 import urllib.request
 from collections.abc import Iterator
 from contextlib import ExitStack
+from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ import yaml
 
 from e2e.rule_scenarios.stack import Orders
 from support import short_clocks, victoriametrics
+from support.loopback import answering
 from testbed import domains, http, programs, servers
 from testbed.configuration import CHECKOUT
 from testbed.polling import until
@@ -42,19 +44,43 @@ SILENT = "RobotSilent robot_2"
 DOWN = "ExporterDown"
 
 
-class Site:
-    """Two robots, their exporter and one engine; which alerts fire."""
+class Computer:
+    """The address at which the load of a robot's computer is served, as node_exporter does."""
 
-    def __init__(self, exporter: Process, address: str, alerts: str, orders: Orders) -> None:
+    def __init__(self, stack: ExitStack) -> None:
+        self.load = 1.0
+        computer = self
+
+        class Metrics(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                self.send_response(200)
+                self.end_headers()
+                self.wfile.write(f"node_load1 {computer.load}\n".encode())
+
+        self.address = stack.enter_context(answering(Metrics))
+
+
+class Site:
+    """Two robots, their exporter, a computer and one engine; which alerts fire."""
+
+    def __init__(
+        self, exporter: Process, address: str, alerts: str, orders: Orders, computer: Computer
+    ) -> None:
+        self.computer = computer
         self.exporter = exporter
         self.address = address
         self.orders = orders
         self._alerts = alerts
 
+    def alerts(self) -> list[dict[str, dict[str, str]]]:
+        """All alerts of the engine."""
+        with urllib.request.urlopen(f"http://{self._alerts}/api/v1/alerts", timeout=10) as answer:
+            found: list[dict[str, dict[str, str]]] = json.load(answer)["data"]["alerts"]
+            return found
+
     def firing(self) -> set[str]:
         """The alerts about the fleet."""
-        with urllib.request.urlopen(f"http://{self._alerts}/api/v1/alerts", timeout=10) as answer:
-            alerts = json.load(answer)["data"]["alerts"]
+        alerts = self.alerts()
         return {
             " ".join(filter(None, (_name(each), labels.get("robot"), labels.get("component"))))
             for each in alerts
@@ -86,8 +112,9 @@ def _name(alert: dict[str, dict[str, str]]) -> str:
 @pytest.fixture(params=["prometheus", "concurrent", "vmalert"])
 def site(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Site]:
     address = f"127.0.0.1:{free_port()}"
-    config = _prometheus(tmp_path, address)
     with ExitStack() as stack:
+        computer = Computer(stack)
+        config = _prometheus(tmp_path, address, computer.address)
         domain = stack.enter_context(domains.lease())
         environment = domains.environment(domain) | {"ROS_LOG_DIR": str(tmp_path / "ros-log")}
         (tmp_path / "fleet.yml").write_text(FLEET.format(domain=domain))
@@ -103,15 +130,21 @@ def site(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Site]:
         stack.callback(orders.close)
         start = _vmalert if request.param == "vmalert" else _start_prometheus
         alerts = start(stack, tmp_path, config, concurrent=request.param == "concurrent")
-        yield Site(exporter, address, alerts, orders)
+        yield Site(exporter, address, alerts, orders, computer)
 
 
-def _prometheus(folder: Path, exporter: str) -> Path:
+def _prometheus(folder: Path, exporter: str, computer: str) -> Path:
     shutil.copytree(CHECKOUT / "prometheus", folder / "prometheus")
     targets = folder / "prometheus" / "targets"
     for path in targets.glob("*.yml"):
         path.write_text("[]")
     (targets / "ros-diagnostics.yml").write_text(yaml.safe_dump([{"targets": [exporter]}]))
+    target = {"targets": [computer], "labels": {"fleet": "hall", "robot": "robot_1"}}
+    job = {"job_name": "ros-diagnostics-node", "static_configs": [target]}
+    short_clocks.edit(
+        folder / "prometheus" / "prometheus.yml",
+        lambda config: config["scrape_configs"].append(job),
+    )
     short_clocks.set_interval(folder / "prometheus", SECONDS)
     short_clocks.scale(folder / "prometheus" / "rules")
     return folder / "prometheus" / "prometheus.yml"
@@ -157,4 +190,16 @@ def test_a_fault_the_death_of_its_exporter_and_a_silent_robot(site: Site):
     site.orders.give([("robot_1/Motor 1", "ok")])
     site.becomes(SILENT)
     site.orders.give([("robot_2", "resume")])
+    site.becomes()
+
+
+def test_a_warning_of_a_computer_that_becomes_critical_and_is_over(site: Site):
+    until(site.ready, "the exporter receives both robots", 60)
+    site.computer.load = 5.5
+    site.becomes("HostWarning robot_1")
+    site.computer.load = 12.25
+    site.becomes("HostWarning robot_1", "HostCritical robot_1", keeps="HostWarning robot_1")
+    evidence = {_name(each): each["annotations"].get("evidence") for each in site.alerts()}
+    assert evidence["HostCritical"] == "12.25 load average"
+    site.computer.load = 1.0
     site.becomes()

@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from ros_diagnostics_exporter.cli import ack
 from support import host_checks, prometheus_site, short_clocks
 from support.link import Link
 from support.loopback import answering
@@ -251,7 +252,9 @@ def mail(kind: str, what: str) -> str:
 DISK_WARNING = ("disk", "warning")
 
 
-def test_a_load_is_a_warning_then_critical_at_once_and_recovers_by_mails(site: Site):
+def test_a_load_is_a_warning_then_critical_at_once_and_recovers_by_mails(
+    site: Site, capsys: pytest.CaptureFixture[str]
+):
     site.wait_for_faults(DISK_WARNING)
     site.wait_for(mail("PROBLEM", f"disk {site.computer.proc.parent} is WARNING"))
     site.computer.load(5.0)
@@ -263,6 +266,10 @@ def test_a_load_is_a_warning_then_critical_at_once_and_recovers_by_mails(site: S
     site.computer.load(10.01)
     site.wait_for(mail("PROBLEM", "load is CRITICAL"))
     assert site.faults() == {DISK_WARNING, ("load", "warning"), ("load", "critical")}
+    who = ("--author", "ann", "--comment", "a map is being built")
+    url = f"http://{site.servers.alertmanager}"
+    assert ack.main(["robot_1", "load", *who, "--url", url]) == 0
+    assert "hall/robot_1 load CRITICAL" in capsys.readouterr().out
     site.computer.load(0.5)
     site.wait_for(
         mail("RECOVERY", "load is no longer CRITICAL"),

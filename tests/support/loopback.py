@@ -10,11 +10,15 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from testbed.ports import free_port
 
 
+class _Server(ThreadingHTTPServer):
+    request_queue_size = 1024  # many clients at once; the default of 5 lets them try again
+
+
 @contextmanager
 def answering(handler: type[BaseHTTPRequestHandler]) -> Iterator[str]:
     """Answer with ``handler`` while the context lasts; it logs no requests. Yields HOST:PORT."""
     quiet = type("Quiet", (handler,), {"log_message": lambda *_: None})
-    server = ThreadingHTTPServer(("127.0.0.1", free_port()), quiet)
+    server = _Server(("127.0.0.1", free_port()), quiet)
     thread = threading.Thread(target=server.serve_forever, args=(0.05,))
     thread.start()
     try:

@@ -1,7 +1,7 @@
-"""Hosts in subnets of their own behind a router, as network namespaces: multicast ends at the router.
+"""Hosts in subnets of their own behind a router, as network namespaces: multicast ends there.
 
-All of it is in one namespace of users, networks and mounts, so that it needs no root where the kernel
-lets users make these, it collides with nothing on this machine, and is gone with its first process.
+All of it is in one namespace of users, networks and mounts: it needs no root where the kernel lets
+users make these, collides with nothing on this machine, and is gone with its first process.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from testbed.polling import until
 from testbed.processes import Process
 
 # The router forwards; the kernel has no multicast routing unless a daemon sets it up.
-START = """
+ROUTED = """
 mount -t tmpfs tmpfs /run
 ip link set lo up
 echo 1 > /proc/sys/net/ipv4/ip_forward
@@ -33,6 +33,23 @@ for host in "$@"; do
     ip -n "$host" link set lo up
     ip -n "$host" link set eth0 up
     ip -n "$host" route add default via "10.77.$number.1"
+done
+echo ready
+exec sleep infinity
+"""
+SWITCHED = """
+mount -t tmpfs tmpfs /run
+ip link add switch type bridge
+ip link set switch up
+number=0
+for host in "$@"; do
+    number=$((number + 1))
+    ip netns add "$host"
+    ip link add "to$number" type veth peer name eth0 netns "$host"
+    ip link set "to$number" master switch up
+    ip -n "$host" address add "10.77.$number.2/16" dev eth0
+    ip -n "$host" link set lo up
+    ip -n "$host" link set eth0 up
 done
 echo ready
 exec sleep infinity
@@ -53,26 +70,34 @@ def missing() -> str:
 
 
 class Subnets:
-    """One host in each subnet; all reach each other through the router, by unicast only."""
+    """Hosts that reach each other, by unicast only unless they are in one subnet.
 
-    def __init__(self, stack: ExitStack, folder: Path, hosts: Sequence[str]) -> None:
+    Args:
+        stack: Ends all of it.
+        folder: For what the programs write.
+        hosts: Their names.
+        layout: ``ROUTED``, each in a subnet of its own, or ``SWITCHED``, all in one.
+    """
+
+    def __init__(
+        self, stack: ExitStack, folder: Path, hosts: Sequence[str], layout: str = ROUTED
+    ) -> None:
         self._stack = stack
         self._folder = folder
-        self._hosts = list(hosts)
         self._started = 0
         unshare = ["unshare", "--user", "--map-root-user", "--net", "--mount", "--"]
-        self._router = self._start("router", [*unshare, "sh", "-ec", START, "sh", *hosts], None)
+        self._router = self._start("router", [*unshare, "sh", "-ec", layout, "sh", *hosts], None)
         self._router.wait_for_output("ready")
         # Fast DDS uses the interfaces that have a carrier when a participant starts.
         until(lambda: all(map(self._is_up, hosts)), "the interfaces of the hosts are up")
 
-    def address(self, host: str) -> str:
-        """The IPv4 address of a host."""
-        return f"10.77.{self._hosts.index(host) + 1}.2"
-
     def start(self, host: str, argv: Sequence[str | Path], env: Mapping[str, str]) -> Process:
         """Start a program on a host; it ends with the stack."""
         return self._start(f"{host}-{Path(argv[0]).name}", [*self._into(host), *argv], env)
+
+    def run(self, host: str, *argv: str) -> None:
+        """Run a command on a host until it ends, which has to be without an error."""
+        subprocess.run([*self._into(host), *argv], check=True)
 
     def fetch(self, host: str, url: str) -> str:
         """What a server answers to a host.
@@ -85,18 +110,6 @@ class Subnets:
         if done.returncode:
             raise OSError(done.stderr)
         return done.stdout
-
-    def disconnect(self, host: str) -> None:
-        """Cut a host off from the router."""
-        self._set_link(host, "down")
-
-    def connect(self, host: str) -> None:
-        """Connect it again."""
-        self._set_link(host, "up")
-
-    def _set_link(self, host: str, state: str) -> None:
-        number = self._hosts.index(host) + 1
-        subprocess.run([*self._enter(), "ip", "link", "set", f"to{number}", state], check=True)
 
     def _is_up(self, host: str) -> bool:
         argv = [*self._enter(), "ip", "-json", "-n", host, "link", "show", "eth0"]

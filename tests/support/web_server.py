@@ -7,7 +7,7 @@ import socket
 import ssl
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -134,15 +134,15 @@ def no_targets(job: str, _port: int | None) -> list[dict[str, Any]]:
     raise LookupError(job)
 
 
-def render_metrics(openmetrics: bool, _parts: frozenset[Part]) -> bytes:
-    return b"openmetrics\n" if openmetrics else b"text\n"
+def render_metrics(openmetrics: bool, _parts: frozenset[Part]) -> list[bytes]:
+    return [b"openmetrics\n" if openmetrics else b"text\n"]
 
 
 @dataclass(frozen=True)
 class FakeBackend:
     """A Backend made of functions."""
 
-    render_metrics: Callable[[bool, frozenset[Part]], bytes] = render_metrics
+    render_metrics: Callable[[bool, frozenset[Part]], Sequence[bytes]] = render_metrics
     fleet_snapshot: Callable[[], dict[str, Any]] = fleet
     faults: Callable[[], dict[str, Any]] = no_faults
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []

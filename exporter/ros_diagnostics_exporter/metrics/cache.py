@@ -27,25 +27,46 @@ def number(value: float) -> str:
 
 
 class RobotText:
-    """The text of one robot. ``update`` is to be called while holding the state's lock."""
+    """The text of one robot. ``update`` is to be called while holding the state's lock.
+
+    ``chunks`` and ``series`` are by family: its samples, and how many these are. ``changed`` are
+    the families whose chunks are others than when it was last cleared.
+    """
 
     def __init__(self, fleet: str, exporter: str, robot: Robot) -> None:
         self.fleet = fleet
         self.exporter = exporter
         self.robot = robot
         self.chunks: dict[str, bytes] = {}
+        self.series: dict[str, int] = {}
+        self.changed: set[str] = set()
         self.promoted: set[str] = set()
         self._base = f'fleet="{escape(fleet)}",robot="{escape(robot.settings.name)}"'
         self._exporter_label = f',exporter="{escape(exporter)}"' if exporter else ""
         self._seen: Versions | None = None
-        self._values_due = True
+        self._presence: tuple[bool, str | None] | None = None
+        self._receipt_due = self._values_due = True
         self._labels: list[tuple[Component, str]] = []  # group and component, rendered
         self._values: dict[str, list[tuple[str, Value]]] = {}
         self._reasons: set[str] = set()  # every reason that ever applied
 
-    def update(self, *, values: bool = True) -> None:
-        """Render what changed since the last call; without ``values``, these only later."""
+    def update(self, *, everything: bool = True) -> None:
+        """Render what changed since the last call.
+
+        Without ``everything`` what most messages change is rendered only later.
+        """
         new, old = self.robot.versions, self._seen
+        if new != old:
+            self._update_parts(new, old)
+            self._seen = new.copy()
+        if everything and self._receipt_due:
+            self._render_receipt()
+            self._receipt_due = False
+        if everything and self._values_due:
+            self._render_values()
+            self._values_due = False
+
+    def _update_parts(self, new: Versions, old: Versions | None) -> None:
         structure = old is None or new.structure != old.structure
         inventory = old is None or new.inventory != old.inventory
         if structure or inventory:
@@ -53,22 +74,29 @@ class RobotText:
         if inventory:
             self._render_inventory()
         if old is None or new.receipt != old.receipt:
-            self._render_receipt()
+            self._receipt_due = True
+            self._render_presence()
         if old is None or new.rejections != old.rejections:
             self._render_rejections()
         if structure or inventory or old is None or new.levels != old.levels:
             self._render_levels()
         if structure or inventory or old is None or new.values != old.values:
             self._values_due = True
-        if values and self._values_due:
-            self._render_values()
-            self._values_due = False
         if structure or old is None or new.groups != old.groups:
             self._render_groups()
-        self._seen = new.copy()
 
     def _set(self, family: Family, lines: Iterable[str]) -> None:
-        self.chunks[family.name] = "".join(lines).encode()
+        self._set_chunk(family.name, list(lines))
+
+    def _set_chunk(self, name: str, lines: list[str]) -> None:
+        self.chunks[name] = "".join(lines).encode()
+        self.series[name] = len(lines)
+        self.changed.add(name)
+
+    def _remove(self, name: str) -> None:
+        if self.chunks.pop(name, None) is not None:
+            del self.series[name]
+            self.changed.add(name)
 
     def _one(self, family: Family, value: float, labels: str = "") -> str:
         return f"{family.name}{{{self._base}{labels}}} {number(value)}\n"
@@ -101,7 +129,7 @@ class RobotText:
                     name = metrics.COMPONENT_MONITORED_VALUE.name
                     self._values.setdefault(name, []).append((name + key, value))
         for name in self.promoted:
-            self.chunks.pop(name, None)
+            self._remove(name)
         self.promoted = self._values.keys() - _VALUES
         name = metrics.COMPONENT_INFO.name
         self._set(
@@ -176,8 +204,7 @@ class RobotText:
     # -- values ------------------------------------------------------------------------
 
     def _render_receipt(self) -> None:
-        robot, up = self.robot, metrics.ROBOT_UP
-        self._set(up, [self._one(up, float(robot.up), self._exporter_label)])
+        robot = self.robot
         for family, value in (
             (metrics.ROBOT_LAST_MESSAGE, round(robot.last_wall, 3)),
             (metrics.ROBOT_MESSAGES, robot.messages),
@@ -188,7 +215,14 @@ class RobotText:
         if robot.clock_offset is not None:
             family = metrics.ROBOT_CLOCK_OFFSET
             self._set(family, [self._one(family, round(robot.clock_offset, 6))])
-        reason = robot.silent_reason
+
+    def _render_presence(self) -> None:
+        presence = up, reason = self.robot.up, self.robot.silent_reason
+        if presence == self._presence:
+            return
+        self._presence = presence
+        family = metrics.ROBOT_UP
+        self._set(family, [self._one(family, float(up), self._exporter_label)])
         if reason is not None:
             self._reasons.add(reason)
         reasons = {each: float(each == reason) for each in sorted(self._reasons)}
@@ -247,11 +281,9 @@ class RobotText:
 
     def _render_values(self) -> None:
         for name, rows in self._values.items():
-            self.chunks[name] = "".join(
-                [f"{prefix}{number(value.number)}\n" for prefix, value in rows]
-            ).encode()
+            self._set_chunk(name, [f"{prefix}{number(value.number)}\n" for prefix, value in rows])
         for name in _VALUES - self._values.keys():
-            self.chunks.pop(name, None)
+            self._remove(name)
 
     def _render_groups(self) -> None:
         family = metrics.GROUP_LEVEL

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import NamedTuple
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement
 from ros_diagnostics_exporter.metrics import families as metrics
@@ -22,6 +23,13 @@ from ros_diagnostics_exporter.state.rejections import OVER_LIMIT
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.texts import escape
+
+
+class _Gathered(NamedTuple):
+    """One family of all robots: its chunks, and how many samples they have."""
+
+    chunks: list[bytes]
+    series: int
 
 
 class Exposition:
@@ -41,6 +49,7 @@ class Exposition:
         self._acknowledged = acknowledged
         self._notified = notified
         self._texts: dict[str, RobotText] = {}
+        self._gathered: dict[str, _Gathered] = {}
         self._faults = FaultText()
         self._lock = threading.Lock()
         self._series: dict[Part, dict[str, int]] = {}
@@ -52,10 +61,16 @@ class Exposition:
 
     def render(self, *, openmetrics: bool = False, parts: Collection[Part] = ALL_PARTS) -> bytes:
         """All samples of all robots; without OpenMetrics' closing ``# EOF``."""
+        return b"".join(self.pieces(openmetrics=openmetrics, parts=parts))
+
+    def pieces(
+        self, *, openmetrics: bool = False, parts: Collection[Part] = ALL_PARTS
+    ) -> list[bytes]:
+        """As `render`, but in the pieces that are kept: nothing is copied."""
         if not {Part.FAULTS, Part.ROBOTS}.intersection(parts):
-            return b""
+            return []
         with self._lock:
-            texts = self._update(values=Part.ROBOTS in parts)
+            texts = self._update(everything=Part.ROBOTS in parts)
             promoted = sorted({name for text in texts for name in text.promoted})
             ours = metrics.FLEET_FAMILIES + metrics.FAULT_FAMILIES
             text: list[bytes] = []
@@ -64,14 +79,24 @@ class Exposition:
             for family in (*ours, *map(_promoted_family, promoted)):
                 if family.part not in parts:
                     continue
-                chunks = [chunk for each in texts if (chunk := each.chunks.get(family.name))]
-                chunks.extend(filter(None, [more.get(family.name)]))
-                if chunks:
+                found, other = self._gather(family.name), more.get(family.name, b"")
+                if found.chunks or other:
                     text.append(header(family, openmetrics=openmetrics))
-                    text.extend(chunks)
-                    series[family.part][family.name] = sum(each.count(b"\n") for each in chunks)
+                    text.extend(found.chunks)
+                    text.append(other)
+                    series[family.part][family.name] = found.series + other.count(b"\n")
             self._series |= series
-            return b"".join(text)
+            return text
+
+    def _gather(self, name: str) -> _Gathered:
+        """One family of all robots; that of the last time where no robot's has changed."""
+        if name not in self._gathered:
+            texts = self._texts.values()
+            self._gathered[name] = _Gathered(
+                [chunk for each in texts if (chunk := each.chunks.get(name))],
+                sum([each.series.get(name, 0) for each in texts]),
+            )
+        return self._gathered[name]
 
     def _more(self, parts: Collection[Part]) -> dict[str, bytes]:
         """What no robot's text has: samples by the family's name."""
@@ -92,19 +117,26 @@ class Exposition:
             for robot in self._state.robots_over_limit
         ).encode()
 
-    def _update(self, *, values: bool) -> list[RobotText]:
-        """Every robot's text, up to date; without ``values``, all but these."""
-        texts = list(self._state.visit(lambda robot: self._update_robot(robot, values=values)))
-        self._texts = {text.robot.settings.name: text for text in texts}
+    def _update(self, *, everything: bool) -> list[RobotText]:
+        """Every robot's text, up to date; without ``everything``, what faults are judged by."""
+        texts = list(
+            self._state.visit(lambda robot: self._update_robot(robot, everything=everything))
+        )
+        if texts != [*self._texts.values()]:
+            self._texts = {text.robot.settings.name: text for text in texts}
+            self._gathered.clear()
+        for text in texts:
+            while text.changed:
+                self._gathered.pop(text.changed.pop(), None)
         return texts
 
-    def _update_robot(self, robot: Robot, *, values: bool) -> RobotText:
+    def _update_robot(self, robot: Robot, *, everything: bool) -> RobotText:
         fleet = self._state.fleet
         text = self._texts.get(robot.settings.name)
         source = fleet.name, fleet.exporter
         if text is None or text.robot is not robot or (text.fleet, text.exporter) != source:
             text = RobotText(*source, robot)
-        text.update(values=values)
+        text.update(everything=everything)
         return text
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -100,7 +99,7 @@ class Component:
         self.raw_received: float | None = None
         self.listed = now.mono
         self.missing = False
-        self.gaps: deque[float] = deque(maxlen=GAPS_KEPT)
+        self.gaps: tuple[float, ...] = ()  # none where only an aggregator lists it
         self.flaps: FlapHistory | None = None
         self.last: Status | None = None
         self.key_values = 0  # key-values that count against the robot's limit
@@ -237,7 +236,8 @@ class Component:
         useless, while a driver that has become slower is recognized after a few of its periods.
         """
         if self.raw_received is not None:
-            self.gaps.append(min(mono - self.raw_received, 2 * threshold))
+            gap = min(mono - self.raw_received, 2 * threshold)
+            self.gaps = (*self.gaps, gap)[-GAPS_KEPT:]
         self.raw_received = mono
 
     def stale_after(self, default: float, *, raw: bool) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 
-@dataclass
+@dataclass(slots=True)
 class Versions:
     """One robot's counters, each raised when its part changed."""
 

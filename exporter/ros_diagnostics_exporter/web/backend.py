@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
 from ros_diagnostics_exporter.events import Wanted
@@ -15,8 +15,8 @@ class Backend(Protocol):
     The methods are called from worker threads, up to four at once, and may block.
     """
 
-    def render_metrics(self, openmetrics: bool, parts: frozenset[Part], /) -> bytes:
-        """These parts of the exposition, as OpenMetrics or in the text format 0.0.4."""
+    def render_metrics(self, openmetrics: bool, parts: frozenset[Part], /) -> Sequence[bytes]:
+        """These parts of the exposition, as OpenMetrics or in the text format 0.0.4, in pieces."""
 
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""

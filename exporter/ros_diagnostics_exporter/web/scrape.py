@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
 
 from starlette.datastructures import Headers, MutableHeaders, QueryParams
 from starlette.types import Receive, Scope, Send
@@ -16,7 +17,8 @@ from ros_diagnostics_exporter.web.workers import Workers
 TEXT = "text/plain; version=0.0.4; charset=utf-8"
 OPENMETRICS = "application/openmetrics-text; version=1.0.0; charset=utf-8"
 FIRST_SIZE = 8 * 1024 * 1024  # bytes reserved for a response until one was rendered
-GZIP_LEVEL = 1  # 29 MB: 55 ms at level 1, 153 ms at level 6, for little less
+PIECES = 256  # compressed at once: of a robot each has about a kilobyte
+GZIP_LEVEL = 1  # 20 MB: 34 ms and 0.64 MB at level 1, 100 ms and 0.47 MB at level 6
 
 
 _KNOWN = ", ".join(part.value for part in Part)
@@ -80,10 +82,14 @@ def _named(parameters: QueryParams, name: str) -> frozenset[Part]:
     return frozenset(map(Part, found))
 
 
-def compress(body: bytes) -> bytes:
-    """``body`` as gzip; zlib releases the interpreter lock."""
+def compress(pieces: Sequence[bytes]) -> bytes:
+    """The pieces as gzip; zlib releases the interpreter lock."""
     compressor = zlib.compressobj(GZIP_LEVEL, wbits=31)
-    return compressor.compress(body) + compressor.flush()
+    found = [
+        compressor.compress(b"".join(pieces[at : at + PIECES]))
+        for at in range(0, len(pieces), PIECES)
+    ]
+    return b"".join([*found, compressor.flush()])
 
 
 class Scrape:
@@ -124,8 +130,8 @@ class Scrape:
             self._limit.release(connection)
 
     def _render(self, openmetrics: bool, gzip: bool, parts: frozenset[Part]) -> bytes:
-        body = self._backend.render_metrics(openmetrics, parts)
-        return compress(body) if gzip else body
+        pieces = self._backend.render_metrics(openmetrics, parts)
+        return compress(pieces) if gzip else b"".join(pieces)
 
 
 def _response_headers(size: int, *, openmetrics: bool, gzip: bool) -> MutableHeaders:

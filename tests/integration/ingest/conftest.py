@@ -33,7 +33,8 @@ class Running:
 
     def samples(self, name: str) -> dict[tuple[tuple[str, str], ...], float]:
         """Sorted labels -> value of every sample of ros_diagnostics_``name``."""
-        text = self.service.render_metrics(openmetrics=False, parts=ALL_PARTS).decode()
+        pieces = self.service.render_metrics(openmetrics=False, parts=ALL_PARTS)
+        text = b"".join(pieces).decode()
         return {
             tuple(sorted(sample.labels.items())): sample.value
             for family in text_string_to_metric_families(text)

@@ -13,6 +13,14 @@ import pytest
 
 CHECKOUT = Path(__file__).parents[3]
 COLCON = ("colcon-ros", "colcon-python-setup-py", "colcon-recursive-crawl", "setuptools<80")
+# Prints the warnings of the parser that bloom and rosdep use; an error ends it.
+VALIDATE = """
+import sys
+from catkin_pkg.package import parse_package
+warnings = []
+parse_package(sys.argv[1]).validate(warnings=warnings)
+print(*warnings)
+"""
 
 
 @pytest.mark.slow
@@ -23,6 +31,8 @@ def test_the_exporter_builds_and_runs_in_a_colcon_workspace(tmp_path):
     subprocess.run([venv / "bin/python", "-m", "pip", "install", "-q", *COLCON], check=True)
     source = tmp_path / "src" / "ros_diagnostics_exporter"
     shutil.copytree(CHECKOUT / "exporter", source)
+    validate = [venv / "bin/python", "-c", VALIDATE, source / "package.xml"]
+    assert subprocess.check_output(validate, text=True).strip() == ""
     path = f"{venv / 'bin'}:{os.environ['PATH']}"
 
     subprocess.run(

@@ -1,11 +1,12 @@
-"""Robots in subnets that multicast does not reach: what docs/subnets.md says has to be set.
+"""Robots on other hosts: what docs/subnets.md says has to be set where there is no multicast.
 
-Two halls with robots, an office with the exporters, and a fourth subnet with the discovery server.
+Two halls with robots, an office with the exporters, and a host for the discovery server.
 """
 
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
@@ -42,13 +43,20 @@ class Exporter:
         argv = [COMMANDS / "ros-diagnostics-exporter", *flags, "--web.listen-address", f":{port}"]
         self.process = network.start("office", argv, env)
 
-    def received(self) -> set[str]:
-        """The robots that are received; none while the port does not answer."""
+    def robots(self) -> dict[str, str]:
+        """Why each known robot is silent, "" if it is not; none while the port does not answer."""
         try:
             fleet = json.loads(self._network.subnets.fetch("office", f"{self._url}/api/v1/fleet"))
         except OSError:
-            return set()
-        return {each["robot"] for each in fleet["robots"] if each["up"]}
+            return {}
+        return {
+            each["robot"]: "" if each["up"] else str(each["silent_reason"])
+            for each in fleet["robots"]
+        }
+
+    def received(self) -> set[str]:
+        """The robots that are received."""
+        return {robot for robot, why in self.robots().items() if not why}
 
     def arrays(self, robot: str) -> float:
         """How many arrays of a robot were received."""
@@ -79,9 +87,9 @@ class Exporter:
 class Network:
     """The halls, the office and the programs in them."""
 
-    def __init__(self, stack: ExitStack, folder: Path) -> None:
+    def __init__(self, stack: ExitStack, folder: Path, layout: str) -> None:
         self.folder = folder
-        self.subnets = subnets.Subnets(stack, folder, HOSTS)
+        self.subnets = subnets.Subnets(stack, folder, HOSTS, layout)
         kept = domains.environment(0) | {"ROS_LOG_DIR": str(folder / "ros-log")}
         del kept["ROS_AUTOMATIC_DISCOVERY_RANGE"], kept["ROS_DOMAIN_ID"]
         self._environment = kept
@@ -105,13 +113,18 @@ class Network:
 
 
 @pytest.fixture
-def network(tmp_path: Path) -> Iterator[Network]:
+def layout() -> str:
+    return subnets.ROUTED
+
+
+@pytest.fixture
+def network(tmp_path: Path, layout: str) -> Iterator[Network]:
     if why := subnets.missing():
         pytest.skip(why)
     if not SERVER.exists():
         pytest.skip("needs fast-discovery-server, which the wheels of the extra [ros] bring")
     with ExitStack() as stack:
-        yield Network(stack, tmp_path)
+        yield Network(stack, tmp_path, layout)
 
 
 def test_a_super_client_finds_robots_and_a_client_receives_those_it_knows(network):
@@ -194,3 +207,43 @@ def test_static_peers_at_one_side_are_enough(network, side):
         network.robot(hall, peers["robots"] if side == "robots" else {})
 
     exporter.wait_for("north_1", "south_1")
+
+
+@pytest.mark.parametrize("layout", [subnets.SWITCHED])
+def test_in_one_subnet_nothing_has_to_be_set(network):
+    network.server()
+    network.robot("north", {})
+    network.robot("south", CLIENT)  # found through the server only, though multicast would do
+    exporter = network.exporter(9877, DISCOVERY, {})
+
+    exporter.wait_for("north_1")
+    exporter.wait_for_looks()
+    assert exporter.received() == {"north_1"}
+
+
+@pytest.mark.skipif(shutil.which("iptables") is None, reason="needs iptables")
+@pytest.mark.parametrize("layout", [subnets.SWITCHED])
+@pytest.mark.parametrize(
+    ("open_ports", "expected"),
+    [
+        (["7400", "7410:7411"], {"north_1": ""}),
+        (["7400", "7410"], {"north_1": "mute"}),  # not the port for data
+        (["7400"], {"north_1": "never_seen"}),  # multicast only
+    ],
+)
+def test_a_firewall_with_the_documented_ports(network, open_ports, expected):
+    """docs/deployment.md#ports-and-firewalls, for domain 0 and one program on each host."""
+    for host in ("north", "office"):
+        network.subnets.run(host, "iptables", "-A", "INPUT", "-i", "lo", "-j", "ACCEPT")
+        for ports in open_ports:
+            accept = ["-p", "udp", "--dport", ports, "-j", "ACCEPT"]
+            network.subnets.run(host, "iptables", "-A", "INPUT", *accept)
+        network.subnets.run(host, "iptables", "-P", "INPUT", "DROP")
+    network.robot("north", {}).wait_for_output("ready")
+    exporter = network.exporter(9877, DECLARED, {})
+    exporter.process.wait_for_output("serving fleet")
+
+    until(lambda: exporter.robots() == expected, lambda: str(exporter.robots()), 60, every=0.5)
+    for _ in range(3):  # and it stays so
+        exporter.wait_for_looks()
+    assert exporter.robots() == expected

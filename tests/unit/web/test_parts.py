@@ -20,9 +20,9 @@ def asked(serve):
     """Parts that were asked for -> the server that noted them."""
     found = []
 
-    def render(openmetrics: bool, parts: frozenset[Part]) -> bytes:
+    def render(openmetrics: bool, parts: frozenset[Part]) -> list[bytes]:
         found.append((openmetrics, parts))
-        return b"samples\n"
+        return [b"samples\n"]
 
     return found, serve(render_metrics=render)
 
@@ -91,9 +91,9 @@ def test_an_unknown_part_or_both_parameters_are_rejected(asked, method, query, e
 def test_concurrent_scrapes_of_different_parts_do_not_share_a_rendering(serve):
     both = threading.Barrier(2)
 
-    def render(_openmetrics: bool, parts: frozenset[Part]) -> bytes:
+    def render(_openmetrics: bool, parts: frozenset[Part]) -> list[bytes]:
         both.wait(20)
-        return b"".join(part.value.encode() for part in parts)
+        return [part.value.encode() for part in parts]
 
     server = serve(render_metrics=render)
     queries = [f"/metrics?collect[]={part}" for part in ("faults", "robots")]

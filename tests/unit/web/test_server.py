@@ -78,7 +78,7 @@ def test_not_ready_returns_the_reason(serve):
 
 
 def test_an_error_in_the_backend_is_a_500_and_logged(serve, caplog):
-    def broken(openmetrics: bool, _parts: frozenset[Part]) -> bytes:
+    def broken(openmetrics: bool, _parts: frozenset[Part]) -> list[bytes]:
         raise RuntimeError("the state is on fire")
 
     server = serve(render_metrics=broken)
@@ -90,11 +90,11 @@ def test_an_error_in_the_backend_is_a_500_and_logged(serve, caplog):
 def test_concurrent_scrapes_share_one_rendering(serve):
     entered, release, calls = threading.Event(), threading.Event(), []
 
-    def slow(openmetrics: bool, _parts: frozenset[Part]) -> bytes:
+    def slow(openmetrics: bool, _parts: frozenset[Part]) -> list[bytes]:
         calls.append(openmetrics)
         entered.set()
         assert release.wait(20)
-        return b"slow\n"
+        return [b"slow\n"]
 
     server = serve(render_metrics=slow)
     answers = []

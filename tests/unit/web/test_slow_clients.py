@@ -209,14 +209,14 @@ def test_pipelined_requests_are_answered_in_order(serve, short):
 def test_a_client_that_does_not_read_its_response_times_out(serve, short):
     short(Phase.READING)
     short(Phase.RESPONSE)
-    server = serve(render_metrics=lambda *_: BIG)
+    server = serve(render_metrics=lambda *_: [BIG])
     with connect(server) as sock:
         sock.sendall(GET)
         wait_until(lambda: not server._uvicorn.server_state.connections)
 
 
 def test_clients_that_do_not_read_do_not_block_a_scrape(serve, short):
-    server = serve(render_metrics=lambda *_: BIG)
+    server = serve(render_metrics=lambda *_: [BIG])
     with contextlib.ExitStack() as crowd:
         for _ in range(20):
             crowd.enter_context(connect(server)).sendall(GET)
@@ -231,7 +231,7 @@ def test_a_scrape_that_waits_too_long_gets_503(serve, short, monkeypatch):
     def slow(_openmetrics, _parts):
         entered.set()
         assert release.wait(20)
-        return b"slow\n"
+        return [b"slow\n"]
 
     server = serve(render_metrics=slow)
     with contextlib.ExitStack() as crowd:
@@ -278,7 +278,7 @@ def test_an_incomplete_tls_handshake_times_out(serve, short, tls_config):
 def test_stopping_does_not_wait_for_clients(serve, short, monkeypatch, caplog):
     monkeypatch.setattr("ros_diagnostics_exporter.web.server.GRACE", 1)
     before = set(threading.enumerate())
-    server = serve(render_metrics=lambda *_: BIG)
+    server = serve(render_metrics=lambda *_: [BIG])
     with connect(server) as reader, connect(server):
         reader.sendall(GET)
         assert reader.recv(1_000).startswith(b"HTTP/1.1 200")
@@ -304,7 +304,7 @@ def unread(server, number: int, source: str, path: bytes = b"/metrics") -> list[
 
 def test_a_client_that_reads_keeps_its_connection(serve, short):
     """It scrapes repeatedly on one connection, from the attackers' own address."""
-    server = serve(render_metrics=lambda *_: b"x" * 2_000_000)
+    server = serve(render_metrics=lambda *_: [b"x" * 2_000_000])
     server.connections.limit = 50
     host, _, port = server.addresses[0].rpartition(":")
     reader = http.client.HTTPConnection(host, int(port), timeout=20)

@@ -1,0 +1,25 @@
+"""exporter/package.xml and setup.py, for colcon and bloom, say what pyproject.toml says."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+
+import ros_diagnostics_exporter
+from testbed.configuration import CHECKOUT
+
+PROJECT = (CHECKOUT / "pyproject.toml").read_text()
+PACKAGE = ET.parse(CHECKOUT / "exporter" / "package.xml").getroot()
+
+
+def test_name_version_and_licence_are_the_same():
+    assert PACKAGE.findtext("name") == ros_diagnostics_exporter.__name__
+    assert PACKAGE.findtext("version") == ros_diagnostics_exporter.__version__
+    assert f'license = "{PACKAGE.findtext("license")}"' in PROJECT
+
+
+def test_the_commands_are_the_same():
+    ours = re.findall(r'^(\S+) = "ros_diagnostics_exporter\.(\S+)"$', PROJECT, re.MULTILINE)
+    setup = (CHECKOUT / "exporter" / "setup.py").read_text()
+    theirs = re.findall(r'f"(\S+) = \{NAME\}\.(\S+)"', setup)
+    assert sorted(theirs) == sorted(ours)
