@@ -31,6 +31,7 @@ from ros_diagnostics_exporter.config.fleet import (
     CauseSettings,
     FaultSettings,
     Fleet,
+    Limits,
     Profile,
     Robot,
     Source,
@@ -99,7 +100,9 @@ class Target:
             for n, topic in enumerate(self.topics)
         )
         faults = FaultSettings(common=CauseSettings(5, COMMON_CAUSE))
-        self._state = State(Fleet("bench", tuple(declared), faults=faults), Instant(0.0, 1.7e9))
+        limits = Limits(robots=robots, series=10_000_000)
+        fleet = Fleet("bench", tuple(declared), faults=faults, limits=limits)
+        self._state = State(fleet, Instant(0.0, 1.7e9))
         self._exposition = Exposition(self._state)
         self.text = self.faults = b""
         self._turn = 0

@@ -15,6 +15,7 @@ def main() -> None:
     fleet = kinds.add_parser("fleet", help="normal robots")
     fleet.add_argument("domain_id", type=int)
     fleet.add_argument("robots", type=int)
+    fleet.add_argument("--first", type=int, default=0, help="number of the first robot")
     arrays = kinds.add_parser("arrays", help="a hostile robot")
     arrays.add_argument("domain_id", type=int)
     arrays.add_argument("flood", choices=FLOODS)
@@ -26,7 +27,7 @@ def main() -> None:
         each.add_argument("seconds", type=float, help="after which it ends")
     options = parser.parse_args()
     if options.kind == "fleet":
-        publish_fleet(options.domain_id, options.robots, options.seconds)
+        publish_fleet(options.domain_id, options.robots, options.seconds, options.first)
     elif options.kind == "arrays":
         publish_flood(options.domain_id, options.flood, options.seconds)
     else:

@@ -25,18 +25,18 @@ def topic_of(robot: int) -> str:
     return f"/robot_{robot}/diagnostics_agg"
 
 
-def publish_fleet(domain_id: int, robots: int, seconds: float) -> None:
+def publish_fleet(domain_id: int, robots: int, seconds: float, first: int = 0) -> None:
     """Publish each robot's array once a second, the robots evenly spread over the second."""
     with publisher(domain_id) as fleet:
         for robot in range(robots):
-            fleet.offer(topic_of(robot), depth=10)
+            fleet.offer(topic_of(first + robot), depth=10)
         worst = 0.0
         for tick, late in ticks(robots, seconds):
             turn, robot = divmod(tick, robots)
             if robot == 0:
                 data = _serialize(aggregated_array(turn).statuses)
                 print(f"turn {turn}, late at worst {worst:.3f} s", flush=True)
-            fleet.send_bytes(topic_of(robot), data)
+            fleet.send_bytes(topic_of(first + robot), data)
             worst = max(worst, late)
 
 
