@@ -32,6 +32,11 @@ def lease() -> Iterator[int]:
     raise RuntimeError(f"all ROS domains from {DOMAINS[0]} to {DOMAINS[-1]} are in use")
 
 
+# UDP, as between machines. With the range LOCALHOST rmw_fastrtps takes shared memory too, whatever
+# FASTDDS_BUILTIN_TRANSPORTS says; a reader that gets no CPU there for a second may stay deaf.
+BETWEEN_MACHINES = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+
+
 def environment(domain_id: int) -> dict[str, str]:
     """Return this process' environment for a program that uses ROS on this machine only.
 

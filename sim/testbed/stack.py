@@ -6,7 +6,7 @@ Starts them with the shipped configuration, waits until all are ready, and stops
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +29,7 @@ class Plan:
     seed: int = 1
     scenario: Path | None = None
     clocks: configuration.Clocks = field(default_factory=configuration.Clocks)
+    environment: Mapping[str, str] = field(default_factory=dict)  # more of it, for all programs
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,7 @@ def running(folder: Path, plan: Plan, inbox: Inbox) -> Iterator[Stack]:
 def _prepare(folder: Path, domain_id: int, plan: Plan, inbox: Inbox) -> Stack:
     """Write the configuration and find the programs; nothing is started yet."""
     environment = domains.environment(domain_id) | {"ROS_LOG_DIR": str(folder / "ros-log")}
+    environment |= plan.environment
     addresses = configuration.Addresses(*(f"127.0.0.1:{free_port()}" for _ in range(5)))
     configs = configuration.write(folder, domain_id, addresses, plan.clocks)
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 import time
 from collections import defaultdict
+from collections.abc import Iterator
 
 from rclpy.serialization import serialize_message
 
@@ -18,15 +20,25 @@ from ros_diagnostics_exporter.model import Status
 from support.ros_publisher import message, publisher
 
 PER_GROUP = 4  # components
+MOST = 500  # robots of one process: one DDS participant
 PACE = 0.01  # seconds between two bursts
 
 
-def arguments(
+def commands(
     robots: int, components: int, values: int, rate: float, faults: int
-) -> tuple[str, ...]:
-    """Return the options of the program."""
-    numbers = {"robots": robots, "components": components, "values": values, "faults": faults}
-    return (*(f"--{name}={value}" for name, value in numbers.items()), f"--rate={rate}")
+) -> Iterator[list[str]]:
+    """Yield the commands of the processes that play a fleet."""
+    for first in range(0, robots, MOST):
+        numbers = {
+            "robots": min(MOST, robots - first),
+            "first": first,
+            "fleet": robots,
+            "components": components,
+            "values": values,
+            "faults": faults,
+        }
+        options = [f"--{name}={value}" for name, value in numbers.items()]
+        yield [sys.executable, "-m", "experiments.fleet", *options, f"--rate={rate}"]
 
 
 def faulty_components(robots: int, components: int, faults: int) -> dict[int, frozenset[int]]:
@@ -66,14 +78,18 @@ def main() -> None:
     """Publish until the process is stopped, the robots spread evenly over each period."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", type=int, default=10)
+    parser.add_argument("--first", type=int, default=0, help="number of the first robot")
     parser.add_argument("--components", type=int, default=16)
     parser.add_argument("--values", type=int, default=4, help="of a component")
     parser.add_argument("--rate", type=float, default=1.0, help="arrays a second of a robot")
     parser.add_argument("--faults", type=int, default=0, help="components that are CRITICAL")
+    parser.add_argument("--fleet", type=int, help="robots of all processes, which share the faults")
     options = parser.parse_args()
-    faulty = faulty_components(options.robots, options.components, options.faults)
+    fleet_size = options.fleet or options.robots
+    faulty = faulty_components(fleet_size, options.components, options.faults)
     with publisher(int(os.environ["ROS_DOMAIN_ID"])) as fleet:
-        topics = [f"/unit_{number}/diagnostics_agg" for number in range(options.robots)]
+        numbers = range(options.first, options.first + options.robots)
+        topics = [f"/unit_{number}/diagnostics_agg" for number in numbers]
         for topic in topics:
             fleet.offer(topic, depth=1)  # as diagnostic_updater and aggregator
         print("ready", flush=True)
@@ -84,7 +100,7 @@ def main() -> None:
                 turn, robot = divmod(sent, options.robots)
                 if robot == 0:
                     arrays = {}
-                parts = faulty.get(robot, frozenset())
+                parts = faulty.get(options.first + robot, frozenset())
                 if parts not in arrays:
                     arrays[parts] = array(turn, options.components, options.values, parts)
                 fleet.send_bytes(topics[robot], arrays[parts])

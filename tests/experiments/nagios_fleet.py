@@ -101,10 +101,13 @@ def running(robots: int, way: str) -> Iterator[NagiosFleet]:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="experiment-")))
         domain_id = stack.enter_context(domains.lease())
-        environment = domains.environment(domain_id) | {
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",  # LOCALHOST has 32 participants at most
-            "ROS_LOG_DIR": str(folder / "ros-log"),
-        }
+        environment = (
+            domains.environment(domain_id)
+            | domains.BETWEEN_MACHINES
+            | {
+                "ROS_LOG_DIR": str(folder / "ros-log"),
+            }
+        )
 
         def start(name: str, argv: list[str]) -> Process:
             process = Process(name, argv, environment, folder / f"{name}.log")

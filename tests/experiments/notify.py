@@ -24,7 +24,7 @@ from bench.notify import MOTOR, STEPS
 from bench.notify import measure as measure_faults
 from experiments import nagios_fleet, plots, results
 from experiments.results import Results, table
-from testbed import programs
+from testbed import domains, programs
 from testbed.mail import Inbox
 from testbed.polling import until
 from testbed.stack import Plan, running
@@ -54,9 +54,10 @@ def measure(case: Case, seed: int) -> Iterator[dict[str, float | str]]:
 
 def _here(case: Case) -> Iterator[dict[str, float | str]]:
     numbers = itertools.cycle(range(1, case.robots + 1))
+    plan = Plan(robots=case.robots, environment=domains.BETWEEN_MACHINES)
     with (
         tempfile.TemporaryDirectory() as folder,
-        running(Path(folder), Plan(robots=case.robots), Inbox()) as stack,
+        running(Path(folder), plan, Inbox()) as stack,
     ):
         for _ in range(case.rounds):
             broken = [f"robot_{next(numbers)}" for _ in range(case.faults)]

@@ -101,10 +101,13 @@ class Place:
         self.link = link
         self._folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="experiment-")))
         domain_id = stack.enter_context(domains.lease())
-        self._environment = domains.environment(domain_id) | {
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
-            "ROS_LOG_DIR": str(self._folder / "ros-log"),
-        }
+        self._environment = (
+            domains.environment(domain_id)
+            | domains.BETWEEN_MACHINES
+            | {
+                "ROS_LOG_DIR": str(self._folder / "ros-log"),
+            }
+        )
         (self._folder / "fleet.yml").write_text(
             "fleet: bench\ndiscovery:\n"
             f'  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain_id}]}}\n'

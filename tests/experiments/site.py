@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 import re
-import sys
 import tempfile
 import threading
 import time
@@ -63,8 +62,9 @@ class Workload(NamedTuple):
 
 @dataclass(frozen=True)
 class Site:
-    """The running programs by name, and where they listen."""
+    """The processes of the fleet, the measured programs by name, and where they listen."""
 
+    fleets: list[Server]
     programs: dict[str, Server]
     addresses: configuration.Addresses
 
@@ -96,33 +96,39 @@ def running(workload: Workload) -> Iterator[Site]:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="experiment-")))
         domain_id = stack.enter_context(domains.lease())
         site = _prepare(folder, domain_id, workload)
-        for server in site.programs.values():
+        for server in (*site.fleets, *site.programs.values()):
             stack.callback(server.process.stop)
             server.process.start()
-        site.programs["fleet"].process.wait_for_output("ready", START_SECONDS)
-        for name in ("exporter", "prometheus", "alertmanager"):
-            site.programs[name].wait_until_ready()
+        for server in site.fleets:
+            server.process.wait_for_output("ready", START_SECONDS)
+        for server in site.programs.values():
+            server.wait_until_ready()
         _wait_for_robots(site, workload)
         yield site
 
 
 def _prepare(folder: Path, domain_id: int, workload: Workload) -> Site:
-    environment = domains.environment(domain_id) | {
-        # UDP, as between machines; with LOCALHOST rmw_fastrtps always uses shared memory.
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
-        "ROS_LOG_DIR": str(folder / "ros-log"),
-        "PYTHONPATH": str(CHECKOUT / "tests"),
-    }
+    environment = (
+        domains.environment(domain_id)
+        | domains.BETWEEN_MACHINES
+        | {
+            "ROS_LOG_DIR": str(folder / "ros-log"),
+            "PYTHONPATH": str(CHECKOUT / "tests"),
+        }
+    )
     addresses = configuration.Addresses(*(f"127.0.0.1:{free_port()}" for _ in range(5)))
     configs = configuration.write(folder, domain_id, addresses, configuration.Clocks())
     configs.fleet.write_text(FLEET_YML.format(domain_id=domain_id))
     exporter = programs.exporter(
         configs.fleet, addresses.exporter, folder / "exporter.db", addresses.alertmanager
     )
-    argv = [sys.executable, "-m", "experiments.fleet", *fleet.arguments(*workload)]
+    fleets = [
+        Server(Process("fleet", argv, environment, folder / f"fleet-{number}.log"))
+        for number, argv in enumerate(fleet.commands(*workload))
+    ]
     return Site(
+        fleets,
         {
-            "fleet": Server(Process("fleet", argv, environment, folder / "fleet.log")),
             "exporter": Server(
                 Process("exporter", exporter, environment, folder / "exporter.log"),
                 addresses.exporter,
@@ -167,7 +173,7 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
     pause.wait(SETTLE)
     scraper, samples = Scraper(site.exporter), _Samples()
     before, started = _counts(scraper.text()), time.monotonic()
-    bytes_before = _payload(site)
+    bytes_before, dropped = _payload(site), _dropped()
     for _ in range(round(seconds / SLICE)):
         began = time.monotonic()
         used = {name: usage(server.process.pid).cpu for name, server in site.programs.items()}
@@ -190,6 +196,7 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
         "up": site.number("count(ros_diagnostics_robot_up == 1)"),
         "messages": received,
         "lost": lost,
+        "dropped": _dropped() - dropped,
         "payload_rate": round((_payload(site) - bytes_before) / seconds / 1e3, 1),
         **_scrapes(site, seconds),
         "evaluation_seconds": round(median(samples.evaluation), 4),
@@ -251,6 +258,13 @@ def _lost(before: _Count, after: _Count, sent: float) -> int:
     if before.number is None or after.number is None:
         return max(0, round(sent) - received)
     return after.number - before.number - received
+
+
+def _dropped() -> int:
+    """Return how many datagrams this machine has dropped so far for want of a socket's buffer."""
+    lines = [line.split() for line in Path("/proc/net/snmp").read_text().splitlines()]
+    names, values = (line for line in lines if line[0] == "Udp:")
+    return int(values[names.index("RcvbufErrors")])
 
 
 def _payload(site: Site) -> float:

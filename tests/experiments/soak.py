@@ -33,7 +33,7 @@ from typing import Any, TextIO
 from bench.scraper import MESSAGES, REJECTED, ScrapeError, Scraper
 from experiments import machine, soak_plot, soak_report, soak_scenario
 from experiments.usage import megabytes, usage
-from testbed import http
+from testbed import domains, http
 from testbed.mail import Inbox
 from testbed.stack import Plan, Stack, running
 
@@ -211,7 +211,7 @@ def soak(options: argparse.Namespace, out: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="soak-") as name:
         folder = Path(name)
         scenario = soak_scenario.write(folder, options.robots, seconds, options.seed)
-        plan = Plan(seed=options.seed, scenario=scenario)
+        plan = Plan(seed=options.seed, scenario=scenario, environment=domains.BETWEEN_MACHINES)
         with running(folder, plan, Inbox()) as stack:
             (out / "soak.json").write_text(json.dumps(about, indent=2) + "\n")
             steady = soak_scenario.fleet_of(options.robots).steady_robots()
