@@ -1,4 +1,4 @@
-"""Packaging: the wheel, the systemd unit, the Containerfile, compose.yaml."""
+"""Packaging: the wheel and the sdist, the systemd unit, the Containerfile, compose.yaml."""
 
 from __future__ import annotations
 
@@ -34,13 +34,18 @@ def run(*command: str | Path, **options: Any) -> str:
 
 
 @pytest.mark.slow
-def test_the_wheel_in_an_empty_environment_serves_a_fleet(tmp_path):
-    """Everything needed at run time is in the wheel or one of its dependencies."""
-    run(sys.executable, "-m", "pip", "wheel", "--no-deps", "--wheel-dir", tmp_path, ROOT)
-    (wheel,) = tmp_path.glob("*.whl")
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("kind", ["*.whl", "*.tar.gz"])
+def test_what_is_built_serves_a_fleet_from_an_empty_environment(tmp_path, kind):
+    """Everything needed at run time is in the wheel, and in the sdist, or a dependency."""
+    venv.create(tmp_path / "builder", with_pip=True)
+    builder = tmp_path / "builder" / "bin" / "python"
+    run(builder, "-m", "pip", "install", "--quiet", "build")
+    run(builder, "-m", "build", "--outdir", tmp_path / "dist", ROOT)  # the wheel from the sdist
+    (built,) = (tmp_path / "dist").glob(kind)
     venv.create(tmp_path / "empty", with_pip=True)
     bin_ = tmp_path / "empty" / "bin"
-    run(bin_ / "pip", "install", "--quiet", f"{wheel}[ros]", cwd=tmp_path)
+    run(bin_ / "pip", "install", "--quiet", f"{built}[ros]", cwd=tmp_path)
     address = f"127.0.0.1:{ports.free_port()}"
     with domains.lease() as domain:
         (tmp_path / "fleet.yml").write_text(
