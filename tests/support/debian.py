@@ -201,7 +201,7 @@ class Machine:
 
         def has_it() -> bool:
             nonlocal found
-            found = self.does(f"{{ {script}; }} || true")
+            found = self.does(f"{{ {script.strip()}\n}} || true")
             return re.search(pattern, found) is not None
 
         until(has_it, lambda: f"{pattern!r} from {script!r}: {found}", seconds, every=0.5)
