@@ -124,6 +124,27 @@ def test_compose_mounts_existing_files_and_pins_every_image():
         assert service["cap_drop"] == ["ALL"]
 
 
+@pytest.mark.parametrize(
+    ("service", "programs"),
+    [
+        ("prometheus", ("prometheus",)),
+        ("alertmanager", ("alertmanager", "prometheus-alertmanager")),
+        ("node-exporter", ("node_exporter", "prometheus-node-exporter")),
+        ("blackbox-exporter", ("blackbox_exporter", "prometheus-blackbox-exporter")),
+        ("exporter", (str(Path(sys.executable).parent / "ros-diagnostics-exporter"),)),
+        ("robots", (str(Path(sys.executable).parent / "virtual-robots"),)),
+    ],
+)
+def test_the_programs_know_the_flags_that_compose_gives_them(service, programs):
+    found = yaml.safe_load((ROOT / "compose.yaml").read_text())["services"][service]
+    command = [*found.get("entrypoint", ()), *found["command"]]
+    flags = {part.partition("=")[0] for part in command if part.startswith("--")}
+    assert flags
+    program = next(filter(None, map(shutil.which, programs)))
+    help_ = run(program, "--help")
+    assert not {flag for flag in flags if not re.search(rf"{re.escape(flag)}\b", help_)}
+
+
 def test_promtool_accepts_the_configuration_that_compose_mounts(tmp_path):
     shutil.copytree(ROOT / "prometheus", tmp_path, dirs_exist_ok=True)
     shutil.copy(ROOT / "packaging" / "compose" / "prometheus.yml", tmp_path / "prometheus.yml")
