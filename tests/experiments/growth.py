@@ -30,9 +30,14 @@ TITLES = {
 PROGRAMS = ("exporter", "prometheus", "alertmanager")
 
 
-def cases(names: list[str]) -> list[site.Workload]:
-    """Return the workloads of some series, each once."""
-    found = [BASE._replace(**{name: value}) for name in names for value in SERIES[name]]
+def cases(names: list[str], at: list[float] | None) -> list[site.Workload]:
+    """Return the workloads of some series, each once; ``at``: only those with these values."""
+    found = [
+        BASE._replace(**{name: value})
+        for name in names
+        for value in SERIES[name]
+        if at is None or value in at
+    ]
     return list(dict.fromkeys(found))
 
 
@@ -96,9 +101,12 @@ def main() -> None:
     parser = results.parser(NAME, __doc__ or "")
     parser.add_argument("--series", nargs="+", choices=SERIES, default=list(SERIES))
     parser.add_argument("--seconds", type=float, default=30.0, help="measured of each")
+    parser.add_argument("--at", type=float, nargs="+", help="only these values of the series")
     options = parser.parse_args()
     work = partial(measure, seconds=options.seconds)
-    results.run(Results(options.out, NAME), options, cases(options.series), work, render)
+    results.run(
+        Results(options.out, NAME), options, cases(options.series, options.at), work, render
+    )
 
 
 if __name__ == "__main__":
