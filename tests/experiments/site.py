@@ -197,7 +197,7 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
         "messages": received,
         "lost": lost,
         "dropped": _dropped() - dropped,
-        "payload_rate": round((_payload(site) - bytes_before) / seconds / 1e3, 1),
+        "payload_rate": round((_payload(site) - bytes_before) / elapsed / 1e3, 1),
         **_scrapes(site, seconds),
         "evaluation_seconds": round(median(samples.evaluation), 4),
         **_ages(samples.age),
