@@ -100,7 +100,7 @@ class Target:
             for n, topic in enumerate(self.topics)
         )
         faults = FaultSettings(common=CauseSettings(5, COMMON_CAUSE))
-        limits = Limits(robots=max(robots, Limits().robots), series=10_000_000)
+        limits = Limits(robots=robots, series=10_000_000)
         fleet = Fleet("bench", tuple(declared), faults=faults, limits=limits)
         self._state = State(fleet, Instant(0.0, 1.7e9))
         self._exposition = Exposition(self._state)

@@ -14,7 +14,7 @@ from statistics import median
 from typing import NamedTuple
 
 from bench.robots import aggregated_array
-from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
+from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Robot, Source
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from ros_diagnostics_exporter.model import Instant, Topic
 from ros_diagnostics_exporter.state.state import State
@@ -24,7 +24,7 @@ ROBOTS, SECONDS = 1000, 60
 WALL = 1.7e9
 
 
-class _Cost(NamedTuple):
+class Cost(NamedTuple):
     """Of one write: CPU and elapsed milliseconds, kilobytes to the disk."""
 
     cpu: float
@@ -32,28 +32,30 @@ class _Cost(NamedTuple):
     written: float
 
 
-class _Site:
+class Site:
     """A fleet whose robots are all well, and its database."""
 
-    def __init__(self, path: Path) -> None:
-        robots = (
+    def __init__(self, path: Path, robots: int = ROBOTS) -> None:
+        self._robots = range(robots)
+        declared = (
             Robot(f"r{number}", topic_agg=f"/r{number}", source=Source.AGG)
-            for number in range(ROBOTS)
+            for number in self._robots
         )
         self._second = 0
-        self.state = State(Fleet("bench", tuple(robots)), self._now())
+        fleet = Fleet("bench", tuple(declared), limits=Limits(robots=robots))
+        self.state = State(fleet, self._now())
         self.log = EventLog()
         self.storage = Storage(path)
 
     def _now(self) -> Instant:
         return Instant(float(self._second), WALL + self._second)
 
-    def pass_second(self, changed: Collection[int], of: Collection[int]) -> _Cost:
+    def pass_second(self, changed: Collection[int], of: Collection[int]) -> Cost:
         """All robots send; these change the level of some components; all is written."""
         self._second += 1
         level = self._second % 2 * 2
         well, ill = aggregated_array(0), aggregated_array(0, level=level, of=of)
-        for number in range(ROBOTS):
+        for number in self._robots:
             array = ill if number in changed else well
             self.state.receive(Topic(0, f"/r{number}"), array, self._now())
         self.state.tick(self._now())
@@ -63,7 +65,7 @@ class _Site:
         self.storage.save(self.state, self.log, self._now())
         cpu, elapsed = time.thread_time() - cpu, time.perf_counter() - begin
         assert self.storage.successful
-        return _Cost(cpu * 1e3, elapsed * 1e3, (_written() - written) / 1e3)
+        return Cost(cpu * 1e3, elapsed * 1e3, (_written() - written) / 1e3)
 
 
 def _written() -> int:
@@ -72,7 +74,7 @@ def _written() -> int:
     return int(dict(line.split(": ") for line in lines)["write_bytes"])
 
 
-def _print(what: str, costs: list[_Cost]) -> None:
+def _print(what: str, costs: list[Cost]) -> None:
     cpu, elapsed, written = zip(*costs, strict=True)
     print(
         f"{what:<52}{median(cpu):>8.1f}{median(elapsed):>8.1f}{max(elapsed):>8.0f}"
@@ -108,7 +110,7 @@ def _find(folder: Path) -> None:
 def main() -> None:
     """Print the tables."""
     with tempfile.TemporaryDirectory(dir=os.environ.get("BENCH_FOLDER")) as name:
-        site = _Site(Path(name, "exporter.db"))
+        site = Site(Path(name, "exporter.db"))
         print(
             f"{ROBOTS} robots, 16 components each; of one write   CPU ms      ms  max ms       kB"
         )

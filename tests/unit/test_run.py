@@ -204,11 +204,13 @@ def test_lint_checks_python_with_the_generators_in_tools_and_the_shell_scripts(m
     done = machine.run("lint")
 
     assert done.returncode == 0, done.stderr
+    scripts = ["run", ".ci/run", "packaging/install-packages", "packaging/build-deb"]
+    scripts += [f"packaging/debian/{name}" for name in ("postinst", "prerm", "postrm")]
     assert machine.calls()[-4:] == [
         "ruff check exporter sim grafana tests tools",
         "ruff format --check exporter sim grafana tests tools",
         "mypy ",
-        "shellcheck run .ci/run packaging/install-packages",
+        f"shellcheck {' '.join(scripts)}",
     ]
 
 

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from textwrap import dedent, indent
 from typing import Any
 
 import jsonschema
@@ -161,6 +162,9 @@ def overlays(folder: Path) -> tuple[Path, Path]:
     assert text
     second = text[1].replace("\nnamespace: ros-diagnostics\n", "\nnamespace: hall-2\n")
     second = second.replace("  - ../ros-diagnostics/packaging/kubernetes/rules\n", "")
+    server = re.search(r"  ```yaml\n  # in the patch\n(.*?)  ```", PAGE, re.DOTALL)
+    assert server
+    second += indent(dedent(server[1]), "      ")  # the patch is the last key
     for name, content in (("site", text[1]), ("hall-2", second)):
         (folder / name).mkdir()
         (folder / name / "kustomization.yaml").write_text(content)
@@ -222,6 +226,9 @@ def test_kustomize_builds_the_base_and_the_overlays_of_the_page(tmp_path):
     for each in of_operator:
         assert each["metadata"]["namespace"] == "ros-diagnostics"
         assert each["metadata"]["labels"] == {"release": "prometheus"}
+    pod = second["StatefulSet", "ros-diagnostics-exporter"]["spec"]["template"]["spec"]
+    names = [each["name"] for each in pod["containers"][0]["env"]]
+    assert names == ["ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT"]
     assert {kind for kind, _ in second} == {kind for kind, _ in site} - {"PrometheusRule"}
     for (kind, _), each in second.items():
         assert each["metadata"]["name" if kind == "Namespace" else "namespace"] == "hall-2"

@@ -1,4 +1,4 @@
-"""Packaging: the wheel, the systemd unit, the Containerfile, compose.yaml."""
+"""Packaging: the wheel and the sdist, the systemd unit, the Containerfile, compose.yaml."""
 
 from __future__ import annotations
 
@@ -34,13 +34,18 @@ def run(*command: str | Path, **options: Any) -> str:
 
 
 @pytest.mark.slow
-def test_the_wheel_in_an_empty_environment_serves_a_fleet(tmp_path):
-    """Everything needed at run time is in the wheel or one of its dependencies."""
-    run(sys.executable, "-m", "pip", "wheel", "--no-deps", "--wheel-dir", tmp_path, ROOT)
-    (wheel,) = tmp_path.glob("*.whl")
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("kind", ["*.whl", "*.tar.gz"])
+def test_what_is_built_serves_a_fleet_from_an_empty_environment(tmp_path, kind):
+    """Everything needed at run time is in the wheel, and in the sdist, or a dependency."""
+    venv.create(tmp_path / "builder", with_pip=True)
+    builder = tmp_path / "builder" / "bin" / "python"
+    run(builder, "-m", "pip", "install", "--quiet", "build")
+    run(builder, "-m", "build", "--outdir", tmp_path / "dist", ROOT)  # the wheel from the sdist
+    (built,) = (tmp_path / "dist").glob(kind)
     venv.create(tmp_path / "empty", with_pip=True)
     bin_ = tmp_path / "empty" / "bin"
-    run(bin_ / "pip", "install", "--quiet", f"{wheel}[ros]", cwd=tmp_path)
+    run(bin_ / "pip", "install", "--quiet", f"{built}[ros]", cwd=tmp_path)
     address = f"127.0.0.1:{ports.free_port()}"
     with domains.lease() as domain:
         (tmp_path / "fleet.yml").write_text(
@@ -117,6 +122,27 @@ def test_compose_mounts_existing_files_and_pins_every_image():
             source = volume.partition(":")[0]
             assert not source.startswith("./") or (ROOT / source).exists(), volume
         assert service["cap_drop"] == ["ALL"]
+
+
+@pytest.mark.parametrize(
+    ("service", "programs"),
+    [
+        ("prometheus", ("prometheus",)),
+        ("alertmanager", ("alertmanager", "prometheus-alertmanager")),
+        ("node-exporter", ("node_exporter", "prometheus-node-exporter")),
+        ("blackbox-exporter", ("blackbox_exporter", "prometheus-blackbox-exporter")),
+        ("exporter", (str(Path(sys.executable).parent / "ros-diagnostics-exporter"),)),
+        ("robots", (str(Path(sys.executable).parent / "virtual-robots"),)),
+    ],
+)
+def test_the_programs_know_the_flags_that_compose_gives_them(service, programs):
+    found = yaml.safe_load((ROOT / "compose.yaml").read_text())["services"][service]
+    command = [*found.get("entrypoint", ()), *found["command"]]
+    flags = {part.partition("=")[0] for part in command if part.startswith("--")}
+    assert flags
+    program = next(filter(None, map(shutil.which, programs)))
+    help_ = run(program, "--help")
+    assert not {flag for flag in flags if not re.search(rf"{re.escape(flag)}\b", help_)}
 
 
 def test_promtool_accepts_the_configuration_that_compose_mounts(tmp_path):

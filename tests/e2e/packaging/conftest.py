@@ -1,0 +1,36 @@
+"""What is made once for the tests of packages: a Debian 12, and the Debian package."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from support import debian
+from support.newcomer import IGNORED
+from testbed.configuration import CHECKOUT
+
+
+@pytest.fixture(scope="session")
+def debian_base(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a minimal Debian 12: copy it."""
+    return debian.made_once(tmp_path_factory, "debian-base", debian.debootstrap)
+
+
+@pytest.fixture(scope="session")
+def debian_package(tmp_path_factory: pytest.TempPathFactory, debian_base: Path) -> Path:
+    """The .deb, built by packaging/build-deb in a Debian 12."""
+
+    def make(folder: Path) -> None:
+        with debian.copied(debian_base, folder / "builder") as builder:
+            shutil.copytree(CHECKOUT, builder / "srv" / "checkout", ignore=IGNORED, symlinks=True)
+            debian.does(
+                builder, "apt-get install --quiet=2 --yes --no-install-recommends python3-venv"
+            )
+            debian.does(builder, "cd /srv/checkout && packaging/build-deb /srv", 1200)
+            (package,) = (builder / "srv").glob("*.deb")
+            package.rename(folder / package.name)
+
+    (package,) = debian.made_once(tmp_path_factory, "debian-package", make).glob("*.deb")
+    return package
