@@ -50,7 +50,7 @@ def line(measured: dict[str, Any], cost: Callable[[Any], float]) -> Line:
 
 
 def of_one(measured: dict[str, Any], cost: Callable[[Any], float]) -> Line:
-    """The cost of each robot of the smallest fleet: that of a larger one ends at a whole core."""
+    """That of each robot of the smallest fleet; with a larger one an exporter may be overloaded."""
     low = min(map(int, measured))
     return Line(0.0, cost(measured[str(low)]) / low)
 
@@ -101,7 +101,7 @@ def measured(numbers: Numbers) -> str:
         ("publishers: late at most, s", map("{:.2f}".format, of(exporter, "late"))),
         ("exporter: memory, MB", map("{:.0f}".format, of(exporter, "memory_mb"))),
         (
-            "exporter: until all were received, s",
+            "exporter: until all were received (at most 75), s",
             map("{:.0f}".format, of(exporter, "discovery_seconds")),
         ),
         ("scrape of the faults, ms", map("{:.0f}".format, of(exporter, "scrape_faults_ms"))),
@@ -197,10 +197,10 @@ def costs(numbers: Numbers) -> Costs:
     exporter, prometheus = numbers["exporter"], numbers["prometheus"]
     return Costs(
         cpu=of_one(exporter, lambda each: each["cpu"] / each["received"]),
-        memory=line(exporter, lambda each: each["memory_mb"]),
-        scrape=line(exporter, lambda each: each["scrape_ms"] / 1e3),
-        megabytes=line(exporter, lambda each: each["scrape_mb"]),
-        samples=line(exporter, lambda each: each["samples"]),
+        memory=of_one(exporter, lambda each: each["memory_mb"]),
+        scrape=of_one(exporter, lambda each: each["scrape_ms"] / 1e3),
+        megabytes=of_one(exporter, lambda each: each["scrape_mb"]),
+        samples=of_one(exporter, lambda each: each["samples"]),
         series=line(prometheus, lambda each: each["faulty"]["series"]),
         prometheus_memory=line(prometheus, lambda each: each["faulty"]["memory_mb"]),
         rules=line(prometheus, lambda each: each["faulty"]["rules"]),
@@ -238,7 +238,7 @@ def computed(numbers: Numbers) -> str:
     rows: list[tuple[str, Callable[[int], str]]] = [
         (f"exporters of {rounded(each)} robots", lambda n: f"{math.ceil(n / each):,}"),
         ("cores of all exporters", lambda n: f"{cost.cpu.at(n):.1f}"),
-        ("memory of all exporters, GB", lambda n: f"{_divided(cost.memory, n, each) / 1e3:.1f}"),
+        ("memory of all exporters, GB", lambda n: f"{cost.memory.at(n) / 1e3:.1f}"),
         ("scraped, MB a second", lambda n: f"{cost.megabytes.at(n) / REST_INTERVAL:.1f}"),
         ("series in Prometheus", lambda n: rounded(cost.series.at(n))),
         ("memory of Prometheus, GB", lambda n: f"{cost.prometheus_memory.at(n) / 1e3:.1f}"),
@@ -251,11 +251,6 @@ def computed(numbers: Numbers) -> str:
     ]
     titles = ["", *(f"{n:,} robots" for n in FLEETS)]
     return table(titles, [(what, *(make(n) for n in FLEETS)) for what, make in rows])
-
-
-def _divided(cost: Line, robots: int, each: float) -> float:
-    """The cost of as many exporters as there have to be."""
-    return cost.fixed * math.ceil(robots / each) + cost.each * robots
 
 
 def rounded(number: float) -> str:

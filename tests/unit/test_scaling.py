@@ -1,4 +1,4 @@
-"""The arithmetic of `./run bench scale`."""
+"""docs/scaling.md shows what was measured, and its arithmetic is right."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from typing import Any
 import pytest
 
 from bench import scaling
+
+
+def test_the_page_has_the_tables_of_the_numbers_that_were_kept():
+    assert scaling.page() == scaling.PAGE.read_text(), "renew them: ./run bench scale --page"
 
 
 @pytest.mark.parametrize(
