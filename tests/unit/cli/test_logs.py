@@ -18,12 +18,8 @@ FORGED = 'ok\nts=1 level=error msg="forged" \x1b[2J\x9b'
 
 @pytest.fixture
 def written(capsys):
-    """Returns what was logged since the last call; restores the root logger."""
-    root = logging.getLogger()
-    before, level = list(root.handlers), root.level
-    yield lambda: capsys.readouterr().err
-    root.handlers[:] = before
-    root.setLevel(level)
+    """Returns what was logged since the last call."""
+    return lambda: capsys.readouterr().err
 
 
 def test_logfmt_is_one_line_per_record_for_any_message(written):
