@@ -33,15 +33,16 @@ def lease() -> Iterator[int]:
 
 
 # UDP, as between machines. With the range LOCALHOST rmw_fastrtps takes shared memory too, whatever
-# FASTDDS_BUILTIN_TRANSPORTS says; a reader that gets no CPU there for a second may stay deaf.
+# FASTDDS_BUILTIN_TRANSPORTS says; there an exporter that got no CPU for seconds once stayed deaf.
 BETWEEN_MACHINES = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
 
 
 def environment(domain_id: int) -> dict[str, str]:
     """Return this process' environment for a program that uses ROS on this machine only.
 
-    UDP, because Fast DDS' shared memory outlives a killed process. Variables that lead to another
-    network (a discovery server, a user's profile) are removed.
+    UDP is asked for, because Fast DDS' shared memory outlives a killed process; within the range
+    LOCALHOST it is used all the same. Variables that lead to another network (a discovery server,
+    a user's profile) are removed.
     """
     removed = {
         "CYCLONEDDS_URI",
