@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bench.hostile import peak_megabytes
-from bench.scraper import MESSAGES
+from bench.scraper import MESSAGES, total
 from bench.sim import cpu_seconds, resident_megabytes
 from testbed import domains, http
 from testbed.polling import until
@@ -42,10 +42,8 @@ CHANGING = {"nothing changes": 0, "a quarter changes": 4, "every value changes":
 BEGIN = 300.0  # seconds until all robots are matched
 SETTLE = 15.0  # seconds from the first message to the measurement
 CALM = 5.0  # seconds without a message after the last that is acknowledged: the rest is lost
-SCRAPES = (("/metrics?collect[]=faults", 2.0), ("/metrics?exclude[]=faults", 15.0))
-
-
 YARDSTICK = 60.0  # seconds at most for the yardstick, whose cost is the same all the time
+SCRAPES = (("/metrics?collect[]=faults", 2.0), ("/metrics?exclude[]=faults", 15.0))
 
 
 class Cost(NamedTuple):
@@ -61,10 +59,10 @@ class Cost(NamedTuple):
 class Fleet:
     """The robots, in several processes that publish until all is acknowledged."""
 
-    def __init__(self, site: Site, changing: int) -> None:
+    def __init__(self, site: Site, changing: int, seconds: float) -> None:
         options = site.options
         self._share = -(-options.robots // options.processes)
-        self._turns = int(SETTLE + options.seconds + SETTLE)
+        self._turns = int(SETTLE + seconds + SETTLE)
         self.sent = options.robots * self._turns
         self._processes = [
             site.start_actor(
@@ -82,13 +80,12 @@ class Fleet:
         for each in self._processes:
             each.wait_for_output("turn 0", BEGIN)
 
-    def wait_for_end(self) -> str:
-        """Until all is sent and acknowledged; the last line of the slowest."""
+    def wait_for_end(self) -> None:
+        """Until all is sent and acknowledged."""
         for each in self._processes:
             until(lambda each=each: not each.alive, each.describe, 2 * SETTLE + BEGIN)
             if each.exit_code:
                 raise RuntimeError(each.describe())
-        return max(each.output().splitlines()[-1] for each in self._processes)
 
 
 class Site:
@@ -156,11 +153,12 @@ def middleware_seconds(pid: int) -> float:
 
 def taking(options: argparse.Namespace) -> Cost:
     """What it costs to take the messages alone."""
+    seconds = min(options.seconds, YARDSTICK)
     with site_for(options) as site:
-        taker = site.start_actor("taker", str(options.robots), seconds=2 * BEGIN + options.seconds)
-        fleet = Fleet(site, CHANGING["every value changes"])
+        taker = site.start_actor("taker", str(options.robots), seconds=2 * BEGIN + seconds)
+        fleet = Fleet(site, CHANGING["every value changes"], seconds)
         fleet.wait_until_all_publish()
-        cpu, middleware = measure(taker, options.seconds)
+        cpu, middleware = measure(taker, seconds)
         resident, peak = resident_megabytes(taker.pid), peak_megabytes(taker.pid)
         fleet.wait_for_end()
         pattern = rf"{fleet.sent} arrays taken"
@@ -168,22 +166,22 @@ def taking(options: argparse.Namespace) -> Cost:
         return Cost(cpu, middleware, resident, peak, fleet.sent)
 
 
-def exporting(options: argparse.Namespace, changing: int) -> tuple[Cost, Fleet, str]:
+def exporting(options: argparse.Namespace, changing: int) -> tuple[Cost, Fleet]:
     """What the exporter costs with the same messages."""
     with site_for(options) as site:
         address = f"127.0.0.1:{free_port()}"
         exporter = site.start_exporter(address)
         until(lambda: http.answers(address, "/-/ready"), exporter.describe, SETTLE)
-        fleet = Fleet(site, changing)
+        fleet = Fleet(site, changing, options.seconds)
         fleet.wait_until_all_publish()
         with scraping(address):
             cpu, middleware = measure(exporter, options.seconds)
             resident, peak = resident_megabytes(exporter.pid), peak_megabytes(exporter.pid)
-            late = fleet.wait_for_end()
+            fleet.wait_for_end()
         received = count_received(address)
         while received < fleet.sent and (more := count_after(address, CALM)) > received:
             received = more
-        return Cost(cpu, middleware, resident, peak, received), fleet, late
+        return Cost(cpu, middleware, resident, peak, received), fleet
 
 
 def count_after(address: str, seconds: float) -> int:
@@ -194,8 +192,7 @@ def count_after(address: str, seconds: float) -> int:
 
 def count_received(address: str) -> int:
     """The messages of all robots."""
-    text = http.get(address, "/metrics", seconds=60)
-    return sum(int(float(value)) for _robot, value in MESSAGES.findall(text))
+    return total(MESSAGES, http.get(address, "/metrics", seconds=60))
 
 
 @contextmanager
@@ -227,7 +224,9 @@ def main() -> None:
     )
     parser.add_argument("--robots", type=int, default=1000)
     parser.add_argument("--processes", type=int, default=4, help="that the robots are spread over")
-    parser.add_argument("--seconds", type=float, default=60.0, help="of each case")
+    parser.add_argument(
+        "--seconds", type=float, default=60.0, help=f"of each case; {YARDSTICK:g} at most of taking"
+    )
     parser.add_argument(
         "--changing", type=re.compile, default=re.compile(""), help="only cases that match this"
     )
@@ -235,13 +234,11 @@ def main() -> None:
     processes = f"in {options.processes} processes"
     print(f"{options.robots} robots at 1 Hz {processes}, {options.seconds:g} s a case")
     print(f"{'':<28}{'CPU':>6}{'of taking':>11}{'DDS':>6}{'MB':>6}{'peak':>6}{'lost':>6}")
-    yardstick = taking(
-        argparse.Namespace(**{**vars(options), "seconds": min(options.seconds, YARDSTICK)})
-    )
+    yardstick = taking(options)
     print_row("taking alone", yardstick, yardstick, 0)
     for what, changing in CHANGING.items():
         if options.changing.search(what):
-            cost, fleet, _late = exporting(options, changing)
+            cost, fleet = exporting(options, changing)
             print_row(what, cost, yardstick, fleet.sent - cost.received)
 
 

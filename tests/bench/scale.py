@@ -29,7 +29,7 @@ from typing import Any
 import yaml
 
 from bench import rules, scaling, storage
-from bench.scraper import MESSAGES
+from bench.scraper import MESSAGES, robots_up, total
 from bench.sim import cpu_seconds, resident_megabytes
 from support.loopback import answering
 from support.served_fleet import serving
@@ -46,7 +46,6 @@ limits: {{robots: 10000, series: 10000000}}
 discovery:
   - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: {domains}}}
 """
-UP = re.compile(rb"^ros_diagnostics_robot_up\{[^\n]*\} 1\.0$", re.MULTILINE)
 LATE = re.compile(r"late at worst (\S+) s")
 OF_DOMAIN = 250  # robots
 DISCOVERY = 75.0  # seconds
@@ -106,7 +105,7 @@ def measure_exporter(robots: int, seconds: float) -> Numbers:
 
 
 def _fleet(folder: Path, domain: int, first: int, robots: int) -> Process:
-    """Robots in one domain: what a participant has to tell another grows with both."""
+    """Robots in one domain: what participants send each other grows with both."""
     argv = [sys.executable, "-m", "bench.actors", "fleet", str(domain), str(robots), "600"]
     argv += ["--first", str(first)]
     name = f"fleet-{domain}"
@@ -115,11 +114,11 @@ def _fleet(folder: Path, domain: int, first: int, robots: int) -> Process:
 
 def _up(address: str) -> int:
     """How many robots are received."""
-    return len(UP.findall(http.get(address, FAULTS, 30)))
+    return robots_up(http.get(address, FAULTS, 30))
 
 
-def _received(address: str) -> float:
-    return sum(float(value) for _robot, value in MESSAGES.findall(http.get(address, REST, 30)))
+def _received(address: str) -> int:
+    return total(MESSAGES, http.get(address, REST, 30))
 
 
 def _scrape(address: str, end: float) -> Numbers:
@@ -204,12 +203,12 @@ def measure_database(robots: int) -> Numbers:
 
 def measure_alertmanager(number: int) -> Numbers:
     """From as many alerts at once to all notifications; then what receiving all again costs."""
-    told = threading.Semaphore(0)
+    notified = threading.Semaphore(0)
 
     class Receiver(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
             self.rfile.read(int(self.headers["Content-Length"]))
-            told.release()
+            notified.release()
             self.send_response(200)
             self.end_headers()
 
@@ -222,7 +221,7 @@ def measure_alertmanager(number: int) -> Numbers:
         spent, begin = cpu_seconds(server.process.pid), time.monotonic()
         _post(server.address, number)
         for _ in range(number):
-            assert told.acquire(timeout=120), "a notification is missing"
+            assert notified.acquire(timeout=120), "a notification is missing"
         seconds = time.monotonic() - begin
         cpu = cpu_seconds(server.process.pid) - spent
         spent = cpu_seconds(server.process.pid)

@@ -57,20 +57,14 @@ def of_one(measured: dict[str, Any], cost: Callable[[Any], float]) -> Line:
 
 def tables(numbers: Numbers) -> str:
     """All tables, with headings, for a terminal."""
-    parts = {"measured": measured, "alerts": alerts, "limits": limits, "computed": computed}
-    return "\n\n".join(f"{name}\n\n{make(numbers)}" for name, make in parts.items())
+    return "\n\n".join(f"{name}\n\n{make(numbers)}" for name, make in _makers().items())
 
 
 def page() -> str:
     """docs/scaling.md with the tables of RESULTS."""
     numbers = json.loads(RESULTS.read_text())
     text = PAGE.read_text()
-    for name, make in (
-        ("measured", measured),
-        ("alerts", alerts),
-        ("limits", limits),
-        ("computed", computed),
-    ):
+    for name, make in _makers().items():
         between = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
         text, replaced = between.subn(rf"\g<1>{make(numbers)}\n\g<2>", text)
         if replaced != 1:
@@ -78,6 +72,10 @@ def page() -> str:
                 f"{PAGE}: {replaced} places for the table {name!r}; there is to be one"
             )
     return text
+
+
+def _makers() -> dict[str, Callable[[Numbers], str]]:
+    return {"measured": measured, "alerts": alerts, "limits": limits, "computed": computed}
 
 
 def measured(numbers: Numbers) -> str:

@@ -20,7 +20,24 @@ LAST_MESSAGE = re.compile(
 )
 REJECTED = re.compile(FAMILY % (b"(?:robot|exporter)_rejected_total", b"reason"), re.MULTILINE)
 MESSAGES = re.compile(FAMILY % (b"robot_messages_total", b"robot"), re.MULTILINE)
+MESSAGE_BYTES = re.compile(FAMILY % (b"robot_message_bytes_total", b"robot"), re.MULTILINE)
+# The number of a message, which virtual robots put into its values so that lost ones are counted.
+SEQUENCE = re.compile(
+    rb'^ros_diagnostics_component_value\{[^\n]*?robot="([^"\n]+)"'
+    rb'[^\n]*key="Sequence"[^\n]*\} (\S+)$',
+    re.MULTILINE,
+)
 CHANGES = re.compile(FAMILY % (b"component_changes_total", b"robot"), re.MULTILINE)
+
+
+def robots_up(text: bytes) -> int:
+    """How many robots are received, by the text of a scrape."""
+    return sum(float(value) == 1 for _robot, value in UP.findall(text))
+
+
+def total(family: re.Pattern[bytes], text: bytes) -> int:
+    """The sum of a family's samples, which are whole numbers."""
+    return sum(int(float(value)) for _label, value in family.findall(text))
 
 
 class ScrapeError(Exception):

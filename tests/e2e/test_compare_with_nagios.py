@@ -20,14 +20,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 PLUGIN = Path(sys.executable).parent / "check_ros_diagnostics"
 ROBOTS = ("robot_1", "robot_2", "robot_3")
 SERVICES = ("Motor", "Laser")  # as their names the patterns
-DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
 SETTINGS = "check_external_commands=1\nenable_notifications=1\nlog_notifications=1\n"
 COMMON = """\
-define timeperiod {{
-  timeperiod_name always
-  alias always
-{days}
-}}
 define command {{
   command_name check_ros_diagnostics
   command_line {plugin} --url {url} -H $HOSTNAME$ -N "$ARG1$"
@@ -74,8 +68,7 @@ define service {{
 
 
 def objects(url: str) -> str:
-    days = "\n".join(f"  {day} 00:00-24:00" for day in DAYS)
-    parts = [COMMON.format(days=days, plugin=PLUGIN, url=url)]
+    parts = [nagios_program.ALWAYS, COMMON.format(plugin=PLUGIN, url=url)]
     parts += [HOST.format(robot=robot) for robot in ROBOTS]
     parts += [SERVICE.format(robot=each, service=of) for each in ROBOTS for of in SERVICES]
     return "".join(parts)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import socketserver
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from http.server import BaseHTTPRequestHandler
@@ -19,7 +18,7 @@ import pytest
 from ros_diagnostics_exporter.cli import ack
 from support import host_checks, prometheus_site, short_clocks
 from support.link import Link
-from support.loopback import answering
+from support.loopback import answering, serving
 from testbed import domains, programs
 from testbed.http import answers, get_json
 from testbed.mail import Inbox, MailServer
@@ -123,19 +122,6 @@ class Site:
         until(lambda: self.faults() == {*faults}, lambda: f"{faults}: {self.faults()}", 60)
 
 
-@contextmanager
-def banners() -> Iterator[str]:
-    """Answer as an SSH server begins to; yields the address."""
-    with socketserver.TCPServer(("127.0.0.1", 0), Banner) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.05,))
-        thread.start()
-        try:
-            yield f"127.0.0.1:{server.server_address[1]}"
-        finally:
-            server.shutdown()
-            thread.join()
-
-
 def thresholds(folder: Path) -> Callable[[Path], None]:
     """Edits the thresholds as a person would: the disk is WARNING as full as it is now."""
     found = os.statvfs(folder)
@@ -182,7 +168,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
                 f"--path.procfs={computer.proc}",
             )
         )
-        banner = stack.enter_context(banners())
+        banner = stack.enter_context(serving(socketserver.TCPServer(("127.0.0.1", 0), Banner)))
         links = {
             name: Link(to)
             for name, to in {"ssh": banner, "http": page, "tcp": page, "node": node}.items()

@@ -9,9 +9,9 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.scraper import UP
+from experiments import site
 from support import nagios_program
-from testbed import configuration, domains, http, programs
+from testbed import configuration, domains, programs
 from testbed.polling import until
 from testbed.ports import free_port
 from testbed.processes import Process
@@ -19,17 +19,6 @@ from testbed.processes import Process
 WAYS = ("subscriber", "exporter")
 START_SECONDS = 120.0
 OBJECTS = """\
-define timeperiod {{
-  timeperiod_name always
-  alias always
-  monday 00:00-24:00
-  tuesday 00:00-24:00
-  wednesday 00:00-24:00
-  thursday 00:00-24:00
-  friday 00:00-24:00
-  saturday 00:00-24:00
-  sunday 00:00-24:00
-}}
 define command {{
   command_name check
   command_line {check} -H $HOSTNAME$ -N "$ARG1$"
@@ -101,13 +90,7 @@ def running(robots: int, way: str) -> Iterator[NagiosFleet]:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="experiment-")))
         domain_id = stack.enter_context(domains.lease())
-        environment = (
-            domains.environment(domain_id)
-            | domains.BETWEEN_MACHINES
-            | {
-                "ROS_LOG_DIR": str(folder / "ros-log"),
-            }
-        )
+        environment = site.environment(domain_id, folder)
 
         def start(name: str, argv: list[str]) -> Process:
             process = Process(name, argv, environment, folder / f"{name}.log")
@@ -128,18 +111,9 @@ def running(robots: int, way: str) -> Iterator[NagiosFleet]:
         )
         argv = programs.exporter(config, address, folder / "exporter.db", "127.0.0.1:1")
         exporter = start("exporter", argv)
-        until(lambda: up(address) == robots, f"{robots} robots", START_SECONDS, every=0.5)
+        until(lambda: site.up(address) == robots, f"{robots} robots", START_SECONDS, every=0.5)
         check = f"{programs.own('check_ros_diagnostics')} --url http://{address}"
         yield NagiosFleet(folder, environment, domain_id, fleet, exporter, check)
-
-
-def up(address: str) -> int:
-    """Return how many robots the exporter there receives; 0 while it does not answer."""
-    try:
-        text = http.get(address, "/metrics", seconds=10.0)
-    except http.Unanswered:
-        return 0
-    return sum(float(value) == 1 for _, value in UP.findall(text))
 
 
 def nagios(
@@ -162,7 +136,7 @@ def nagios(
         notify: The command of a notification.
     """
     names = [f"robot_{number + 1}" for number in range(robots)]
-    objects = [OBJECTS.format(check=fleet.check, notify=notify)]
+    objects = [nagios_program.ALWAYS, OBJECTS.format(check=fleet.check, notify=notify)]
     for name in names:
         objects.append(HOST.format(robot=name))
         objects += [

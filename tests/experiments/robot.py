@@ -26,11 +26,11 @@ from pathlib import Path
 from random import Random
 from statistics import mean, stdev
 
-from bench.scraper import UP
 from experiments import plots, results
 from experiments.results import Results, table
+from experiments.site import environment, up
 from experiments.usage import usage
-from testbed import domains, http, programs
+from testbed import domains, programs
 from testbed.polling import until
 from testbed.ports import free_port
 from testbed.processes import Process
@@ -101,13 +101,7 @@ class Place:
         self.link = link
         self._folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="experiment-")))
         domain_id = stack.enter_context(domains.lease())
-        self._environment = (
-            domains.environment(domain_id)
-            | domains.BETWEEN_MACHINES
-            | {
-                "ROS_LOG_DIR": str(self._folder / "ros-log"),
-            }
-        )
+        self._environment = environment(domain_id, self._folder)
         (self._folder / "fleet.yml").write_text(
             "fleet: bench\ndiscovery:\n"
             f'  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain_id}]}}\n'
@@ -131,7 +125,7 @@ class Place:
         )
         exporter.start()
         try:
-            until(lambda: _up(address), exporter.describe, 60)
+            until(lambda: up(address), exporter.describe, 60)
             yield
         finally:
             exporter.stop()
@@ -153,13 +147,6 @@ class Place:
         after = os.times()
         user = after.children_user - before.children_user
         return user + after.children_system - before.children_system
-
-
-def _up(address: str) -> bool:
-    try:
-        return any(float(value) == 1 for _, value in UP.findall(http.get(address, "/metrics")))
-    except http.Unanswered:
-        return False
 
 
 def _cpu(pid: int) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import re
 import tempfile
 import threading
 import time
@@ -16,7 +15,7 @@ from typing import NamedTuple
 
 import httpx
 
-from bench.scraper import MESSAGES, Scraper
+from bench.scraper import MESSAGE_BYTES, MESSAGES, SEQUENCE, Scraper, robots_up, total
 from experiments import fleet
 from experiments.usage import usage
 from testbed import configuration, domains, http, programs, servers
@@ -31,11 +30,6 @@ SLICE = 10.0  # seconds; CPU is measured in such slices, so that its spread is k
 AGES = 6  # random moments of a slice at which the age of what is shown is read
 EVALUATION_INTERVAL = 5.0
 CHECKOUT = configuration.CHECKOUT
-NUMBER = re.compile(
-    rb'^ros_diagnostics_component_value\{[^\n]*?robot="([^"\n]+)"'
-    rb'[^\n]*key="Sequence"[^\n]*\} (\S+)$',
-    re.MULTILINE,
-)
 FLEET_YML = """\
 fleet: demo
 limits: {{robots: 10000, series: 5000000, components: 2000}}
@@ -107,15 +101,14 @@ def running(workload: Workload) -> Iterator[Site]:
         yield site
 
 
+def environment(domain_id: int, folder: Path) -> dict[str, str]:
+    """Return the variables of programs that speak to each other as computers in a network do."""
+    between = domains.environment(domain_id) | domains.BETWEEN_MACHINES
+    return between | {"ROS_LOG_DIR": str(folder / "ros-log")}
+
+
 def _prepare(folder: Path, domain_id: int, workload: Workload) -> Site:
-    environment = (
-        domains.environment(domain_id)
-        | domains.BETWEEN_MACHINES
-        | {
-            "ROS_LOG_DIR": str(folder / "ros-log"),
-            "PYTHONPATH": str(CHECKOUT / "tests"),
-        }
-    )
+    own = environment(domain_id, folder) | {"PYTHONPATH": str(CHECKOUT / "tests")}
     addresses = configuration.Addresses(*(f"127.0.0.1:{free_port()}" for _ in range(5)))
     configs = configuration.write(folder, domain_id, addresses, configuration.Clocks())
     configs.fleet.write_text(FLEET_YML.format(domain_id=domain_id))
@@ -123,14 +116,14 @@ def _prepare(folder: Path, domain_id: int, workload: Workload) -> Site:
         configs.fleet, addresses.exporter, folder / "exporter.db", addresses.alertmanager
     )
     fleets = [
-        Server(Process("fleet", argv, environment, folder / f"fleet-{number}.log"))
+        Server(Process("fleet", argv, own, folder / f"fleet-{number}.log"))
         for number, argv in enumerate(fleet.commands(*workload))
     ]
     return Site(
         fleets,
         {
             "exporter": Server(
-                Process("exporter", exporter, environment, folder / "exporter.log"),
+                Process("exporter", exporter, own, folder / "exporter.log"),
                 addresses.exporter,
             ),
             "prometheus": servers.prometheus(folder, configs.prometheus, addresses.prometheus),
@@ -154,6 +147,14 @@ def _wait_for_robots(site: Site, workload: Workload) -> None:
     until(there, f"{workload.robots} robots in Prometheus", START_SECONDS, every=1.0)
 
 
+def up(address: str) -> int:
+    """Return how many robots the exporter there receives; 0 while it does not answer."""
+    try:
+        return robots_up(http.get(address, "/metrics", seconds=10.0))
+    except http.Unanswered:
+        return 0
+
+
 @dataclass
 class _Samples:
     """What is read while the measuring lasts."""
@@ -172,8 +173,8 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
     pause = threading.Event()
     pause.wait(SETTLE)
     scraper, samples = Scraper(site.exporter), _Samples()
-    before, started = _counts(scraper.text()), time.monotonic()
-    bytes_before, dropped = _payload(site), _dropped()
+    text, started = scraper.text(), time.monotonic()
+    before, payload, dropped = _counts(text), total(MESSAGE_BYTES, text), _dropped()
     for _ in range(round(seconds / SLICE)):
         began = time.monotonic()
         used = {name: usage(server.process.pid).cpu for name, server in site.programs.items()}
@@ -186,8 +187,8 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
             share = (usage(server.process.pid).cpu - used[name]) / elapsed
             samples.cpu.setdefault(name, []).append(share)
         _sample_evaluation(site, samples)
-    after = _counts(scraper.text())
-    elapsed = time.monotonic() - started
+    text, elapsed = scraper.text(), time.monotonic() - started
+    after, payload = _counts(text), total(MESSAGE_BYTES, text) - payload
     received = sum(after[robot].received - before[robot].received for robot in before)
     lost = sum(_lost(before[robot], after[robot], elapsed * workload.rate) for robot in before)
     return {
@@ -197,7 +198,7 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
         "messages": received,
         "lost": lost,
         "dropped": _dropped() - dropped,
-        "payload_rate": round((_payload(site) - bytes_before) / elapsed / 1e3, 1),
+        "payload_rate": round(payload / elapsed / 1e3, 1),
         **_scrapes(site, seconds),
         "evaluation_seconds": round(median(samples.evaluation), 4),
         **_ages(samples.age),
@@ -245,7 +246,7 @@ class _Count(NamedTuple):
 
 
 def _counts(text: bytes) -> dict[str, _Count]:
-    numbers = {robot: int(float(value)) for robot, value in NUMBER.findall(text)}
+    numbers = {robot: int(float(value)) for robot, value in SEQUENCE.findall(text)}
     return {
         robot.decode(): _Count(int(float(value)), numbers.get(robot))
         for robot, value in MESSAGES.findall(text)
@@ -265,14 +266,6 @@ def _dropped() -> int:
     lines = [line.split() for line in Path("/proc/net/snmp").read_text().splitlines()]
     names, values = (line for line in lines if line[0] == "Udp:")
     return int(values[names.index("RcvbufErrors")])
-
-
-def _payload(site: Site) -> float:
-    text = http.get(site.exporter, "/metrics", seconds=30.0)
-    found = re.findall(
-        rb"^ros_diagnostics_robot_message_bytes_total\{.*\} (\S+)$", text, re.MULTILINE
-    )
-    return sum(float(each) for each in found)
 
 
 def _scrapes(site: Site, seconds: float) -> dict[str, float]:

@@ -30,7 +30,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
-from bench.scraper import MESSAGES, REJECTED, ScrapeError, Scraper
+from bench.scraper import MESSAGES, REJECTED, SEQUENCE, ScrapeError, Scraper, total
 from experiments import machine, soak_plot, soak_report, soak_scenario
 from experiments.usage import megabytes, usage
 from testbed import domains, http
@@ -46,11 +46,6 @@ PROGRAMS = {  # names in the result
     "Alertmanager": "alertmanager",
     "virtual-robots": "robots",
 }
-NUMBER = re.compile(
-    rb'^ros_diagnostics_component_value\{[^\n]*?robot="([^"\n]+)"'
-    rb'[^\n]*key="Sequence"[^\n]*\} (\S+)$',
-    re.MULTILINE,
-)
 
 
 @dataclass
@@ -100,9 +95,9 @@ class Client:
         """Lost: how much more the messages' numbers grew than the number of messages received."""
         received = {robot.decode(): int(float(value)) for robot, value in MESSAGES.findall(text)}
         self.messages = sum(received.values())
-        self.rejected = sum(int(float(value)) for _, value in REJECTED.findall(text))
+        self.rejected = total(REJECTED, text)
         numbers: dict[str, int] = {}
-        for name, value in NUMBER.findall(text):
+        for name, value in SEQUENCE.findall(text):
             robot = name.decode()
             numbers[robot] = max(numbers.get(robot, 0), int(float(value)))
         for robot in self.robots & numbers.keys() & received.keys():

@@ -72,6 +72,16 @@ def why_not(*programs: str) -> str | None:
     return f"not installed: {', '.join(missing)}" if missing else None
 
 
+def marks(absent: str | None) -> list[pytest.MarkDecorator]:
+    """The marks of tests that need a Debian; ``absent`` is why there can be none, or None."""
+    return [
+        pytest.mark.e2e,
+        pytest.mark.slow,
+        pytest.mark.timeout(2400),
+        pytest.mark.skipif(absent is not None, reason=str(absent)),
+    ]
+
+
 def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
     """The folder ``name`` that ``make`` has filled, once for all workers of this run of pytest."""
     shared = factory.getbasetemp()

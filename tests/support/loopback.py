@@ -1,4 +1,4 @@
-"""A small HTTP server on a port of this machine, in threads of its own."""
+"""Small servers on a port of this machine, in threads of their own."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from socketserver import TCPServer
 
 from testbed.ports import free_port
 
@@ -18,11 +19,18 @@ class _Server(ThreadingHTTPServer):
 def answering(handler: type[BaseHTTPRequestHandler]) -> Iterator[str]:
     """Answer with ``handler`` while the context lasts; it logs no requests. Yields HOST:PORT."""
     quiet = type("Quiet", (handler,), {"log_message": lambda *_: None})
-    server = _Server(("127.0.0.1", free_port()), quiet)
+    with serving(_Server(("127.0.0.1", free_port()), quiet)) as address:
+        yield address
+
+
+@contextmanager
+def serving(server: TCPServer) -> Iterator[str]:
+    """Let a server serve while the context lasts, which closes it. Yields HOST:PORT."""
     thread = threading.Thread(target=server.serve_forever, args=(0.05,))
     thread.start()
     try:
-        yield f"127.0.0.1:{server.server_port}"
+        host, port = server.server_address[:2]
+        yield f"{host!s}:{port}"
     finally:
         server.shutdown()
         thread.join()

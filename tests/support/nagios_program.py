@@ -37,6 +37,20 @@ check_for_updates=0
 use_syslog=0
 """
 
+ALWAYS = """\
+define timeperiod {
+  timeperiod_name always
+  alias always
+  monday 00:00-24:00
+  tuesday 00:00-24:00
+  wednesday 00:00-24:00
+  thursday 00:00-24:00
+  friday 00:00-24:00
+  saturday 00:00-24:00
+  sunday 00:00-24:00
+}
+"""
+
 
 def prepare(
     folder: Path, objects: str, settings: str = "", environment: Mapping[str, str] | None = None

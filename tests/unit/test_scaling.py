@@ -52,7 +52,7 @@ def limits(of: dict[str, Any]) -> list[str]:
 
 
 def test_what_an_exporter_lost_counts_as_work_it_had_to_do():
-    """One that received half of the messages has room for half of the robots."""
+    """One that received half of the messages could serve half of the robots."""
     halved = copy.deepcopy(numbers())
     for each in halved["exporter"].values():
         each["received"] /= 2

@@ -264,11 +264,7 @@ def notifications() -> stat.Panel:
     return _by_integration(
         "Notifications",
         "How many notifications were sent or attempted in the time range?",
-        f"""
-          {_notifications("", "$__range")} > 0
-        or on ()
-          group(alertmanager_notifications_total) * 0
-        """,
+        f"{_notifications('', '$__range')} > 0",
     )
 
 
@@ -282,14 +278,19 @@ def failed_notifications() -> stat.Panel:
           {_notifications("_failed", "$__range")}
         and
           {_notifications("", "$__range")} > 0
-        or on ()
-          group(alertmanager_notifications_total) * 0
         """,
     )
     return panels.on_colour(panel, (1, palette.CRITICAL.colour))
 
 
 def _by_integration(title: str, description: str, expr: str) -> stat.Panel:
+    expr = f"""
+      (
+        {expr}
+      )
+    or on ()
+      group(alertmanager_notifications_total) * 0
+    """
     # Not "short", which would show 1034 as 1 K.
     panel = panels.number(title, description, expr, "none").decimals(0)
     panel = panel.targets([panels.at_end(expr, "{{integration}}")])

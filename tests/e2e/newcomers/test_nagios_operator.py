@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from support.nagios_program import ALWAYS
 from support.newcomer import Newcomer, blocks, newcomer
 
 pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(1800)]
@@ -41,17 +42,6 @@ check_for_updates=0
 use_syslog=0
 """
 SITE = """\
-define timeperiod {
-  timeperiod_name always
-  alias always
-  monday 00:00-24:00
-  tuesday 00:00-24:00
-  wednesday 00:00-24:00
-  thursday 00:00-24:00
-  friday 00:00-24:00
-  saturday 00:00-24:00
-  sunday 00:00-24:00
-}
 define command {
   command_name alive
   command_line /bin/true
@@ -98,7 +88,7 @@ def has_nagios(person: Newcomer, objects: str) -> None:
     folder.mkdir()
     etc = person.folder / "etc" / "nagios4"
     etc.mkdir(exist_ok=True)
-    (etc / "site.cfg").write_text(SITE + objects)
+    (etc / "site.cfg").write_text(ALWAYS + SITE + objects)
     (etc / "site-nagios.cfg").write_text(SETTINGS.format(folder=folder))
     person.starts("nagios", "exec nagios4 /etc/nagios4/site-nagios.cfg")
 

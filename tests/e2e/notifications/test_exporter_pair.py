@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from support.mailbox import settled
 from testbed import http, programs
 from testbed.mail import Inbox
 from testbed.polling import until
@@ -39,14 +40,7 @@ class Site:
 
     def mailed(self, expected: list[str]) -> None:
         """Wait until so many were sent, and for one too many: exactly these."""
-        until(
-            lambda: len(self.subjects()) >= len(expected),
-            lambda: f"{expected}; mails: {self.subjects()}",
-            90,
-        )
-        then = time.monotonic() + SETTLES
-        until(lambda: time.monotonic() >= then, "a mail too many had its time")
-        assert self.subjects() == expected
+        assert settled(self.subjects, len(expected), within=90, pause=SETTLES) == expected
 
     def holds(self, promql: str) -> None:
         """Wait until Prometheus returns something."""

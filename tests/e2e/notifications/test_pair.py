@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import yaml
 
 from support.alertmanager_cluster import PEER_TIMEOUT, clustered, sees_two
 from support.alerts import post_alerts
+from support.mailbox import settled
 from testbed.configuration import CHECKOUT
 from testbed.mail import Inbox, MailServer
 from testbed.polling import until
@@ -43,10 +43,7 @@ class Pair:
 
     def settled(self, number: int) -> list[str]:
         """All subjects, once so many mails have arrived and each half had time for one too many."""
-        until(lambda: len(self.subjects()) >= number, lambda: f"mails: {self.subjects()}", 60)
-        then = time.monotonic() + 2 * PEER_TIMEOUT + 2
-        until(lambda: time.monotonic() >= then, "each half had its time")
-        return self.subjects()
+        return settled(self.subjects, number, within=60, pause=2 * PEER_TIMEOUT + 2)
 
 
 @pytest.fixture

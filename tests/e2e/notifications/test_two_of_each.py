@@ -7,7 +7,6 @@ is sent twice but after the mail server was down, when both Alertmanagers retry.
 from __future__ import annotations
 
 import shutil
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +16,7 @@ import pytest
 import yaml
 
 from support.alertmanager_cluster import PEER_TIMEOUT, clustered, sees_two
+from support.mailbox import settled
 from testbed import http
 from testbed.mail import Inbox
 from testbed.polling import until
@@ -92,13 +92,9 @@ class Pairs:
 
     def settled(self, number: int) -> list[str]:
         """All subjects, once so many mails arrived and each server had time for one too many."""
-        until(
-            lambda: len(self.subjects()) >= number, lambda: f"{number} mails: {self.subjects()}", 90
-        )
         # An evaluation of the other Prometheus, group_interval, and the other's peer timeout.
-        then = time.monotonic() + 5 + 5 + 2 * PEER_TIMEOUT + 1
-        until(lambda: time.monotonic() >= then, "each server had its time")
-        return self.subjects()
+        pause = 5 + 5 + 2 * PEER_TIMEOUT + 1
+        return settled(self.subjects, number, within=90, pause=pause)
 
 
 @pytest.fixture

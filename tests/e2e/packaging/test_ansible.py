@@ -26,12 +26,7 @@ MISSING = [
 ABSENT = debian.why_not() or (f"not installed: {', '.join(MISSING)}" if MISSING else None)
 FLEET = 'fleet: hall\ndiscovery: [{topic: "/{robot}/diagnostics_agg"}]\n'
 
-pytestmark = [
-    pytest.mark.e2e,
-    pytest.mark.slow,
-    pytest.mark.timeout(2400),
-    pytest.mark.skipif(ABSENT is not None, reason=str(ABSENT)),
-]
+pytestmark = debian.marks(ABSENT)
 
 
 @pytest.fixture

@@ -49,12 +49,7 @@ echo ready
 exec sleep infinity
 """
 
-pytestmark = [
-    pytest.mark.e2e,
-    pytest.mark.slow,
-    pytest.mark.timeout(2400),
-    pytest.mark.skipif(ABSENT is not None, reason=str(ABSENT)),
-]
+pytestmark = debian.marks(ABSENT)
 
 
 class Host:

@@ -21,12 +21,7 @@ PAGE = "docs/install-debian.md"
 # What any program changes: systemd's own state, logs, caches, and the database of the packages.
 CHANGING = ("/var/log", "/var/cache", "/var/lib/systemd/catalog", "/var/lib/dpkg", "/root")
 
-pytestmark = [
-    pytest.mark.e2e,
-    pytest.mark.slow,
-    pytest.mark.timeout(2400),
-    pytest.mark.skipif(ABSENT is not None, reason=str(ABSENT)),
-]
+pytestmark = debian.marks(ABSENT)
 
 
 @pytest.fixture

@@ -1,0 +1,28 @@
+"""Mails that were sent, and those that were not."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from testbed.polling import until
+
+
+def settled(
+    subjects: Callable[[], list[str]], number: int, *, within: float, pause: float
+) -> list[str]:
+    """All subjects, once so many mails have arrived and one too many had its time.
+
+    Args:
+        subjects: Those of all mails until now.
+        number: Of mails that are waited for.
+        within: Seconds in which they have to arrive.
+        pause: Seconds in which a mail too many would be sent.
+
+    Raises:
+        TimeoutError: Fewer have arrived.
+    """
+    until(lambda: len(subjects()) >= number, lambda: f"{number} mails: {subjects()}", within)
+    then = time.monotonic() + pause
+    until(lambda: time.monotonic() >= then, "a mail too many had its time", pause + 30)
+    return subjects()
