@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import compress
 from operator import ne
 
@@ -34,8 +34,9 @@ class FlapHistory:
 
     __slots__ = ("last", "ratio", "slots")
 
-    def __init__(self, slots: Sequence[int], mono: float) -> None:
-        self.slots = list(slots)
+    def __init__(self, slots: Iterable[int], mono: float) -> None:
+        """``slots`` are 21 states, the oldest first, each from 0 to 255."""
+        self.slots = bytes(slots)  # of each component there is one: a list takes four times as much
         self.ratio = flap_ratio(self.slots)
         self.last = mono  # when the latest state was recorded
 
@@ -49,7 +50,7 @@ class FlapHistory:
         if self.ratio == 0.0:
             return False
         steps = min(steps, SLOTS)
-        self.slots = self.slots[steps:] + [self.slots[-1]] * steps
+        self.slots = self.slots[steps:] + self.slots[-1:] * steps
         self.ratio = flap_ratio(self.slots)
         return True
 
@@ -57,5 +58,5 @@ class FlapHistory:
         """Record a change to another state."""
         self.decay(mono, interval)
         self.last = mono
-        self.slots = [*self.slots[1:], state]
+        self.slots = bytes((*self.slots[1:], state))
         self.ratio = flap_ratio(self.slots)

@@ -9,12 +9,14 @@ deserialization costs twice as much and more, as its objects are copied into our
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from struct import Struct, error
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.model import Array, Status
 
 MAX_KEPT = 1 << 18  # bytes of a message that a decoder keeps
+MAX_CACHED = 256  # bytes of a name or key that is cached, which limits the cache
 
 _Unpack = Callable[[bytes, int], tuple[int, ...]]
 _LITTLE = Struct("<I").unpack_from, Struct("<iI").unpack_from
@@ -52,7 +54,7 @@ class Decoder:
         number, stamp = _LITTLE if data[1] else _BIG
         try:
             seconds, nanoseconds = stamp(data, 4)
-            _frame_id, at = _texts(data, 12, 1, number)
+            _frame_id, at = _text(data, 12, number)
             decoded, at = self._statuses(data, at + 3 & -4, number)
         except (error, IndexError):
             at = len(data) + 1
@@ -78,11 +80,10 @@ class Decoder:
                     continue
             begin = at
             level = data[at]
-            (name, message, hardware_id), at = _texts(data, at + 1, 3, number)
+            ((name, message),), at = _pairs(data, at + 1, 1, number)
+            hardware_id, at = _text(data, at, number)
             at = at + 3 & -4
-            (pairs,) = number(data, at)
-            texts, at = _texts(data, at + 4, 2 * pairs, number)
-            values = tuple(zip(texts[::2], texts[1::2], strict=True))
+            values, at = _pairs(data, at + 4, number(data, at)[0], number)
             status = Status(level, name, message, hardware_id, values)
             decoded.append(_Decoded(begin, data[begin:at], status))
         return decoded, at
@@ -98,14 +99,36 @@ def is_cdr(data: bytes) -> bool:
     return len(data) >= 4 and data[0] == 0 and data[1] <= 1
 
 
-def _texts(data: bytes, at: int, count: int, number: _Unpack) -> tuple[list[str], int]:
-    """(so many texts from an offset on, each aligned; the offset behind them)."""
-    texts = []
+def _text(data: bytes, at: int, number: _Unpack) -> tuple[str, int]:
+    """(the text at an offset, which is aligned first; the offset behind it)."""
+    at = (at + 3 & -4) + 4
+    end = at + number(data, at - 4)[0]
+    return _until_zero(data[at : end - 1]), end
+
+
+def _pairs(
+    data: bytes, at: int, count: int, number: _Unpack
+) -> tuple[tuple[tuple[str, str], ...], int]:
+    """(so many names with a text each from an offset on; the offset behind them)."""
+    names, texts = [], []
     for _ in range(count):
         at = (at + 3 & -4) + 4
         end = at + number(data, at - 4)[0]
+        name = data[at : end - 1]
+        names.append(_cached(name) if len(name) <= MAX_CACHED else _until_zero(name))
+        at = (end + 3 & -4) + 4
+        end = at + number(data, at - 4)[0]
         texts.append(data[at : end - 1].decode(errors="replace"))
         at = end
-    if "\0" in "".join(texts):  # the first zero ends a text, as in ROS' own strings
+    if "\0" in "".join(texts):
         texts = [text.partition("\0")[0] for text in texts]
-    return texts, at
+    return tuple(zip(names, texts, strict=True)), at
+
+
+def _until_zero(raw: bytes) -> str:
+    """The first zero ends a text, as in ROS' own strings."""
+    return raw.decode(errors="replace").partition("\0")[0]
+
+
+# A fleet's robots have the same names and keys: each is decoded, and stored, once.
+_cached = lru_cache(maxsize=65_536)(_until_zero)

@@ -47,7 +47,7 @@ class RobotText:
         self._presence: tuple[bool, str | None] | None = None
         self._receipt_due = self._values_due = True
         self._labels: list[tuple[Component, str]] = []  # group and component, rendered
-        self._values: dict[str, list[tuple[str, Value]]] = {}
+        self._values: dict[str, list[Value]] = {}  # by family, a line of its chunk each
         self._reasons: set[str] = set()  # every reason that ever applied
 
     def update(self, *, everything: bool = True) -> None:
@@ -104,9 +104,10 @@ class RobotText:
     # -- series -------------------------------------------------------------------------
 
     def _rename(self) -> None:
-        """Render the labels of every component and the prefixes of every value anew."""
+        """Render the labels of every component and the lines of every value anew."""
         self._labels = []
         self._values = {}
+        lines: dict[str, list[str]] = {}
         taken: dict[str, dict[str, int]] = {}  # by group
         for component in self.robot.components:
             # two names may look alike as labels
@@ -117,20 +118,17 @@ class RobotText:
                 continue
             for value in component.values.all:
                 key = f'{labels},key="{escape(value.key)}"'
-                if value.metric is not None:
-                    name = value.metric
-                    self._values.setdefault(name, []).append((f"{name}{key}}} ", value))
-                key += f',unit="{escape(value.unit)}"}} '
-                monitored = bool(value.rule and value.rule.thresholds)
-                if value.metric is None or monitored:
-                    name = metrics.COMPONENT_VALUE.name
-                    self._values.setdefault(name, []).append((name + key, value))
-                if monitored:
-                    name = metrics.COMPONENT_MONITORED_VALUE.name
-                    self._values.setdefault(name, []).append((name + key, value))
-        for name in self.promoted:
+                unit = f',unit="{escape(value.unit)}"'
+                for name in _families_of(value):
+                    own = "" if name == value.metric else unit
+                    line = f"{name}{key}{own}}} {number(value.number)}\n"
+                    lines.setdefault(name, []).append(line)
+                    self._values.setdefault(name, []).append(value)
+        for name in (self.promoted | _VALUES) - lines.keys():
             self._remove(name)
-        self.promoted = self._values.keys() - _VALUES
+        for name, own_lines in lines.items():
+            self._set_chunk(name, own_lines)
+        self.promoted = lines.keys() - _VALUES
         name = metrics.COMPONENT_INFO.name
         self._set(
             metrics.COMPONENT_INFO,
@@ -280,10 +278,16 @@ class RobotText:
         )
 
     def _render_values(self) -> None:
-        for name, rows in self._values.items():
-            self._set_chunk(name, [f"{prefix}{number(value.number)}\n" for prefix, value in rows])
-        for name in _VALUES - self._values.keys():
-            self._remove(name)
+        """Replace the numbers in the lines of the values, which are long and kept only once."""
+        for name, values in self._values.items():
+            lines = self.chunks[name].decode().split("\n")  # the last is empty
+            self._set_chunk(
+                name,
+                [
+                    f"{line[: line.rindex(' ')]} {number(value.number)}\n"
+                    for line, value in zip(lines, values, strict=False)
+                ],
+            )
 
     def _render_groups(self) -> None:
         family = metrics.GROUP_LEVEL
@@ -294,6 +298,17 @@ class RobotText:
                 for path, (level, _message) in self.robot.groups.items()
             ),
         )
+
+
+def _families_of(value: Value) -> list[str]:
+    """The names of the families that have a sample of it."""
+    names = [] if value.metric is None else [value.metric]
+    monitored = value.rule is not None and value.rule.thresholds
+    if value.metric is None or monitored:
+        names.append(metrics.COMPONENT_VALUE.name)
+    if monitored:
+        names.append(metrics.COMPONENT_MONITORED_VALUE.name)
+    return names
 
 
 def _level(component: Component) -> int:

@@ -320,10 +320,10 @@ class ComponentValues:
         ``find_rule`` is None where the config has no rule for any value.
         """
         self.all: list[Value] = []
-        # for each key-value its numbers; None for one that a limit rejects
-        self._rows: list[list[Value | None]] = []
         # for each key-value the number that a text without a unit sets; None where more is to do
         self._plain: list[Value | None] = []
+        # for each of the other key-values its numbers; None for one that a limit rejects
+        self._rows: dict[int, list[Value | None]] = {}
         self._series = 0  # series
         self._pairs: Pairs = ()
         self._units: dict[str, str] = {}
@@ -361,7 +361,7 @@ class ComponentValues:
         """Remove the numbers and their series, but not their units."""
         self._series_limit.remove(self._series)
         self._series = 0
-        self.all, self._rows, self._plain, self._pairs = [], [], [], ()
+        self.all, self._plain, self._rows, self._pairs = [], [], {}, ()
 
     def exported(self, pairs: Pairs) -> list[list[Value]]:
         """For each of the key-values its numbers that are exported.
@@ -371,13 +371,17 @@ class ComponentValues:
         if pairs != self._pairs:
             return [[] for _pair in pairs]
         return [
-            [value for value in row if value is not None and not value.rejected]
-            for row in self._rows
+            [value for value in self._numbers(row) if value is not None and not value.rejected]
+            for row in range(len(pairs))
         ]
+
+    def _numbers(self, row: int) -> list[Value | None]:
+        plain = self._plain[row]
+        return self._rows[row] if plain is None else [plain]
 
     def _update_row(self, row: int, pair: tuple[str, str]) -> bool:
         """Set the numbers of one key-value; False if how many, or a unit, changed."""
-        slots = self._rows[row]
+        slots = self._numbers(row)
         if slots == [None] and self._is_list_beyond(pair):
             return True
         found = self._read(*pair)
@@ -410,20 +414,23 @@ class ComponentValues:
         self.clear()
         self._pairs = pairs
         taken: dict[str, int] = {}
-        for pair in pairs:
-            if self._is_list_beyond(pair):
-                self._rows.append([None])
-                self._plain.append(None)
-                continue
-            found = self._read(*pair)
-            rule = self._rules.get(pair[0])
-            row = [self._add(number, rule, taken) for number in found]
-            self._rows.append(row)
-            self._plain.append(self._plain_value(pair[0], row))
+        for row, pair in enumerate(pairs):
+            numbers = self._add_all(pair, taken)
+            plain = self._plain_value(pair[0], numbers)
+            self._plain.append(plain)
+            if plain is None:
+                self._rows[row] = numbers
 
-    def _plain_value(self, key: str, row: list[Value | None]) -> Value | None:
+    def _add_all(self, pair: tuple[str, str], taken: dict[str, int]) -> list[Value | None]:
+        if self._is_list_beyond(pair):
+            return [None]
+        found = self._read(*pair)
+        rule = self._rules.get(pair[0])
+        return [self._add(number, rule, taken) for number in found]
+
+    def _plain_value(self, key: str, numbers: list[Value | None]) -> Value | None:
         """The number of a key-value of which a text without a unit changes nothing else."""
-        value = row[0] if len(row) == 1 else None
+        value = numbers[0] if len(numbers) == 1 else None
         if value is None or value.rejected or self._rules.get(key) is not None:
             return None
         return value if [each.unit for each in parse_numbers(key, "1")] == [value.unit] else None

@@ -11,6 +11,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from starlette.responses import JSONResponse, Response
@@ -85,12 +86,27 @@ class ResponseLimit:
             del self._waiting[turn]
 
 
-async def send_chunks(body: bytes, send: Send) -> None:
-    """Send ``body`` in chunks, each when the client has read most of the previous one."""
-    for start in range(0, len(body), CHUNK):
-        chunk = body[start : start + CHUNK]
+async def send_chunks(pieces: Iterable[bytes], send: Send) -> None:
+    """Send a body in chunks, each when the client has read most of the previous one."""
+    for chunk in in_chunks(pieces):
         await send({"type": "http.response.body", "body": chunk, "more_body": True})
     await send({"type": "http.response.body"})
+
+
+def in_chunks(pieces: Iterable[bytes]) -> Iterator[bytes]:
+    """The same bytes in pieces of about ``CHUNK``, none longer than twice that."""
+    waiting: list[bytes] = []
+    size = 0
+    for piece in pieces:
+        waiting.append(piece)
+        size += len(piece)
+        if size >= CHUNK:
+            joined = b"".join(waiting)
+            yield from (joined[at : at + CHUNK] for at in range(0, size, CHUNK))
+            waiting.clear()
+            size = 0
+    if waiting:
+        yield b"".join(waiting)
 
 
 def busy_response() -> Response:
@@ -142,6 +158,6 @@ class _LimitedSend:
             return
         try:
             await self.send(start)
-            await send_chunks(body, self.send)
+            await send_chunks([body], self.send)
         finally:
             self.limit.release(connection)

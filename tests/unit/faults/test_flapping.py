@@ -140,7 +140,7 @@ def test_time_without_a_change_is_recorded_once_an_interval():
     history.change(1, 10.0, 15.0)
     history.decay(54.9, 15.0)
 
-    assert history.slots == [0] * 18 + [1] * 3
+    assert [*history.slots] == [0] * 18 + [1] * 3
     assert history.last == 40.0
 
 
