@@ -4,7 +4,7 @@ Robots publish arrays of 16 components with 64 values once a second, evenly spre
 from several processes on this machine. Each case has a fresh exporter, scraped as the shipped
 Prometheus does, and another share of components whose values change: none, a quarter, all.
 
-The yardstick of the same run is a process that takes the same messages with rclpy, 20 times a
+The yardstick of the same run is a process that takes the same messages with rclpy, ten times a
 second as the exporter does, and does nothing with them. CPU is user and system time of the whole
 process with the middleware's threads; "DDS" is these threads' part. Messages are counted from the
 first to the last: those sent against `robot_messages_total`.

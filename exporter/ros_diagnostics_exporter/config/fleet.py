@@ -9,6 +9,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 from math import ceil
 from pathlib import Path
 from types import MappingProxyType
@@ -132,6 +133,13 @@ class Profile:
     values: tuple[ValueRule, ...] = ()
     # what the robot does -> components that it needs for it, any searched in the name
     tasks: Mapping[str, tuple[Pattern, ...]] = field(default_factory=dict)
+
+    @cached_property
+    def has_conditions(self) -> bool:
+        """Whether `when` or `unless` of any component or value asks about levels or values."""
+        return any(each.conditions for each in self.components) or any(
+            each.conditions for each in self.values
+        )
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,8 @@ class TreeReader:
         self.groups: set[str] = set()
         self._seen_child = False
         self._names: list[str] = []
+        self._rows: list[int] = []  # that decide about the structure, beside the names
+        self._deciding: list[Status] = []
         self._signature: list[object] = []
         self._structure = Structure()
 
@@ -67,28 +69,25 @@ class TreeReader:
         """The structure of one array; its indices point into ``statuses``."""
         names = [status.name for status in statuses]
         if names == self._names:
-            signature = self._sign(statuses)
-            if signature == self._signature:
+            deciding = [statuses[row] for row in self._rows]
+            # Mostly the same objects: what did not change is decoded once.
+            if deciding == self._deciding or self._sign(deciding) == self._signature:
+                self._deciding = deciding
                 return self._structure
         self._structure = self._parse(statuses, names)
         self._names = names
-        self._signature = self._sign(statuses)
+        self._rows = [row for row, _path in self._structure.groups]
+        self._rows += [leaf.rows[0] for leaf in self._structure.leaves if not leaf.exact]
+        self._deciding = [statuses[row] for row in self._rows]
+        self._signature = self._sign(self._deciding)
         return self._structure
 
-    def _sign(self, statuses: Sequence[Status]) -> list[object]:
-        # Beside the names, only the rows that are no components decide about the structure, and
-        # of the components found without a header whether they could be headers themselves.
-        signature: list[object] = []
-        for row, _path in self._structure.groups:
-            status = statuses[row]
-            signature.append([key for key, _value in status.values])
-            signature.append(_could_be_header(status))
-        signature.extend(
-            _could_be_header(statuses[leaf.rows[0]])
-            for leaf in self._structure.leaves
-            if not leaf.exact
-        )
-        return signature
+    def _sign(self, deciding: Sequence[Status]) -> list[object]:
+        # Of the rows that are no components their keys; of them, and of the components found
+        # without a header, whether they could be headers.
+        groups = deciding[: len(self._structure.groups)]
+        keys = [[key for key, _value in status.values] for status in groups]
+        return [*keys, *map(_could_be_header, deciding)]
 
     def _parse(self, statuses: Sequence[Status], names: list[str]) -> Structure:
         found = _components_after_headers(statuses)

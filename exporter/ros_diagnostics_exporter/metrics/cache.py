@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from math import isfinite
 
 from ros_diagnostics_exporter.config.fleet import Profile
@@ -26,6 +27,25 @@ def number(value: float) -> str:
     return "NaN" if value != value else ("+Inf" if value > 0 else "-Inf")  # noqa: PLR0124
 
 
+class _Values:
+    """The samples of one family of values: the labels of the component, those of the value, it.
+
+    Three lists, because a tuple for each of the many takes three times as much memory.
+    """
+
+    __slots__ = ("labels", "own", "values")
+
+    def __init__(self) -> None:
+        self.labels: list[str] = []
+        self.own: list[str] = []
+        self.values: list[Value] = []
+
+    def add(self, labels: str, own: str, value: Value) -> None:
+        self.labels.append(labels)
+        self.own.append(own)
+        self.values.append(value)
+
+
 class RobotText:
     """The text of one robot. ``update`` is to be called while holding the state's lock.
 
@@ -47,7 +67,7 @@ class RobotText:
         self._presence: tuple[bool, str | None] | None = None
         self._receipt_due = self._values_due = True
         self._labels: list[tuple[Component, str]] = []  # group and component, rendered
-        self._values: dict[str, list[Value]] = {}  # by family, a line of its chunk each
+        self._values: dict[str, _Values] = {}  # by family
         self._reasons: set[str] = set()  # every reason that ever applied
 
     def update(self, *, everything: bool = True) -> None:
@@ -56,6 +76,8 @@ class RobotText:
         Without ``everything`` what most messages change is rendered only later.
         """
         new, old = self.robot.versions, self._seen
+        if everything and (self._values_due or old is None or new.values != old.values):
+            self.robot.components.parse_values()  # which may raise the versions
         if new != old:
             self._update_parts(new, old)
             self._seen = new.copy()
@@ -104,10 +126,9 @@ class RobotText:
     # -- series -------------------------------------------------------------------------
 
     def _rename(self) -> None:
-        """Render the labels of every component and the lines of every value anew."""
+        """Render the labels of every component and of every value anew."""
         self._labels = []
         self._values = {}
-        lines: dict[str, list[str]] = {}
         taken: dict[str, dict[str, int]] = {}  # by group
         for component in self.robot.components:
             # two names may look alike as labels
@@ -117,18 +138,12 @@ class RobotText:
             if component.is_stale:
                 continue
             for value in component.values.all:
-                key = f'{labels},key="{escape(value.key)}"'
-                unit = f',unit="{escape(value.unit)}"'
                 for name in _families_of(value):
-                    own = "" if name == value.metric else unit
-                    line = f"{name}{key}{own}}} {number(value.number)}\n"
-                    lines.setdefault(name, []).append(line)
-                    self._values.setdefault(name, []).append(value)
-        for name in (self.promoted | _VALUES) - lines.keys():
+                    own = _labels_of_value(value.key, None if name == value.metric else value.unit)
+                    self._values.setdefault(name, _Values()).add(labels, own, value)
+        for name in (self.promoted | _VALUES) - self._values.keys():
             self._remove(name)
-        for name, own_lines in lines.items():
-            self._set_chunk(name, own_lines)
-        self.promoted = lines.keys() - _VALUES
+        self.promoted = self._values.keys() - _VALUES
         name = metrics.COMPONENT_INFO.name
         self._set(
             metrics.COMPONENT_INFO,
@@ -278,15 +293,11 @@ class RobotText:
         )
 
     def _render_values(self) -> None:
-        """Replace the numbers in the lines of the values, which are long and kept only once."""
         for name, values in self._values.items():
-            lines = self.chunks[name].decode().split("\n")  # the last is empty
+            rows = zip(values.labels, values.own, values.values, strict=True)
             self._set_chunk(
                 name,
-                [
-                    f"{line[: line.rindex(' ')]} {number(value.number)}\n"
-                    for line, value in zip(lines, values, strict=False)
-                ],
+                [f"{name}{labels}{own}{number(value.number)}\n" for labels, own, value in rows],
             )
 
     def _render_groups(self) -> None:
@@ -298,6 +309,13 @@ class RobotText:
                 for path, (level, _message) in self.robot.groups.items()
             ),
         )
+
+
+@lru_cache(maxsize=65_536)
+def _labels_of_value(key: str, unit: str | None) -> str:
+    """The end of a sample's labels: the robots of a fleet have the same ones, stored once."""
+    own = "" if unit is None else f',unit="{escape(unit)}"'
+    return f',key="{escape(key)}"{own}}} '
 
 
 def _families_of(value: Value) -> list[str]:

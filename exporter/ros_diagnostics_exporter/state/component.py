@@ -18,6 +18,7 @@ from ros_diagnostics_exporter.model import Instant, Level, Status
 from ros_diagnostics_exporter.state.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.state.rejections import Reject, RejectionReason
 from ros_diagnostics_exporter.state.storage import PersistedComponent
+from ros_diagnostics_exporter.state.versions import Versions
 
 OK, WARN, ERROR, STALE = (int(level) for level in Level)
 
@@ -184,8 +185,7 @@ class Component:
         level: int | None = self.effective_level(self.last.level)
         if level == STALE and self.rule is not None and self.rule.planned_stale:
             level = self.before_stale
-        beyond = any(value.beyond for value in self.values.all)
-        return level in (None, OK) and not beyond
+        return level in (None, OK) and not self.values.beyond
 
     def persist(self, now: Instant) -> PersistedComponent:
         """What a later process should know."""
@@ -291,13 +291,19 @@ class Value:
 class ComponentValues:
     """The numbers in the key-values of one component.
 
-    As long as the keys, and how many numbers each has, stay, an update only sets numbers.
+    As long as the keys, and how many numbers each has, stay, an update only sets numbers. Numbers
+    that the config judges are parsed at once, all others when they are read: a robot sends ten
+    times and more before it is scraped again.
     """
 
     __slots__ = (
+        "_all",
         "_find_rule",
+        "_judged",
+        "_keys",
         "_limits",
         "_pairs",
+        "_parsed",
         "_plain",
         "_reject",
         "_rows",
@@ -305,7 +311,7 @@ class ComponentValues:
         "_series",
         "_series_limit",
         "_units",
-        "all",
+        "_versions",
     )
 
     def __init__(
@@ -314,54 +320,92 @@ class ComponentValues:
         limits: tuple[int, int],
         series_limit: SeriesLimit,
         reject: Reject,
+        versions: Versions,
+        *,
+        judged: bool,
     ) -> None:
         """``limits`` are the values of a component and the characters of a key.
 
-        ``find_rule`` is None where the config has no rule for any value.
+        ``find_rule`` is None where the config has no rule for any value of this component,
+        ``judged`` whether it may ask at any moment what they are.
         """
-        self.all: list[Value] = []
+        self._all: list[Value] = []
         # for each key-value the number that a text without a unit sets; None where more is to do
         self._plain: list[Value | None] = []
         # for each of the other key-values its numbers; None for one that a limit rejects
         self._rows: dict[int, list[Value | None]] = {}
         self._series = 0  # series
-        self._pairs: Pairs = ()
+        self._pairs: Pairs = ()  # of the last status
+        self._keys: tuple[str, ...] = ()  # of those that were parsed last
+        self._parsed = True
         self._units: dict[str, str] = {}
         self._find_rule = find_rule
         self._rules: dict[str, ValueRule | None] = {}
         self._limits = limits
         self._series_limit = series_limit
         self._reject = reject
+        self._versions = versions
+        self._judged = judged
 
-    def update(self, pairs: Pairs) -> tuple[bool, bool]:
-        """Set the key-values of a new status; (did a number change, did the set of them)."""
-        old = self._pairs
-        if pairs == old:
-            return False, False
-        changed = False
-        if len(old) == len(pairs):
-            for row, (before, after) in enumerate(zip(old, pairs, strict=True)):
-                if before == after:
-                    continue
-                if before[0] != after[0]:
-                    break
-                value, number = self._plain[row], parse_plain(after[1])
-                if value is not None and number is not None:
-                    value.number = number
-                elif not self._update_row(row, after):
-                    break
-                changed = True
-            else:
-                self._pairs = pairs
-                return changed, False
-        self._rebuild(pairs)
-        return True, True
+    @property
+    def all(self) -> list[Value]:
+        """The numbers, in their order; those with another unit than at first among them."""
+        self.parse()
+        return self._all
+
+    @property
+    def beyond(self) -> bool:
+        """Whether a number is beyond a threshold."""
+        return self._find_rule is not None and any(value.beyond for value in self.all)
+
+    def update(self, pairs: Pairs) -> bool:
+        """Take the key-values of a new status; True if a number changed that may be judged."""
+        old, self._pairs = self._pairs, pairs
+        if self._judged:
+            return self._set(old)
+        self._parsed = False
+        self._versions.values += 1
+        return False
+
+    def parse(self) -> None:
+        """Set the numbers of the last status, unless they are set already."""
+        if not self._parsed:
+            self._parsed = True
+            self._set(())
 
     def clear(self) -> None:
         """Remove the numbers and their series, but not their units."""
         self._series_limit.remove(self._series)
         self._series = 0
-        self.all, self._plain, self._rows, self._pairs = [], [], {}, ()
+        self._all, self._plain, self._rows = [], [], {}
+        self._pairs, self._keys, self._parsed = (), (), True
+
+    def _set(self, old: Pairs) -> bool:
+        """Set the numbers; True if one changed.
+
+        ``old`` are the key-values that are parsed, which need not be again; () where not known.
+        """
+        pairs, changed = self._pairs, False
+        if len(self._keys) == len(pairs):
+            for row, (key, pair, plain) in enumerate(
+                zip(self._keys, pairs, self._plain, strict=True)
+            ):
+                if old and old[row] == pair:
+                    continue
+                if key != pair[0]:
+                    break
+                if plain is not None and (number := parse_plain(pair[1])) is not None:
+                    plain.number = number
+                elif not self._update_row(row, pair):
+                    break
+                changed = True
+            else:
+                self._versions.values += changed
+                return changed
+        self._rebuild(pairs)
+        self._versions.values += 1
+        self._versions.structure += 1
+        return True
 
     def exported(self, pairs: Pairs) -> list[list[Value]]:
         """For each of the key-values its numbers that are exported.
@@ -370,6 +414,7 @@ class ComponentValues:
         """
         if pairs != self._pairs:
             return [[] for _pair in pairs]
+        self.parse()
         return [
             [value for value in self._numbers(row) if value is not None and not value.rejected]
             for row in range(len(pairs))
@@ -413,6 +458,7 @@ class ComponentValues:
     def _rebuild(self, pairs: Pairs) -> None:
         self.clear()
         self._pairs = pairs
+        self._keys = tuple([key for key, _text in pairs])
         taken: dict[str, int] = {}
         for row, pair in enumerate(pairs):
             numbers = self._add_all(pair, taken)
@@ -445,9 +491,9 @@ class ComponentValues:
 
     def _limit(self) -> RejectionReason | None:
         """The limit that rejects one more number, if there is one."""
-        return (
-            "value_limit" if len(self.all) >= self._limits[0] else self._series_limit.exceeded_by(1)
-        )
+        if len(self._all) >= self._limits[0]:
+            return "value_limit"
+        return self._series_limit.exceeded_by(1)
 
     def _read(self, key: str, text: str) -> tuple[Number, ...]:
         rule = None if self._find_rule is None else self._rule(key)
@@ -489,7 +535,7 @@ class ComponentValues:
             self._reject(reason, key)
             return None
         self._series += value.series
-        self.all.append(value)
+        self._all.append(value)
         return value
 
     def _unit(self, key: str, number: Number) -> str:

@@ -20,7 +20,12 @@ from ros_diagnostics_exporter.state.component import (
 )
 from ros_diagnostics_exporter.state.limits import SeriesLimit, truncate
 from ros_diagnostics_exporter.state.rejections import Reject
-from ros_diagnostics_exporter.state.rules import check_matches, component_rule, value_rule
+from ros_diagnostics_exporter.state.rules import (
+    check_matches,
+    component_rule,
+    selects_component,
+    value_rule,
+)
 from ros_diagnostics_exporter.state.versions import Versions
 
 # How many series a component has at least: level, since, changes, info, problem since, message.
@@ -101,11 +106,14 @@ class Components:
 
     def _values(self, name: str) -> ComponentValues:
         profile = self._profile
+        has_rules = any(selects_component(rule, name) for rule in profile.values)
         return ComponentValues(
-            (lambda key: value_rule(profile, name, key)) if profile.values else None,
+            (lambda key: value_rule(profile, name, key)) if has_rules else None,
             (self._limits.values, self._limits.label_length),
             self._value_series,
             self._reject,
+            self._versions,
+            judged=has_rules or profile.has_conditions,
         )
 
     def _label(self, identity: Identity) -> str:
@@ -166,6 +174,11 @@ class Components:
             if component.level >= OK:
                 self._set_level(component, component.reported, now)
 
+    def parse_values(self) -> None:
+        """Parse the numbers that were not yet read; see `ComponentValues`."""
+        for component in self.by_identity.values():
+            component.values.parse()
+
     # -- levels ------------------------------------------------------------------------------
 
     def update(self, component: Component, status: Status, now: Instant) -> None:
@@ -204,10 +217,7 @@ class Components:
         if component.is_stale:
             return
         component.received = now.mono
-        numbers, structure = component.values.update(status.values)
-        self._versions.values += numbers
-        self._versions.structure += structure
-        if numbers or structure:
+        if component.values.update(status.values):
             self.value_changes[component] = None
 
     def _within_limits(self, component: Component, status: Status) -> Status:

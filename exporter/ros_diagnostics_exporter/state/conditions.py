@@ -32,7 +32,6 @@ class RobotConditions:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._profile: Profile | None = None
-        self._has_any = False  # in the profile
         self._names_version = -1
         self._watches: dict[tuple[Component | None, Condition], _Watch] = {}
         self._watched: dict[Component, list[_Watch]] = {}  # by a component that they ask about
@@ -52,10 +51,7 @@ class RobotConditions:
         profile, components = self._robot.settings.profile, self._robot.components
         if everything or profile is not self._profile:
             self._profile, self._names_version = profile, -1
-            self._has_any = any(rule.conditions for rule in profile.components) or any(
-                rule.conditions for rule in profile.values
-            )
-        if not (self._has_any or self._conditional):
+        if not (profile.has_conditions or self._conditional):
             return {}
         if components.names_version != self._names_version:
             self._names_version = components.names_version

@@ -28,9 +28,14 @@ def value_matches(rule: ValueRule, component: str, key: str) -> bool:
 
     Drivers of both updaters write keys like ``Received packets:``; a rule need not.
     """
-    if rule.component is not None and not rule.component.search(component[:SEARCHED]):
+    if not selects_component(rule, component):
         return False
     return rule.key is None or key_matches(rule.key, key)
+
+
+def selects_component(rule: ValueRule, component: str) -> bool:
+    """Whether the rule may match values of the component."""
+    return rule.component is None or bool(rule.component.search(component[:SEARCHED]))
 
 
 def key_matches(pattern: Pattern, key: str) -> bool:

@@ -10,7 +10,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from bench.actors.pace import ticks
 from bench.actors.publishing import topic_of
 
-RATE = 20  # times a second that all topics are looked at, as the exporter does
+RATE = 10  # times a second that all topics are looked at, as the exporter does
 DEPTH = 1000
 
 

@@ -12,6 +12,7 @@ from ros_diagnostics_exporter.config.fleet import ValueRule
 from ros_diagnostics_exporter.state import component
 from ros_diagnostics_exporter.state.component import ComponentValues
 from ros_diagnostics_exporter.state.limits import SeriesLimit
+from ros_diagnostics_exporter.state.versions import Versions
 
 keys = st.sampled_from(["Voltage (V)", "Voltage", "Serial number", "Scaled", "Mode"])
 texts = st.sampled_from(["1", "-2.5", "007", "3 V", "3 A", "nan", "on", "[1, 2]"])
@@ -31,11 +32,21 @@ RULES = {
 }
 
 
-def values_after_each(history) -> list[object]:
-    rejected: list[tuple[str, str]] = []
-    values = ComponentValues(
-        RULES.get, (3, 20), SeriesLimit(100), lambda *reason: rejected.append(reason)
+def values_of(*, judged: bool, rejected: list[tuple[str, str]] | None = None) -> ComponentValues:
+    seen = [] if rejected is None else rejected
+    return ComponentValues(
+        RULES.get,
+        (3, 20),
+        SeriesLimit(100),
+        lambda *reason: seen.append(reason),
+        Versions(),
+        judged=judged,
     )
+
+
+def values_after_each(history, *, judged=True) -> list[object]:
+    rejected: list[tuple[str, str]] = []
+    values = values_of(judged=judged, rejected=rejected)
     found = []
     for pairs in history:
         values.update(pairs)
@@ -49,3 +60,22 @@ def test_a_plain_number_changes_the_same_as_any_other(history):
 
     with mock.patch.object(component, "parse_plain", return_value=None):
         assert found == values_after_each(history)
+
+
+@given(histories)
+def test_numbers_that_nothing_judges_are_the_same_when_they_are_read(history):
+    *found, _rejected_at_each_reading = values_after_each(history, judged=False)
+
+    assert found == values_after_each(history)[:-1]
+
+
+@given(histories.filter(bool))
+def test_numbers_that_are_read_once_are_those_of_the_last_message(history):
+    values = values_of(judged=False)
+    for pairs in history:
+        assert not values.update(pairs)
+    alone = values_of(judged=True)
+    alone.update(history[-1])
+
+    assert repr(values.all) == repr(alone.all)
+    assert repr(values.exported(history[-1])) == repr(alone.exported(history[-1]))

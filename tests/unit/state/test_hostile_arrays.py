@@ -375,15 +375,21 @@ def test_a_value_with_thresholds_counts_as_the_series_that_it_has():
     assert driver.component("Motor").values.all[0].series == served == 4
 
 
+def send_and_read(driver, *statuses):
+    """Send, and have the values read as a scrape does."""
+    send(driver, RAW, *statuses)
+    driver.robot.components.parse_values()
+
+
 def test_values_beyond_a_limit_build_nothing_anew_and_are_counted_each_time():
     driver = bounded_story(robot_series=3)
     lists = [Status(OK, "Motor", values=(("k", f"[1, 2, 3, {n}]"),)) for n in range(5)]
-    send(driver, RAW, lists[0])
+    send_and_read(driver, lists[0])
     more = Status(OK, "Arm", values=(("k", "[4, 5]"), ("k", "6")))
-    send(driver, RAW, more)
+    send_and_read(driver, more)
     structure = driver.robot.versions.structure
-    send(driver, RAW, lists[1])
-    send(driver, RAW, lists[2], more._replace(values=(("k", "[4, 9]"), ("k", "9"))))
+    send_and_read(driver, lists[1])
+    send_and_read(driver, lists[2], more._replace(values=(("k", "[4, 9]"), ("k", "9"))))
     assert driver.robot.versions.structure == structure
     assert driver.robot.rejected["robot_series_limit"] == 3 + 2 * 2
     assert [each.number for each in driver.component("Motor").values.all] == [1, 2, 3]
@@ -392,10 +398,10 @@ def test_values_beyond_a_limit_build_nothing_anew_and_are_counted_each_time():
 def test_a_unit_that_changes_builds_nothing_anew_and_is_counted_each_time():
     driver = bounded_story()
     for text in ("1 V", "1 mV"):
-        send(driver, RAW, Status(OK, "Motor", values=(("Volt", text),)))
+        send_and_read(driver, Status(OK, "Motor", values=(("Volt", text),)))
     structure = driver.robot.versions.structure
     for text in ("2 mV", "3 mV"):
-        send(driver, RAW, Status(OK, "Motor", values=(("Volt", text),)))
+        send_and_read(driver, Status(OK, "Motor", values=(("Volt", text),)))
     assert driver.robot.versions.structure == structure
     assert driver.robot.rejected["unit_changed"] == 3
     assert driver.sample("component_value", key="Volt") is None
