@@ -5,6 +5,7 @@ Imports nothing else of the exporter and nothing of ROS.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import Enum, IntEnum
 from typing import NamedTuple
 
@@ -36,14 +37,15 @@ class Status(NamedTuple):
     """One diagnostic_msgs/DiagnosticStatus.
 
     ``level`` is the byte as received (0..255, not validated); ``values`` are the key-values in
-    their order, duplicate keys included. All strings are valid Unicode (ROS replaces bad UTF-8).
+    their order, duplicate keys included, perhaps decoded anew at each reading (`ingest.cdr`). All
+    strings are valid Unicode (ROS replaces bad UTF-8).
     """
 
     level: int
     name: str
     message: str = ""
     hardware_id: str = ""
-    values: tuple[tuple[str, str], ...] = ()
+    values: Sequence[tuple[str, str]] = ()
 
 
 class Array(NamedTuple):

@@ -8,10 +8,10 @@ deserialization costs twice as much and more, as its objects are copied into our
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from struct import Struct, error
-from typing import NamedTuple
+from typing import NamedTuple, overload
 
 from ros_diagnostics_exporter.model import Array, Status
 
@@ -21,6 +21,54 @@ MAX_CACHED = 256  # bytes of a name or key that is cached, which limits the cach
 _Unpack = Callable[[bytes, int], tuple[int, ...]]
 _LITTLE = Struct("<I").unpack_from, Struct("<iI").unpack_from
 _BIG = Struct(">I").unpack_from, Struct(">iI").unpack_from
+
+
+class KeyValues(Sequence[tuple[str, str]]):
+    """The key-values of a serialized status, decoded at each reading.
+
+    A robot sends ten times and more before anybody reads them, and their texts take ten times the
+    memory of the bytes. Equal to the tuple of the same key-values.
+    """
+
+    __slots__ = ("_at", "_count", "_number", "_raw", "_shift")
+
+    def __init__(self, raw: bytes, at: int, shift: int, count: int, number: _Unpack) -> None:
+        """``raw`` is the status, in which they begin ``at``, aligned with ``shift`` before it."""
+        self._raw, self._at, self._shift = raw, at, shift
+        self._count = count
+        self._number = number
+
+    @property
+    def size(self) -> int:
+        """Bytes: no text is longer."""
+        return len(self._raw) - self._at
+
+    def _decode(self) -> tuple[tuple[str, str], ...]:
+        return _pairs(self._raw, self._at, self._count, self._number, self._shift)[0]
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[tuple[str, str]]:
+        return iter(self._decode())
+
+    @overload
+    def __getitem__(self, index: int) -> tuple[str, str]: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[tuple[str, str], ...]: ...
+    def __getitem__(self, index: int | slice) -> object:
+        return self._decode()[index]
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, (tuple, KeyValues)):
+            return NotImplemented
+        return other is self or (len(other) == self._count and tuple(other) == self._decode())
+
+    def __hash__(self) -> int:
+        return hash(self._decode())
+
+    def __repr__(self) -> str:
+        return repr(self._decode())
 
 
 class _Decoded(NamedTuple):
@@ -82,10 +130,13 @@ class Decoder:
             level = data[at]
             ((name, message),), at = _pairs(data, at + 1, 1, number)
             hardware_id, at = _text(data, at, number)
-            at = at + 3 & -4
-            values, at = _pairs(data, at + 4, number(data, at)[0], number)
+            values_at = (at + 3 & -4) + 4
+            (pairs,) = number(data, values_at - 4)
+            at = _behind(data, values_at, 2 * pairs, number)
+            raw = data[begin:at]
+            values = KeyValues(raw, values_at - begin, begin & 3, pairs, number) if pairs else ()
             status = Status(level, name, message, hardware_id, values)
-            decoded.append(_Decoded(begin, data[begin:at], status))
+            decoded.append(_Decoded(begin, raw, status))
         return decoded, at
 
 
@@ -106,17 +157,28 @@ def _text(data: bytes, at: int, number: _Unpack) -> tuple[str, int]:
     return _until_zero(data[at : end - 1]), end
 
 
-def _pairs(
-    data: bytes, at: int, count: int, number: _Unpack
-) -> tuple[tuple[tuple[str, str], ...], int]:
-    """(so many names with a text each from an offset on; the offset behind them)."""
-    names, texts = [], []
+def _behind(data: bytes, at: int, count: int, number: _Unpack) -> int:
+    """The offset behind so many texts from an offset on."""
     for _ in range(count):
         at = (at + 3 & -4) + 4
+        at += number(data, at - 4)[0]
+    return at
+
+
+def _pairs(
+    data: bytes, at: int, count: int, number: _Unpack, shift: int = 0
+) -> tuple[tuple[tuple[str, str], ...], int]:
+    """(so many names with a text each from an offset on; the offset behind them).
+
+    ``shift`` is where the data begins in the message, to whose begin they are aligned.
+    """
+    names, texts = [], []
+    for _ in range(count):
+        at = (at + shift + 3 & -4) - shift + 4
         end = at + number(data, at - 4)[0]
         name = data[at : end - 1]
         names.append(_cached(name) if len(name) <= MAX_CACHED else _until_zero(name))
-        at = (end + 3 & -4) + 4
+        at = (end + shift + 3 & -4) - shift + 4
         end = at + number(data, at - 4)[0]
         texts.append(data[at : end - 1].decode(errors="replace"))
         at = end

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule, Threshold, ValueRule
@@ -253,7 +253,7 @@ class Component:
 
 # -- values --------------------------------------------------------------------------------
 
-Pairs = tuple[tuple[str, str], ...]
+Pairs = Sequence[tuple[str, str]]
 FindRule = Callable[[str], "ValueRule | None"]  # key -> the config's rule for it
 
 
@@ -360,10 +360,10 @@ class ComponentValues:
 
     def update(self, pairs: Pairs) -> bool:
         """Take the key-values of a new status; True if a number changed that may be judged."""
-        old, self._pairs = self._pairs, pairs
         if self._judged:
-            return self._set(old)
-        self._parsed = False
+            old, self._pairs = self._pairs, tuple(pairs)
+            return self._set(self._pairs, old)
+        self._pairs, self._parsed = pairs, False
         self._versions.values += 1
         return False
 
@@ -371,7 +371,7 @@ class ComponentValues:
         """Set the numbers of the last status, unless they are set already."""
         if not self._parsed:
             self._parsed = True
-            self._set(())
+            self._set(tuple(self._pairs))
 
     def clear(self) -> None:
         """Remove the numbers and their series, but not their units."""
@@ -380,12 +380,12 @@ class ComponentValues:
         self._all, self._plain, self._rows = [], [], {}
         self._pairs, self._keys, self._parsed = (), (), True
 
-    def _set(self, old: Pairs) -> bool:
+    def _set(self, pairs: Pairs, old: Pairs = ()) -> bool:
         """Set the numbers; True if one changed.
 
         ``old`` are the key-values that are parsed, which need not be again; () where not known.
         """
-        pairs, changed = self._pairs, False
+        changed = False
         if len(self._keys) == len(pairs):
             for row, (key, pair, plain) in enumerate(
                 zip(self._keys, pairs, self._plain, strict=True)
@@ -456,8 +456,9 @@ class ComponentValues:
         return reason is not None
 
     def _rebuild(self, pairs: Pairs) -> None:
+        kept = self._pairs
         self.clear()
-        self._pairs = pairs
+        self._pairs = kept
         self._keys = tuple([key for key, _text in pairs])
         taken: dict[str, int] = {}
         for row, pair in enumerate(pairs):

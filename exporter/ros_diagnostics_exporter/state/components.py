@@ -189,7 +189,7 @@ class Components:
             status = self._within_limits(component, status)
         last = component.last
         if last is not None and component.reported == status.level:
-            if status == last:
+            if status is last:
                 if status.level != STALE:
                     component.received = now.mono
                 return

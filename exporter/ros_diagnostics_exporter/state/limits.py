@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 
+from ros_diagnostics_exporter.ingest.cdr import KeyValues
 from ros_diagnostics_exporter.model import Array, Status
 from ros_diagnostics_exporter.state.rejections import SeriesLimitReason
 
@@ -39,6 +40,8 @@ def _is_too_long(status: Status) -> bool:
     _level, name, message, hardware_id, values = status
     if len(name) > MAX_TEXT or len(message) > MAX_TEXT or len(hardware_id) > MAX_TEXT:
         return True
+    if isinstance(values, KeyValues) and values.size <= MAX_TEXT:
+        return False
     for key, text in values:  # noqa: SIM110 - a generator costs three times as much
         if len(key) > MAX_TEXT or len(text) > MAX_TEXT:
             return True

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 import urllib.request
+from itertools import pairwise
 
 import pytest
 
@@ -267,3 +268,29 @@ def test_messages_are_received_while_the_look_at_a_slow_graph_is_under_way(
         return begin == look()
 
     until(three_received_within_one_look, "three messages received within one look", 60)
+
+
+def test_looks_at_a_large_graph_that_stays_the_same_are_further_apart(
+    ros_domain, robots, run_exporter, monkeypatch
+):
+    looks: list[float] = []
+    ask = ros.Node.get_topic_names_and_types
+
+    def noted(node):
+        looks.append(time.monotonic())
+        return ask(node)
+
+    monkeypatch.setattr(ros.Node, "get_topic_names_and_types", noted)
+    monkeypatch.setattr(ros, "LOOK_SHARE", 1e-9)  # so that this graph is a large one
+    robots.offer("/here/diagnostics")
+    running = run_exporter(Fleet("f", (robot("here", ros_domain), robot("late", ros_domain))))
+    running.wait_for("robot_publishers", 1, robot="here")
+    longest = 0.9 * ros.MAX_STRETCH  # intervals are a second
+    until(
+        lambda: any(after - before > longest for before, after in pairwise(looks)),
+        lambda: f"looks at {looks}",
+        60,
+    )
+
+    robots.offer("/late/diagnostics")
+    running.wait_for("robot_publishers", 1, robot="late")
