@@ -26,8 +26,8 @@ _BIG = Struct(">I").unpack_from, Struct(">iI").unpack_from
 class KeyValues(Sequence[tuple[str, str]]):
     """The key-values of a serialized status, decoded at each reading.
 
-    A robot sends ten times and more before anybody reads them, and their texts take ten times the
-    memory of the bytes. Equal to the tuple of the same key-values.
+    A robot sends ten times and more before anybody reads them, and their texts take several times
+    the memory of the bytes. Equal to the tuple of the same key-values.
     """
 
     __slots__ = ("_at", "_count", "_number", "_raw", "_shift")
