@@ -171,9 +171,7 @@ NETWORK = (
                     silent("dark"): "it does not answer pings",
                 },
             ),
-            step(
-                ("site: switch on dark", "wedged: resume", "dark: resume"), until=rank("dark", 0)
-            ),
+            step(("site: switch on dark", "wedged: resume", "dark: resume"), until=rank("dark", 0)),
             # A robot that publishes and yet does not answer.
             step("site: switch off dark", "HostCritical dark ping"),
             step("site: switch on dark"),
