@@ -20,6 +20,8 @@ MUTE = (critical("mute", "Motor 3"), silent("mute"))
 SCRAPPED = (critical("scrapped", "Laser 2"), silent("scrapped"))
 SHAFT = (critical("gap", "Motor 1"), critical("lost", "Motor 1"))
 NO_MESSAGES = (silent("wedged"), silent("dark"))
+# For twice its confirm_after.
+NO_PING = 'min_over_time(host_check:ros_diagnostics_host:value{robot="dark"}[12s]) == 1'
 UPLINK = "UplinkDown ap_9"
 UNSTEADY = "RobotFlapping unsteady"
 BUS = tuple(
@@ -165,7 +167,7 @@ NETWORK = (
             step(
                 "site: switch off dark",
                 *NO_MESSAGES,
-                until='min_over_time(host_check:ros_diagnostics_host:value{robot="dark"}[12s]) == 1',
+                until=NO_PING,
                 descriptions={
                     silent("wedged"): "it answers pings",
                     silent("dark"): "it does not answer pings",
