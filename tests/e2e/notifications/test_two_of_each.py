@@ -1,7 +1,7 @@
 """Two Prometheus and two Alertmanagers on one fleet, of which one each is killed; no mail server.
 
 Both Prometheus scrape the exporter and send alerts to both Alertmanagers: no mail is lost, and none
-is sent twice but after the mail server was down, when both Alertmanagers retry.
+is sent twice but of faults during which the mail server was down, when both Alertmanagers retry.
 """
 
 from __future__ import annotations
@@ -191,4 +191,8 @@ def test_after_the_mail_server_was_down_nothing_is_lost_and_nothing_comes_more_t
 
     stack.fault("robot_3", "Motor 2", "ok")
     number = len(pairs.subjects())
-    assert pairs.settled(number + 1)[number:] == [RECOVERY.format(3)]
+    recovery = RECOVERY.format(3)
+    # Since the outage both no longer send at the same moments, so that an attempt of the second may
+    # have begun before the end and send after the first has sent the recovery.
+    once, again = [recovery], [recovery, PROBLEM.format(3), recovery]
+    assert pairs.settled(number + 1)[number:] in (once, again)
