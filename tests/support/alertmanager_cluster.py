@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from testbed import http
 
-PEER_TIMEOUT = 2  # seconds that the second waits for the first
+PEER_TIMEOUT = 2  # seconds that the second waits for the first, as docs/notifications.md says
 
 
 def clustered(argv: list[str], mine: str, other: str) -> list[str]:

@@ -17,6 +17,7 @@ from fleet_dashboards.lib.tables import Column
 LINES = 20  # of a graph
 SHOWN = f"The {LINES} highest at the end of the range"
 UP = palette.up_mappings()
+CHECK = palette.rewritten("/^ros-diagnostics-(.*)$/", "$1")  # of the job
 
 
 def row(title: str, *content: builder.Builder[dashboard.Panel]) -> builders.Row:
@@ -28,13 +29,14 @@ def row(title: str, *content: builder.Builder[dashboard.Panel]) -> builders.Row:
 
 
 def pings() -> table.Panel:
-    """List the pinged robots and uplinks."""
+    """List what blackbox_exporter probes: robots and uplinks, and services of the robots."""
     by = "job, instance, fleet, robot, uplink"
     probed = 'job=~"ros-diagnostics-.*", fleet=~"$fleet"'
     return tables.joined(
         "Hosts",
-        "Which robots and uplinks answer a ping? Needs blackbox_exporter. If a silent robot "
-        "answers, its software has failed, not its power.",
+        "Which robots and uplinks answer a ping, and which services of the robots' computers (SSH, "
+        "HTTP, TCP ports) answer? Needs blackbox_exporter. If a silent robot answers a ping, its "
+        "software has failed, not its power.",
         {
             "A": f"max by ({by}) (probe_success{{{probed}}})",
             "B": f"max by ({by}) (probe_duration_seconds{{{probed}}})",
@@ -43,6 +45,7 @@ def pings() -> table.Panel:
             Column("A", "State", mappings=UP, width=80, background=True),
             tables.ROBOT,
             Column("uplink", "Uplink"),
+            Column("job", "Check", mappings=CHECK, width=80),
             Column("instance", "Address"),
             Column("B", "Duration", unit="s", width=100),
             tables.FLEET,

@@ -60,8 +60,8 @@ def build() -> builders.Dashboard:
             canary_under_way(),
             canary_time(),
             hosts.row(
-                "Pings of robots and uplinks: needs blackbox_exporter, see the end of "
-                "prometheus.yml",
+                "Pings of robots and uplinks, services of the robots' computers: needs "
+                "blackbox_exporter, see the end of prometheus.yml",
                 hosts.pings(),
                 hosts.ping_time(),
             ),

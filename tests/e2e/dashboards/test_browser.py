@@ -97,8 +97,12 @@ def test_pings_and_computers_are_shown_with_data(page: browser.Page):
     for title in titles:
         until(lambda title=title: "No data" not in page.text(title), f"data in {title!r}", 120)
 
-    states = {row[2] or row[1]: row[0] for row in page.rows("Hosts")}
-    assert states == {"well": "up", "ap_9": "down"}
+    probes = sorted(row[:4] for row in page.rows("Hosts"))
+    assert probes == [
+        ["down", "", "ap_9", "uplink"],
+        ["down", "warned", "", "http"],
+        ["up", "well", "", "ping"],
+    ]
     (computer,) = page.rows("Computers")
     assert computer[:2] == ["up", "well"]
     assert all(computer), "a cell is empty"

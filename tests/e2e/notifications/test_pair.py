@@ -21,6 +21,9 @@ from testbed.programs import alertmanager
 PROBLEM = "** PROBLEM ** f/r1 Motor 1 is CRITICAL"
 RECOVERY = "** RECOVERY ** f/r1 Motor 1 is no longer CRITICAL"
 
+CONFIG = yaml.safe_load((CHECKOUT / "alertmanager" / "alertmanager.yml").read_text())
+SHIPPED = CONFIG["route"]["group_interval"]
+
 
 class Pair:
     """Two Alertmanagers in a cluster; alerts are sent to both, as Prometheus does."""
@@ -48,14 +51,18 @@ class Pair:
 
 @pytest.fixture
 def pair(
-    tmp_path: Path, free_port: Callable[[], int], start_process: Callable[..., Process]
+    request: pytest.FixtureRequest,
+    tmp_path: Path,
+    free_port: Callable[[], int],
+    start_process: Callable[..., Process],
 ) -> Iterator[Pair]:
+    """The pair; its parameter is group_interval, by default shorter than the shipped one."""
     shutil.copytree(CHECKOUT / "alertmanager", tmp_path / "alertmanager")
     config = tmp_path / "alertmanager" / "alertmanager.yml"
     smtp = f"127.0.0.1:{free_port()}"
     content = yaml.safe_load(config.read_text())
     content["global"]["smtp_smarthost"] = smtp
-    content["route"]["group_interval"] = "1s"
+    content["route"]["group_interval"] = getattr(request, "param", "1s")
     for receiver in content["receivers"]:
         receiver.pop("webhook_configs", None)  # no exporter is running
     config.write_text(yaml.safe_dump(content))
@@ -84,3 +91,14 @@ def test_with_one_half_killed_every_mail_is_sent_once(pair: Pair, killed: int):
 
     pair.post()
     assert pair.settled(3) == [PROBLEM, RECOVERY, PROBLEM]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("pair", [SHIPPED], indirect=True)
+def test_with_both_running_no_problem_follows_a_recovery(pair: Pair):
+    """With a peer timeout longer than group_interval, the second still sends what has ended."""
+    pair.post()
+    assert pair.settled(1) == [PROBLEM]
+
+    pair.post(resolved=True)
+    assert pair.settled(2) == [PROBLEM, RECOVERY]

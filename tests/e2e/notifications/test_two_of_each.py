@@ -1,7 +1,7 @@
 """Two Prometheus and two Alertmanagers on one fleet, of which one each is killed; no mail server.
 
 Both Prometheus scrape the exporter and send alerts to both Alertmanagers: no mail is lost, and none
-is sent twice but after the mail server was down, when both Alertmanagers retry.
+is sent twice but of faults during which the mail server was down, when both Alertmanagers retry.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ class Pairs:
         config = self.folder / "alertmanager" / "alertmanager.yml"
         first = self.stack.alertmanager.process
         first.stop()
-        first.argv = clustered(first.argv, *self.gossip)
+        first.argv = verbose(clustered(first.argv, *self.gossip))
         first.start()
         alone = alertmanager(config, self.alertmanagers[1], self.folder / "nflog-1")
-        second = start("alertmanager-1", clustered(alone, *self.gossip[::-1]))
+        second = start("alertmanager-1", verbose(clustered(alone, *self.gossip[::-1])))
         self.processes["alertmanager", 1] = second
         until(lambda: all(map(sees_two, self.alertmanagers)), "the pair of Alertmanagers", 60)
 
@@ -85,6 +85,27 @@ class Pairs:
         found = http.get_json(address, "/api/v1/alertmanagers")
         return list(found["data"]["activeAlertmanagers"])
 
+    def have_given_up(self, robot: str) -> bool:
+        """Whether the robot's alert has ended, and no Alertmanager tries to send it any more.
+
+        An attempt that began while it fired sends that for ten seconds yet. Those of one alert come
+        one after the other, so none does once one has begun with the end.
+        """
+        firing = FIRING.format(robot)
+        return not any(http.query(each, firing) for each in self.prometheuses) and all(
+            self._last_attempt(number, robot).endswith("[resolved]]") for number in range(2)
+        )
+
+    def _last_attempt(self, alertmanager: int, robot: str) -> str:
+        """What it last tried to send of the robot's alerts, as it logs it."""
+        log = self.processes["alertmanager", alertmanager].output()
+        found = [
+            line.rstrip('"')
+            for line in log.splitlines()
+            if "msg=flushing" in line and f'robot=\\"{robot}\\"' in line
+        ]
+        return found[-1] if found else ""
+
     def subjects(self) -> list[str]:
         """The mails about robots; after a minute there is one about the killed Alertmanager too."""
         mails = self.stack.inbox.mails()
@@ -95,6 +116,11 @@ class Pairs:
         # An evaluation of the other Prometheus, group_interval, and the other's peer timeout.
         pause = 5 + 5 + 2 * PEER_TIMEOUT + 1
         return settled(self.subjects, number, within=90, pause=pause)
+
+
+def verbose(argv: list[str]) -> list[str]:
+    """The command line of an Alertmanager that logs what each attempt sends."""
+    return [part.replace("--log.level=warn", "--log.level=debug") for part in argv]
 
 
 @pytest.fixture
@@ -132,6 +158,7 @@ def test_with_one_half_of_each_killed_every_mail_is_sent_once(
     assert pairs.settled(4) == [*expected, RECOVERY.format(3)]
 
 
+FIRING = 'ALERTS{{scope="component", robot="{}", alertstate="firing"}}'
 FAILED = 'alertmanager_notifications_failed_total{integration="email"} > 0'
 
 
@@ -147,12 +174,11 @@ def test_after_the_mail_server_was_down_nothing_is_lost_and_nothing_comes_more_t
     stack.mail_server.stop()
     stack.fault("robot_2", "Motor 2", "ok")
     stack.fault("robot_3", "Motor 2", "error")
-    stack.fault("robot_1", "Motor 2", "error")
-    firing = 'ALERTS{alertname="RosDiagnosticsComponentCritical", robot="%s", alertstate="firing"}'
-    until(lambda: stack.query(firing % "robot_1"), "the alert of robot_1", 60)
-    stack.fault("robot_1", "Motor 2", "ok")
-    until(lambda: not stack.query(firing % "robot_1"), "its end", 60)
     until(lambda: len(stack.query(FAILED)) == 2, "both Alertmanagers fail to send", 120)
+    stack.fault("robot_1", "Motor 2", "error")
+    until(lambda: stack.query(FIRING.format("robot_1")), "the alert of robot_1", 60)
+    stack.fault("robot_1", "Motor 2", "ok")
+    until(lambda: pairs.have_given_up("robot_1"), "nobody tries to send its alert", 120)
 
     stack.mail_server.start()
     afterwards = {RECOVERY.format(2), PROBLEM.format(3)}
@@ -165,4 +191,8 @@ def test_after_the_mail_server_was_down_nothing_is_lost_and_nothing_comes_more_t
 
     stack.fault("robot_3", "Motor 2", "ok")
     number = len(pairs.subjects())
-    assert pairs.settled(number + 1)[number:] == [RECOVERY.format(3)]
+    recovery = RECOVERY.format(3)
+    # Since the outage both no longer send at the same moments, so that an attempt of the second may
+    # have begun before the end and send after the first has sent the recovery.
+    once, again = [recovery], [recovery, PROBLEM.format(3), recovery]
+    assert pairs.settled(number + 1)[number:] in (once, again)

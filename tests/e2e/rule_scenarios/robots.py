@@ -19,6 +19,9 @@ from e2e.rule_scenarios.scenario import (
 MUTE = (critical("mute", "Motor 3"), silent("mute"))
 SCRAPPED = (critical("scrapped", "Laser 2"), silent("scrapped"))
 SHAFT = (critical("gap", "Motor 1"), critical("lost", "Motor 1"))
+NO_MESSAGES = (silent("wedged"), silent("dark"))
+# For twice its confirm_after.
+NO_PING = 'min_over_time(host_check:ros_diagnostics_host:value{robot="dark"}[12s]) == 1'
 UPLINK = "UplinkDown ap_9"
 UNSTEADY = "RobotFlapping unsteady"
 BUS = tuple(
@@ -154,17 +157,26 @@ NETWORK = (
         "the description of a silent robot says whether it answers pings",
         ("wedged", "dark"),
         (
-            step(BEGIN, until="count(probe_success) == 3"),
+            step(BEGIN, until="count(probe_success == 1) == 3"),
             step(
                 ("wedged: hang", "dark: hang"),
-                silent("wedged"),
-                silent("dark"),
+                *NO_MESSAGES,
+                descriptions=dict.fromkeys(NO_MESSAGES, "it answers pings"),
+            ),
+            # While it is silent, its host is no fault of its own.
+            step(
+                "site: switch off dark",
+                *NO_MESSAGES,
+                until=NO_PING,
                 descriptions={
                     silent("wedged"): "it answers pings",
                     silent("dark"): "it does not answer pings",
                 },
             ),
-            step(("wedged: resume", "dark: resume")),
+            step(("site: switch on dark", "wedged: resume", "dark: resume"), until=rank("dark", 0)),
+            # A robot that publishes and yet does not answer.
+            step("site: switch off dark", "HostCritical dark ping"),
+            step("site: switch on dark"),
         ),
     ),
     Scenario(

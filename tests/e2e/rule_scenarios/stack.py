@@ -123,7 +123,8 @@ class ScenarioSite:
         self.probe_port, self.blackbox_port = free_port(), free_port()
         self.blackbox = Process("blackbox", self._blackbox_argv(), None, folder / "blackbox.log")
         self.uplink = Host(fleets.UPLINK, self.probe_port)
-        self.wedged = Host(fleets.ON, self.probe_port)
+        self.wedged = Host(fleets.WEDGED, self.probe_port)
+        self.dark = Host(fleets.DARK, self.probe_port)
         self.orders: Orders | None = None
 
     @property
@@ -178,6 +179,8 @@ class ScenarioSite:
             "raise limit": lambda: fleets.write_hall(hall, self.domain_id, components=60),
             "cut uplink": self.uplink.close,
             "mend uplink": self.uplink.open,
+            "switch off dark": self.dark.close,
+            "switch on dark": self.dark.open,
             "stall exporter": lambda: shaft.signal(signal.SIGSTOP),
             "continue exporter": lambda: shaft.signal(signal.SIGCONT),
             "kill exporter": shaft.kill,
@@ -211,7 +214,7 @@ def running(folder: Path) -> Iterator[tuple[ScenarioSite, prometheus_site.Site]]
     """
     with ExitStack() as ending:
         site = ScenarioSite(folder, ending.enter_context(domains.lease()))
-        for host in (site.uplink, site.wedged):
+        for host in (site.uplink, site.wedged, site.dark):
             host.open()
             ending.callback(host.close)
         for process in (*site.processes, site.robots):
