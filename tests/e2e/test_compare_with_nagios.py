@@ -124,14 +124,17 @@ class Site:
             60,
         )
 
-    def wait_for_records(self, number: int) -> None:
-        """Wait until the exporter has recorded so many notifications."""
+    def wait_for_record(self, robot: str, after: str) -> float:
+        """Wait until the exporter has recorded a notification; the Unix time of the record."""
 
-        def recorded() -> int:
-            path = "/api/v1/events?kind=notified"
-            return len(http.get_json(self.url.removeprefix("http://"), path)["events"])
+        def recorded() -> list[dict]:
+            path = f"/api/v1/events?kind=notified&robot={robot}"
+            return http.get_json(self.url.removeprefix("http://"), path)["events"]
 
-        until(lambda: recorded() >= number, lambda: f"{recorded()} of {number} records", 60)
+        def times() -> list[float]:
+            return [each["time"] for each in recorded() if each["after"] == after]
+
+        return until(times, lambda: f"{robot} {after} among {recorded()}", 60)[0]
 
     def passive(self, robot: str, service: str, code: int) -> None:
         """Somebody else sends Nagios two results: enough for a hard state."""
@@ -175,7 +178,9 @@ def test_what_only_nagios_or_only_this_project_notified_is_found(site, capsys):
     site.wait_for_mail("PROBLEM ** demo/robot_3 Motor 2 is CRITICAL")
     site.stack.fault("robot_3", "Motor 2", "ok")
     site.wait_for_mail("RECOVERY ** demo/robot_3 Motor 2")
-    site.wait_for_records(6)  # before the last lines of Nagios' log, or it is not compared
+    # What is later than the last line of Nagios' log is not compared; lines have whole seconds.
+    recorded = site.wait_for_record("robot_3", "resolved")
+    until(lambda: int(time.time()) > recorded, "the second after the record")
     site.nagios.start()
     site.wait_until_checked()
 

@@ -9,7 +9,7 @@ from grafana_foundation_sdk.models import common
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
 from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY
-from fleet_dashboards.lib.promql import HELD, settled
+from fleet_dashboards.lib.promql import HELD, reached, settled
 from fleet_dashboards.lib.tables import Column
 
 _FLEET = 'fleet=~"$fleet"'
@@ -318,7 +318,7 @@ def flapping() -> table.Panel:
             Column("C", "Changes", width=100),
             tables.FLEET,
         ],
-        empty=tables.Empty("No component is flapping", settled(_FLEET), "component"),
+        empty=tables.Empty("No component is flapping", reached(settled(_FLEET)), "component"),
         sort=("Flap ratio",),
     ).height(8)
 

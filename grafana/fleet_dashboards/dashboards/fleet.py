@@ -11,7 +11,7 @@ from grafana_foundation_sdk.models import common
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
 from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY, problem_rows, problem_table
-from fleet_dashboards.lib.promql import HELD, in_order, message_age, settled
+from fleet_dashboards.lib.promql import HELD, in_order, message_age, reached, settled
 from fleet_dashboards.lib.tables import Column
 
 # The robots that the filters select; other expressions are joined to these.
@@ -111,12 +111,13 @@ ${{state:raw}}
 
 
 _STATES = 'fleet=~"$fleet"'
+_PROOF = reached(settled(_STATES), "$site")
 _PROBLEMS = _listed("${problems:raw}")
 
 
 def number_of_problems() -> stat.Panel:
     """Count the rows of the table of problems."""
-    zero = f"group({settled(_STATES)}) * 0"
+    zero = f"group({_PROOF}) * 0"
     listed = f"count({_PROBLEMS}) or {zero}"
     return (
         panels.number(
@@ -150,7 +151,7 @@ def problems() -> table.Panel:
         _PROBLEMS,
         _MATCHERS,
         of_states=_STATES,
-        proof=settled(_STATES),
+        proof=_PROOF,
     ).height(12)
 
 
@@ -290,6 +291,6 @@ def robots() -> table.Panel:
             tables.NAME,
         ],
         by="fleet, robot",
-        empty=tables.Empty("No robot matches", settled('fleet=~"$fleet"'), "kind"),
+        empty=tables.Empty("No robot matches", _PROOF, "kind"),
         sort=("State", "Robot"),
     ).height(14)

@@ -94,7 +94,8 @@ def settled(matchers: str, *, of: str = "") -> str:
     """Return a value if every exporter answers and has settled; else what is empty proves nothing.
 
     With ``of="fleet"`` a value for each fleet of which that is true. An exporter that was ever
-    scraped is held as long as its target exists.
+    scraped is held as long as its target exists. At a centre of many sites, which scrapes none, it
+    takes `reached` as well.
     """
     held = f"exporter:ros_diagnostics_exporter:held{{{matchers}}}"
     return f"""
@@ -103,4 +104,16 @@ def settled(matchers: str, *, of: str = "") -> str:
     ({held} unless on (instance, job) up == 1)
   unless on ({of})
     ros_diagnostics_exporter_settled{{{matchers}}} == 0
+"""
+
+
+def reached(proof: str, sites: str = ".*") -> str:
+    """Return ``proof`` without a value while the centre of many sites does not reach one of them.
+
+    Args:
+        proof: As of `settled`, without ``of``.
+        sites: A regular expression for which sites; by default all.
+    """
+    return f"""{proof}  unless on ()
+    ALERTS{{alertname="RosDiagnosticsSiteUnreachable", alertstate="firing", site=~"{sites}"}}
 """

@@ -149,7 +149,7 @@ def test_the_image_serves_a_fleet_keeps_its_state_and_stops(host: Host):
     host.does(start)
     assert shlex.split(start)[-1] == IMAGE
     robots = "--name robots --network=host --entrypoint virtual-robots"
-    host.does(f"podman run --rm --detach {robots} {IMAGE} --robots 2")
+    host.does(f"podman run --detach {robots} {IMAGE} --robots 2")
     metrics = "curl --silent localhost:9877/metrics"
     host.until_output(metrics, 'ros_diagnostics_robot_up{fleet="hall",robot="robot_2"} 1')
     host.until_output(look, "2 OK")
@@ -162,7 +162,8 @@ def test_the_image_serves_a_fleet_keeps_its_state_and_stops(host: Host):
     host.until_output(metrics, 'ros_diagnostics_robot_up{fleet="warehouse",robot="robot_1"} 1')
 
     # SIGTERM; the next one knows the robots from the volume before it receives anything.
-    host.does(f"podman stop robots; podman stop --time=60 {NAME}")
+    # The robots are removed on return, which a container with --rm is not after `podman stop`.
+    host.does(f"podman rm --force --time=10 --volumes robots; podman stop --time=60 {NAME}")
     (ended,) = inspected(host, NAME)
     assert ended["State"]["ExitCode"] == 0
     host.ready(up=False)
@@ -172,7 +173,8 @@ def test_the_image_serves_a_fleet_keeps_its_state_and_stops(host: Host):
     remove = blocks(PAGE, "## Remove")[0].splitlines()
     assert [remove[0]] == blocks(PAGE, "## Upgrade")[0].splitlines()
     host.does("\n".join(remove))
-    assert host.does("podman ps --all --quiet; podman volume ls --quiet") == ""
+    left = "podman ps --all --noheading --format '{{.Names}} {{.Command}} {{.Status}}'"
+    assert host.does(f"{left}; podman volume ls --quiet") == ""
     assert IMAGE not in host.does("podman images --format '{{.Repository}}:{{.Tag}}'")
 
 

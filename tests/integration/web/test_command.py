@@ -14,6 +14,9 @@ from testbed.polling import until
 
 pytestmark = pytest.mark.integration
 
+# Of levels only: an ERROR that lasts for confirm_after is a fault, which has events of its own.
+CHANGES = "/api/v1/events?kind=level&component=Motor%202&robot=robot_1"
+
 
 def test_an_invalid_web_config_is_an_error_at_the_start(site, tmp_path):
     web = tmp_path / "web.yml"
@@ -82,7 +85,7 @@ def test_from_ready_to_sigterm(site, ends, notified):
     until(lambda: levels(site)[:1] == [("OK", "ERROR")], exporter.describe)
     site.fault("ok")
     until(lambda: levels(site)[:1] == [("ERROR", "OK")], exporter.describe)
-    found = site.ask("/api/v1/events?component=Motor%202&robot=robot_1&limit=2")["events"]
+    found = site.ask(f"{CHANGES}&limit=2")["events"]
     assert [event["after"] for event in found] == ["OK", "ERROR"]
 
     robots.stop()
@@ -109,5 +112,4 @@ def test_the_json_log_wraps_the_lines_of_the_middleware(site, ends, tmp_path):
 
 def levels(site) -> list[tuple[str, str]]:
     """Before and after of the changes of robot_1's second motor, the last one first."""
-    found = site.ask("/api/v1/events?component=Motor%202&robot=robot_1")["events"]
-    return [(event["before"], event["after"]) for event in found]
+    return [(event["before"], event["after"]) for event in site.ask(CHANGES)["events"]]
