@@ -7,7 +7,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median, quantiles
@@ -145,12 +145,14 @@ def _wait_for_robots(site: Site, workload: Workload) -> None:
         return known == workload.robots and (workload.faults == 0 or faults >= workload.faults)
 
     until(there, f"{workload.robots} robots in Prometheus", START_SECONDS, every=1.0)
+    with suppress(TimeoutError):  # how many are received stands in the result
+        until(lambda: up(site.exporter) == workload.robots, "all", START_SECONDS, every=5.0)
 
 
 def up(address: str) -> int:
     """Return how many robots the exporter there receives; 0 while it does not answer."""
     try:
-        return robots_up(http.get(address, "/metrics", seconds=10.0))
+        return robots_up(http.get(address, "/metrics?collect[]=faults", seconds=10.0))
     except http.Unanswered:
         return 0
 
