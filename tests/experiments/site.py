@@ -18,6 +18,7 @@ import httpx
 from bench.scraper import MESSAGE_BYTES, MESSAGES, SEQUENCE, Scraper, robots_up, total
 from experiments import fleet
 from experiments.usage import usage
+from ros_diagnostics_exporter.ingest.ros import use_profiles
 from testbed import configuration, domains, http, programs, servers
 from testbed.polling import until
 from testbed.ports import free_port
@@ -115,8 +116,11 @@ def _prepare(folder: Path, domain_id: int, workload: Workload) -> Site:
     exporter = programs.exporter(
         configs.fleet, addresses.exporter, folder / "exporter.db", addresses.alertmanager
     )
+    # Hundreds of robots share a participant, and so a socket: it needs room as the exporter's.
+    of_robots = dict(own)
+    use_profiles(of_robots, folder)
     fleets = [
-        Server(Process("fleet", argv, own, folder / f"fleet-{number}.log"))
+        Server(Process("fleet", argv, of_robots, folder / f"fleet-{number}.log"))
         for number, argv in enumerate(fleet.commands(*workload))
     ]
     return Site(
