@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from ros_diagnostics_exporter.alertmanager import read, read_downtimes
-from ros_diagnostics_exporter.cli import ack, downtime, why
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from ros_diagnostics_tools.commands import ack, downtime, why
 from support.silences import listed
 from support.web_server import component, fleet, robot
 
