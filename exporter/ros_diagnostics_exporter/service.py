@@ -36,6 +36,7 @@ class Service:
 
     Raises:
         InUseError: another exporter has the database of ``storage`` open.
+        VersionError: the database is of another version.
     """
 
     TICK = 0.25  # seconds between two calls of tick

@@ -19,7 +19,7 @@ from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.service import Service
-from ros_diagnostics_exporter.state.database import InUseError
+from ros_diagnostics_exporter.state.database import InUseError, VersionError
 from ros_diagnostics_exporter.state.storage import Retention, Storage
 from ros_diagnostics_exporter.state.unmatched import find_unmatched, known_from_json
 from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server, parse_address
@@ -53,6 +53,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         hint = "give this one another --storage.path"
         print(f"ros-diagnostics-exporter: {error}; {hint}", file=sys.stderr)  # noqa: T201
         return EXIT_FAILURE
+    except VersionError as error:
+        hint = "start the version that wrote it, or give this one another --storage.path"
+        print(f"ros-diagnostics-exporter: {error}; {hint}", file=sys.stderr)  # noqa: T201
+        return EXIT_USAGE
     except WebEndedError:
         return EXIT_FAILURE
     except (ros.RosMissingError, ListenError, UnreachableError) as error:
