@@ -223,9 +223,12 @@ class Service:
         begin = time.perf_counter()
         pieces = self._exposition.pieces(openmetrics=openmetrics, parts=parts)
         own = self._self_metrics.render(openmetrics=openmetrics, parts=parts)
-        self._exporter.scrapes += 1
         self._exporter.scrape_seconds = time.perf_counter() - begin
         return [*pieces, own, EOF if openmetrics else b""]
+
+    def count_scrape(self) -> None:
+        """Note that a scrape was answered: requests at one moment share what is rendered."""
+        self._exporter.scrapes += 1
 
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""
