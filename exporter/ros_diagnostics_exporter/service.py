@@ -22,7 +22,7 @@ from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
-from ros_diagnostics_exporter.model import Part
+from ros_diagnostics_exporter.model import Downtime, Part
 from ros_diagnostics_exporter.notifications import Notifications, parse
 from ros_diagnostics_exporter.state import snapshot
 from ros_diagnostics_exporter.state.state import State
@@ -129,9 +129,13 @@ class Service:
                     self._record(event)
 
     def _update_silences(self) -> None:
+        """Follow the planned downtimes; without an answer those of the database stay in force."""
+        downtimes: list[Downtime] | None = []  # without Alertmanager nobody could cancel one
         if self._alertmanager is not None:
             self._alertmanager.update(self.state.fleet.name, ros.read_clocks())
-            self.state.plan(self._alertmanager.downtimes, ros.read_clocks())
+            downtimes = self._alertmanager.downtimes
+        if downtimes is not None:
+            self.state.plan(downtimes, ros.read_clocks())
 
     def join(self) -> None:
         """Join the fleet's domains; one that cannot be joined is retried every half minute.
