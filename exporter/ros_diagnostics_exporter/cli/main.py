@@ -46,20 +46,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ConfigError, WebConfigError) as error:
         print(error, file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
-    except AddressError as error:
+    except (AddressError, VersionError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
-        return EXIT_USAGE
-    except InUseError as error:
-        hint = "give this one another --storage.path"
-        print(f"ros-diagnostics-exporter: {error}; {hint}", file=sys.stderr)  # noqa: T201
-        return EXIT_FAILURE
-    except VersionError as error:
-        hint = "start the version that wrote it, or give this one another --storage.path"
-        print(f"ros-diagnostics-exporter: {error}; {hint}", file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
     except WebEndedError:
         return EXIT_FAILURE
-    except (ros.RosMissingError, ListenError, UnreachableError) as error:
+    except (InUseError, ros.RosMissingError, ListenError, UnreachableError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_FAILURE
 

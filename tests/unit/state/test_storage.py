@@ -444,8 +444,14 @@ def test_a_database_with_other_tables_is_kept_aside(tmp_path, caplog, statement,
 @pytest.mark.parametrize(
     ("statement", "what"),
     [
-        ("PRAGMA user_version = 3", "is of version 3, and this is of 2"),
-        ("PRAGMA user_version = 0", "is of version 0, and this is of 2"),
+        (
+            "PRAGMA user_version = 3",
+            "is a database of version 3, and this exporter writes version 2; ",
+        ),
+        (
+            "PRAGMA user_version = 0",
+            "is a database of version 0, and this exporter writes version 2; ",
+        ),
         ("PRAGMA application_id = 1", "is the database of another program"),
     ],
 )
@@ -491,9 +497,9 @@ def refused(cause: str, path) -> sqlite3.Error:
             path.write_bytes(b"x" * 4096)
         elif cause == "too many pages":
             own.execute("PRAGMA max_page_count = 2")
+        wrong = "none" if cause == "our own mistake" else "data"
         with pytest.raises(sqlite3.Error) as raised:
-            own.execute("INSERT INTO events (data) VALUES (zeroblob(100000))")
-            own.execute("SELECT no_such_column FROM events")
+            own.execute(f"INSERT INTO events ({wrong}) VALUES (zeroblob(100000))")
         return raised.value
 
 
