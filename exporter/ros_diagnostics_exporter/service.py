@@ -22,7 +22,7 @@ from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
-from ros_diagnostics_exporter.model import Part
+from ros_diagnostics_exporter.model import Downtime, Part
 from ros_diagnostics_exporter.notifications import Notifications, parse
 from ros_diagnostics_exporter.state import snapshot
 from ros_diagnostics_exporter.state.state import State
@@ -36,6 +36,7 @@ class Service:
 
     Raises:
         InUseError: another exporter has the database of ``storage`` open.
+        VersionError: the database is of another version.
     """
 
     TICK = 0.25  # seconds between two calls of tick
@@ -128,9 +129,13 @@ class Service:
                     self._record(event)
 
     def _update_silences(self) -> None:
+        """Follow the planned downtimes; without an answer those of the database stay in force."""
+        downtimes: list[Downtime] | None = []  # without Alertmanager nobody could cancel one
         if self._alertmanager is not None:
             self._alertmanager.update(self.state.fleet.name, ros.read_clocks())
-            self.state.plan(self._alertmanager.downtimes, ros.read_clocks())
+            downtimes = self._alertmanager.downtimes
+        if downtimes is not None:
+            self.state.plan(downtimes, ros.read_clocks())
 
     def join(self) -> None:
         """Join the fleet's domains; one that cannot be joined is retried every half minute.
@@ -222,9 +227,12 @@ class Service:
         begin = time.perf_counter()
         pieces = self._exposition.pieces(openmetrics=openmetrics, parts=parts)
         own = self._self_metrics.render(openmetrics=openmetrics, parts=parts)
-        self._exporter.scrapes += 1
         self._exporter.scrape_seconds = time.perf_counter() - begin
         return [*pieces, own, EOF if openmetrics else b""]
+
+    def count_scrape(self) -> None:
+        """Note that a scrape was answered: requests at one moment share what is rendered."""
+        self._exporter.scrapes += 1
 
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""

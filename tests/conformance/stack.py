@@ -26,7 +26,6 @@ from conformance.history import (
     Notification,
     marked,
 )
-from ros_diagnostics_exporter.cli import ack
 from ros_diagnostics_exporter.config.fleet import (
     CauseSettings,
     ComponentRule,
@@ -39,6 +38,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.state.state import State
+from ros_diagnostics_tools.commands import ack
 from support import short_clocks
 from support.loopback import answering
 from support.prometheus_site import Site, running

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from ros_diagnostics_exporter.backtest.ledger import identity
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_tools.backtest.ledger import identity
 from simulation.larger import LargerCauses
 from simulation.mails import Mails
 from simulation.story import COMPONENTS, DAY, ERROR, OK, PERIOD, TICK, WARN, Story

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from random import Random
 
-from ros_diagnostics_exporter.backtest.replay import Restarts
 from ros_diagnostics_exporter.config.fleet import (
     CauseSettings,
     Fleet,
@@ -24,6 +23,7 @@ from ros_diagnostics_exporter.config.fleet import FaultSettings as Settings
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.state.state import State
+from ros_diagnostics_tools.backtest.replay import Restarts
 from simulation.story import (
     COMPONENTS,
     ERROR,

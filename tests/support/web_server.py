@@ -143,6 +143,7 @@ class FakeBackend:
     """A Backend made of functions."""
 
     render_metrics: Callable[[bool, frozenset[Part]], Sequence[bytes]] = render_metrics
+    count_scrape: Callable[[], None] = lambda: None
     fleet_snapshot: Callable[[], dict[str, Any]] = fleet
     faults: Callable[[], dict[str, Any]] = no_faults
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []

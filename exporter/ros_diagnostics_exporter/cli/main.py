@@ -19,7 +19,7 @@ from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.service import Service
-from ros_diagnostics_exporter.state.database import InUseError
+from ros_diagnostics_exporter.state.database import InUseError, VersionError
 from ros_diagnostics_exporter.state.storage import Retention, Storage
 from ros_diagnostics_exporter.state.unmatched import find_unmatched, known_from_json
 from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server, parse_address
@@ -46,16 +46,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ConfigError, WebConfigError) as error:
         print(error, file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
-    except AddressError as error:
+    except (AddressError, VersionError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
-    except InUseError as error:
-        hint = "give this one another --storage.path"
-        print(f"ros-diagnostics-exporter: {error}; {hint}", file=sys.stderr)  # noqa: T201
-        return EXIT_FAILURE
     except WebEndedError:
         return EXIT_FAILURE
-    except (ros.RosMissingError, ListenError, UnreachableError) as error:
+    except (InUseError, ros.RosMissingError, ListenError, UnreachableError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_FAILURE
 

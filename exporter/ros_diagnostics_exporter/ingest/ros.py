@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import logging
 import os
+import sys
 import threading
 import time
 from bisect import bisect_right
@@ -26,7 +27,32 @@ from ros_diagnostics_exporter.ingest.cdr import Decoder, is_cdr
 from ros_diagnostics_exporter.ingest.topic_queue import SHARE, SHARED, TopicQueue
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 
+RMW_VARIABLE = "RMW_IMPLEMENTATION"
+
+
+class _MissingMiddlewareError(ImportError):
+    """The middleware that the environment names is not installed; the text says what to do."""
+
+
+def check_middleware(environment: Mapping[str, str]) -> None:
+    """Raise an ImportError where ROS lacks the middleware: it would end the process with a riddle.
+
+    Where nothing is known of the libraries' folders, nothing is said.
+    """
+    wanted = environment.get(RMW_VARIABLE, "")
+    paths = environment.get("LD_LIBRARY_PATH", "").split(":")
+    folders = [Path(sys.prefix, "lib"), *map(Path, filter(None, paths))]
+    found = {path.stem.removeprefix("lib") for each in folders for path in each.glob("librmw_*.so")}
+    if wanted and found and wanted not in found:
+        raise _MissingMiddlewareError(
+            f"{RMW_VARIABLE} is {wanted!r}, and there is no lib{wanted}.so in "
+            f"{', '.join(map(str, folders))}: unset it, or install that middleware into ROS "
+            "(pip has rmw_fastrtps_cpp only)"
+        )
+
+
 try:
+    check_middleware(os.environ)
     import rclpy
     from diagnostic_msgs.msg import DiagnosticArray
     from rclpy.context import Context
@@ -101,6 +127,8 @@ class Receiver(Protocol):
 
 def check_ros() -> None:
     """Raise RosMissingError, with the way out, where ROS cannot be imported."""
+    if isinstance(_IMPORT_ERROR, _MissingMiddlewareError):
+        raise RosMissingError(str(_IMPORT_ERROR))
     if _IMPORT_ERROR is not None:
         raise RosMissingError(
             f"ROS 2 was not found ({_IMPORT_ERROR}): source it (source /opt/ros/jazzy/setup.bash), "

@@ -35,6 +35,7 @@ from ros_diagnostics_exporter.state.database import (
     Database,
     InUseError,
     Lock,
+    VersionError,
     find_events,
     is_damage,
     rename_database,
@@ -212,6 +213,7 @@ class Storage:
 
         Raises:
             InUseError: another exporter has the database open.
+            VersionError: it is of another version; it is left as it is.
         """
         found = self._found = self._read_in_time()
         if found.obstacle:
@@ -229,20 +231,20 @@ class Storage:
 
     def _read_in_time(self) -> _Found:
         """What is in the file; read in a thread, because a disk may hang."""
-        ended: list[_Found | InUseError] = []
+        ended: list[_Found | InUseError | VersionError] = []
         thread = threading.Thread(target=lambda: ended.append(self._read()), daemon=True)
         thread.start()
         thread.join(LOADING)
         if not ended:
             return _Found(self._path, obstacle=f"no answer of the disk in {LOADING:.0f} s")
-        if isinstance(ended[0], InUseError):
+        if isinstance(ended[0], Exception):
             raise ended[0]
         return ended[0]
 
-    def _read(self) -> _Found | InUseError:
+    def _read(self) -> _Found | InUseError | VersionError:
         try:
             return self._read_file()
-        except InUseError as error:
+        except (InUseError, VersionError) as error:
             return error
         except OSError as error:
             return _Found(self._path, obstacle=str(error.strerror))
@@ -315,7 +317,7 @@ class Storage:
         self._writing_since = time.monotonic()
         try:
             self._save(state, events, now, at_once=at_once)
-        except (OSError, sqlite3.Error, InUseError, DamagedError) as error:
+        except (OSError, sqlite3.Error, InUseError, VersionError, DamagedError) as error:
             self._failed(now, error)
         except Exception as error:  # noqa: BLE001 - our own fault must not end the thread unseen
             self._failed(now, error, exc_info=True)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import logging
 import socket
 import ssl
@@ -67,10 +68,7 @@ def bind(address: str) -> socket.socket:
         return _bind_everywhere(port) if host in {"", "::"} else _bind_one(host, port)
     except (OSError, UnicodeError) as error:  # UnicodeError: not a valid host name
         why = getattr(error, "strerror", None) or error
-        raise ListenError(
-            f"cannot listen on {address}: {why}; stop the program that uses the port, or choose "
-            "another with --web.listen-address"
-        ) from error
+        raise ListenError(f"cannot listen on {address}: {why}; {_remedy(error)}") from error
 
 
 def parse_address(address: str) -> tuple[str, int]:
@@ -109,6 +107,15 @@ def _bind_one(host: str, port: int) -> socket.socket:
     # For a name with addresses of both families (localhost) take IPv4, as Go does.
     family, *_, where = min(found, key=lambda each: each[0] != socket.AF_INET)
     return socket.create_server(where[:2], family=family, backlog=BACKLOG)
+
+
+def _remedy(error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if number == errno.EADDRINUSE:
+        return "stop the program that uses the port, or choose another with --web.listen-address"
+    if number == errno.EACCES:
+        return "choose a port of 1024 or more with --web.listen-address"
+    return "choose an address of this machine with --web.listen-address, or all of them: :PORT"
 
 
 class Server:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.cli import ack
+from ros_diagnostics_tools.commands import ack
 from support import short_clocks
 from testbed import http
 from testbed.polling import until

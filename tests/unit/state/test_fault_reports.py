@@ -501,6 +501,31 @@ def test_other_components_are_judged_in_a_components_downtime():
 
 
 @pytest.mark.parametrize("component", ["", "Motor"])
+def test_a_downtime_is_in_force_after_a_restart_before_anybody_repeats_it(component, tmp_path):
+    before = StateDriver()
+    before.state.plan([planned(component, 0)], before.now)
+    before.raw_every(1, 5, MOTOR, LASER)
+    before.keep(tmp_path / "exporter.db")
+    after = before.restart(tmp_path / "exporter.db")
+
+    after.raw_every(1, 149, HOT, LASER)
+    assert faults(after) == set()
+    after.raw_every(1, 152, HOT, LASER)
+    assert faults(after) == {("component", "critical", "r", "Motor")}
+
+
+def test_a_downtime_that_was_cancelled_is_not_restored(tmp_path):
+    before = StateDriver()
+    before.state.plan([planned("", 0, 1_000)], before.now)
+    before.raw_every(1, 10, MOTOR, LASER)
+    before.keep(tmp_path / "exporter.db")
+    before.state.plan([], before.now)
+    before.keep(tmp_path / "exporter.db")
+
+    assert before.restart(tmp_path / "exporter.db").state.downtimes("r") == ()
+
+
+@pytest.mark.parametrize("component", ["", "Motor"])
 def test_what_is_repaired_in_a_downtime_ends_with_it(component):
     driver = StateDriver()
     driver.raw_every(1, 60, MOTOR, LASER)

@@ -35,7 +35,13 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
-from ros_diagnostics_exporter.state.database import MAGIC, Database, InUseError
+from ros_diagnostics_exporter.state.database import (
+    MAGIC,
+    Database,
+    InUseError,
+    VersionError,
+    is_damage,
+)
 from ros_diagnostics_exporter.state.robot import Robot as ExporterRobot
 from ros_diagnostics_exporter.state.snapshot import fleet_snapshot, targets
 from ros_diagnostics_exporter.state.storage import Retention, Storage
@@ -440,13 +446,11 @@ def test_an_empty_file_is_a_new_one(tmp_path, caplog):
 @pytest.mark.parametrize(
     ("statement", "what"),
     [
-        ("PRAGMA user_version = 3", "its version is 3, not 2"),
-        ("PRAGMA user_version = 0", "its version is 0, not 2"),
         ("DROP TABLE faults", "its tables are not those of this version"),
         ("ALTER TABLE events ADD COLUMN more", "its tables are not those of this version"),
     ],
 )
-def test_a_database_of_another_version_is_kept_aside(tmp_path, caplog, statement, what):
+def test_a_database_with_other_tables_is_kept_aside(tmp_path, caplog, statement, what):
     path = tmp_path / "state"
     before = StateDriver()
     before.raw(HOT)
@@ -459,6 +463,93 @@ def test_a_database_of_another_version_is_kept_aside(tmp_path, caplog, statement
     assert f"{path} is damaged ({what}), 0 robots of it are restored" in caplog.text
     assert (tmp_path / "state.damaged-1").exists()
     assert after.storage.successful
+
+
+@pytest.mark.parametrize(
+    ("statement", "what"),
+    [
+        (
+            "PRAGMA user_version = 3",
+            "is a database of version 3, and this exporter writes version 2; ",
+        ),
+        (
+            "PRAGMA user_version = 0",
+            "is a database of version 0, and this exporter writes version 2; ",
+        ),
+        ("PRAGMA application_id = 1", "is the database of another program"),
+    ],
+)
+def test_a_database_of_another_version_stays_and_stops_the_start(tmp_path, statement, what):
+    path = tmp_path / "state"
+    before = StateDriver()
+    before.raw(HOT)
+    saved(before, path)
+    before.close()
+    edited(path, "PRAGMA journal_mode = DELETE", statement)
+    whole = path.read_bytes()
+
+    with pytest.raises(VersionError, match=re.escape(f"{path} {what}")):
+        restarted(before, path)
+    assert path.read_bytes() == whole
+    assert not (tmp_path / "state.damaged-1").exists()
+
+
+@pytest.mark.parametrize("statement", ["ANALYZE", "CREATE INDEX mine ON events (time)"])
+def test_what_a_person_added_to_speed_it_up_is_no_damage(tmp_path, caplog, statement):
+    path = tmp_path / "state"
+    before = StateDriver()
+    before.raw(HOT)
+    saved(before, path)
+    before.close()
+    edited(path, statement)
+    after = restarted(before, path)
+    after.save()
+
+    assert after.component("Motor").before_stale == ERROR
+    assert not caplog.text
+
+
+def refused(cause: str, path) -> sqlite3.Error:
+    """What SQLite says about a database in this state."""
+    with closing(sqlite3.connect(path)) as other, closing(sqlite3.connect(path, timeout=0)) as own:
+        if cause == "locked":
+            other.execute("BEGIN EXCLUSIVE")
+        elif cause == "damaged":
+            size = path.stat().st_size
+            path.write_bytes(path.read_bytes()[:100].ljust(size, b"x"))
+        elif cause == "no database":
+            path.write_bytes(b"x" * 4096)
+        elif cause == "too many pages":
+            own.execute("PRAGMA max_page_count = 2")
+        wrong = "none" if cause == "our own mistake" else "data"
+        with pytest.raises(sqlite3.Error) as raised:
+            own.execute(f"INSERT INTO events ({wrong}) VALUES (zeroblob(100000))")
+        return raised.value
+
+
+@pytest.mark.parametrize(
+    ("cause", "damaged"),
+    [
+        ("damaged", True),
+        ("no database", True),
+        ("locked", False),
+        ("too many pages", False),
+        ("our own mistake", False),
+    ],
+)
+def test_only_what_sqlite_calls_corrupt_is_damage(tmp_path, cause, damaged):
+    path = tmp_path / "state"
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("CREATE TABLE events (data)")
+    error = refused(cause, path)
+
+    assert is_damage(error) is damaged
+    del error.sqlite_errorcode  # as Python 3.10 raises it
+    assert is_damage(error) is damaged
+
+
+def test_the_words_locking_protocol_are_no_damage():
+    assert not is_damage(sqlite3.OperationalError("locking protocol"))
 
 
 WRONG = {

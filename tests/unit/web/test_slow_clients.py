@@ -160,6 +160,29 @@ def test_large_requests_are_rejected_also_in_one_piece(serve, short, request_, s
     assert answer.status == 200
 
 
+def test_two_lengths_of_one_body_are_rejected_and_the_connection_closed(serve):
+    with connect(serve()) as sock:
+        sock.sendall(
+            b"POST /api/v1/notifications HTTP/1.1\r\nHost: x\r\n"
+            b"Content-Length: 4\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n"
+        )
+        assert sock.recv(1_000).startswith(b"HTTP/1.1 400")
+        assert ended(sock)
+
+
+def test_a_client_that_leaves_within_its_body_logs_nothing(serve, caplog):
+    server = serve()
+    with connect(server) as sock:
+        sock.sendall(
+            b"POST /api/v1/notifications HTTP/1.1\r\nHost: x\r\nContent-Length: 100\r\n\r\n{"
+        )
+        wait_until(lambda: server._uvicorn.server_state.tasks)
+    wait_until(lambda: not server._uvicorn.server_state.tasks)
+
+    assert ask(server, "/-/healthy").status == 200
+    assert not [each for each in caplog.records if each.levelname == "ERROR"]
+
+
 def test_too_many_headers_are_rejected_and_the_connection_closed(serve, short):
     server = serve()
     with connect(server) as sock:
