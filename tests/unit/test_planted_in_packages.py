@@ -37,3 +37,4 @@ def test_a_planted_mistake_is_found(mistake, tmp_path):
 def test_a_mistake_can_be_planted(mistake):
     """So that a change that moves one is noticed at once."""
     assert occurs_once((CHECKOUT / mistake["file"]).read_text(), mistake["right"])
+    assert (CHECKOUT / mistake["found_by"].partition("::")[0]).exists()
