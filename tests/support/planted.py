@@ -24,5 +24,5 @@ def planted(folder: Path, file: str, right: str, wrong: str) -> dict[str, str]:
     if text.count(right) != 1:
         raise LookupError(f"{file} has changed: plant the mistake anew")
     path.write_text(text.replace(right, wrong))
-    paths = (folder, CHECKOUT / "tests", CHECKOUT / "sim")
+    paths = (folder, *(CHECKOUT / each for each in ("lab", "tests", "sim")))
     return {**os.environ, "PYTHONPATH": ":".join(map(str, paths))}

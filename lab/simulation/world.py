@@ -127,9 +127,11 @@ class World:
 
     @property
     def now(self) -> Instant:
+        """The two clocks."""
         return Instant(float(self.tick * TICK), self.tick * TICK + self.offset)
 
     def mono(self, wall: float) -> float:
+        """Return the monotonic time of a wall time."""
         return wall - self.offset
 
     def declared(self) -> list[Delivered]:
