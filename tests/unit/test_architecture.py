@@ -24,7 +24,7 @@ TREES = {
 # Of each tree its packages and modules: each imports only from lines above its own.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
-        ("model", "durations", "file_watcher", "files", "regex", "texts", "weekly"),
+        ("model", "durations", "file_watcher", "files", "loops", "regex", "texts", "weekly"),
         ("events", "http_client", "logs", "severity"),
         ("ingest",),
         ("config",),
@@ -61,7 +61,9 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
 # Trees that import one another: the demo stands on the testbed. All others meet as users do.
 MAY_KNOW = {"demo": {"testbed"}}
 # What the web shows it is given by its Backend; of the config it knows how YAML is read.
-WEB_KNOWS = {"web", "model", "durations", "events", "file_watcher", "files", "severity", "texts"}
+WEB_KNOWS = {
+    *("web", "model", "durations", "events", "file_watcher", "files", "loops", "severity", "texts"),
+}
 WEB_READS_BY = f"{EXPORTER}.config.yaml_file"
 KNOW_ROS = {
     f"{EXPORTER}.ingest.ros",
