@@ -96,6 +96,14 @@ def test_an_invalid_config_is_an_error_and_an_event_and_the_next_valid_one_is_ap
     assert site.reloader.successful
 
 
+def test_a_config_that_is_set_back_after_it_was_invalid_is_a_success(site):
+    site.path.write_text("fleet: [")
+    until(lambda: not site.reloader.successful, "it is rejected")
+    site.write("r1")
+    until(lambda: site.reloader.successful, "it is what it was at the start")
+    assert [event.after for event in site.events] == ["refused", "read"]
+
+
 def test_a_reload_fails_while_files_hang_and_succeeds_later(site, hanging, caplog, monkeypatch):
     monkeypatch.setattr(reloading, "TIMEOUT", 0.2)
     site.write("r2")

@@ -569,16 +569,17 @@ def test_silence_of_a_whole_site_is_one_fault_and_names_its_robots():
         )
         for number in range(6)
     )
-    driver = StateDriver(fleet=Fleet("f", robots))
+    other = Robot("q", topic_raw="/q/diagnostics", source=Source.RAW, labels={"site": "yard"})
+    driver = StateDriver(fleet=Fleet("f", (other, *robots)))
     for second in range(int(SETTLED)):
         driver.at(second)
-        for robot in robots:
+        for robot in (other, *robots):
             topic = Topic(0, robot.topic_raw)
             driver.state.receive(topic, Array(0.0, (MOTOR,), 100), driver.now)
     driver.at(SETTLED + 30)
-    assert faults(driver) == {("site", "silent", "hall")}
-    (fault,) = driver.state.faults()
-    assert fault.evidence == "robots: r0, r1, r2, r3, r4 and 1 more"
+    assert faults(driver) == {("site", "silent", "hall"), ("robot", "silent", "q")}
+    (evidence,) = (each.evidence for each in driver.state.faults() if each.identity.site)
+    assert evidence == "robots: r0, r1, r2, r3, r4 and 1 more"
 
 
 # -- values and checks ---------------------------------------------------------------------------

@@ -411,6 +411,30 @@ def test_a_damaged_file_is_named_kept_aside_and_survived(tmp_path, caplog, raw, 
     assert restarted(driver, path).state.robots.keys() == {"r"}
 
 
+def test_a_file_is_kept_aside_with_its_log_which_is_not_of_the_next(tmp_path):
+    path = tmp_path / "state"
+    path.write_text("damaged")
+    (tmp_path / "state-wal").write_text("log")
+    driver = StateDriver().restart(path)
+    driver.save()
+    assert (tmp_path / "state.damaged-1-wal").read_text() == "log"
+
+
+def test_what_was_written_outlives_a_power_cut(tmp_path, monkeypatch):
+    made = []
+    connect = sqlite3.connect
+
+    def watched(*args: Any, **more: Any) -> sqlite3.Connection:
+        made.append(connect(*args, **more))
+        return made[-1]
+
+    monkeypatch.setattr(sqlite3, "connect", watched)
+    saved(StateDriver(), tmp_path / "state")
+    (connection,) = made
+    [(synchronous,)] = connection.execute("PRAGMA synchronous")
+    assert synchronous == 2  # FULL: https://sqlite.org/pragma.html#pragma_synchronous
+
+
 def test_an_empty_file_is_a_new_one(tmp_path, caplog):
     (tmp_path / "state").touch()
     driver = StateDriver().restart(tmp_path / "state")

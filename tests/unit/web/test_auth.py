@@ -87,6 +87,12 @@ def test_an_unknown_user_costs_as_much_as_a_known_one():
     assert bcrypt.checkpw(b"anything", auth._dummy_hash(known).encode()) is False
 
 
+def test_an_unknown_user_is_rejected_whatever_the_comparison_says(protected, monkeypatch):
+    monkeypatch.setattr(auth.bcrypt, "checkpw", lambda *_: True)
+    assert ask(protected, "/metrics", Authorization=basic("carol", "x")).status == 401
+    assert ask(protected, "/metrics", Authorization=basic("alice", "x")).status == 200
+
+
 def test_a_password_is_compared_up_to_72_bytes(serve, tmp_path):
     path = tmp_path / "web.yml"
     path.write_text(f"basic_auth_users: {{alice: {hashed('x' * 72)}}}")

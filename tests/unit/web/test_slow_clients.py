@@ -407,3 +407,20 @@ def test_the_memory_of_unread_responses_is_limited(serve, short, monkeypatch, pa
         assert ask(server, "/metrics").status == 200
         monkeypatch.setattr(responses, "STALLED_AFTER", 0.0)  # now all do
         assert ask(server, path).status == 200
+
+
+@pytest.mark.parametrize("path", ["/metrics", "/sd/node"])
+def test_a_response_whose_client_has_gone_counts_no_more(serve, short, monkeypatch, path):
+    monkeypatch.setattr(responses, "MAX_BYTES", 10_000_000)
+    monkeypatch.setattr(responses, "STALLED_AFTER", 1_000.0)  # none counts as stalled
+    monkeypatch.setattr(responses, "MAX_WAIT", 0.0)
+    monkeypatch.setattr(scrape, "FIRST_SIZE", 4_000_000)
+    server = serve(
+        render_metrics=lambda *_: [b"x" * 4_000_000],
+        targets=lambda _job, _port: [{"targets": ["x" * 4_000_000], "labels": {}}],
+    )
+    with contextlib.ExitStack() as crowd:
+        for sock in unread(server, 10, "127.0.0.1", path.encode()):
+            crowd.enter_context(sock)
+        wait_until(lambda: ask(server, path).status == 503)
+    wait_until(lambda: ask(server, path).status == 200)
