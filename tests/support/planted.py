@@ -22,7 +22,7 @@ def planted(folder: Path, file: str, right: str, wrong: str) -> dict[str, str]:
     """
     shutil.copytree(CHECKOUT / "exporter" / FAULTS.parent, folder / FAULTS.parent)
     _plant(folder / FAULTS / file, right, wrong)
-    return _importing(folder, CHECKOUT / "tests", CHECKOUT / "sim")
+    return _importing(folder, *(CHECKOUT / each for each in ("lab", "tests", "sim")))
 
 
 def planted_checkout(folder: Path, file: str, right: str, wrong: str) -> dict[str, str]:
@@ -41,7 +41,7 @@ def planted_checkout(folder: Path, file: str, right: str, wrong: str) -> dict[st
 def copied_checkout(folder: Path) -> dict[str, str]:
     """Copy the checkout to ``folder``; returns the environment of tests of the copy."""
     shutil.copytree(CHECKOUT, folder, ignore=shutil.ignore_patterns(*_LEFT_OUT))
-    return _importing(*(folder / name for name in ("exporter", "tests", "sim", "tools")))
+    return _importing(*(folder / name for name in ("exporter", "lab", "tests", "sim", "tools")))
 
 
 def occurs_once(text: str, right: str) -> bool:

@@ -18,6 +18,7 @@ import trustme
 
 from ros_diagnostics_exporter.model import Part
 from ros_diagnostics_exporter.severity import STATE_OF_LEVEL
+from ros_diagnostics_exporter.web import server as server_module
 from ros_diagnostics_exporter.web.server import Server
 
 Serve = Callable[..., Server]
@@ -150,6 +151,7 @@ class FakeBackend:
     why: Callable[..., dict[str, Any]] = no_ledger
     notified: Callable[[bytes], tuple[int, int]] = lambda _body: (1, 0)
     targets: Callable[[str, int | None], list[dict[str, Any]]] = no_targets
+    hanging_reason: Callable[[], str | None] = lambda: None
     not_ready_reason: Callable[[], str | None] = lambda: None
     reload: Callable[[], None] = lambda: None
     forget: Callable[[str, str | None], int] = lambda _robot, _component: 1
@@ -173,6 +175,21 @@ def serve() -> Iterator[Serve]:
     yield start
     for server in started:
         server.stop()
+
+
+@pytest.fixture
+def seldom(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The web config is read again when a test wants it (`reloaded`)."""
+    monkeypatch.setattr(server_module, "RELOAD_INTERVAL", 3_600.0)
+
+
+def reloaded(server: Server) -> Server:
+    """The server once it has read the files as they are now."""
+    wait_until(lambda: server.loop.last_turn)
+    before = server.loop.last_turn
+    server.loop.wake()
+    wait_until(lambda: server.loop.last_turn > before)
+    return server
 
 
 def wait_until(condition: Callable[[], object], seconds: float = 20.0) -> None:

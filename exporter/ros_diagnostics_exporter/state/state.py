@@ -29,7 +29,6 @@ log = logging.getLogger(__name__)
 Result = TypeVar("Result")
 
 SLOW_TICK = 1.0  # seconds between two updates of what changes slowly: maintenance, forgetting
-UNMATCHED_TICK = 60.0  # seconds between two looks for entries of the config that match nothing
 PASS_ON = 16  # robots that are visited before a thread that waits for the lock gets its turn
 MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
 
@@ -47,7 +46,6 @@ class State:
         self._downtimes: tuple[Downtime, ...] = ()  # that people planned
         self._downtimes_changed = False  # since their row was taken
         self.unmatched = UnmatchedWatch()  # entries of the config that match nothing
-        self._unmatched_at = now.mono + UNMATCHED_TICK
         self._faults = FaultReports(fleet, now, self._events)
         self._registry = RobotRegistry(fleet, now, self._events, self._faults)
 
@@ -179,10 +177,11 @@ class State:
                 if changed:
                     robot.update_maintenance(self.fleet, now)
                 self._registry.forget_absent(robot, now)
-        if now.mono >= self._unmatched_at:
-            self._unmatched_at = now.mono + UNMATCHED_TICK
-            found = find_unmatched(self.fleet, self.visit(known_robot), now.wall)
-            self.unmatched.update(found, now)
+
+    def find_unmatched(self, now: Instant) -> None:
+        """Look for entries of the config that match nothing; takes long, and holds no lock."""
+        found = find_unmatched(self.fleet, self.visit(known_robot), now.wall)
+        self.unmatched.update(found, now)
 
     def _is_known(self, robot: Robot) -> bool:
         return self._registry.robots.get(robot.settings.name) is robot

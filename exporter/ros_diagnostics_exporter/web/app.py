@@ -75,8 +75,11 @@ class Pages:
         return HTMLResponse(page)
 
     async def healthy(self, _request: Request) -> Response:
-        """200 as long as the process responds at all."""
-        return PlainTextResponse("healthy\n")
+        """200 as long as the exporter works; 503 with what hangs where only a restart may help."""
+        reason = self.backend.hanging_reason()
+        if reason is None:
+            return PlainTextResponse("healthy\n")
+        return PlainTextResponse(f"unhealthy: {reason}\n", status_code=503)
 
     async def ready(self, _request: Request) -> Response:
         """200 when messages are subscribed to, else 503 with the reason."""

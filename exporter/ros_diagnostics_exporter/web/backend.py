@@ -56,6 +56,9 @@ class Backend(Protocol):
             ValueError: The job needs a port, or takes none.
         """
 
+    def hanging_reason(self) -> str | None:
+        """Why a restart may help; None while all goes on. From the event loop, must not block."""
+
     def not_ready_reason(self) -> str | None:
         """Why the exporter is not ready; None when it subscribes to the robots' messages."""
 

@@ -55,7 +55,6 @@ class AccessControl:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, or respond with the reason why it is rejected."""
-        self._web_config.refresh()
         app = _malformed(scope) or await self._authorize(scope)
         await app(scope, receive, self._with_headers(send))
 

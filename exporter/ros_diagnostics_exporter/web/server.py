@@ -12,6 +12,7 @@ import logging
 import socket
 import ssl
 import threading
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -19,6 +20,7 @@ from typing import Any, cast
 import uvicorn
 from starlette.applications import Starlette
 
+from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.web.app import build, start_threads
 from ros_diagnostics_exporter.web.backend import Backend
 from ros_diagnostics_exporter.web.connections import Acceptor, Connections, connection_limit
@@ -32,6 +34,8 @@ from ros_diagnostics_exporter.web.tls import reloading_context
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
 
 BACKLOG = 1024
+RELOAD_INTERVAL = 1.0  # seconds between two checks of the web config's files
+HANGING = 30.0  # seconds without a turn after which the event loop hangs
 GRACE = 3  # seconds to finish responses when the server stops
 
 _log = logging.getLogger(__name__)
@@ -135,6 +139,7 @@ class Server:
     Attributes:
         addresses: Those it listens on, once started.
         connections: The clients'.
+        loop: Reloads the web config.
     """
 
     def __init__(
@@ -150,6 +155,7 @@ class Server:
         self.addresses: tuple[str, ...] = ()
         self._listen = tuple(listen)
         live_config = LiveWebConfig(web_config)
+        self.loop = Loop("web-config", RELOAD_INTERVAL, live_config.refresh)
         self._threads = start_threads()
         self.connections = Connections(connection_limit(domains))
         app = build(
@@ -174,16 +180,23 @@ class Server:
         self._thread = threading.Thread(target=self._run, args=(sockets,), name="web-server")
         self._thread.start()
         self._uvicorn.ready.wait()
+        self.loop.start()
 
     @property
     def alive(self) -> bool:
         """Whether requests are served."""
         return self._thread is not None and self._thread.is_alive()
 
+    @property
+    def hangs(self) -> bool:
+        """Whether the event loop has made no turn for long."""
+        return time.monotonic() - self._uvicorn.last_turn > HANGING
+
     def stop(self) -> None:
         """Accept no more connections, finish the responses (3 s at most) and end."""
         if self._thread is None:
             return
+        self.loop.ask_to_stop()
         self._uvicorn.should_exit = True
         self._thread.join()
         self._threads.close()
@@ -207,6 +220,12 @@ class _Uvicorn(uvicorn.Server):
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
         self.ready = threading.Event()
+        self.last_turn = time.monotonic()
+
+    async def on_tick(self, counter: int) -> bool:
+        """Note that the loop goes on; uvicorn calls it ten times a second."""
+        self.last_turn = time.monotonic()
+        return await super().on_tick(counter)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)

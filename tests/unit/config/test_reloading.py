@@ -51,7 +51,7 @@ def site(tmp_path, monkeypatch):
     made.reloader.start()
     yield made
     made.reloader.stop(30)
-    assert not made.reloader._thread.is_alive()
+    assert not made.reloader.loop.alive
 
 
 @pytest.fixture
@@ -125,7 +125,7 @@ def test_a_reload_fails_while_files_hang_and_succeeds_later(site, hanging, caplo
 
 def test_nothing_is_applied_once_it_is_stopped(site, hanging):
     site.reloader.request("a request")
-    until(lambda: site.reloader._busy_since is not None and site.reloader._next is None, "it reads")
+    until(lambda: site.reloader.loop.hangs(0) and site.reloader._next is None, "it reads")
     site.reloader.stop(0)
     hanging.set()
     site.reloader.stop(30)

@@ -27,6 +27,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
+from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import (
@@ -436,12 +437,20 @@ def self_metrics(driver: StateDriver) -> SelfMetrics:
     """The exporter's own metrics, with everything that they are read from."""
     part = SimpleNamespace(successful=True, time=1.0, written_at=1.0, answers=lambda _now: True)
     listener = SimpleNamespace(
-        domain_ids=(0,), last_looks={0: 1.0}, decode_seconds=1.0, ingest_seconds=1.0
+        domain_ids=(0,),
+        errors={1: "why"},
+        last_looks={0: 1.0},
+        decode_seconds=1.0,
+        ingest_seconds=1.0,
     )
     canary = Canary(Instant(-FIRST, 0.0))
     canary.tick(300.0, driver.now)
     ros = ("jazzy", "rmw_fastrtps_cpp")
-    exporter = Exporter(*(driver.state, driver.exposition, listener, part, part, part, canary, ros))
+    loops = [Loop("tick", 1.0, driver.now.count)]
+    exporter = Exporter(
+        *(driver.state, driver.exposition, listener, part, part, part, canary, ros),
+        lambda: loops,
+    )
     return SelfMetrics(exporter)
 
 

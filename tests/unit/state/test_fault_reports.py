@@ -804,6 +804,30 @@ def test_rows_of_a_robot_that_is_no_longer_wanted_are_dropped():
     assert faults(restarted(before, before.fault_rows())) == set()
 
 
+def test_a_fault_follows_its_component_that_is_in_another_group_after_a_start():
+    before = StateDriver(Source.AGG)
+    for second in range(1, 60):
+        before.agg(*tree(Old=[HOT]))
+        before.at(second)
+    driver = restarted(before, before.fault_rows())
+    assert faults(driver) == {("component", "critical", "r", "/Old", "Motor")}
+    driver.agg(*tree(New=[MOTOR]))
+    assert faults(driver) == set()
+
+
+def test_a_fault_of_a_component_that_the_config_ignores_after_a_start_ends():
+    before = settled(MOTOR)
+    stand(before, 12, HOT)
+    ignoring = Profile(components=(ComponentRule(re.compile("Motor"), ignore=True),))
+    (robot,) = before.state.fleet.robots
+    before.state.fleet = replace(before.state.fleet, robots=(replace(robot, profile=ignoring),))
+    driver = restarted(before, before.fault_rows())
+    assert faults(driver) == set()
+    assert [(each.kind, each.reason) for each in driver.events if each.kind == "fault_ended"] == [
+        ("fault_ended", "removed")
+    ]
+
+
 def test_rows_that_cannot_be_read_change_nothing():
     driver = settled(MOTOR)
     stand(driver, 12, HOT)

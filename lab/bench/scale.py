@@ -4,8 +4,9 @@ Each robot has 16 components with 64 values, and sends once a second over real D
 every value changed; the exporter is scraped as prometheus.yml says. A real Prometheus with the
 shipped rules scrapes the same fleet with no fault, and with 5 % of all components CRITICAL. The
 database gets a change of 5 % of the robots a second. A real Alertmanager with the shipped routes
-gets alerts at once, and notifies a webhook. `--write` keeps the numbers in tests/data/scale.json
-and renews the tables of docs/scaling.md; `--page` only renews the tables.
+gets alerts at once, and notifies a webhook. `--write` keeps the numbers in
+docs/experiments/scale.json and renews the tables of docs/scaling.md; `--page` renews the tables
+only.
 """
 
 from __future__ import annotations
@@ -274,7 +275,7 @@ def _post(address: str, number: int) -> None:
 
 
 def measure(options: argparse.Namespace) -> dict[str, Any]:
-    """The numbers that are asked for, as tests/data/scale.json has them; prints how far it is."""
+    """The numbers that are asked for, as scaling.RESULTS has them; prints how far it is."""
     steps: dict[str, tuple[Callable[[int], Any], list[int], str]] = {
         "exporter": (partial(measure_exporter, seconds=options.seconds), options.robots, "robots"),
         "prometheus": (

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-RESULTS = CHECKOUT / "tests" / "data" / "scale.json"
+RESULTS = CHECKOUT / "docs" / "experiments" / "scale.json"
 PAGE = CHECKOUT / "docs" / "scaling.md"
 FLEETS = (10_000, 30_000, 100_000)
 Numbers = dict[str, Any]  # as RESULTS has them
