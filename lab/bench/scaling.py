@@ -60,7 +60,7 @@ def tables(numbers: Numbers) -> str:
     return "\n\n".join(f"{name}\n\n{make(numbers)}" for name, make in _makers().items())
 
 
-def page() -> str:
+def files() -> dict[Path, str]:
     """docs/scaling.md with the tables of RESULTS."""
     numbers = json.loads(RESULTS.read_text())
     text = PAGE.read_text()
@@ -71,7 +71,7 @@ def page() -> str:
             raise ValueError(
                 f"{PAGE}: {replaced} places for the table {name!r}; there is to be one"
             )
-    return text
+    return {PAGE: text}
 
 
 def _makers() -> dict[str, Callable[[Numbers], str]]:

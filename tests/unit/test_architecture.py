@@ -62,7 +62,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("stack",),
     ),
     "demo": (("liveness", "snapshot", "steps"), ("screen",), ("run",), ("__main__",)),
-    "fleet_dashboards": (("lib",), ("dashboards",), ("__main__",)),
+    "fleet_dashboards": (("lib",), ("dashboards",), ("files",)),
 }
 # Trees that import another: the demo stands on the testbed, the tools use the exporter's packages.
 # All others meet as users do, and the exporter imports none of them.

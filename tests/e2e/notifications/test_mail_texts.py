@@ -303,7 +303,7 @@ def test_the_samples_in_the_documentation_are_what_is_sent(
 
 
 def test_the_pictures_are_of_what_is_sent(received: Sent, expect_text: Callable[[str, Path], None]):
-    """If not, run this file with --update, then `python tools/mail_pictures.py`."""
+    """If not, run this file with --update, then `./run generate`."""
     fault = "RosDiagnosticsComponentCritical"
     expect_text(NUMBER_OF_TEST.sub("", received.problems[fault].html), PICTURED / "fault.html")
     expect_text(received.recoveries[fault].html, PICTURED / "recovery.html")
