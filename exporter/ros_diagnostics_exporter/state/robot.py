@@ -34,6 +34,7 @@ log = logging.getLogger(__name__)
 # its groups, too, and a component in each of its groups.
 ROWS_OF_COMPONENT = 4
 _LEVEL_NAMES = tuple(level.name for level in Level)
+TIME_TO_RETURN = 600.0  # seconds after a start in which nothing is forgotten for its absence
 AUTO_WAIT = 5.0  # seconds that a raw array waits for an aggregated one before raw is the source
 MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 
@@ -227,6 +228,8 @@ class Robot:
         self, now: Instant, has_problem: Callable[[Component], bool]
     ) -> None:
         """Remove the components that are long absent, were OK and have no problem."""
+        if not self._had_time(now):
+            return
         for component in list(self.components.forgettable(now)):
             if not has_problem(component):
                 self.forget(component, now)
@@ -237,12 +240,21 @@ class Robot:
         A component that was not OK when it was last received is still known, and keeps its robot.
         """
         network = self.network
-        if self.declared or self.up or self.components:
+        if self.declared or self.up or self.components or not self._had_time(now):
             return False
         if network.publishers or network.obstacle is not None:
             return False
         last = self.seen_mono if self.last_mono is None else self.last_mono
         return now.mono - last > self.settings.profile.forget_after
+
+    def _had_time(self, now: Instant) -> bool:
+        """Whether it is known for long enough to have been received, after a start too.
+
+        For how long nothing was received before the start, only the wall clock says, which may
+        have been set meanwhile.
+        """
+        enough = min(TIME_TO_RETURN, self.settings.profile.forget_after)
+        return now.mono - self.found_mono > enough
 
     def update_endpoint(self, topic: str, endpoint: Endpoint | None, now: Instant) -> None:
         """Set what the graph shows of one of its topics."""
@@ -291,9 +303,10 @@ class Robot:
         """Restore what an earlier process knew: all of it STALE until it is received."""
         if self.settings.source is config.Source.AUTO:
             self.source = config.Source(persisted.source)
+        persisted = persisted.not_after(now.wall)
         self.last_wall = persisted.last_seen
         if persisted.last_seen:
-            self.last_mono = now.mono - max(0.0, now.wall - persisted.last_seen)
+            self.last_mono = now.mono - (now.wall - persisted.last_seen)
         for each in persisted.components:
             name, _group, hardware_id = each.identity
             if hardware_id:
