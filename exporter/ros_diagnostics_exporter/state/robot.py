@@ -25,7 +25,7 @@ from ros_diagnostics_exporter.state.rejections import (
     RejectionReason,
     SilentReason,
 )
-from ros_diagnostics_exporter.state.storage import PersistedRobot
+from ros_diagnostics_exporter.state.storage import Origin, PersistedRobot
 from ros_diagnostics_exporter.state.versions import Versions
 
 log = logging.getLogger(__name__)
@@ -42,9 +42,10 @@ MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 class Robot:
     """One robot, protected by the lock of its State.
 
-    ``declared``: fleet.yml names it. ``found_mono`` is when it was added, ``seen_mono`` when the
-    publishers of its topics last changed; ``last_mono`` and ``last_wall`` are when the last array
-    was received, ``clock_offset`` is its receipt minus its stamp in seconds.
+    ``declared``: fleet.yml names it; ``shared``: its topic is one that robots share.
+    ``found_mono`` is when it was added, ``seen_mono`` when the publishers of its topics last
+    changed; ``last_mono`` and ``last_wall`` are when the last array was received, ``clock_offset``
+    is its receipt minus its stamp in seconds.
     """
 
     def __init__(
@@ -59,6 +60,7 @@ class Robot:
     ) -> None:
         self.settings = settings
         self.declared = declared
+        self.shared = False
         self.found_mono = self.seen_mono = now.mono
         self.limits = limits
         self.up = False
@@ -93,6 +95,12 @@ class Robot:
     def groups(self) -> Mapping[str, tuple[int, str]]:
         """The robot's own groups: path -> (level, message) as its aggregator reported them."""
         return self._aggregated.groups
+
+    def become(self, *, declared: bool, shared: bool) -> None:
+        """Set how the config comes to have it."""
+        if (declared, shared) != (self.declared, self.shared):
+            self.declared, self.shared = declared, shared
+            self.versions.structure += 1  # it is written anew
 
     def configure(self, settings: config.Robot, limits: config.Limits, now: Instant) -> None:
         """Apply another config; what is known stays, as far as it is still wanted."""
@@ -297,7 +305,14 @@ class Robot:
             source=self.source.value,
             last_seen=self.last_wall,
             components=[each.persist(now) for each in self.components if each.level >= 0],
+            origin=self._origin,
         )
+
+    @property
+    def _origin(self) -> Origin:
+        if self.declared:
+            return "declared"
+        return "shared" if self.shared else "discovered"
 
     def restore(self, persisted: PersistedRobot, now: Instant) -> None:
         """Restore what an earlier process knew: all of it STALE until it is received."""

@@ -88,6 +88,9 @@ class PersistedComponent(NamedTuple):
         return self._replace(since=since, problem_since=problem_since, listed=listed)
 
 
+Origin = Literal["declared", "discovered", "shared"]  # shared: by a status on a shared topic
+
+
 class PersistedRobot(NamedTuple):
     """One robot; ``source`` as decided, ``topic`` where it was discovered or declared."""
 
@@ -96,6 +99,7 @@ class PersistedRobot(NamedTuple):
     source: Literal["agg", "raw", "both", "auto"]
     last_seen: _Moment
     components: list[PersistedComponent]
+    origin: Origin | None = None  # None: written by an earlier version
 
     def as_json(self) -> str:
         """The fields by name, those of the components, too."""
