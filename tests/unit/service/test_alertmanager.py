@@ -7,15 +7,19 @@ import logging
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from datetime import timedelta
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
+from unittest.mock import patch
 
 import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.alertmanager import Alertmanager
+from ros_diagnostics_exporter.alertmanager import Alertmanager, downtime_matchers, silence
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import Instant
-from support.silences import MOTOR, listed
+from support.silences import MADE, MOTOR, listed
 
 NOW = Instant(100.0, MOTOR.at + 60)
 Reply = Callable[[BaseHTTPRequestHandler], None]
@@ -262,3 +266,49 @@ def redirect(to: str) -> Reply:
         handler.end_headers()
 
     return reply
+
+
+JUNK = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=9),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=9), inner),
+    max_leaves=5,
+)
+PLANNED = {
+    **silence(
+        downtime_matchers("f", "r", "Motor"), MADE, MADE + timedelta(hours=1), "ann", "gears"
+    ),
+    "status": {"state": "active"},
+}
+ALERT = {
+    "fingerprint": "a",
+    "labels": {"alertname": "RosDiagnosticsComponentCritical", "robot": "r"},
+    "status": {"state": "suppressed", "silencedBy": [], "inhibitedBy": ["b"]},
+    "receivers": [{"name": "email"}],
+}
+
+
+def put_junk(content: Any, draw: st.DrawFn) -> Any:
+    """The content with junk in the place of one of its parts, or of all of it."""
+    if not isinstance(content, dict | list) or not content or draw(st.integers(0, 4)) == 0:
+        return draw(JUNK)
+    parts = content if isinstance(content, dict) else dict(enumerate(content))
+    key = draw(st.sampled_from(list(parts)))
+    changed = {**parts, key: put_junk(parts[key], draw)}
+    return changed if isinstance(content, dict) else list(changed.values())
+
+
+@settings(max_examples=100, deadline=None, phases=[Phase.generate])
+@given(st.data())
+def test_an_answer_of_any_shape_raises_nothing(data):
+    answer = put_junk([listed(), PLANNED], data.draw)
+    alertmanager = Alertmanager(["http://127.0.0.1:1"])
+    with patch.object(Client, "get", return_value=answer):
+        alertmanager.update("f", NOW)
+    assert alertmanager.answers(NOW) is isinstance(answer, list)
+
+    with patch.object(Client, "get", return_value=put_junk([ALERT], data.draw)):
+        try:
+            found = alertmanager.explain("f", "r", None)
+        except UnreachableError:
+            found = []
+    assert all(isinstance(each, str) for each in found)

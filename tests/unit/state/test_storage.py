@@ -790,6 +790,22 @@ def test_half_of_a_character_makes_no_damaged_file(tmp_path, caplog):
     assert not caplog.text
 
 
+def test_rows_that_cannot_be_taken_are_shown_and_the_next_turn_saves(tmp_path, monkeypatch, caplog):
+    driver = StateDriver()
+    driver.storage = Storage(tmp_path / "state")
+    driver.raw(HOT)
+    driver.at(1)
+    with monkeypatch.context() as patch:
+        patch.setattr(driver.state, "take_fault_rows", lambda _now: 1 / 0)
+        driver.save()
+    assert not driver.storage.successful
+    assert "ZeroDivisionError" in caplog.text
+
+    driver.at(5)
+    driver.save()
+    assert driver.storage.successful
+
+
 def test_a_fault_of_our_own_is_shown_and_the_next_turn_saves(tmp_path, monkeypatch, caplog):
     driver = StateDriver()
     driver.storage = Storage(tmp_path / "state")

@@ -7,6 +7,7 @@ import threading
 import pytest
 
 from ros_diagnostics_exporter.model import Part
+from ros_diagnostics_exporter.web import server as server_module
 from ros_diagnostics_exporter.web.server import ListenError, Server, parse_address
 from support.web_server import FakeBackend, ask, wait_until
 
@@ -75,6 +76,32 @@ def test_not_ready_returns_the_reason(serve):
     answer = ask(serve(not_ready_reason=lambda: "domain 7 is not joined"), "/-/ready")
     assert (answer.status, answer.text) == (503, "not ready: domain 7 is not joined\n")
     assert ask(serve(not_ready_reason=lambda: "not yet"), "/-/healthy").status == 200
+
+
+def test_what_hangs_is_unhealthy(serve):
+    server = serve(hanging_reason=lambda: "loop tick hangs")
+    answer = ask(server, "/-/healthy")
+    assert (answer.status, answer.text) == (503, "unhealthy: loop tick hangs\n")
+    assert ask(serve(), "/-/healthy").status == 200
+
+
+def test_an_event_loop_that_makes_no_turn_hangs(serve, monkeypatch):
+    monkeypatch.setattr(server_module, "HANGING", 0.5)
+    entered, release = threading.Event(), threading.Event()
+
+    def hang() -> None:
+        entered.set()
+        assert release.wait(20)
+
+    server = serve(hanging_reason=hang)  # the one method that the event loop calls itself
+    wait_until(lambda: not server.hangs)
+    asking = threading.Thread(target=ask, args=(server, "/-/healthy"))
+    asking.start()
+    assert entered.wait(20)
+    wait_until(lambda: server.hangs)
+    release.set()
+    asking.join(20)
+    wait_until(lambda: not server.hangs)
 
 
 def test_an_error_in_the_backend_is_a_500_and_logged(serve, caplog):
