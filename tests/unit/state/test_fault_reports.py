@@ -830,6 +830,14 @@ def test_a_name_that_is_numbered_is_that_of_the_api_too(monkeypatch):
     assert [each.level for each in driver.robot.components] == [ERROR]
 
 
+@pytest.mark.parametrize("levels", [(ERROR, OK), (OK, ERROR), (7, STALE), (STALE, WARN)])
+def test_of_one_name_twice_in_an_array_the_worse_counts_and_it_is_reported(levels):
+    driver = StateDriver()
+    driver.raw(*(Status(level, "Motor", hardware_id="m") for level in levels))
+    assert driver.level("Motor") == {ERROR: ERROR, 7: ERROR, STALE: STALE}[max(levels)]
+    assert driver.sample("robot_rejected_total", reason="duplicate_component") == 1
+
+
 def test_rows_that_cannot_be_read_change_nothing():
     driver = settled(MOTOR)
     stand(driver, 12, HOT)
