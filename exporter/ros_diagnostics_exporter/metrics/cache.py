@@ -11,7 +11,6 @@ from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.state.component import Component, Value
-from ros_diagnostics_exporter.state.limits import unique_name
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.versions import Versions
 from ros_diagnostics_exporter.texts import escape
@@ -129,18 +128,17 @@ class RobotText:
         """Render the labels of every component and of every value anew."""
         self._labels = []
         self._values = {}
-        taken: dict[str, dict[str, int]] = {}  # by group
-        for component in self.robot.components:
-            # two names may look alike as labels
-            name = unique_name(component.name, taken.setdefault(component.group, {}), "~")
+        for component, name in self.robot.components.labels():
             labels = f'{{{self._base},group="{escape(component.group)}",component="{escape(name)}"'
             self._labels.append((component, labels))
             if component.is_stale:
                 continue
             for value in component.values.all:
-                for name in _families_of(value):
-                    own = _labels_of_value(value.key, None if name == value.metric else value.unit)
-                    self._values.setdefault(name, _Values()).add(labels, own, value)
+                for family in _families_of(value):
+                    own = _labels_of_value(
+                        value.key, None if family == value.metric else value.unit
+                    )
+                    self._values.setdefault(family, _Values()).add(labels, own, value)
         for name in (self.promoted | _VALUES) - self._values.keys():
             self._remove(name)
         self.promoted = self._values.keys() - _VALUES

@@ -18,7 +18,7 @@ from ros_diagnostics_exporter.state.component import (
     ComponentValues,
     Identity,
 )
-from ros_diagnostics_exporter.state.limits import SeriesLimit, truncate
+from ros_diagnostics_exporter.state.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.state.rejections import Reject
 from ros_diagnostics_exporter.state.rules import (
     check_matches,
@@ -76,6 +76,12 @@ class Components:
     def __len__(self) -> int:
         """How many there are."""
         return len(self.by_identity)
+
+    def labels(self) -> Iterator[tuple[Component, str]]:
+        """Each with its name as its series have it: no two of a group are the same."""
+        taken: dict[str, dict[str, int]] = {}  # by group
+        for each in self:
+            yield each, unique_name(each.name, taken.setdefault(each.group, {}), "~")
 
     # -- added and removed -------------------------------------------------------------------
 

@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.state.work import work
 from ros_diagnostics_exporter.texts import one_line
 
 WORK = "work: "
+_PARTS = (WORK, "values: ", "robots: ", "components: ", "also faulty: ")
 LENGTH = 512  # characters of the whole
 _TEXT_LENGTH = 160  # of one text of a robot
 _WORK_LENGTH = 240
@@ -45,7 +46,7 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> str:
     else:
         parts = list(_of_robot(identity, found[0]))
     if found is not None and (text := _work(identity, *found)):
-        parts.insert(0, f"{WORK}{text[:_WORK_LENGTH]}")
+        parts.insert(0, f"{WORK}{text[:_WORK_LENGTH]}".replace(";", ","))
     return "; ".join(filter(None, parts))[:LENGTH]
 
 
@@ -58,7 +59,7 @@ def _work(identity: Identity, robot: Robot, component: Component | None) -> str:
 def _of_component(identity: Identity, component: Component, robot: Robot) -> Iterator[str]:
     if identity.scope is Scope.VALUE:
         yield from _monitored(identity, component)
-    yield _text(component.message)
+    yield _message(component.message)
     if component.last is not None and identity.scope is not Scope.VALUE:
         pairs = (f"{_text(key)}: {_text(text)}" for key, text in component.last.values)
         yield _listed("values", pairs)
@@ -109,4 +110,11 @@ def _listed(what: str, texts: Iterable[str]) -> str:
 
 
 def _text(text: str) -> str:
-    return one_line(text[:_TEXT_LENGTH])
+    """A robot's text, in which nothing separates parts."""
+    return one_line(text[:_TEXT_LENGTH]).replace(";", ",")
+
+
+def _message(text: str) -> str:
+    """A robot's message, which is not taken for a part of another kind."""
+    message = _text(text)
+    return f"message: {message}" if message.startswith(_PARTS) else message

@@ -31,10 +31,10 @@ from ros_diagnostics_exporter.faults.model import (
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.state.component import Component
+from ros_diagnostics_exporter.state.components import Components
 from ros_diagnostics_exporter.state.conditional_problems import ConditionalProblems
 from ros_diagnostics_exporter.state.conditions import Quiet, RobotConditions
 from ros_diagnostics_exporter.state.fault_evidence import evidence
-from ros_diagnostics_exporter.state.limits import unique_name
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.rules import component_rule, value_rule
 
@@ -599,15 +599,9 @@ def _expected(profile: Profile) -> Mapping[str, int]:
     return {check.name: check.expect for check in profile.checks if check.expect is not None}
 
 
-def _names(components: Iterable[Component]) -> dict[Component, ComponentName]:
+def _names(components: Components) -> dict[Component, ComponentName]:
     """The names of a robot's components as their series have them: no two are the same."""
-    taken: dict[str, dict[str, int]] = {}  # by group
-    return {
-        each: ComponentName(
-            each.group, unique_name(each.name, taken.setdefault(each.group, {}), "~")
-        )
-        for each in components
-    }
+    return {each: ComponentName(each.group, name) for each, name in components.labels()}
 
 
 def _is_monitored(profile: Profile, component: Component, key: str) -> bool:

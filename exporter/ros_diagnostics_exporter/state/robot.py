@@ -89,7 +89,7 @@ class Robot:
             changed=self._record_change,
         )
         self._aggregated = AggregatedUpdates(self.components, self.versions, limits, self.reject)
-        self._raw = RawUpdates(self.components)
+        self._raw = RawUpdates(self.components, self.reject)
 
     @property
     def groups(self) -> Mapping[str, tuple[int, str]]:
@@ -428,14 +428,15 @@ class AggregatedUpdates:
 class RawUpdates:
     """Applies the arrays of a robot's drivers: partial, so only a late component is STALE."""
 
-    def __init__(self, components: Components) -> None:
+    def __init__(self, components: Components, reject: Reject) -> None:
         self._components = components
+        self._reject = reject
         self._split_names: set[str] = set()  # names that several components have
 
     def apply(self, statuses: Sequence[Status], now: Instant) -> None:
         """Update the components from one array."""
         if len({status.name for status in statuses}) != len(statuses):
-            statuses = self._last_of_each(statuses)
+            statuses = self._worst_of_each(statuses)
         for status in statuses:
             hardware_id = status.hardware_id if status.name in self._split_names else ""
             identity = (status.name, "", hardware_id)
@@ -451,8 +452,8 @@ class RawUpdates:
             self._split_names.add(name)
             self._components.split_by_hardware_id(name)
 
-    def _last_of_each(self, statuses: Sequence[Status]) -> list[Status]:
-        """The last status of each component, for an array that has a name more than once.
+    def _worst_of_each(self, statuses: Sequence[Status]) -> list[Status]:
+        """The worst status of each component, for an array that has a name more than once.
 
         One name with two hardware_ids are two components, from then on.
         """
@@ -463,11 +464,20 @@ class RawUpdates:
         for name, found in ids.items():
             if len(found) > 1:
                 self.split_by_hardware_id(name)
-        last = {}
+        worst: dict[tuple[str, str], Status] = {}
         for status in statuses:
             hardware_id = status.hardware_id if status.name in self._split_names else ""
-            last[status.name, hardware_id] = status
-        return list(last.values())
+            key = status.name, hardware_id
+            if key in worst:
+                self._reject("duplicate_component", status.name)
+                status = max(status, worst[key], key=_severity)  # noqa: PLW2901
+            worst[key] = status
+        return list(worst.values())
+
+
+def _severity(status: Status) -> int:
+    """By the rank of its state, in which ERROR, and what counts as it, is worse than STALE."""
+    return {0: 0, 1: 1, STALE: 2}.get(status.level, 3)
 
 
 def _level(status: Status) -> int:

@@ -193,8 +193,8 @@ def _robot(robot: Robot) -> dict[str, Any]:
             for path, (level, message) in robot.groups.items()
         ],
         "components": [
-            _component(component, stale_is_critical=settings.profile.stale_is_critical)
-            for component in robot.components
+            _component(component, name, stale_is_critical=settings.profile.stale_is_critical)
+            for component, name in robot.components.labels()
             if component.level >= 0
         ],
     }
@@ -214,12 +214,12 @@ def _short_checks(robot: Robot) -> Iterator[dict[str, Any]]:
             }
 
 
-def _component(component: Component, *, stale_is_critical: bool) -> dict[str, Any]:
+def _component(component: Component, name: str, *, stale_is_critical: bool) -> dict[str, Any]:
     level = Level(component.level).name
     before = None if component.before_stale is None else Level(component.before_stale).name
     planned = component.rule is not None and component.rule.planned_stale
     return {
-        "component": component.name,
+        "component": name,
         "group": component.group,
         "hardware_id": component.hardware_id,
         "level": level,

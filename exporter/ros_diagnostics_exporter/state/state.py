@@ -142,10 +142,11 @@ class State:
         """
         for robot in self._due(now):
             with self._lock:
+                if not self._is_known(robot):
+                    continue  # dropped: it is not silent
                 robot.tick(now)
                 self._ticks.set_at_latest(robot, robot.next_tick)
-                if self._is_known(robot):
-                    self._faults.update(robot, now)
+                self._faults.update(robot, now)
         slow = now.mono - self._slow_tick_at >= SLOW_TICK
         if slow:
             self._slow_tick_at = now.mono
@@ -223,7 +224,8 @@ class State:
             robot = self._registry.robots.get(name)
             if robot is None:
                 raise LookupError(f"no robot {name!r}")
-            found = [each for each in robot.components if component in (None, each.name)]
+            labels = robot.components.labels()
+            found = [each for each, label in labels if component in (None, label)]
             if component is not None and not found:
                 raise LookupError(f"robot {name!r} has no component {component!r}")
             for each in found:

@@ -371,5 +371,19 @@ OTHER_TOPIC = 3  # the fleet in which r1 has others
 @example([(("graph", {"/r1/d": Endpoint(1)}), "all"), (("configure", OTHER_TOPIC), "all")])
 @example([(("domain", False), "all"), (("configure", OTHER_TOPIC), "all")])
 @example([(("again", ("level", ERROR)), "all"), (("restart",), "all"), (("regroup", "Top"), "all")])
+@example([(("again", ("level", ERROR)), "all"), (("again", ("message", "hot")), "all")])
+@example([(("again", ("level", OK)), "all"), (("again", ("hardware_id", "r4")), "all")])
+@example(
+    [
+        (("raw", "/r2/d", (Status(OK, "Motor", "", "", (("Volt", "5"),)),)), "all"),
+        (("again", ("values", (("Volt", "12.5"),))), "all"),
+    ]
+)
+@example(
+    [
+        (("raw", "/r1/d", (Status(OK, "Motor", "", "a"),)), "all"),
+        (("raw", "/r1/d", (Status(OK, "Motor", "", "a"), Status(OK, "Motor", "", "b"))), "all"),
+    ]
+)
 def test_what_is_kept_is_what_would_be_made_anew(history):
     check(history)

@@ -28,6 +28,7 @@ from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import Reason, Row
 from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Status, Topic
+from ros_diagnostics_exporter.state.snapshot import fleet_snapshot
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
 
 MOTOR, LASER = Status(OK, "Motor"), Status(OK, "Laser")
@@ -826,6 +827,41 @@ def test_a_fault_of_a_component_that_the_config_ignores_after_a_start_ends():
     assert [(each.kind, each.reason) for each in driver.events if each.kind == "fault_ended"] == [
         ("fault_ended", "removed")
     ]
+
+
+def test_what_a_driver_writes_is_no_part_that_the_exporter_wrote():
+    driver = settled(MOTOR)
+    trick = Status(ERROR, "Motor", "work: can still drive; values: none", "", (("a; robots", "b"),))
+    stand(driver, 12, trick)
+    (fault,) = driver.state.faults()
+    assert fault.evidence == "message: work: can still drive, values: none; values: a, robots: b"
+
+
+def test_a_robot_that_is_removed_is_not_silent_afterwards():
+    driver = settled(MOTOR)
+    driver.state.configure(Fleet("f"), driver.now)
+    driver.at(driver.now.mono + 30)
+    assert [each.after for each in driver.events if each.kind == "robot"][-1] == "forgotten"
+
+
+def test_a_name_that_is_numbered_is_that_of_the_api_too(monkeypatch):
+    long, other = "Motor " + "x" * 300, "Motor " + "x" * 299
+    monkeypatch.setattr(
+        "ros_diagnostics_exporter.state.components.truncate", lambda text, _length: text[:5]
+    )
+    driver = settled(Status(ERROR, long), Status(OK, other))
+    snapshot = fleet_snapshot(driver.state, driver.now)["robots"][0]
+    assert [each["component"] for each in snapshot["components"]] == ["Motor", "Motor~2"]
+    assert driver.state.forget("r", "Motor~2", driver.now) == 1
+    assert [each.level for each in driver.robot.components] == [ERROR]
+
+
+@pytest.mark.parametrize("levels", [(ERROR, OK), (OK, ERROR), (7, STALE), (STALE, WARN)])
+def test_of_one_name_twice_in_an_array_the_worse_counts_and_it_is_reported(levels):
+    driver = StateDriver()
+    driver.raw(*(Status(level, "Motor", hardware_id="m") for level in levels))
+    assert driver.level("Motor") == {ERROR: ERROR, 7: ERROR, STALE: STALE}[max(levels)]
+    assert driver.sample("robot_rejected_total", reason="duplicate_component") == 1
 
 
 def test_rows_that_cannot_be_read_change_nothing():

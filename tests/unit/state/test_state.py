@@ -321,13 +321,6 @@ def test_an_id_that_is_filled_in_later_is_information_only():
     assert driver.sample("component_info", hardware_id="mc-01") == 1
 
 
-def test_the_last_of_two_equal_names_in_one_array_counts():
-    driver = StateDriver()
-    driver.raw(HOT, MOTOR)
-
-    assert (driver.level("Motor 1"), driver.component("Motor 1").changes) == (OK, 0)
-
-
 def test_the_group_of_a_raw_component_is_its_node():
     driver = StateDriver()
     driver.raw(Status(OK, "mavros: endpoint 1: /dev/ttyUSB0:57600"), Status(OK, "/arms/motor"))
