@@ -231,7 +231,8 @@ class Alertmanager:
             for url in urls
         ]
         self._acknowledgements: list[Acknowledgement] = []
-        self.downtimes: list[Downtime] = []  # that are planned, present and future ones
+        # Those that are planned, present and future ones; None before the first answer.
+        self.downtimes: list[Downtime] | None = None
         self._answered_at = float("-inf")
         self._answers: bool | None = None  # None: has not been asked
 

@@ -123,8 +123,8 @@ class Client:
             request = urllib.request.Request(  # noqa: S310 - the user's
                 url, content, headers, method=method
             )
-            for name, text in self._login().items():
-                request.add_unredirected_header(name, text)  # a redirect may lead anywhere
+            for name, login in self._login().items():
+                request.add_unredirected_header(name, login)  # a redirect may lead anywhere
             with opener.open(request, timeout=self._timeout) as response:
                 text = _read(response, limit, time.monotonic() + self._timeout)
                 return json.loads(text) if text else None

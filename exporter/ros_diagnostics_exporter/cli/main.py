@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import faulthandler
 import logging
 import signal
 import sys
@@ -25,6 +26,7 @@ from ros_diagnostics_exporter.state.unmatched import find_unmatched, known_from_
 from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server, parse_address
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
 
+TURN = 0.25  # seconds until a signal is followed
 EXIT_FAILURE = 1
 EXIT_USAGE = 2  # also for an invalid configuration; argparse exits so for an invalid flag
 
@@ -46,20 +48,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ConfigError, WebConfigError) as error:
         print(error, file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
-    except AddressError as error:
+    except (AddressError, VersionError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
-        return EXIT_USAGE
-    except InUseError as error:
-        hint = "give this one another --storage.path"
-        print(f"ros-diagnostics-exporter: {error}; {hint}", file=sys.stderr)  # noqa: T201
-        return EXIT_FAILURE
-    except VersionError as error:
-        hint = "start the version that wrote it, or give this one another --storage.path"
-        print(f"ros-diagnostics-exporter: {error}; {hint}", file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
     except WebEndedError:
         return EXIT_FAILURE
-    except (ros.RosMissingError, ListenError, UnreachableError) as error:
+    except (InUseError, ros.RosMissingError, ListenError, UnreachableError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_FAILURE
 
@@ -83,6 +77,7 @@ def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
     for warning in fleet.warnings:
         log.warning(warning)
     ros.check_ros()
+    faulthandler.enable()  # the watchdog's SIGABRT shows where each thread is
     service = Service(
         fleet,
         options.config_file,
@@ -121,6 +116,7 @@ def _serve(options: argparse.Namespace, listen: list[str], service: Service) -> 
         lifecycle=options.lifecycle,
         domains=len(service.state.fleet.domain_ids),
     )
+    service.watch(server.loop)
     server.start()
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -131,14 +127,15 @@ def _serve(options: argparse.Namespace, listen: list[str], service: Service) -> 
         service.start()
         systemd.notify("READY=1")
         log.info("serving fleet %s on %s", service.state.fleet.name, ", ".join(server.addresses))
-        while not stop.is_set():
+        watchdog = systemd.Watchdog()
+        while not stop.wait(TURN):
             if not server.alive:
                 raise WebEndedError  # without it nobody sees the faults; systemd restarts us
             if reload.is_set():
                 reload.clear()
                 service.request_reload("SIGHUP")
-            service.tick()
-            stop.wait(service.TICK)
+            if not server.hangs and service.hanging_reason() is None:
+                watchdog.beat()
     finally:
         systemd.notify("STOPPING=1")
         server.stop()

@@ -97,7 +97,10 @@ class Lock:
         except BlockingIOError as error:
             owner = os.read(self._file, 20).decode("ascii", "replace").strip()
             os.close(self._file)
-            raise InUseError(f"{database} is in use by another exporter (pid {owner})") from error
+            raise InUseError(
+                f"{database} is in use by another exporter (pid {owner}); "
+                "give this one another --storage.path"
+            ) from error
         os.truncate(self._file, 0)
         os.pwrite(self._file, b"%d\n" % os.getpid(), 0)
 
@@ -144,9 +147,12 @@ class Database:
     def _check_version(self) -> None:
         [application], [version] = map(self._ask, ("PRAGMA application_id", "PRAGMA user_version"))
         if application != APPLICATION:
-            raise VersionError(f"{self._path} is the database of another program")
+            what = "the database of another program; choose another --storage.path"
+            raise VersionError(f"{self._path} is {what}")
         if version != VERSION:
-            raise VersionError(f"{self._path} is of version {version}, and this is of {VERSION}")
+            what = f"a database of version {version}, and this exporter writes version {VERSION}"
+            remedy = "start the exporter that wrote it, or give this one another --storage.path"
+            raise VersionError(f"{self._path} is {what}; {remedy}")
 
     def _create(self) -> None:
         with self._transaction():

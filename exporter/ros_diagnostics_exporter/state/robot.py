@@ -98,7 +98,9 @@ class Robot:
         if settings.source is not self.settings.source:
             self.source = settings.source
         if _topics_of(settings) != _topics_of(self.settings):
-            self.network = Network()
+            is_same_domain = settings.domain_id == self.settings.domain_id
+            self.network = Network(domain_up=self.network.domain_up or not is_same_domain)
+            self.versions.receipt += 1
         rules_changed = (settings.profile, limits) != (self.settings.profile, self.limits)
         self.settings, self.limits = settings, limits
         self.versions.inventory += 1

@@ -310,13 +310,12 @@ class Storage:
         if not at_once and now.mono - self._tried_at < INTERVAL:
             return
         self._tried_at = now.mono
-        self._take_rows(state, now)
-        self._blocked = self._blocked and os.path.lexists(self._path)
-        if self._blocked:
-            return
         self._writing_since = time.monotonic()
         try:
-            self._save(state, events, now, at_once=at_once)
+            self._take_rows(state, now)
+            self._blocked = self._blocked and os.path.lexists(self._path)
+            if not self._blocked:
+                self._save(state, events, now, at_once=at_once)
         except (OSError, sqlite3.Error, InUseError, VersionError, DamagedError) as error:
             self._failed(now, error)
         except Exception as error:  # noqa: BLE001 - our own fault must not end the thread unseen

@@ -31,7 +31,8 @@ from ros_diagnostics_tools.terminal import cells, make_console
 
 DEFAULT_URL = "http://127.0.0.1:9093"
 MOST_DAYS = 3650.0
-DAYS = 30.0  # of a fault's acknowledgement, which ends with the fault
+# Of a fault's acknowledgement, which ends with the fault: what it outlives escalates at once.
+DAYS = 365.0
 DAYS_OF_OTHERS = 1.0  # of an alert that does not say since when
 PREFIX = "RosDiagnostics"  # of the names of all alerts of the rules
 
@@ -106,7 +107,7 @@ class Problem:
         """Whether the command's arguments name it."""
         labels = self.labels
         if options.site is not None:
-            return (labels.get("scope"), labels.get("site")) == ("site", options.site)
+            return (labels.get("scope"), labels.get("site", "")) == ("site", options.site)
         if options.common is not None:
             return (labels.get("scope"), labels.get("component")) == ("common", options.common)
         if options.alert is not None:

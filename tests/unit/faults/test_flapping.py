@@ -19,6 +19,7 @@ from support.fault_histories import (
     forget,
     level,
     maintenance,
+    moved,
     play,
     silent,
     words,
@@ -122,6 +123,16 @@ def test_a_robot_that_comes_and_goes_makes_no_component_flap():
         if turn == 3:
             scenes[-2] += ("began robot/flapping r1",)
     play(*scenes)
+
+
+def test_a_component_that_moves_to_another_group_goes_on_to_flap():
+    play(
+        *changes(2, 6),
+        (13, moved("motor", "", "/b")),
+        (14, level("motor", ERROR, group="/b"), "began flapping/flapping r1 /b motor"),
+        (16, level("motor", OK, group="/b")),
+        (400, None, "recovered flapping/flapping r1 /b motor"),
+    )
 
 
 def test_a_person_takes_a_flapping_component_out():

@@ -240,14 +240,14 @@ def asked(server: ThreadingHTTPServer) -> Alertmanager:
     return Alertmanager([f"http://127.0.0.1:{server.server_port}"])
 
 
-def test_a_redirect_does_not_carry_the_password_on(server, tmp_path):
+def test_a_redirect_does_not_carry_the_password_on(server, tmp_path, monkeypatch):
     """Where it points the administrator of that Alertmanager knows, perhaps."""
     (tmp_path / "password").write_text("secret\n")
     client = Client(
         f"http://127.0.0.1:{server.server_port}", user="ann", password_file=tmp_path / "password"
     )
     answers = iter([redirect("/elsewhere"), say(b"[]")])
-    server.reply = lambda handler: next(answers)(handler)
+    monkeypatch.setattr(server, "reply", lambda handler: next(answers)(handler))  # noqa: PLW0108
 
     assert client.get("/api") == []
     logins = [(path, "Authorization" in headers) for path, headers in server.asked]

@@ -411,6 +411,30 @@ def test_a_damaged_file_is_named_kept_aside_and_survived(tmp_path, caplog, raw, 
     assert restarted(driver, path).state.robots.keys() == {"r"}
 
 
+def test_a_file_is_kept_aside_with_its_log_which_is_not_of_the_next(tmp_path):
+    path = tmp_path / "state"
+    path.write_text("damaged")
+    (tmp_path / "state-wal").write_text("log")
+    driver = StateDriver().restart(path)
+    driver.save()
+    assert (tmp_path / "state.damaged-1-wal").read_text() == "log"
+
+
+def test_what_was_written_outlives_a_power_cut(tmp_path, monkeypatch):
+    made = []
+    connect = sqlite3.connect
+
+    def watched(*args: Any, **more: Any) -> sqlite3.Connection:
+        made.append(connect(*args, **more))
+        return made[-1]
+
+    monkeypatch.setattr(sqlite3, "connect", watched)
+    saved(StateDriver(), tmp_path / "state")
+    (connection,) = made
+    [(synchronous,)] = connection.execute("PRAGMA synchronous")
+    assert synchronous == 2  # FULL: https://sqlite.org/pragma.html#pragma_synchronous
+
+
 def test_an_empty_file_is_a_new_one(tmp_path, caplog):
     (tmp_path / "state").touch()
     driver = StateDriver().restart(tmp_path / "state")
@@ -444,8 +468,14 @@ def test_a_database_with_other_tables_is_kept_aside(tmp_path, caplog, statement,
 @pytest.mark.parametrize(
     ("statement", "what"),
     [
-        ("PRAGMA user_version = 3", "is of version 3, and this is of 2"),
-        ("PRAGMA user_version = 0", "is of version 0, and this is of 2"),
+        (
+            "PRAGMA user_version = 3",
+            "is a database of version 3, and this exporter writes version 2; ",
+        ),
+        (
+            "PRAGMA user_version = 0",
+            "is a database of version 0, and this exporter writes version 2; ",
+        ),
         ("PRAGMA application_id = 1", "is the database of another program"),
     ],
 )
@@ -491,9 +521,9 @@ def refused(cause: str, path) -> sqlite3.Error:
             path.write_bytes(b"x" * 4096)
         elif cause == "too many pages":
             own.execute("PRAGMA max_page_count = 2")
+        wrong = "none" if cause == "our own mistake" else "data"
         with pytest.raises(sqlite3.Error) as raised:
-            own.execute("INSERT INTO events (data) VALUES (zeroblob(100000))")
-            own.execute("SELECT no_such_column FROM events")
+            own.execute(f"INSERT INTO events ({wrong}) VALUES (zeroblob(100000))")
         return raised.value
 
 
