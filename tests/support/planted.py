@@ -33,8 +33,14 @@ def planted_checkout(folder: Path, file: str, right: str, wrong: str) -> dict[st
     Raises:
         LookupError: ``right`` is not in the file exactly once.
     """
-    shutil.copytree(CHECKOUT, folder, ignore=shutil.ignore_patterns(*_LEFT_OUT))
+    environment = copied_checkout(folder)
     _plant(folder / file, right, wrong)
+    return environment
+
+
+def copied_checkout(folder: Path) -> dict[str, str]:
+    """Copy the checkout to ``folder``; returns the environment of tests of the copy."""
+    shutil.copytree(CHECKOUT, folder, ignore=shutil.ignore_patterns(*_LEFT_OUT))
     return _importing(*(folder / name for name in ("exporter", "lab", "tests", "sim", "tools")))
 
 

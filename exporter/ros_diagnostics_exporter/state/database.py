@@ -195,6 +195,11 @@ class Database:
             "SELECT name, data, time FROM robots LEFT JOIN seen ON robot = name ORDER BY name"
         )
 
+    def written_at(self) -> float | None:
+        """The time at the last write; None if there was none."""
+        [found] = self._ask("SELECT max(time) FROM seen WHERE robot = ''")
+        return found if isinstance(found, float) else None
+
     def faults(self) -> Iterator[tuple[Any, Any, Any]]:
         """Of each row of the faults its kind, key and fields, as they are there."""
         yield from self._connection.execute("SELECT kind, key, fields FROM faults")
@@ -220,12 +225,13 @@ class Database:
                 self._connection.execute("ROLLBACK")
             raise
 
-    def write(self, changes: Changes, *, oldest: float, most: int) -> None:
+    def write(self, changes: Changes, *, oldest: float, newest: float, most: int) -> None:
         """Write what changed, and delete the oldest events.
 
         Args:
             changes: What changed.
             oldest: Unix time before which events go.
+            newest: Unix time now: a later event is of a clock that was wrong, and keeps none.
             most: Bytes of the database above which the oldest events go.
         """
         with self._transaction():
@@ -234,7 +240,9 @@ class Database:
                     self._connection.execute(f"DELETE FROM {table}")  # noqa: S608 - our own names
             self._write_robots(changes)
             self._write_faults(changes.faults)
-            self._write_events(changes.events, oldest, most)
+            written = self._write_events(changes.events)
+            # So that they go faster than they come.
+            self._delete_events(1000 + 2 * max(0, written), (oldest, newest), most)
 
     def _write_robots(self, changes: Changes) -> None:
         execute = self._connection.executemany
@@ -263,26 +271,36 @@ class Database:
             ],
         )
 
-    def _write_events(self, events: Iterable[tuple[int, Event]], oldest: float, most: int) -> None:
-        written = self._connection.executemany(
+    def _write_events(self, events: Iterable[tuple[int, Event]]) -> int:
+        """Write events; returns how many."""
+        return self._connection.executemany(
             "INSERT OR REPLACE INTO events VALUES (?, ?, ?, ?, ?, ?, ?)",
             (_event_row(number, event) for number, event in events),
         ).rowcount
-        count = 1000 + 2 * max(0, written)  # so that they go faster than they come
+
+    def _delete_events(self, count: int, ages: tuple[float, float], most: int) -> None:
+        """Delete up to ``count`` of the oldest events, where they are too old or too many."""
         [pages, free, size] = (
             self._ask(f"PRAGMA {name}")[0] for name in ("page_count", "freelist_count", "page_size")
         )
-        if (pages - free) * size <= most:
-            first = self._ask("SELECT time FROM events ORDER BY id LIMIT 1")
-            if not first or first[0] >= oldest:
-                return
-        else:
-            oldest = float("inf")
-        self._connection.execute(
-            "DELETE FROM events WHERE time < ?"
-            " AND id IN (SELECT id FROM events ORDER BY id LIMIT ?)",
-            (oldest, count),
-        )
+        if (pages - free) * size > most:
+            self._connection.execute(
+                "DELETE FROM events WHERE id IN (SELECT id FROM events ORDER BY id LIMIT ?)",
+                (count,),
+            )
+        elif last := self._last_old(count, *ages):
+            self._connection.execute("DELETE FROM events WHERE id <= ?", (last,))
+
+    def _last_old(self, count: int, oldest: float, newest: float) -> int:
+        """The last of the events at the beginning that are too old; 0: none is."""
+        last = 0
+        for number, time in self._connection.execute(
+            "SELECT id, time FROM events WHERE time <= ? ORDER BY id LIMIT ?", (newest, count)
+        ):
+            if time >= oldest:
+                break
+            last = number
+        return last
 
 
 def rename_database(path: Path, to: Path) -> None:

@@ -1,4 +1,4 @@
-"""Every Prometheus that this project starts, or documents, repeats its alerts soon enough."""
+"""Every Prometheus that is started here, or described, repeats its alerts soon enough."""
 
 from __future__ import annotations
 

@@ -1066,6 +1066,97 @@ def test_old_events_go_by_age_and_size(tmp_path):
     assert content(tmp_path / "state")["events"][-1][1] == driver.now.wall
 
 
+DAY = 86_400.0
+
+
+def kept_events(path) -> list[float]:
+    """Of how many days ago they are, those of the helper below and later ones."""
+    events = content(path)["events"]
+    return [(WALL - time) / DAY for _id, time, kind, *_ in events if kind == "config"]
+
+
+def with_events(path, *days: float) -> StateDriver:
+    """Written, with one event as many days before now as given, in this order; kept for 90."""
+    driver = StateDriver()
+    driver.storage = Storage(path, Retention(seconds=90 * DAY))
+    for day in days:
+        driver.log.record(Event(WALL - day * DAY, "config"))
+    driver.save(at_once=True)
+    return driver
+
+
+@pytest.mark.parametrize("restarted_first", [False, True])
+@pytest.mark.parametrize("days", [-2, 100, 200])
+def test_a_wall_clock_that_was_set_deletes_no_events(tmp_path, days, restarted_first):
+    driver = with_events(tmp_path / "state", 80, 40, 1)
+    if restarted_first:
+        driver = driver.restart(tmp_path / "state", after=days * DAY)
+    for second in range(1, 600, 20):
+        driver.now = Instant(float(second), WALL + second + days * DAY)
+        driver.log.record(Event(driver.now.wall, "config"))
+        driver.save()
+    assert len(kept_events(tmp_path / "state")) == 3 + 30
+    for second in range(600, 700, 20):  # and is set right
+        driver.now = Instant(float(second), WALL + second)
+        driver.save(at_once=True)
+    assert len(kept_events(tmp_path / "state")) == 3 + 30
+    driver.close()
+
+
+def test_an_event_of_the_future_keeps_none_of_those_after_it(tmp_path):
+    driver = with_events(tmp_path / "state", -200, 95, 92, 80)
+    driver.close()
+    assert kept_events(tmp_path / "state") == [80]
+
+
+def test_events_grow_old_after_a_long_time_off(tmp_path):
+    driver = with_events(tmp_path / "state", 80, 1)
+    for hour in range(1, 24 * 8):
+        driver.now = Instant(3600.0 * hour, WALL + 20 * DAY + 3600.0 * hour)
+        driver.save(at_once=True)
+    assert kept_events(tmp_path / "state") == [1]
+    driver.close()
+
+
+@pytest.mark.parametrize("days", [-2, -1 / 48, 200])
+def test_a_wall_clock_that_was_set_between_two_starts_delays_no_fault(tmp_path, days):
+    driver = StateDriver()
+    warm, weak = Status(WARN, "Motor"), Status(ERROR, "Arm")
+    driver.raw_every(1, 60, warm)
+    driver.raw(warm, weak)
+    driver.keep(tmp_path / "state")
+    assert len(driver.state.faults()) == 1
+    after = driver.restart(tmp_path / "state", after=days * DAY)
+    began = after.now.wall
+    for second in range(1, 45):
+        after.raw(warm._replace(level=ERROR), weak)
+        after.now = Instant(float(second), began + second)
+        after.state.tick(after.now)
+    found = {(each.identity.component, each.identity.state.value) for each in after.state.faults()}
+    assert found == {("Motor", "warning"), ("Motor", "critical"), ("Arm", "critical")}
+    assert all(fault.since <= after.now.wall for fault in after.state.faults() if days > 0)
+    assert after.robot.last_wall <= after.now.wall
+    after.close()
+
+
+def test_what_was_known_is_not_forgotten_before_it_can_be_received(tmp_path):
+    discovery = Discovery(re.compile("/(?P<robot>[^/]+)/diagnostics"), "", source=Source.RAW)
+    driver = StateDriver(fleet=Fleet("f", discoveries=(discovery,)))
+    driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
+    driver.raw(Status(OK, "Motor"))
+    driver.keep(tmp_path / "state")
+    after = driver.restart(tmp_path / "state", after=200 * DAY)
+    for second in range(1, 590):
+        after.now = Instant(float(second), after.now.wall + 1)
+        after.state.tick(after.now)
+    assert after.level("Motor") == STALE
+    for second in range(590, 610):
+        after.now = Instant(float(second), after.now.wall + 1)
+        after.state.tick(after.now)
+    assert not after.state.robots
+    after.close()
+
+
 def test_events_that_come_faster_than_the_disk_are_counted_and_the_newest_kept(
     tmp_path, monkeypatch, caplog
 ):
