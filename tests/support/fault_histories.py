@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
+from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings, Threshold
 from ros_diagnostics_exporter.faults.engine import Faults
@@ -35,20 +36,9 @@ def instant(second: float) -> Instant:
 # -- events ------------------------------------------------------------------------------------
 
 
-def level(
-    component: str,
-    to: Level,
-    robot: str = "r1",
-    *,
-    group: str = "",
-    total: int = 20,
-    confirm_after: float = 10.0,
-    **settings: bool,
-) -> Event:
-    """One component is received with this level, or turns STALE."""
-    return levels(
-        [component], to, robot, group=group, total=total, confirm_after=confirm_after, **settings
-    )
+def level(component: str, to: Level, robot: str = "r1", **more: Any) -> Event:
+    """One component is received with this level, or turns STALE; ``more`` as for several."""
+    return levels([component], to, robot, **more)
 
 
 def levels(

@@ -51,15 +51,6 @@ HOT, COOL = Status(ERROR, "Motor", "Hot", "mc-1"), Status(OK, "Motor", "OK", "mc
 LASER = Status(OK, "Laser")
 
 
-def restarted(before: StateDriver, path, **more: Any) -> StateDriver:
-    """The state that a new process has which starts 5 s later."""
-    return before.restart(path, **more)
-
-
-def saved(driver: StateDriver, path) -> Storage:
-    return driver.keep(path)
-
-
 def content(path) -> dict[str, list[tuple[Any, ...]]]:
     """What is in the database of a process that may be running."""
     tables = ("robots", "faults", "events")
@@ -86,9 +77,9 @@ def test_what_is_restored_is_stale_until_it_is_heard(tmp_path):
     before = StateDriver()
     before.at(1)
     before.raw(HOT, LASER)
-    saved(before, tmp_path / "state")
+    before.keep(tmp_path / "state")
 
-    after = restarted(before, tmp_path / "state")
+    after = before.restart(tmp_path / "state")
 
     motor = after.component("Motor")
     assert (motor.level, motor.before_stale, motor.problem_since) == (STALE, ERROR, WALL + 1)
@@ -101,8 +92,8 @@ def test_a_fault_that_goes_on_began_when_it_began(tmp_path):
     before.at(1)
     before.raw(HOT)
     before.at(2)
-    saved(before, tmp_path / "state")
-    after = restarted(before, tmp_path / "state")
+    before.keep(tmp_path / "state")
+    after = before.restart(tmp_path / "state")
     after.raw(HOT)
 
     motor = after.component("Motor")
@@ -113,8 +104,8 @@ def test_a_fault_that_goes_on_began_when_it_began(tmp_path):
 def test_a_fault_that_ended_meanwhile_ends_at_the_first_status(tmp_path):
     before = StateDriver()
     before.raw(HOT)
-    saved(before, tmp_path / "state")
-    after = restarted(before, tmp_path / "state")
+    before.keep(tmp_path / "state")
+    after = before.restart(tmp_path / "state")
     after.raw(COOL)
 
     motor = after.component("Motor")
@@ -131,8 +122,8 @@ def test_a_restart_is_no_change_of_level(tmp_path, first, found):
     before.raw(COOL)
     before.at(1.0)
     before.raw(HOT)
-    saved(before, tmp_path / "state")
-    after = restarted(before, tmp_path / "state")
+    before.keep(tmp_path / "state")
+    after = before.restart(tmp_path / "state")
     after.raw(first)
     after.at(2.0)
     changes = [(each.before, each.after) for each in after.events if each.kind == "level"]
@@ -142,8 +133,8 @@ def test_a_restart_is_no_change_of_level(tmp_path, first, found):
 def test_what_was_ok_is_no_problem_once_it_is_heard_again(tmp_path):
     before = StateDriver()
     before.raw(COOL)
-    saved(before, tmp_path / "state")
-    after = restarted(before, tmp_path / "state")
+    before.keep(tmp_path / "state")
+    after = before.restart(tmp_path / "state")
     after.raw(COOL)
 
     motor = after.component("Motor")
@@ -159,8 +150,8 @@ def stale_is_ok() -> StateDriver:
 def test_a_restart_is_no_problem_where_stale_counts_as_ok(tmp_path):
     before = stale_is_ok()
     before.raw(COOL)
-    saved(before, tmp_path / "state")
-    after = restarted(before, tmp_path / "state")
+    before.keep(tmp_path / "state")
+    after = before.restart(tmp_path / "state")
 
     motor = after.component("Motor")
     assert (motor.level, motor.before_stale, motor.problem_since) == (OK, None, None)
@@ -173,13 +164,13 @@ def test_a_restart_is_no_problem_where_stale_counts_as_ok(tmp_path):
 def test_a_restart_ends_no_problem_where_stale_counts_as_ok(tmp_path):
     before = stale_is_ok()
     before.raw(HOT)
-    saved(before, tmp_path / "state")
-    again = restarted(before, tmp_path / "state")
+    before.keep(tmp_path / "state")
+    again = before.restart(tmp_path / "state")
     assert again.component("Motor").problem_since is None  # it is OK, as the config has it
-    saved(again, tmp_path / "state")
+    again.keep(tmp_path / "state")
 
     for level in (ERROR, WARN):
-        after = restarted(again, tmp_path / "state")
+        after = again.restart(tmp_path / "state")
         after.raw(HOT._replace(level=level))
         assert (after.level("Motor"), after.component("Motor").problem_since) == (level, WALL)
         after.close()
@@ -192,10 +183,10 @@ def test_what_was_not_ok_is_not_forgotten_after_a_restart_either(tmp_path, statu
     before = StateDriver(forget_after=100.0)
     before.raw(COOL)
     before.raw(status)
-    saved(before, tmp_path / "state")
-    again = restarted(before, tmp_path / "state")
-    saved(again, tmp_path / "state")
-    after = restarted(again, tmp_path / "state")
+    before.keep(tmp_path / "state")
+    again = before.restart(tmp_path / "state")
+    again.keep(tmp_path / "state")
+    after = again.restart(tmp_path / "state")
     after.at(200)
     assert bool(after.robot.components) == stays
 
@@ -210,19 +201,19 @@ def test_a_robot_that_never_published_does_not_survive_a_restart(tmp_path):
     before.raw(COOL)
     before.at(20)
     before.raw(COOL)
-    saved(before, tmp_path / "state")
+    before.keep(tmp_path / "state")
 
-    after = restarted(before, tmp_path / "state")
+    after = before.restart(tmp_path / "state")
     assert set(after.state.robots) == {"r"}
 
 
 def test_two_restarts_in_a_row_lose_nothing(tmp_path):
     before = StateDriver()
     before.raw(HOT)
-    saved(before, tmp_path / "state")
-    between = restarted(before, tmp_path / "state")
-    saved(between, tmp_path / "state")
-    after = restarted(between, tmp_path / "state")
+    before.keep(tmp_path / "state")
+    between = before.restart(tmp_path / "state")
+    between.keep(tmp_path / "state")
+    after = between.restart(tmp_path / "state")
     after.raw(HOT)
 
     motor = after.component("Motor")
@@ -234,8 +225,8 @@ def test_a_restless_component_stays_restless(tmp_path):
     for second in range(8):
         before.at(second)
         before.raw(HOT if second % 2 else COOL)
-    saved(before, tmp_path / "state")
-    after = restarted(before, tmp_path / "state")
+    before.keep(tmp_path / "state")
+    after = before.restart(tmp_path / "state")
 
     assert after.component("Motor").flaps.ratio == before.component("Motor").flaps.ratio > 0.3
 
@@ -246,14 +237,14 @@ def test_a_discovered_robot_that_is_away_is_known_again_if_discovery_still_wants
     before = StateDriver(fleet=Fleet("f", discoveries=(discovery,)))
     before.state.update_graph(0, {"/r/diagnostics_agg": Endpoint(1)}, before.now)
     before.agg(*tree(Motor=[HOT]))
-    saved(before, tmp_path / "state")
+    before.keep(tmp_path / "state")
 
-    again = restarted(before, tmp_path / "state")
+    again = before.restart(tmp_path / "state")
     assert again.component("Motor").before_stale == ERROR
     assert again.robot.source is Source.AGG
     again.close()
 
-    elsewhere = restarted(before, tmp_path / "state", fleet=Fleet("f"))
+    elsewhere = before.restart(tmp_path / "state", fleet=Fleet("f"))
     assert not elsewhere.state.robots
 
 
@@ -275,7 +266,7 @@ def test_what_was_fine_for_days_is_not_forgotten_by_a_restart(tmp_path):
     before = StateDriver()
     array = Array(0.0, (COOL, LASER), 100)
     healthy(before, tmp_path / "state", Topic(0, "/r/diagnostics"), array, hours=55)
-    after = restarted(before, tmp_path / "state")
+    after = before.restart(tmp_path / "state")
     after.at(5)
 
     assert {each.name for each in after.robot.components} == {"Motor", "Laser"}
@@ -290,7 +281,7 @@ def test_a_discovered_robot_that_falls_silent_in_a_restart_stays_known(tmp_path)
     before.state.update_graph(0, {"/r/diagnostics_agg": Endpoint(1)}, before.now)
     array = Array(0.0, tree(Motor=[COOL]), 100)
     healthy(before, tmp_path / "state", Topic(0, "/r/diagnostics_agg"), array, hours=55)
-    after = restarted(before, tmp_path / "state")
+    after = before.restart(tmp_path / "state")
     after.at(5)
 
     assert after.sample("robot_up") == 0
@@ -300,12 +291,12 @@ def test_a_discovered_robot_that_falls_silent_in_a_restart_stays_known(tmp_path)
 def test_the_last_write_has_what_was_seen_last(tmp_path):
     before = StateDriver()
     before.raw(COOL)
-    saved(before, tmp_path / "state")
+    before.keep(tmp_path / "state")
     before.at(7)
     before.raw(COOL)
     before.save(at_once=True)
 
-    after = restarted(before, tmp_path / "state")
+    after = before.restart(tmp_path / "state")
     assert after.sample("robot_last_message_timestamp_seconds") == WALL + 7
 
 
@@ -313,7 +304,7 @@ def test_the_file_is_written_at_most_once_a_second_and_only_for_a_change(tmp_pat
     path = tmp_path / "state"
     driver = StateDriver()
     driver.raw(COOL)
-    saved(driver, path)
+    driver.keep(path)
     first = content(path)
 
     driver.at(0.5)
@@ -338,7 +329,7 @@ def test_only_the_robots_that_changed_are_written(tmp_path):
     driver = StateDriver(fleet=fleet_of("r", "s"))
     receive(driver, "s", COOL)
     driver.raw(COOL)
-    saved(driver, path)
+    driver.keep(path)
     with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute("UPDATE robots SET data = 'as it was' WHERE name = 's'")
     for second in range(2, 20, 3):  # "last received" of both changes, too
@@ -354,7 +345,7 @@ def test_only_the_robots_that_changed_are_written(tmp_path):
 
 def test_a_robot_that_is_forgotten_goes(tmp_path):
     driver = StateDriver(fleet=fleet_of("r", "s"))
-    saved(driver, tmp_path / "state")
+    driver.keep(tmp_path / "state")
     driver.state.configure(fleet_of("r"), driver.now)
     driver.at(2)
     driver.save()
@@ -408,7 +399,7 @@ def test_a_damaged_file_is_named_kept_aside_and_survived(tmp_path, caplog, raw, 
     assert len(caplog.text) < 1000
     assert (tmp_path / "state.damaged-1").read_bytes() == raw
     assert driver.storage.successful
-    assert restarted(driver, path).state.robots.keys() == {"r"}
+    assert driver.restart(path).state.robots.keys() == {"r"}
 
 
 def test_a_file_is_kept_aside_with_its_log_which_is_not_of_the_next(tmp_path):
@@ -429,7 +420,7 @@ def test_what_was_written_outlives_a_power_cut(tmp_path, monkeypatch):
         return made[-1]
 
     monkeypatch.setattr(sqlite3, "connect", watched)
-    saved(StateDriver(), tmp_path / "state")
+    StateDriver().keep(tmp_path / "state")
     (connection,) = made
     [(synchronous,)] = connection.execute("PRAGMA synchronous")
     assert synchronous == 2  # FULL: https://sqlite.org/pragma.html#pragma_synchronous
@@ -454,10 +445,10 @@ def test_a_database_with_other_tables_is_kept_aside(tmp_path, caplog, statement,
     path = tmp_path / "state"
     before = StateDriver()
     before.raw(HOT)
-    saved(before, path)
+    before.keep(path)
     before.close()
     edited(path, statement)
-    after = restarted(before, path)
+    after = before.restart(path)
     after.save()
 
     assert f"{path} is damaged ({what}), 0 robots of it are restored" in caplog.text
@@ -483,13 +474,13 @@ def test_a_database_of_another_version_stays_and_stops_the_start(tmp_path, state
     path = tmp_path / "state"
     before = StateDriver()
     before.raw(HOT)
-    saved(before, path)
+    before.keep(path)
     before.close()
     edited(path, "PRAGMA journal_mode = DELETE", statement)
     whole = path.read_bytes()
 
     with pytest.raises(VersionError, match=re.escape(f"{path} {what}")):
-        restarted(before, path)
+        before.restart(path)
     assert path.read_bytes() == whole
     assert not (tmp_path / "state.damaged-1").exists()
 
@@ -499,10 +490,10 @@ def test_what_a_person_added_to_speed_it_up_is_no_damage(tmp_path, caplog, state
     path = tmp_path / "state"
     before = StateDriver()
     before.raw(HOT)
-    saved(before, path)
+    before.keep(path)
     before.close()
     edited(path, statement)
-    after = restarted(before, path)
+    after = before.restart(path)
     after.save()
 
     assert after.component("Motor").before_stale == ERROR
@@ -571,7 +562,7 @@ def test_robots_that_are_whole_are_restored_from_a_damaged_file(tmp_path, caplog
     before.raw(HOT)
     receive(before, "s", HOT)
     path = tmp_path / "state"
-    saved(before, path)
+    before.keep(path)
     before.close()
     value = json.dumps(WRONG[field])
     edited(
@@ -579,7 +570,7 @@ def test_robots_that_are_whole_are_restored_from_a_damaged_file(tmp_path, caplog
         f"UPDATE robots SET data = json_set(data, '$.components[0].{field}', json('{value}'))"
         " WHERE name = 's'",
     )
-    after = restarted(before, path)
+    after = before.restart(path)
     after.save()
 
     assert after.component("Motor").before_stale == ERROR
@@ -588,7 +579,7 @@ def test_robots_that_are_whole_are_restored_from_a_damaged_file(tmp_path, caplog
     assert "1 robots of it are restored; it is kept as" in caplog.text
     assert "fleet" in fleet_snapshot(after.state, after.now)
     assert len(list(after.log.find(Wanted(kind="level")))) == len(before.events) - 4
-    again = restarted(after, path)
+    again = after.restart(path)
     assert again.component("Motor").before_stale == ERROR
 
 
@@ -611,7 +602,7 @@ def test_damage_while_it_runs_is_kept_aside_and_everything_written_again(tmp_pat
     path = tmp_path / "state"
     driver = StateDriver()
     driver.raw(HOT, *(Status(OK, f"c{number}", "x" * 4000) for number in range(50)))
-    saved(driver, path)
+    driver.keep(path)
     driver.storage.close()
     with path.open("r+b") as file:
         file.seek(3 * 4096)
@@ -623,7 +614,7 @@ def test_damage_while_it_runs_is_kept_aside_and_everything_written_again(tmp_pat
 
     assert f"kept as {path}.damaged-1" in caplog.text
     assert driver.storage.successful
-    after = restarted(driver, path)
+    after = driver.restart(path)
     assert len(after.robot.components) == 51
     assert after.component("Motor").before_stale == OK
 
@@ -674,7 +665,7 @@ def test_what_cannot_be_read_is_left_alone_and_nothing_is_saved_until_it_has_gon
     driver.now = Instant(5.0, WALL + 5)
     driver.save()
     assert driver.storage.successful
-    assert restarted(driver, path).component("Motor").before_stale == ERROR
+    assert driver.restart(path).component("Motor").before_stale == ERROR
 
 
 def test_a_disk_that_fails_to_read_does_not_stop_the_start(tmp_path, monkeypatch, caplog):
@@ -716,7 +707,7 @@ def test_a_write_that_hangs_counts_as_failed_and_the_events_in_memory_are_found(
 ):
     driver = StateDriver()
     driver.raw(COOL)
-    saved(driver, tmp_path / "state")
+    driver.keep(tmp_path / "state")
     begun, hangs = threading.Event(), threading.Event()
 
     def hang(*_arguments, **_more):
@@ -741,7 +732,7 @@ def test_a_write_that_hangs_counts_as_failed_and_the_events_in_memory_are_found(
 
 def test_two_exporters_do_not_share_a_database(tmp_path):
     driver = StateDriver()
-    saved(driver, tmp_path / "state")
+    driver.keep(tmp_path / "state")
     other, state = Storage(tmp_path / "state"), StateDriver().state
     with pytest.raises(
         InUseError, match=rf"state is in use by another exporter \(pid {os.getpid()}"
@@ -769,13 +760,13 @@ def test_a_planted_link_is_not_written_through(tmp_path, suffix):
     driver = StateDriver()
     driver.raw(HOT)
 
-    saved(driver, tmp_path / "state")
+    driver.keep(tmp_path / "state")
     assert target.read_text() == "precious"
 
 
 def test_the_files_are_the_users_own(tmp_path):
     driver = StateDriver()
-    saved(driver, tmp_path / "data" / "exporter.db")
+    driver.keep(tmp_path / "data" / "exporter.db")
     files = list((tmp_path / "data").iterdir())
     assert {each.name.partition(".db")[2] for each in files} == {"", "-wal", "-shm", ".lock"}
     assert {each.stat().st_mode & 0o077 for each in (tmp_path / "data", *files)} == {0}
@@ -784,9 +775,9 @@ def test_the_files_are_the_users_own(tmp_path):
 def test_half_of_a_character_makes_no_damaged_file(tmp_path, caplog):
     driver = StateDriver()
     driver.raw(Status(ERROR, "Motor", "Hot \ud800"))
-    saved(driver, tmp_path / "state")
+    driver.keep(tmp_path / "state")
 
-    assert restarted(driver, tmp_path / "state").component("Motor").message == "Hot ?"
+    assert driver.restart(tmp_path / "state").component("Motor").message == "Hot ?"
     assert not caplog.text
 
 
@@ -821,14 +812,14 @@ def test_a_fault_of_our_own_is_shown_and_the_next_turn_saves(tmp_path, monkeypat
     driver.at(5)
     driver.save()
     assert driver.storage.successful
-    assert restarted(driver, tmp_path / "state").component("Motor").before_stale == ERROR
+    assert driver.restart(tmp_path / "state").component("Motor").before_stale == ERROR
 
 
 def test_a_database_that_is_moved_away_is_written_anew(tmp_path):
     path = tmp_path / "state"
     driver = StateDriver()
     driver.raw(HOT)
-    saved(driver, path)
+    driver.keep(path)
     path.rename(tmp_path / "moved")
     driver.at(2)
     driver.save()
@@ -872,7 +863,7 @@ JUNK = st.one_of(
 def whole(tmp_path_factory) -> Path:
     """A folder with a database, and one in which all of it is in the write-ahead log."""
     folder = tmp_path_factory.mktemp("whole")
-    assert saved(EVENTFUL, folder / "live").successful
+    assert EVENTFUL.keep(folder / "live").successful
     for suffix in ("", "-wal"):
         shutil.copy(folder / f"live{suffix}", folder / f"log{suffix}")
     EVENTFUL.close()
@@ -881,7 +872,7 @@ def whole(tmp_path_factory) -> Path:
 
 def use(folder: Path) -> None:
     """Start from the database in this folder, and ask for all that can be asked."""
-    after = restarted(EVENTFUL, folder / "state")
+    after = EVENTFUL.restart(folder / "state")
     after.at(1)
     after.agg(*tree(Motor=[COOL], Laser=[LASER]))
     after.samples()
@@ -892,7 +883,7 @@ def use(folder: Path) -> None:
         after.save()
     assert after.storage.successful
     list(after.log.find(Wanted(limit=10_000)))
-    again = restarted(after, folder / "state")
+    again = after.restart(folder / "state")
     last = [each["id"] for each in again.log.find(Wanted(kind="level", limit=1))]
     again.close()
     assert again.component("Motor").before_stale == OK
@@ -983,14 +974,14 @@ def test_a_folder_that_cannot_be_made_is_said_once_a_minute_and_tried_again(tmp_
     driver.at(12)
     driver.save()
     assert driver.storage.successful
-    assert restarted(driver, folder / "state").component("Motor").before_stale == ERROR
+    assert driver.restart(folder / "state").component("Motor").before_stale == ERROR
 
 
 def test_a_disk_that_takes_no_more_leaves_what_was_written(tmp_path, caplog):
     path = tmp_path / "state"
     driver = StateDriver()
     driver.raw(HOT)
-    saved(driver, path)
+    driver.keep(path)
     before = content(path)
 
     driver.at(2)
@@ -1008,7 +999,7 @@ def test_a_disk_that_takes_no_more_leaves_what_was_written(tmp_path, caplog):
     driver.at(4)
     driver.save()
     assert driver.storage.successful
-    assert len(restarted(driver, path).robot.components) > 400
+    assert len(driver.restart(path).robot.components) > 400
     assert not (tmp_path / "state.damaged-1").exists()
 
 
@@ -1020,8 +1011,8 @@ def test_events_are_there_after_a_restart_and_ids_go_on(tmp_path):
     before.raw(HOT)
     before.at(1)
     before.raw(COOL)
-    saved(before, tmp_path / "state")
-    after = restarted(before, tmp_path / "state")
+    before.keep(tmp_path / "state")
+    after = before.restart(tmp_path / "state")
     after.raw(HOT)
     after.save()
 
@@ -1051,9 +1042,9 @@ def test_the_database_finds_what_the_memory_finds(tmp_path, wanted):
     for second in range(10):
         driver.at(second)
         driver.raw(*(Status((second + n) % 2 * ERROR, f"c{n}") for n in range(10)))
-    saved(driver, tmp_path / "state")
+    driver.keep(tmp_path / "state")
     in_memory = list(driver.log.find(wanted))
-    after = restarted(driver, tmp_path / "state")
+    after = driver.restart(tmp_path / "state")
     after.save()
     before_it = replace(wanted, before=wanted.before or len(driver.events) + 1)
     assert list(after.log.find(before_it)) == in_memory
@@ -1178,7 +1169,7 @@ def test_events_that_come_faster_than_the_disk_are_counted_and_the_newest_kept(
 ):
     monkeypatch.setattr(events, "MAX_EVENTS", 50)
     driver = StateDriver()
-    saved(driver, tmp_path / "state")
+    driver.keep(tmp_path / "state")
     for number in range(80):
         driver.log.record(Event(WALL, "config", message=str(number)))
     driver.at(2)
@@ -1194,7 +1185,7 @@ def test_events_that_come_faster_than_the_disk_are_counted_and_the_newest_kept(
 def test_files_of_version_0_1_are_taken_over_once(tmp_path, caplog, name):
     driver = StateDriver(forget_after=100.0)
     driver.raw_every(1, 20, HOT, LASER)
-    saved(driver, tmp_path / "new")
+    driver.keep(tmp_path / "new")
     state = of_version_0_1(tmp_path / "new")
     for each in state["robots"]["r"]["components"]:
         del each["was_ok"]
@@ -1209,7 +1200,7 @@ def test_files_of_version_0_1_are_taken_over_once(tmp_path, caplog, name):
     (folder / "events.jsonl").write_text(f'{{"time": {WALL - 1:.0f}, "kind": "config"}}\n{{"ti')
 
     with caplog.at_level(logging.INFO):
-        after = restarted(driver, path)
+        after = driver.restart(path)
         after.save()
     [record] = caplog.records
     assert record.getMessage() == (
@@ -1227,7 +1218,7 @@ def test_files_of_version_0_1_are_taken_over_once(tmp_path, caplog, name):
     migrated = {f"{each}.migrated" for each in (name, "events.jsonl.1", "events.jsonl")}
     assert names == migrated | {path.name + suffix for suffix in ("", "-wal", "-shm", ".lock")}
 
-    again = restarted(after, path)
+    again = after.restart(path)
     assert again.state.faults() == driver.state.faults()
     again.at(200)
     assert [each.name for each in again.robot.components] == ["Motor"]
