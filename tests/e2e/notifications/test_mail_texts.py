@@ -36,7 +36,7 @@ DOCUMENT = CHECKOUT / "docs" / "notifications.md"
 # Words of configuration files, of Prometheus and of the exporter that an operator need not know.
 JARGON = re.compile(r"RosDiagnostics|confirm_after|scope|evidence|publisher_gone|mute|\$labels")
 NUMBER = "+49000000"  # and that of the alert
-LINK_OR_COMMAND = re.compile(r"^(Runbook|Silence): .*|^ros-diagnostics-ack .*", re.MULTILINE)
+LINK_OR_COMMAND = re.compile(r"^(Runbook|Silence): .*|^ros-diagnostics ack .*", re.MULTILINE)
 
 
 def name_of(alert: dict[str, Any]) -> str:
