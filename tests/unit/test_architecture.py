@@ -26,7 +26,7 @@ TREES = {
 # Of each tree its packages and modules: each imports only from lines above its own.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
-        ("model", "durations", "file_watcher", "files", "regex", "texts", "weekly"),
+        ("model", "durations", "file_watcher", "files", "loops", "regex", "texts", "weekly"),
         ("events", "http_client", "logs", "severity"),
         ("ingest",),
         ("config",),
@@ -64,7 +64,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("stack",),
     ),
     "demo": (("liveness", "snapshot", "steps"), ("screen",), ("run",), ("__main__",)),
-    "fleet_dashboards": (("lib",), ("dashboards",), ("__main__",)),
+    "fleet_dashboards": (("lib",), ("dashboards",), ("files",)),
 }
 # Trees that import another: the demo stands on the testbed, the tools use the exporter's packages.
 # All others meet as users do, and the exporter imports none of them.
@@ -72,7 +72,9 @@ MAY_KNOW = {"demo": {"testbed"}, TOOLS: {EXPORTER}}
 # The others of the exporter's packages are its process: the tools reach that by HTTP.
 TOOLS_DO_NOT_KNOW = {"canary", "ledger", "logs", "notifications", "web", "service", "cli"}
 # What the web shows it is given by its Backend; of the config it knows how YAML is read.
-WEB_KNOWS = {"web", "model", "durations", "events", "file_watcher", "files", "severity", "texts"}
+WEB_KNOWS = {
+    *("web", "model", "durations", "events", "file_watcher", "files", "loops", "severity", "texts"),
+}
 WEB_READS_BY = f"{EXPORTER}.config.yaml_file"
 KNOW_ROS = {
     f"{EXPORTER}.ingest.ros",

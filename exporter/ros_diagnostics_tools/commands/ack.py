@@ -36,7 +36,8 @@ from ros_diagnostics_tools.terminal import (
 from ros_diagnostics_tools.times import Duration
 
 DAY = 86_400.0
-LASTS = 30 * DAY  # a fault's acknowledgement, which ends with the fault
+# A fault's acknowledgement, which ends with the fault: what it outlives escalates at once.
+LASTS = 365 * DAY
 OTHERS_LAST = DAY  # that of an alert that does not say since when
 COLUMNS = ("Fleet", "Part", "State", "Since", "Acknowledged by", "Comment")
 PREFIX = "RosDiagnostics"  # of the names of all alerts of the rules
@@ -75,7 +76,7 @@ class Wanted(NamedTuple):
     "lasts",
     type=Duration(),
     help="The longest it may last; that of a fault ends with the fault in any case.  [default: "
-    "30d, 1d for alerts about the monitoring]",
+    "365d, 1d for alerts about the monitoring]",
 )
 @click.option("--list", "lists", is_flag=True, help="List what is firing and who acknowledged it.")
 @click.option("--cancel", is_flag=True, help="Take acknowledgements back: it escalates again.")

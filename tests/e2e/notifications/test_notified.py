@@ -130,7 +130,9 @@ def hurry(stack: Any, prometheus: Path) -> None:
     short_clocks.set_escalation(prometheus / "rules", {"1": "10s"})
     process = stack.prometheus.process
     process.stop()
-    process.argv = [*process.argv, "--rules.alert.resend-delay=15s"]
+    delay = "--rules.alert.resend-delay="
+    others = [each for each in process.argv if not each.startswith(delay)]
+    process.argv = [*others, f"{delay}15s"]
     process.start()
     stack.prometheus.wait_until_ready()
 

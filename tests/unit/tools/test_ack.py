@@ -32,13 +32,27 @@ ROBOT = {**CRITICAL, "robot": "r1", "site": "hall"}
 SILENT = alert("RobotSilent", scope="robot", state="silent", **ROBOT)
 CHECK = alert("CheckShort", scope="check", state="critical", check="motors", **ROBOT)
 SITE = alert("FleetPartDown", scope="site", state="silent", site="hall", **CRITICAL)
+FLEET = alert("FleetPartDown", scope="site", state="silent", **CRITICAL)  # a fleet without sites
 COMMON = alert("CommonCause", scope="common", state="critical", component="Motor 1", **CRITICAL)
 EXPORTER = alert("ExporterDown", None, **CRITICAL)
 OFFSET = alert("ClockOffset", None, fleet="f", robot="r1", severity="warning")
 UPLINK = alert("UplinkDown", "2026", fleet="f", uplink="ap_9", severity="critical")
 INFO = alert("Watchdog", None, severity="info")
 FOREIGN = {"labels": {"alertname": "DiskFull", "robot": "r1"}, "annotations": {"since": SINCE}}
-ALL = (COMPONENT, VALUE, SILENT, CHECK, SITE, COMMON, EXPORTER, OFFSET, UPLINK, INFO, FOREIGN)
+ALL = (
+    COMPONENT,
+    VALUE,
+    SILENT,
+    CHECK,
+    SITE,
+    FLEET,
+    COMMON,
+    EXPORTER,
+    OFFSET,
+    UPLINK,
+    INFO,
+    FOREIGN,
+)
 
 
 @pytest.fixture
@@ -105,6 +119,7 @@ def of(problem: dict[str, Any]) -> dict[str, str]:
         (["r1", "Motor 1"], [escalation(COMPONENT), escalation(VALUE)]),
         (["r1", "motors"], [escalation(CHECK)]),
         (["--site", "hall"], [escalation(SITE)]),
+        (["--site", ""], [escalation(FLEET)]),
         (["--common", "Motor 1"], [escalation(COMMON)]),
         (["--alert", "ExporterDown"], [of(EXPORTER)]),
         (["--alert", "RosDiagnosticsUplinkDown"], [of(UPLINK)]),
@@ -212,7 +227,7 @@ def test_only_a_fault_ends_its_acknowledgement_so_others_are_short(server, capsy
     lasting = [
         (each["startsAt"][:10] < each["endsAt"][:10], _days(each)) for each in server.silences
     ]
-    assert lasting == [(True, 1), (True, 30), (True, 2)]
+    assert lasting == [(True, 1), (True, 365), (True, 2)]
     first, second, _third = capsys.readouterr().out.splitlines()
     assert first.startswith("acknowledged: f/berlin ExporterDown until 20")
     assert second.startswith(f"acknowledged: f/site hall SILENT since {SINCE}, until 20")
@@ -236,6 +251,7 @@ def test_the_list_shows_everything_that_can_be_acknowledged(server, capsys):
         f"f r1 SILENT {SINCE} nobody",
         f"f r1 motors CRITICAL {SINCE} nobody",
         f"f site hall SILENT {SINCE} nobody",
+        f"f site SILENT {SINCE} nobody",
         f"f Motor 1 on many robots CRITICAL {SINCE} nobody",
         "f berlin ExporterDown nobody",
         "f r1 ClockOffset nobody",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
+from math import inf
 
 import pytest
 
@@ -30,7 +31,7 @@ def write_log(path, events, robots=()):
         everything=False, robots=list(robots), gone=[], seen=[], faults={},
         events=list(enumerate(events, 1)),
     )  # fmt: skip
-    database.write(changes, oldest=0.0, most=1 << 30)
+    database.write(changes, oldest=0.0, newest=inf, most=1 << 30)
     database.close()
     return path
 

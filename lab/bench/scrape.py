@@ -34,6 +34,7 @@ class Samples(Collector):
         ]
 
     def collect(self) -> Iterable[Metric]:
+        """Return the families, as prometheus_client asks for them."""
         for name, documentation, kind, samples in self._families:
             labels = list(samples[0].labels)
             make = CounterMetricFamily if kind == "counter" else GaugeMetricFamily

@@ -87,6 +87,7 @@ class Inbox:
     sent: list[Sent] = field(default_factory=list)
 
     def take(self, body: bytes) -> None:
+        """Keep what a webhook was sent."""
         message = json.loads(body)
         for alert in message["alerts"]:
             firing = alert["status"] == "firing"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-RESULTS = CHECKOUT / "tests" / "data" / "scale.json"
+RESULTS = CHECKOUT / "docs" / "experiments" / "scale.json"
 PAGE = CHECKOUT / "docs" / "scaling.md"
 FLEETS = (10_000, 30_000, 100_000)
 Numbers = dict[str, Any]  # as RESULTS has them
@@ -60,7 +60,7 @@ def tables(numbers: Numbers) -> str:
     return "\n\n".join(f"{name}\n\n{make(numbers)}" for name, make in _makers().items())
 
 
-def page() -> str:
+def files() -> dict[Path, str]:
     """docs/scaling.md with the tables of RESULTS."""
     numbers = json.loads(RESULTS.read_text())
     text = PAGE.read_text()
@@ -71,7 +71,7 @@ def page() -> str:
             raise ValueError(
                 f"{PAGE}: {replaced} places for the table {name!r}; there is to be one"
             )
-    return text
+    return {PAGE: text}
 
 
 def _makers() -> dict[str, Callable[[Numbers], str]]:

@@ -109,7 +109,9 @@ def environment(domain_id: int, folder: Path) -> dict[str, str]:
 
 
 def _prepare(folder: Path, domain_id: int, workload: Workload) -> Site:
-    own = environment(domain_id, folder) | {"PYTHONPATH": str(CHECKOUT / "tests")}
+    own = environment(domain_id, folder) | {
+        "PYTHONPATH": f"{CHECKOUT / 'lab'}:{CHECKOUT / 'tests'}"
+    }
     addresses = configuration.Addresses(*(f"127.0.0.1:{free_port()}" for _ in range(5)))
     configs = configuration.write(folder, domain_id, addresses, configuration.Clocks())
     configs.fleet.write_text(FLEET_YML.format(domain_id=domain_id))

@@ -4,8 +4,8 @@ Each robot has 16 components with 64 values, and sends once a second over real D
 every value changed; the exporter is scraped as prometheus.yml says. A real Prometheus with the
 shipped rules scrapes the same fleet with no fault, and with 5 % of all components CRITICAL. The
 database gets a change of 5 % of the robots a second. A real Alertmanager with the shipped routes
-gets alerts at once, and notifies a webhook. `--write` keeps the numbers in tests/data/scale.json
-and renews the tables of docs/scaling.md; `--page` only renews the tables.
+gets alerts at once, and notifies a webhook. `--write` keeps the numbers in
+docs/experiments/scale.json; `./run generate` then renews the tables of docs/scaling.md.
 """
 
 from __future__ import annotations
@@ -274,7 +274,7 @@ def _post(address: str, number: int) -> None:
 
 
 def measure(options: argparse.Namespace) -> dict[str, Any]:
-    """The numbers that are asked for, as tests/data/scale.json has them; prints how far it is."""
+    """The numbers that are asked for, as scaling.RESULTS has them; prints how far it is."""
     steps: dict[str, tuple[Callable[[int], Any], list[int], str]] = {
         "exporter": (partial(measure_exporter, seconds=options.seconds), options.robots, "robots"),
         "prometheus": (
@@ -307,20 +307,15 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=30.0, help="of DDS")
     parser.add_argument("--rounds", type=int, default=6, help="evaluations of rules looked at")
     parser.add_argument("--only", nargs="+", choices=STEPS, default=STEPS, help="keep the others")
-    parser.add_argument("--write", action="store_true", help="keep numbers and tables")
-    parser.add_argument("--page", action="store_true", help="only renew the tables")
+    parser.add_argument("--write", action="store_true", help="keep the numbers")
     options = parser.parse_args()
-    if not options.page:
-        numbers = measure(options)
-        if scaling.RESULTS.exists():
-            numbers = {**json.loads(scaling.RESULTS.read_text()), **numbers}
-        if options.write:
-            scaling.RESULTS.write_text(json.dumps(numbers, indent=1) + "\n")
-        if numbers.keys() < {*STEPS}:
-            return  # the first of several calls, each with `--only`
+    numbers = measure(options)
+    if scaling.RESULTS.exists():
+        numbers = {**json.loads(scaling.RESULTS.read_text()), **numbers}
+    if options.write:
+        scaling.RESULTS.write_text(json.dumps(numbers, indent=1) + "\n")
+    if numbers.keys() >= {*STEPS}:  # else the first of several calls, each with `--only`
         print(scaling.tables(numbers))
-    if options.page or options.write:
-        scaling.PAGE.write_text(scaling.page())
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Puts the results of docs/experiments/ into the pages that show them.
 
 A page has `<!-- result: NAME -->` and `<!-- end -->`; what is between them becomes NAME.md and the
-plot. `./run experiment pages` writes the pages, after results were copied to docs/experiments/.
+plot. `./run generate` writes the pages, after results were copied to docs/experiments/.
 """
 
 from __future__ import annotations
@@ -14,6 +14,12 @@ from experiments.machine import CHECKOUT
 DOCS = CHECKOUT / "docs"
 PAGES = ("experiments.md", "performance.md")
 SECTION = re.compile(r"(<!-- result: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def files() -> dict[Path, str]:
+    """Return the pages with their results."""
+    paths = [DOCS / name for name in PAGES]
+    return {path: filled(path.read_text(), DOCS / "experiments") for path in paths}
 
 
 def filled(page: str, folder: Path) -> str:
@@ -31,17 +37,3 @@ def filled(page: str, folder: Path) -> str:
         return f"{begin}\n{image}{text}\n{end}"
 
     return SECTION.sub(section, page)
-
-
-def main() -> None:
-    """Write the pages."""
-    for name in PAGES:
-        path = DOCS / name
-        text = filled(path.read_text(), DOCS / "experiments")
-        if text != path.read_text():
-            path.write_text(text)
-            print(f"{path.relative_to(CHECKOUT)} written")
-
-
-if __name__ == "__main__":
-    main()

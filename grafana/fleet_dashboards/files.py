@@ -1,8 +1,7 @@
-"""Write grafana/dashboards/*.json and the tables of docs/dashboards.md: `./run dashboards`."""
+"""grafana/dashboards/*.json and the tables of docs/dashboards.md, for `./run generate`."""
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -14,8 +13,15 @@ from fleet_dashboards.dashboards import alerts, component, fleet, monitoring, ro
 
 FOLDER = Path(__file__).resolve().parents[1] / "dashboards"
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "dashboards.md"
-MARKER = "<!-- from here on written by ./run dashboards -->\n"
+MARKER = "<!-- from here on written by ./run generate -->\n"
 BUILDERS = (fleet.build, robot.build, component.build, alerts.build, monitoring.build)
+
+
+def files() -> dict[Path, str | None]:
+    """Return what each file is to hold; those of dashboards that no longer exist: None."""
+    boards = build_all()
+    built = {FOLDER / name: text for name, text in as_json(boards).items()}
+    return {**dict.fromkeys(FOLDER.glob("*.json")), **built, PAGE: docs_page(boards)}
 
 
 def build_all() -> list[dashboard.Dashboard]:
@@ -62,22 +68,3 @@ def _panel_table(board: dashboard.Dashboard) -> str:
         description = (panel.description or "").replace("|", r"\|")
         rows.append(f"| {panel.title} | {description} |\n")
     return "".join(rows)
-
-
-def main() -> None:
-    """Write all files, and remove those of dashboards that no longer exist."""
-    argparse.ArgumentParser(prog="./run dashboards", description=__doc__).parse_args()
-    boards = build_all()
-    FOLDER.mkdir(exist_ok=True)
-    files = as_json(boards)
-    for name, text in files.items():
-        (FOLDER / name).write_text(text, encoding="utf-8")
-    for path in FOLDER.glob("*.json"):
-        if path.name not in files:
-            path.unlink()
-    PAGE.write_text(docs_page(boards), encoding="utf-8")
-    print(f"{len(files)} dashboards in {FOLDER}, listed in {PAGE}")
-
-
-if __name__ == "__main__":
-    main()

@@ -39,10 +39,12 @@ class Story:
 
 
 def robot_name(number: int) -> str:
+    """Return the name of a robot."""
     return f"r{number:03d}"
 
 
 def site_of(robot: str) -> str:
+    """Return where a robot is."""
     return f"site {int(robot[1:]) % SITES}"
 
 

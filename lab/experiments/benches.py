@@ -5,13 +5,11 @@ Each runs as `./run bench NAME`; the ratios in their output hold on other machin
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from collections.abc import Iterator
 
 from experiments import results
-from experiments.machine import CHECKOUT
 from experiments.results import Results
 
 NAME = "benches"
@@ -25,11 +23,8 @@ def measure(bench: str) -> Iterator[dict[str, str]]:
     Raises:
         RuntimeError: It failed; the text has its errors.
     """
-    environment = os.environ | {"PYTHONPATH": str(CHECKOUT / "tests")}
     argv = [sys.executable, "-m", f"bench.{bench}"]
-    done = subprocess.run(
-        argv, env=environment, check=False, capture_output=True, text=True, timeout=SECONDS
-    )
+    done = subprocess.run(argv, check=False, capture_output=True, text=True, timeout=SECONDS)
     if done.returncode != 0:
         raise RuntimeError(f"./run bench {bench} failed:\n{done.stderr}")
     yield {"bench": bench, "output": done.stdout}

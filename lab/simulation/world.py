@@ -6,7 +6,6 @@ What was delivered is noted in `Delivered`, which the checks know instead of the
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from math import inf
 from random import Random
 
 from ros_diagnostics_exporter.config.fleet import (
@@ -116,7 +115,7 @@ class World:
         self._late: dict[str, tuple[Status, ...]] = {}
         self._maintenance: list[Maintenance] = []
         self.fleet = self._fleet()
-        self.state: State | None = _unchecked(State(self.fleet, self.now))
+        self.state: State | None = State(self.fleet, self.now)
         self.restarts = Restarts()
         self.started = 0.0
         self._stopped: tuple[State, Instant] | None = None
@@ -127,9 +126,11 @@ class World:
 
     @property
     def now(self) -> Instant:
+        """The two clocks."""
         return Instant(float(self.tick * TICK), self.tick * TICK + self.offset)
 
     def mono(self, wall: float) -> float:
+        """Return the monotonic time of a wall time."""
         return wall - self.offset
 
     def declared(self) -> list[Delivered]:
@@ -203,7 +204,7 @@ class World:
     def _start(self) -> None:
         if self._stopped is not None:
             state, then = self._stopped
-            self.state = _unchecked(self.restarts.restart(state, self.fleet, then, self.now))
+            self.state = self.restarts.restart(state, self.fleet, then, self.now)
             self.started = self.now.mono
             self._stopped = None
             self._forget_undeclared()
@@ -338,12 +339,6 @@ class World:
                 _keep_before(known.parts[name], now.mono)
                 known.parts[name].stale = True
         known.last = now.mono
-
-
-def _unchecked(state: State) -> State:
-    """The state without its look, a quarter of the time, at what of fleet.yml matches nothing."""
-    state._unmatched_at = inf
-    return state
 
 
 def _keep_before(part: Part, now: float) -> None:
