@@ -25,15 +25,8 @@ setup(
     entry_points={
         "console_scripts": [
             f"check_ros_diagnostics = {TOOLS}.check_nagios:main",
-            f"nagios2fleet = {TOOLS}.commands.nagios_import:main",
-            f"ros-diagnostics-ack = {TOOLS}.commands.ack:main",
-            f"ros-diagnostics-backtest = {TOOLS}.commands.backtest:main",
-            f"ros-diagnostics-compare = {TOOLS}.commands.nagios_compare:main",
-            f"ros-diagnostics-downtime = {TOOLS}.commands.downtime:main",
+            f"ros-diagnostics = {TOOLS}.main:main",
             f"ros-diagnostics-exporter = {NAME}.cli.main:main",
-            f"ros-diagnostics-oncall = {TOOLS}.commands.oncall:main",
-            f"ros-diagnostics-status = {TOOLS}.commands.status:main",
-            f"ros-diagnostics-why = {TOOLS}.commands.why:main",
         ],
     },
 )

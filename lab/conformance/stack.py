@@ -38,7 +38,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.state.state import State
-from ros_diagnostics_tools.commands import ack
+from ros_diagnostics_tools.main import main
 from support import short_clocks
 from support.loopback import answering
 from support.prometheus_site import Site, running
@@ -186,10 +186,10 @@ class _Clock:
     def _ack(self, part: tuple[str, ...]) -> bool:
         """Acknowledge as a person does; there may be no alert yet."""
         url = f"http://{self._alertmanager}"
-        options = ("--author", "ann", "--comment", "on it", "--url", url)
+        options = ("--author", "ann", "--comment", "on it", "--alertmanager", url)
         text = io.StringIO()
         with redirect_stdout(text), redirect_stderr(text):
-            done = ack.main([*options, "--", *part]) == 0
+            done = main(["ack", *options, "--", *part]) == 0
         self._answer = text.getvalue()
         return done
 
@@ -210,7 +210,7 @@ def _publish(state: State, number: int, history: History, tick: int, now: Instan
 
 
 def _named(number: int, what: str) -> tuple[str, ...]:
-    """Robot and component, as arguments of `ros-diagnostics-ack`."""
+    """Robot and component, as arguments of `ros-diagnostics ack`."""
     host, _, service = what.partition("/")
     return (f"h{number}-{host}", *([f"{service}-{number}"] if service else []))
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ros_diagnostics_tools.commands.nagios_compare import main
+from ros_diagnostics_tools.main import main
 from support import nagios_program
 from testbed import http
 from testbed.polling import until
@@ -144,7 +144,7 @@ class Site:
 
     def compare(self, capsys) -> tuple[int, dict]:
         capsys.readouterr()
-        code = main([str(self._log), "--url", self.url, "--json"])
+        code = main(["nagios", "compare", str(self._log), "--url", self.url, "--output", "json"])
         return code, json.loads(capsys.readouterr().out)
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_tools.commands import ack
+from ros_diagnostics_tools.main import main
 from support import host_checks, prometheus_site, short_clocks
 from support.link import Link
 from support.loopback import answering, serving
@@ -254,7 +254,7 @@ def test_a_load_is_a_warning_then_critical_at_once_and_recovers_by_mails(
     assert site.faults() == {DISK_WARNING, ("load", "warning"), ("load", "critical")}
     who = ("--author", "ann", "--comment", "a map is being built")
     url = f"http://{site.servers.alertmanager}"
-    assert ack.main(["robot_1", "load", *who, "--url", url]) == 0
+    assert main(["ack", "robot_1", "load", *who, "--alertmanager", url]) == 0
     assert "hall/robot_1 load CRITICAL" in capsys.readouterr().out
     site.computer.load(0.5)
     site.wait_for(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ros_diagnostics_tools.commands.backtest import main
+from ros_diagnostics_tools.main import main
 from support.bags import BEGIN, every_second, write_bag
 from support.prometheus_site import Site
 from testbed import servers
@@ -26,7 +26,14 @@ def prometheus(tmp_path: Path):
     (tmp_path / "fleet.yml").write_text(FLEET)
     samples, blocks = tmp_path / "bag.om", tmp_path / "tsdb"
     done = main(
-        ["--config.file", str(tmp_path / "fleet.yml"), "--openmetrics", str(samples), str(bag)]
+        [
+            "backtest",
+            "--config",
+            str(tmp_path / "fleet.yml"),
+            "--openmetrics",
+            str(samples),
+            str(bag),
+        ]
     )
     assert done == 0
     subprocess.run(

@@ -1,4 +1,4 @@
-"""Silences of ros-diagnostics-ack as Alertmanager lists them."""
+"""Silences of ros-diagnostics ack as Alertmanager lists them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def listed(*, since: str = SINCE, labels: dict[str, str] | None = None, **change
     named = {name: text for name, text in (LABELS | (labels or {})).items() if text}
     alert = {"labels": {"alertname": "Any", **named}, "annotations": {"since": since}}
     [problem] = problems([alert])
-    made = silence(problem, "ann", "spare part ordered", MADE, 30)
+    made = silence(problem, "ann", "spare part ordered", MADE, 30 * 86_400.0)
     made |= {
         "id": "0",
         "status": {"state": "active"},

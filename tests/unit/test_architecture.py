@@ -40,9 +40,11 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("cli",),
     ),
     TOOLS: (
-        ("connection_flags", "terminal"),
+        ("connection_flags", "errors", "terminal", "times"),
+        ("servers",),
         ("backtest", "nagios", "oncall"),
         ("check_nagios", "commands"),
+        ("main",),
     ),
     "virtual_robots": (
         ("model",),

@@ -27,7 +27,7 @@ The smallest fleet.yml finds every robot that publishes <name>/diagnostics_agg i
 
 Check it:      ros-diagnostics-exporter --config.file fleet.yml --config.check
 Run it:        ros-diagnostics-exporter --config.file fleet.yml
-See it:        http://localhost:9877/ in a browser, ros-diagnostics-status in a terminal
+See it:        http://localhost:9877/ in a browser, ros-diagnostics status in a terminal
 Scrape it:     scrape_configs: [{job_name: ros-diagnostics, honor_labels: true,
                  static_configs: [{targets: ["localhost:9877"]}]}]
 Keep Nagios:   check_ros_diagnostics -H robot_1 -N motor

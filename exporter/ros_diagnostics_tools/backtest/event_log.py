@@ -183,13 +183,14 @@ def _note(robot: _Timeline, step: _Step, event: Event) -> None:
 
 
 def _array(levels: Mapping[_Name, tuple[Level, str]], *, raw: bool) -> Array:
+    # As numbers, as they are received: the samples show them as they are.
     if raw:
-        of_raw = (Status(level, name, text) for (_, name), (level, text) in levels.items())
+        of_raw = (Status(int(level), name, text) for (_, name), (level, text) in levels.items())
         return Array(0.0, tuple(of_raw))
     groups: dict[str, list[tuple[str, str]]] = {}
     rows = []
     for (group, name), (level, text) in levels.items():
         groups.setdefault(group, []).append((name, text))  # as an aggregator names its components
-        rows.append(Status(level, f"{group}/{name.replace('/', ' ')}", text))
-    headers = (Status(Level.OK, each, "", "", tuple(named)) for each, named in groups.items())
+        rows.append(Status(int(level), f"{group}/{name.replace('/', ' ')}", text))
+    headers = (Status(int(Level.OK), each, "", "", tuple(named)) for each, named in groups.items())
     return Array(0.0, (*(each for each in headers if each.name), *rows))

@@ -1,4 +1,4 @@
-"""``ros-diagnostics-ack``: acknowledge an alert, so that it does not escalate any further.
+"""``ros-diagnostics ack``: acknowledge an alert, so that it does not escalate any further.
 
 An acknowledgement is a silence in Alertmanager for the escalation and the reminders, never for the
 alert itself: when it resolves, a notification is sent as usual. For a fault the silence matches the
@@ -10,52 +10,116 @@ worse, escalates again.
 
 from __future__ import annotations
 
-import argparse
-import getpass
-import sys
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
-from typing import Any
-from urllib.parse import urlencode
+from typing import Any, NamedTuple
+from urllib.parse import quote, urlencode
 
-from rich.table import Table
+import click
 
-from ros_diagnostics_exporter import __version__, alertmanager
+from ros_diagnostics_exporter import alertmanager
 from ros_diagnostics_exporter.alertmanager import ESCALATION, IDENTITY
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
-from ros_diagnostics_exporter.texts import escape, one_line, printable
-from ros_diagnostics_tools.connection_flags import INTERRUPTED, add_arguments, make_client
-from ros_diagnostics_tools.terminal import cells, make_console
+from ros_diagnostics_exporter.texts import escape, one_line
+from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.servers import Servers, with_servers
+from ros_diagnostics_tools.terminal import (
+    cells,
+    check_comment,
+    make_console,
+    make_table,
+    print_json,
+    with_author,
+    with_output,
+)
+from ros_diagnostics_tools.times import Duration
 
-DEFAULT_URL = "http://127.0.0.1:9093"
-MOST_DAYS = 3650.0
-# Of a fault's acknowledgement, which ends with the fault: what it outlives escalates at once.
-DAYS = 365.0
-DAYS_OF_OTHERS = 1.0  # of an alert that does not say since when
+DAY = 86_400.0
+# A fault's acknowledgement, which ends with the fault: what it outlives escalates at once.
+LASTS = 365 * DAY
+OTHERS_LAST = DAY  # that of an alert that does not say since when
+COLUMNS = ("Fleet", "Part", "State", "Since", "Acknowledged by", "Comment")
 PREFIX = "RosDiagnostics"  # of the names of all alerts of the rules
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Acknowledge or list; exit code 0, or 1 without an alert to acknowledge or a response."""
-    parser = _parser()
-    options = parser.parse_args(arguments)
-    if not options.list:
-        if (options.robot, options.site, options.common, options.alert) == (None,) * 4:
-            parser.error("give a ROBOT, --site, --common or --alert, and a --comment; or --list")
-        if not options.comment:
-            parser.error("say with --comment what is being done about it")
-        if not options.author:
-            parser.error("give your name with --author: this user has no entry in passwd")
-    try:
-        client = make_client(options)
-        return _list(client, options) if options.list else _acknowledge(client, options)
-    except UnreachableError as error:
-        print(f"ros-diagnostics-ack: {printable(str(error))}", file=sys.stderr)  # noqa: T201
-        return 1
-    except KeyboardInterrupt:
-        return INTERRUPTED
+class Wanted(NamedTuple):
+    """What the arguments name; None where they name no such thing."""
+
+    fleet: str | None
+    robot: str | None
+    component: str | None
+    site: str | None
+    common: str | None
+    alert: str | None
+
+    def __str__(self) -> str:
+        """As it was written."""
+        return " ".join(filter(None, self[1:]))
+
+
+@click.command(
+    epilog='Example: ros-diagnostics ack robot_3 "Motor 1" --comment "spare part ordered"'
+)
+@click.argument("robot", required=False)
+@click.argument("component", required=False, metavar="[COMPONENT|CHECK]")
+@click.option(
+    "--site", help="That many robots of this site are silent; '' where robots have no site."
+)
+@click.option("--common", metavar="COMPONENT", help="That it failed on many robots.")
+@click.option("--alert", metavar="NAME", help="Alerts about the monitoring, such as ExporterDown.")
+@click.option("--fleet", help="Only this fleet's alerts.")
+@click.option("--comment", help="What is being done about it.")
+@with_author
+@click.option(
+    "--for",
+    "lasts",
+    type=Duration(),
+    help="The longest it may last; that of a fault ends with the fault in any case.  [default: "
+    "365d, 1d for alerts about the monitoring]",
+)
+@click.option("--list", "lists", is_flag=True, help="List what is firing and who acknowledged it.")
+@click.option("--cancel", is_flag=True, help="Take acknowledgements back: it escalates again.")
+@with_output()
+@with_servers
+def command(
+    servers: Servers,
+    output: str,
+    lasts: float | None,
+    author: str,
+    comment: str | None,
+    *,
+    lists: bool,
+    cancel: bool,
+    **named: str | None,
+) -> None:
+    """Acknowledge the alerts of ROBOT, or of its COMPONENT or CHECK.
+
+    They do not escalate then. A fault's acknowledgement ends with the fault.
+    """
+    wanted, client = Wanted(**named), servers.alertmanager
+    if lists:
+        _list(client, wanted.fleet, output)
+        return
+    _check(wanted)
+    if cancel:
+        done = _cancel(client, wanted)
+    else:
+        made = check_comment(author, comment, "what is being done about it")
+        done = _acknowledge(client, wanted, author, made, lasts)
+    if output == "json":
+        print_json(done)
+    else:
+        for each in done:
+            print(each["text"])  # noqa: T201
+
+
+def _check(wanted: Wanted) -> None:
+    named = [wanted.robot, wanted.site, wanted.common, wanted.alert]
+    if named.count(None) == len(named):
+        raise click.UsageError("give a ROBOT, --site, --common or --alert; or --list")
+    if named.count(None) < len(named) - 1:
+        raise click.UsageError("ROBOT, --site, --common and --alert exclude one another")
 
 
 @dataclass(frozen=True)
@@ -103,17 +167,17 @@ class Problem:
         """Fleet and part, safe to print."""
         return one_line(f"{self.labels.get('fleet', '')}/{self.part}")
 
-    def is_wanted(self, options: argparse.Namespace) -> bool:
+    def is_wanted(self, wanted: Wanted) -> bool:
         """Whether the command's arguments name it."""
         labels = self.labels
-        if options.site is not None:
-            return (labels.get("scope"), labels.get("site", "")) == ("site", options.site)
-        if options.common is not None:
-            return (labels.get("scope"), labels.get("component")) == ("common", options.common)
-        if options.alert is not None:
-            return not self.since and self.state == options.alert.removeprefix(PREFIX)
+        if wanted.site is not None:
+            return labels.get("scope") == "site" and labels.get("site", "") == wanted.site
+        if wanted.common is not None:
+            return (labels.get("scope"), labels.get("component")) == ("common", wanted.common)
+        if wanted.alert is not None:
+            return not self.since and self.state == wanted.alert.removeprefix(PREFIX)
         parts = (None, labels.get("component"), labels.get("check"))
-        return labels.get("robot") == options.robot and options.component in parts
+        return labels.get("robot") == wanted.robot and wanted.component in parts
 
 
 def problems(alerts: Iterable[dict[str, Any]]) -> list[Problem]:
@@ -134,10 +198,11 @@ def problems(alerts: Iterable[dict[str, Any]]) -> list[Problem]:
 
 
 def silence(
-    problem: Problem, author: str, comment: str, start: datetime, days: float | None = None
+    problem: Problem, author: str, comment: str, start: datetime, lasts: float | None = None
 ) -> dict[str, Any]:
     """The silence that acknowledges ``problem``, as Alertmanager's API takes it."""
-    end = start + timedelta(days=days or (DAYS if problem.since else DAYS_OF_OTHERS))
+    lasts = lasts or (LASTS if problem.since else OTHERS_LAST)
+    end = start + timedelta(seconds=lasts)
     return alertmanager.silence(problem.matchers, start, end, author, comment)
 
 
@@ -155,42 +220,94 @@ def acknowledged(problem: Problem, silences: Iterable[dict[str, Any]]) -> dict[s
     return None
 
 
-def _acknowledge(client: Client, options: argparse.Namespace) -> int:
-    known = problems(_alerts(client, options.fleet))
-    found = [problem for problem in known if problem.is_wanted(options)]
-    if not found:
-        raise UnreachableError(_not_firing(options, known))
-    start = datetime.now(timezone.utc)
+def _acknowledge(
+    client: Client, wanted: Wanted, author: str, comment: str, lasts: float | None
+) -> list[dict[str, Any]]:
+    """Acknowledge what is wanted; what was done, each with its text."""
+    start, done = datetime.now(timezone.utc), []
     silences = client.get("/api/v2/silences")
-    for problem in found:
+    for problem in _find(client, wanted):
         if (before := acknowledged(problem, silences)) is not None:
-            author = one_line(before["createdBy"])
-            print(f"{problem.name} is already acknowledged by {author}")  # noqa: T201
+            text = f"{problem.name} is already acknowledged by {before['createdBy']}"
+            done.append(_done(problem, before, text))
             continue
-        body = silence(problem, options.author, options.comment, start, options.days)
-        client.post("/api/v2/silences", body)
-        when = f"since {problem.since}" if problem.since else f"until {body['endsAt'][:16]} UTC"
-        print(one_line(f"acknowledged: {problem.name} {problem.state} {when}"))  # noqa: T201
-    return 0
+        body = silence(problem, author, comment, start, lasts)
+        made = client.post("/api/v2/silences", body)
+        since = f" since {problem.since}," if problem.since else ""
+        text = f"acknowledged: {problem.name} {problem.state}{since} until {_minute(body)} UTC"
+        at_most = " at the latest" if problem.since else ""
+        done.append(_done(problem, {**body, "id": (made or {}).get("silenceID")}, text + at_most))
+    return done
 
 
-def _not_firing(options: argparse.Namespace, known: Sequence[Problem]) -> str:
-    given = (options.robot, options.component, options.site, options.common, options.alert)
+def _cancel(client: Client, wanted: Wanted) -> list[dict[str, Any]]:
+    """Take the acknowledgements back of what is wanted."""
+    silences, done = client.get("/api/v2/silences"), []
+    for problem in _find(client, wanted):
+        while (found := acknowledged(problem, silences)) is not None:
+            client.delete(f"/api/v2/silence/{quote(found['id'], safe='')}")
+            silences.remove(found)
+            text = f"no longer acknowledged: {problem.name} {problem.state}"
+            done.append(_done(problem, found, text))
+    if not done:
+        raise NotDoneError(f"nobody has acknowledged {str(wanted)!r}; see --list")
+    return done
+
+
+def _done(problem: Problem, silenced: dict[str, Any], text: str) -> dict[str, Any]:
+    return {**_fields(problem, silenced), "text": one_line(text)}
+
+
+def _fields(problem: Problem, silenced: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "fleet": problem.labels.get("fleet", ""),
+        "part": problem.part,
+        "state": problem.state,
+        "since": problem.since,
+        "author": silenced.get("createdBy"),
+        "comment": silenced.get("comment"),
+        "until": silenced.get("endsAt"),
+        "silence": silenced.get("id"),
+    }
+
+
+def _minute(silenced: dict[str, Any]) -> str:
+    return str(silenced["endsAt"])[:16].replace("T", " ")
+
+
+def _find(client: Client, wanted: Wanted) -> list[Problem]:
+    """What the arguments name, of one fleet."""
+    known = problems(_alerts(client, wanted.fleet))
+    found = [problem for problem in known if problem.is_wanted(wanted)]
+    if not found:
+        raise NotDoneError(_not_firing(wanted, known))
+    fleets = sorted({each.labels.get("fleet", "") for each in found})
+    if len(fleets) > 1 and wanted.alert is None:
+        names = ", ".join(map(one_line, fleets))
+        raise NotDoneError(f"{str(wanted)!r} is of several fleets: say with --fleet which: {names}")
+    return found
+
+
+def _not_firing(wanted: Wanted, known: Sequence[Problem]) -> str:
     others = ", ".join(dict.fromkeys(f"{each.name} {each.state}" for each in known))
     more = f"there are alerts for {others}" if others else "no alert is firing"
-    return f"no alert is firing for {' '.join(filter(None, given))!r}; {more}"
+    return f"no alert is firing for {str(wanted)!r}; {more}"
 
 
-def _list(client: Client, options: argparse.Namespace) -> int:
+def _list(client: Client, fleet: str | None, output: str) -> None:
     """Print what the firing alerts are about, and who has acknowledged each."""
-    silences = client.get("/api/v2/silences")
-    table = Table("Fleet", "Part", "State", "Since", "Acknowledged by", "Comment", box=None)
-    for problem in problems(_alerts(client, options.fleet)):
-        known = acknowledged(problem, silences) or {"createdBy": "nobody", "comment": ""}
-        about = (problem.labels.get("fleet", ""), problem.part, problem.state, problem.since)
-        table.add_row(*cells((*about, known["createdBy"], known["comment"])))
+    silences, table = client.get("/api/v2/silences"), make_table(*COLUMNS)
+    known = [
+        _fields(problem, acknowledged(problem, silences) or {})
+        for problem in problems(_alerts(client, fleet))
+    ]
+    if output == "json":
+        print_json(known)
+        return
+    for each in known:
+        about = (each["fleet"], each["part"], each["state"], each["since"])
+        table.add_row(*cells((*about, each["author"] or "nobody", each["comment"])))
     make_console().print(table)
-    return 0
 
 
 def _alerts(client: Client, fleet: str | None) -> list[dict[str, Any]]:
@@ -199,54 +316,3 @@ def _alerts(client: Client, fleet: str | None) -> list[dict[str, Any]]:
     if not isinstance(alerts, list):
         raise UnreachableError(f"{client.url} is not an Alertmanager")
     return alerts
-
-
-def _days(text: str) -> float:
-    with suppress(ValueError):
-        if 0 < (days := float(text)) <= MOST_DAYS:
-            return days
-    raise argparse.ArgumentTypeError(f"{text!r} is not a number of days, at most {MOST_DAYS:g}")
-
-
-def current_user() -> str | None:
-    """The user's name; None for a UID without an entry in passwd, as in many containers."""
-    try:
-        return getpass.getuser()
-    except (KeyError, OSError):  # OSError since Python 3.13
-        return None
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="ros-diagnostics-ack", description=__doc__)
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument("robot", nargs="?", metavar="ROBOT", help="acknowledge this robot's alerts")
-    parser.add_argument(
-        "component", nargs="?", metavar="COMPONENT", help="only this component's, or this check's"
-    )
-    what.add_argument("--site", help="acknowledge that many robots of this site are silent")
-    what.add_argument(
-        "--common", metavar="COMPONENT", help="acknowledge that it failed on many robots"
-    )
-    what.add_argument(
-        "--alert", metavar="NAME", help="acknowledge alerts about the monitoring: ExporterDown"
-    )
-    parser.add_argument("--comment", help="what is being done about it")
-    parser.add_argument(
-        "--list", action="store_true", help="list the firing alerts and who has acknowledged each"
-    )
-    parser.add_argument("--fleet", help="only this fleet's alerts")
-    parser.add_argument(
-        "--author",
-        default=current_user(),
-        help="who acknowledges (default: the current user, %(default)s)",
-    )
-    parser.add_argument(
-        "--days",
-        type=_days,
-        metavar="DAYS",
-        help="the longest it may last; that of a fault ends with the fault in any case (default: "
-        f"{DAYS:g}, {DAYS_OF_OTHERS:g} for alerts about the monitoring)",
-    )
-    add_arguments(parser, "Alertmanager", DEFAULT_URL)
-    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    return parser

@@ -1,84 +1,140 @@
-"""``ros-diagnostics-backtest``: what the exporter would have notified of, from recordings."""
+"""``ros-diagnostics backtest``: what the exporter would have notified of, from recordings."""
 
 from __future__ import annotations
 
-import argparse
-import json
 import re
 import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
+import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from rich.table import Column, Table
 
-from ros_diagnostics_exporter import __version__, durations
-from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.texts import one_line, printable
+from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.backtest import compare, report, suggest
 from ros_diagnostics_tools.backtest.event_log import is_event_log
 from ros_diagnostics_tools.backtest.ledger import confirm_after
 from ros_diagnostics_tools.backtest.openmetrics import Samples
-from ros_diagnostics_tools.backtest.recordings import (
-    RecordingError,
-    Recordings,
-    RecordingSource,
-)
+from ros_diagnostics_tools.backtest.recordings import RecordingError, Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, Result, play
+from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.terminal import make_table, print_json, with_output
+from ros_diagnostics_tools.times import Duration
 
-PROGRAM = "ros-diagnostics-backtest"
-EXIT_FAILURE = 1
-EXIT_USAGE = 2
 SHOW_EVERY = 500  # messages between two steps of the progress bar
 JOB = {"job": "ros-diagnostics", "instance": "backtest"}
 
-EPILOG = """\
-Record on the robot, judge on any machine (no ROS needed):
 
-  ros2 bag record /diagnostics_agg
-  ros-diagnostics-backtest --config.file fleet.yml rosbag2_2026_11_01-08_00_00
+@dataclass(frozen=True)
+class Options:
+    """The command line."""
 
-Into the history of Prometheus:
-
-  ros-diagnostics-backtest --config.file fleet.yml --openmetrics month.om BAG
-  promtool tsdb create-blocks-from openmetrics month.om /var/lib/prometheus/data
-
-Exit codes: 0 judged, 1 a recording cannot be read or holds nothing of this fleet, 2 invalid flag or
-configuration file.
-"""
+    bags: tuple[str, ...]
+    config: Path
+    compare: Path | None
+    suggest: bool
+    openmetrics: Path | None
+    openmetrics_interval: float
+    domain_id: int | None
+    namespace: str | None
+    output: str
+    quiet: bool
 
 
 class NothingJudgedError(Exception):
     """No topic of the recordings belongs to a robot of the configuration."""
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Judge recordings and print the result; the exit code."""
-    parser = _parser()
-    options = parser.parse_args(arguments)
-    if options.format == "csv" and (options.compare or options.suggest):
-        parser.error("--format csv has notifications only: take --format json")
+def _namespace(_ctx: click.Context, _param: click.Parameter, text: str | None) -> str | None:
+    name = (text or "").strip("/")
+    if text is None:
+        return None
+    if not re.fullmatch(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*", name):
+        raise click.BadParameter(f"{text!r} is not a ROS namespace such as robot_1")
+    return f"/{name}"
+
+
+PATH = click.Path(path_type=Path)
+
+
+@click.command(
+    epilog="""\b
+Record on the robot, judge on any machine (no ROS needed):
+  ros2 bag record /diagnostics_agg
+  ros-diagnostics backtest --config fleet.yml rosbag2_2026_11_01-08_00_00
+
+\b
+Into the history of Prometheus:
+  ros-diagnostics backtest --config fleet.yml --openmetrics month.om BAG
+  promtool tsdb create-blocks-from openmetrics month.om /var/lib/prometheus/data
+"""
+)
+@click.argument("bags", nargs=-1, required=True, metavar="BAG[@DOMAIN]...")
+@click.option(
+    "--config",
+    type=PATH,
+    default=Path("fleet.yml"),
+    show_default=True,
+    help="The fleet's configuration.",
+)
+@click.option(
+    "--compare", type=PATH, help="Another configuration: print in words what it would change."
+)
+@click.option(
+    "--suggest",
+    is_flag=True,
+    help="Propose confirm_after, stale_after and thresholds, with the reason for each.",
+)
+@click.option(
+    "--openmetrics",
+    type=PATH,
+    help="Also write what Prometheus would have scraped, for promtool's create-blocks-from.",
+)
+@click.option(
+    "--openmetrics-interval",
+    type=Duration(),
+    default="15s",
+    show_default=True,
+    help="Time between two of its scrapes.",
+)
+@click.option(
+    "--domain-id",
+    type=click.IntRange(0, 232),
+    help="The DDS domain of the recordings.  [default: the configuration's, if it has one only]",
+)
+@click.option(
+    "--namespace",
+    callback=_namespace,
+    metavar="NAME",
+    help="Put the recorded topics below this namespace, for what was recorded on the robot.",
+)
+@click.option("--quiet", is_flag=True, help="Show no progress bar.")
+@with_output("csv")
+def command(**given: Any) -> None:
+    """Judge recorded diagnostics as the exporter would have, and print what it would have notified.
+
+    BAG is a rosbag2 folder, a .db3, .mcap or .json recording of diagnostic_msgs/DiagnosticArray, or
+    an exporter's database (a copy: its file --storage.path), of which levels and silences are
+    judged. Several are merged by time; what lies between them counts as a stopped exporter.
+    """
+    options = Options(**given)
+    if options.output == "csv" and (options.compare or options.suggest):
+        raise click.UsageError("--output csv has notifications only: take --output json")
     try:
         _run(options)
-    except ConfigError as error:
-        print(error, file=sys.stderr)  # noqa: T201
-        return EXIT_USAGE
-    except (RecordingError, NothingJudgedError, OSError) as error:
-        print(f"{PROGRAM}: {printable(str(error))}", file=sys.stderr)  # noqa: T201
-        return EXIT_FAILURE
-    except (KeyboardInterrupt, BrokenPipeError):
-        return 0
-    return 0
+    except (RecordingError, NothingJudgedError) as error:
+        raise NotDoneError(str(error)) from error
 
 
-def _run(options: argparse.Namespace) -> None:
-    fleet = load(options.config_file)
+def _run(options: Options) -> None:
+    fleet = load(options.config)
     other = None if options.compare is None else load(options.compare)
     domain_id = _domain(fleet, options)
     sources = [_source(bag, fleet, domain_id, options.namespace or "") for bag in options.bags]
@@ -92,10 +148,10 @@ def _run(options: argparse.Namespace) -> None:
         _print(options, judged)
 
 
-def _domain(fleet: Fleet, options: argparse.Namespace) -> int | None:
+def _domain(fleet: Fleet, options: Options) -> int | None:
     """The domain that recordings without one of their own are of; None where it is not clear."""
     if options.domain_id is not None:
-        return int(options.domain_id)
+        return options.domain_id
     return fleet.domain_ids[0] if len(fleet.domain_ids) == 1 else None
 
 
@@ -118,7 +174,7 @@ class _Judged:
 
     def __init__(
         self,
-        options: argparse.Namespace,
+        options: Options,
         fleet: Fleet,
         other: Fleet | None,
         recordings: Recordings,
@@ -182,7 +238,7 @@ def _warn(result: Result, robots: Sequence[str]) -> None:
             "them below a namespace with --namespace"
         )
     if unknown:
-        print(f"{PROGRAM}: of no robot of the configuration: {unknown}", file=sys.stderr)  # noqa: T201
+        print(f"ros-diagnostics: of no robot of the configuration: {unknown}", file=sys.stderr)  # noqa: T201
 
 
 class _progress:  # noqa: N801 - used as a function
@@ -206,12 +262,11 @@ class _progress:  # noqa: N801 - used as a function
 # -- output ------------------------------------------------------------------------------------
 
 
-def _print(options: argparse.Namespace, judged: _Judged) -> None:
-    if options.format == "csv":
+def _print(options: Options, judged: _Judged) -> None:
+    if options.output == "csv":
         sys.stdout.write(report.as_csv(judged.result))
-    elif options.format == "json":
-        json.dump(_as_json(judged), sys.stdout, indent=2)
-        print()  # noqa: T201
+    elif options.output == "json":
+        print_json(_as_json(judged))
     else:
         _print_tables(judged)
 
@@ -246,114 +301,10 @@ def _print_suggestions(console: Console, found: list[suggest.Suggestion]) -> Non
         console.print("nothing to propose: the settings fit what was recorded")
         return
     titles = ("Profile", "Component", "Setting", "Now", "Proposed", "Reason")
-    table = Table(*(Column(title, overflow="fold") for title in titles), box=None, pad_edge=False)
+    table = make_table(*titles)
     for each in found:
         texts = each.profile, each.about, each.setting, each.current, each.proposed, each.reason
         table.add_row(*map(one_line, texts))
     console.print(table, markup=False)
     console.print("\nFor fleet.yml; entries of lists go before those that are there:\n")
     console.print(suggest.as_yaml(found), markup=False, highlight=False, soft_wrap=True)
-
-
-# -- flags -------------------------------------------------------------------------------------
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog=PROGRAM,
-        description="Judge recorded diagnostics as the exporter would have, and print of what it "
-        "would have notified, and when.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    parser.add_argument(
-        "bags",
-        nargs="+",
-        metavar="BAG[@DOMAIN]",
-        help="a rosbag2 folder, .db3, .mcap or .json recording of diagnostic_msgs/DiagnosticArray, "
-        "or an exporter's database (a copy: its file --storage.path), of which levels and silences "
-        "are judged; several are merged by time, and what lies between them counts as a stopped "
-        "exporter",
-    )
-    _add_flags(parser)
-    return parser
-
-
-def _add_flags(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--config.file",
-        dest="config_file",
-        type=Path,
-        default=Path("fleet.yml"),
-        metavar="FILE",
-        help="the fleet's configuration (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--compare",
-        type=Path,
-        metavar="FILE",
-        help="another configuration: print in words what it would change",
-    )
-    parser.add_argument(
-        "--suggest",
-        action="store_true",
-        help="propose confirm_after, stale_after and thresholds, with the reason for each",
-    )
-    parser.add_argument(
-        "--openmetrics",
-        type=Path,
-        metavar="FILE",
-        help="also write what Prometheus would have scraped, for promtool's create-blocks-from",
-    )
-    parser.add_argument(
-        "--openmetrics.interval",
-        dest="openmetrics_interval",
-        type=_duration,
-        default=15.0,
-        metavar="DURATION",
-        help="time between two of its scrapes (default: 15s)",
-    )
-    parser.add_argument(
-        "--domain-id",
-        dest="domain_id",
-        type=int,
-        choices=range(233),
-        metavar="N",
-        help="the DDS domain of the recordings (default: the configuration's, if it has one only)",
-    )
-    parser.add_argument(
-        "--namespace",
-        type=_namespace,
-        metavar="NAME",
-        help="put the recorded topics below this namespace, for what was recorded on the robot",
-    )
-    parser.add_argument(
-        "--format",
-        choices=("table", "json", "csv"),
-        default="table",
-        help="json has everything, csv the notifications (default: %(default)s)",
-    )
-    parser.add_argument("--quiet", action="store_true", help="show no progress bar")
-
-
-def _duration(text: str) -> float:
-    try:
-        seconds = durations.parse(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{error} such as 15s or 1m") from error
-    if seconds <= 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is no time between two scrapes: take 15s")
-    return seconds
-
-
-def _namespace(text: str) -> str:
-    name = text.strip("/")
-    if not re.fullmatch(r"[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*", name):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a ROS namespace such as robot_1")
-    return f"/{name}"
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,8 +1,8 @@
-"""``ros-diagnostics-downtime``: plan a downtime of a robot, or of one component of it.
+"""``ros-diagnostics downtime``: plan a downtime of robots, or of one component of a robot.
 
-No fault of it begins in a downtime, and none escalates; what is still wrong at the end is a fault
-then. A fault that lasted before goes on, and its recovery is sent at the end. The page,
-ros-diagnostics-status and ros-diagnostics-why show who planned it, and why.
+No fault of them begins in a downtime, and none escalates; what is still wrong at the end is a fault
+then. A fault that lasted before goes on, and its recovery is sent at the end. The page, ``status``
+and ``why`` show who planned it, and why.
 """
 
 # A downtime is a silence of the escalation in Alertmanager, as an acknowledgement is, which
@@ -10,18 +10,14 @@ ros-diagnostics-status and ros-diagnostics-why show who planned it, and why.
 
 from __future__ import annotations
 
-import argparse
-import re
 import sys
 import time
-from collections.abc import Sequence
 from datetime import datetime, timedelta, timezone
 from typing import Any, NamedTuple
 from urllib.parse import quote, urlencode
 
-from rich.table import Table
+import click
 
-from ros_diagnostics_exporter import __version__, durations
 from ros_diagnostics_exporter.alertmanager import (
     COMMENT_LENGTH,
     ESCALATION,
@@ -35,18 +31,21 @@ from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import Downtime
 from ros_diagnostics_exporter.severity import clock
 from ros_diagnostics_exporter.texts import escape, nearest, one_line, printable
-from ros_diagnostics_tools.commands.ack import DEFAULT_URL, current_user
-from ros_diagnostics_tools.connection_flags import (
-    EXPORTER_URL,
-    INTERRUPTED,
-    add_arguments,
-    make_client,
+from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.servers import Servers, with_servers
+from ros_diagnostics_tools.terminal import (
+    cells,
+    check_comment,
+    make_console,
+    make_table,
+    print_json,
+    with_author,
+    with_output,
 )
-from ros_diagnostics_tools.terminal import cells, make_console
+from ros_diagnostics_tools.times import Duration, Moment
 
 FOLLOWED = 20.0  # seconds in which an exporter has read a new downtime; it asks every 5 s
-LONGEST = 3650 * 86_400.0  # seconds
-_TIME_OF_DAY = re.compile(r"\d\d:\d\d(:\d\d)?")
+COLUMNS = ("Fleet", "Robot", "Component", "From", "To", "By", "Comment")
 
 
 class Planned(NamedTuple):
@@ -57,120 +56,175 @@ class Planned(NamedTuple):
     downtime: Downtime
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Plan, list or cancel; exit code 0, or 1 where that failed."""
-    parser = _parser()
-    options = parser.parse_intermixed_args(arguments)
-    _check(parser, options)
-    try:
-        client = make_client(options)
-        if options.list:
-            return _list(client, options.fleet)
-        return _cancel(client, options) if options.cancel else _plan(client, options)
-    except UnreachableError as error:
-        print(f"ros-diagnostics-downtime: {printable(str(error))}", file=sys.stderr)  # noqa: T201
-        return 1
-    except KeyboardInterrupt:
-        return INTERRUPTED
+class Wanted(NamedTuple):
+    """Whose downtime: one robot, perhaps one component of it, or all robots with these labels."""
+
+    robot: str
+    component: str
+    labels: dict[str, str]
+
+    def __str__(self) -> str:
+        """As it was written."""
+        names = (self.robot, self.component, *(f"{key}={of}" for key, of in self.labels.items()))
+        return " ".join(filter(None, names))
 
 
-def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """Take the positional arguments apart; a usage error where they are not what they should."""
-    given = list(options.what)
-    options.seconds = None
-    if options.list:
-        if given:
-            parser.error("--list takes no ROBOT")
+class Label(click.ParamType[tuple[str, str]]):
+    """A label of robots and its value."""
+
+    name = "label"
+
+    def convert(
+        self,
+        value: str | tuple[str, str],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> tuple[str, str]:
+        """Its name and value."""
+        if not isinstance(value, str):
+            return value
+        name, separator, of = value.partition("=")
+        if not (name and separator):
+            self.fail(f"{value!r} is not LABEL=VALUE, such as team=arms", param, ctx)
+        return name, of
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  ros-diagnostics downtime robot_3 "Motor 1" 1h30m --comment "new gears"
+  ros-diagnostics downtime --site hall 2h --from 22:00 --comment "network is replaced"
+"""
+)
+@click.argument("what", nargs=-1, metavar="[ROBOT [COMPONENT]] DURATION")
+@click.option("--site", help="All robots of this site, instead of ROBOT.")
+@click.option(
+    "--selector",
+    type=Label(),
+    multiple=True,
+    metavar="LABEL=VALUE",
+    help="All robots with this label; repeatable: with all of them.",
+)
+@click.option("--comment", help="What it is for.")
+@click.option(
+    "--from",
+    "start",
+    type=Moment(ahead=True),
+    metavar="TIME",
+    help="When it begins: 2h (from now), 14:30, 2027-01-31T14:30.  [default: now]",
+)
+@click.option("--list", "lists", is_flag=True, help="List those that hold or lie ahead.")
+@click.option("--cancel", is_flag=True, help="End it now, or never begin it; takes no DURATION.")
+@click.option("--fleet", help="The robots' fleet.  [default: the exporter's]")
+@with_author
+@with_output()
+@with_servers
+def command(
+    *,
+    servers: Servers,
+    output: str,
+    what: tuple[str, ...],
+    site: str | None,
+    selector: tuple[tuple[str, str], ...],
+    comment: str | None,
+    start: datetime | None,
+    fleet: str | None,
+    author: str,
+    lists: bool,
+    cancel: bool,
+) -> None:
+    """Plan a downtime of ROBOT, of its COMPONENT, or of all robots of a site or with a label.
+
+    No fault begins in it, and none escalates. It begins now, or --from a time, and lasts DURATION.
+    """
+    if lists and (what or cancel):
+        raise click.UsageError("--list takes no ROBOT, and no --cancel")
+    if lists:
+        _list(servers.alertmanager, fleet, output)
         return
-    if not options.cancel:
-        if len(given) not in (2, 3):
-            parser.error("give ROBOT [COMPONENT] DURATION and a --comment; or --list or --cancel")
-        options.seconds = _duration(parser, given.pop())
-        if not (options.comment or "").strip():
-            parser.error("say with --comment what the downtime is for")
-        if not options.author:
-            parser.error("give your name with --author: this user has no entry in passwd")
-    if len(given) not in (1, 2):
-        parser.error("--cancel needs ROBOT [COMPONENT]")
-    options.robot, options.component = given[0], given[1] if len(given) > 1 else ""
-    if not options.robot or max(map(len, given)) > NAME_LENGTH:
-        parser.error(f"a name has 1 to {NAME_LENGTH} characters")
+    given, labels = list(what), dict(selector) | ({} if site is None else {"site": site})
+    lasts = None if cancel else _duration(given)
+    wanted = _wanted(given, labels)
+    if lasts is None:
+        done = _cancel(servers, fleet, wanted)
+    else:
+        about = check_comment(author, comment, "what the downtime is for")
+        begin = start or datetime.now(timezone.utc)
+        times = begin.timestamp(), begin.timestamp() + lasts
+        planned = Downtime("", "", *times, author, clean(about, COMMENT_LENGTH))
+        done = _plan(servers, fleet, wanted, planned)
+    if output == "json":
+        print_json(list(map(_fields, done)))
+        return
+    for each in done:
+        print(f"{'cancelled' if cancel else 'planned'}: {_text(each)}")  # noqa: T201
 
 
-def _duration(parser: argparse.ArgumentParser, text: str) -> float:
+def _duration(given: list[str]) -> float:
+    """Take the duration off the end of the arguments."""
+    if not given:
+        raise click.UsageError(
+            "give [ROBOT [COMPONENT]] DURATION and a --comment; or --list or --cancel"
+        )
+    return Duration().convert(given.pop(), None, None)
+
+
+def _wanted(given: list[str], labels: dict[str, str]) -> Wanted:
+    if labels and given:
+        raise click.UsageError("--site and --selector stand for ROBOT: give one or the other")
+    if not labels and len(given) not in (1, 2):
+        raise click.UsageError("give ROBOT [COMPONENT] and, but with --cancel, a DURATION")
+    robot, component = ("", "") if labels else (given[0], given[1] if len(given) > 1 else "")
+    if not (robot or labels) or max(len(robot), len(component)) > NAME_LENGTH:
+        raise click.UsageError(f"a name has 1 to {NAME_LENGTH} characters")
+    return Wanted(robot, component, labels)
+
+
+def _plan(servers: Servers, fleet: str | None, wanted: Wanted, planned: Downtime) -> list[Planned]:
+    """Plan it for each robot; wait until the exporter follows where it holds now."""
+    exporter, checked = servers.exporter, True
     try:
-        seconds = durations.parse(text)
-    except ValueError:
-        parser.error(f"{text!r} is not a duration such as 1h or 1h30m, which comes last")
-    if not 0 < seconds <= LONGEST:
-        parser.error(f"{text!r} is not a duration above 0 and of ten years at most")
-    return seconds
+        fleet, robots = _known(exporter, fleet, wanted)
+    except UnreachableError as error:
+        if fleet is None or wanted.labels:
+            hint = "name it with --url" + ("" if wanted.labels else "; or the fleet with --fleet")
+            raise UnreachableError(f"no exporter to ask for the robot: {error}; {hint}") from error
+        robots, checked = [wanted.robot], False
+    done = []
+    for robot in robots:
+        each = planned._replace(robot=robot, component=wanted.component)
+        done.append(Planned(_make(servers.alertmanager, fleet, each), fleet, each))
+    if not checked:
+        note = f"not checked: no exporter answers at {exporter.url}"
+        print(f"ros-diagnostics: {printable(note)}", file=sys.stderr)  # noqa: T201
+    elif planned.holds(time.time() + 1) and not _is_followed(exporter, done):
+        raise NotDoneError(
+            f"planned, but the exporter at {exporter.url} does not follow it: it has to run with "
+            f"--alertmanager.url, of the Alertmanager at {servers.alertmanager.url}"
+        )
+    return done
 
 
-def start(text: str, now: datetime | None = None) -> datetime:
-    """The moment that --from names: 2h (from now), 14:30 (the next), 2027-01-31T14:30.
-
-    A time without a zone is that of this machine's.
+def _known(exporter: Client, fleet: str | None, wanted: Wanted) -> tuple[str, list[str]]:
+    """The fleet and the robots that are meant.
 
     Raises:
-        argparse.ArgumentTypeError: It is none, or has passed.
+        NotDoneError: The exporter does not know the fleet, the robot or the component.
     """
-    now = now or datetime.now().astimezone()
-    try:
-        return now + timedelta(seconds=durations.parse(text))
-    except (ValueError, OverflowError):
-        pass
-    try:
-        if _TIME_OF_DAY.fullmatch(text):
-            then = datetime.fromisoformat(f"{now.date()} {text}").astimezone(now.tzinfo)
-            return then + timedelta(days=then < now)
-        then = datetime.fromisoformat(text).astimezone()
-    except (ValueError, OverflowError) as error:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no time; write it as 2h, 14:30 or 2027-01-31T14:30"
-        ) from error
-    if then < now:
-        raise argparse.ArgumentTypeError(f"{text!r} has passed")
-    return then
-
-
-def _plan(client: Client, options: argparse.Namespace) -> int:
-    exporter = Client(options.exporter, timeout=options.timeout, ca_file=options.ca_file)
-    fleet = options.fleet
-    try:
-        known = exporter.fleet((options.robot,))
-    except UnreachableError as error:
-        known = None
-        if fleet is None:
-            hint = "name it with --exporter; or name the fleet with --fleet"
-            raise UnreachableError(f"no exporter to ask for the robot: {error}; {hint}") from error
-    if known is not None:
-        _check_names(exporter, known, options)
-        fleet = known["fleet"]
-    downtime = _make(client, fleet, options)
-    print(f"planned: {_text(fleet, downtime)}")  # noqa: T201
-    if known is None:
-        note = f"not checked: no exporter answers at {options.exporter}"
-        print(f"ros-diagnostics-downtime: {printable(note)}", file=sys.stderr)  # noqa: T201
-    elif downtime.holds(time.time() + 1) and not _is_followed(exporter, options):
-        raise UnreachableError(
-            f"the exporter at {options.exporter} does not follow it: it has to run with "
-            f"--alertmanager.url, of the Alertmanager at {client.url}"
-        )
-    return 0
-
-
-def _check_names(exporter: Client, known: dict[str, Any], options: argparse.Namespace) -> None:
-    """Raise UnreachableError for a fleet, robot or component that the exporter does not know."""
-    if options.fleet not in (None, known["fleet"]):
-        raise UnreachableError(f"{options.exporter} is of fleet {known['fleet']!r}")
-    if not known["robots"]:
+    known = exporter.fleet(() if wanted.labels else (wanted.robot,))
+    if fleet not in (None, known["fleet"]):
+        raise NotDoneError(f"{exporter.url} is of fleet {known['fleet']!r}")
+    found = [each for each in known["robots"] if wanted.labels.items() <= each["labels"].items()]
+    if not found and wanted.labels:
+        raise NotDoneError(f"no robot has the labels {str(wanted)!r}")
+    if not found:
         names = [each["robot"] for each in exporter.fleet()["robots"]]
-        raise UnreachableError(f"no robot {options.robot!r}{_hint(options.robot, names)}")
-    names = [each["component"] for each in known["robots"][0]["components"]]
-    if options.component and options.component not in names:
-        near = _hint(options.component, names)
-        raise UnreachableError(f"{options.robot} has no component {options.component!r}{near}")
+        raise NotDoneError(f"no robot {wanted.robot!r}{_hint(wanted.robot, names)}")
+    names = [each["component"] for each in found[0]["components"]]
+    if wanted.component and wanted.component not in names:
+        near = _hint(wanted.component, names)
+        raise NotDoneError(f"{wanted.robot} has no component {wanted.component!r}{near}")
+    return known["fleet"], [each["robot"] for each in found]
 
 
 def _hint(name: str, names: list[str]) -> str:
@@ -178,53 +232,63 @@ def _hint(name: str, names: list[str]) -> str:
     return f"; the nearest is {near!r}" if near else ""
 
 
-def _make(client: Client, fleet: str, options: argparse.Namespace) -> Downtime:
-    begin = options.start or datetime.now(timezone.utc)
-    end = begin + timedelta(seconds=options.seconds)
-    comment = clean(options.comment, COMMENT_LENGTH)
-    matchers = downtime_matchers(fleet, options.robot, options.component)
-    client.post("/api/v2/silences", silence(matchers, begin, end, options.author, comment))
-    times = begin.timestamp(), end.timestamp()
-    return Downtime(options.robot, options.component, *times, options.author, comment)
+def _make(client: Client, fleet: str, planned: Downtime) -> str:
+    """Make the silence; its id."""
+    begin = datetime.fromtimestamp(planned.start, timezone.utc)
+    end = begin + timedelta(seconds=planned.end - planned.start)
+    matchers = downtime_matchers(fleet, planned.robot, planned.component)
+    made = silence(matchers, begin, end, planned.author, planned.comment)
+    return str((client.post("/api/v2/silences", made) or {}).get("silenceID", ""))
 
 
-def _is_followed(exporter: Client, options: argparse.Namespace) -> bool:
-    """Wait until the exporter shows the downtime."""
+def _is_followed(exporter: Client, planned: list[Planned]) -> bool:
+    """Wait until the exporter shows the downtimes."""
+    wanted = {each.downtime[:2] for each in planned}
     deadline = time.monotonic() + FOLLOWED
     while time.monotonic() < deadline:
-        robots = exporter.fleet((options.robot,))["robots"]
-        found = robots[0].get("downtimes", ()) if robots else ()
-        if any(each["component"] == options.component for each in found):
+        robots = exporter.fleet(tuple({robot for robot, _ in wanted}))["robots"]
+        found = {(of["robot"], each["component"]) for of in robots for each in of["downtimes"]}
+        if wanted <= found:
             return True
         time.sleep(0.5)
     return False
 
 
-def _cancel(client: Client, options: argparse.Namespace) -> int:
-    planned = _planned(client, options.fleet)
-    wanted = (options.robot, options.component)
-    found = [each for each in planned if each.downtime[:2] == wanted]
-    if not found:
-        names = ", ".join(_name(each.fleet, each.downtime) for each in planned) or "none"
-        of = " ".join(filter(None, wanted))
-        raise UnreachableError(f"no downtime is planned for {of!r}; planned: {names}")
-    for each in found:
-        client.delete(f"/api/v2/silence/{quote(each.silence, safe='')}")
-        print(f"cancelled: {_text(each.fleet, each.downtime)}")  # noqa: T201
-    return 0
+def _cancel(servers: Servers, fleet: str | None, wanted: Wanted) -> list[Planned]:
+    planned = _planned(servers.alertmanager, fleet)
+    robots = {wanted.robot}
+    if wanted.labels:
+        fleet, found = _known(servers.exporter, fleet, wanted)
+        planned, robots = [each for each in planned if each.fleet == fleet], set(found)
+    done = [
+        each
+        for each in planned
+        if each.downtime.robot in robots and each.downtime.component == wanted.component
+    ]
+    if not done:
+        names = ", ".join(_name(each) for each in planned) or "none"
+        raise NotDoneError(f"no downtime is planned for {str(wanted)!r}; planned: {names}")
+    for each in done:
+        servers.alertmanager.delete(f"/api/v2/silence/{quote(each.silence, safe='')}")
+    return done
 
 
-def _list(client: Client, fleet: str | None) -> int:
+def _list(client: Client, fleet: str | None, output: str) -> None:
     """Print the downtimes that hold or lie ahead, the next first."""
-    now = time.time()
-    table = Table("Fleet", "Robot", "Component", "From", "To", "By", "Comment", box=None)
-    for each in _planned(client, fleet):
+    now, table, found = time.time(), make_table(*COLUMNS), _planned(client, fleet)
+    if output == "json":
+        print_json(list(map(_fields, found)))
+        return
+    for each in found:
         planned = each.downtime
         times = (clock(unix, now, local=True) for unix in (planned.start, planned.end))
         about = (each.fleet, planned.robot, planned.component or "all")
         table.add_row(*cells((*about, *times, planned.author, planned.comment)))
     make_console().print(table)
-    return 0
+
+
+def _fields(planned: Planned) -> dict[str, Any]:
+    return {"fleet": planned.fleet, "silence": planned.silence, **planned.downtime._asdict()}
 
 
 def _planned(client: Client, fleet: str | None) -> list[Planned]:
@@ -244,58 +308,11 @@ def _planned(client: Client, fleet: str | None) -> list[Planned]:
     return sorted(found, key=lambda each: (each.downtime.start, each))
 
 
-def _name(fleet: str, downtime: Downtime) -> str:
-    return one_line(f"{fleet}/{' '.join(filter(None, downtime[:2]))}")
+def _name(planned: Planned) -> str:
+    return one_line(f"{planned.fleet}/{' '.join(filter(None, planned.downtime[:2]))}")
 
 
-def _text(fleet: str, downtime: Downtime) -> str:
-    now = time.time()
+def _text(planned: Planned) -> str:
+    now, downtime = time.time(), planned.downtime
     begin, end = (clock(unix, now, local=True) for unix in (downtime.start, downtime.end))
-    return f"{_name(fleet, downtime)} from {begin} to {end} ({one_line(downtime.comment)})"
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="ros-diagnostics-downtime",
-        usage="%(prog)s [options] ROBOT [COMPONENT] DURATION --comment TEXT\n"
-        "       %(prog)s [options] --list\n"
-        "       %(prog)s [options] --cancel ROBOT [COMPONENT]",
-        description=__doc__.partition(": ")[2],
-        epilog='example: ros-diagnostics-downtime robot_3 "Motor 1" 1h30m --comment "new gears"',
-    )
-    parser.add_argument(
-        "what",
-        nargs="*",
-        metavar="ROBOT [COMPONENT] DURATION",
-        help="which robot, or which of its components, and for how long: 90m, 1h30m, 2d",
-    )
-    parser.add_argument("--comment", help="what it is for")
-    parser.add_argument(
-        "--from",
-        dest="start",
-        type=start,
-        metavar="TIME",
-        help="when it begins: 2h (from now), 14:30, 2027-01-31T14:30 (default: now)",
-    )
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument("--list", action="store_true", help="list those that hold or lie ahead")
-    what.add_argument("--cancel", action="store_true", help="end it now, or never begin it")
-    parser.add_argument("--fleet", help="the robot's fleet (default: the exporter's)")
-    parser.add_argument(
-        "--author",
-        default=current_user(),
-        help="who plans it (default: the current user, %(default)s)",
-    )
-    parser.add_argument(
-        "--exporter",
-        default=EXPORTER_URL,
-        metavar="URL",
-        help="the exporter, which knows the robots and has to follow (default: %(default)s)",
-    )
-    add_arguments(parser, "Alertmanager", DEFAULT_URL)
-    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return f"{_name(planned)} from {begin} to {end} ({one_line(downtime.comment)})"

@@ -1,4 +1,4 @@
-"""``ros-diagnostics-compare``: where Nagios and this project notified differently.
+"""``ros-diagnostics nagios compare``: where Nagios and this project notified differently.
 
 For a site that runs both for some weeks: it reads Nagios' log and the exporter's record of what
 Alertmanager sent, and lists what only one of them notified, and what one notified later.
@@ -6,53 +6,134 @@ Alertmanager sent, and lists what only one of them notified, and what one notifi
 
 from __future__ import annotations
 
-import argparse
 import json
-import sys
-import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
+import click
 from rich.table import Table
 from rich.text import Text
 
-from ros_diagnostics_exporter import __version__, durations
-from ros_diagnostics_exporter.http_client import UnreachableError
-from ros_diagnostics_exporter.texts import one_line, printable, to_json
-from ros_diagnostics_tools.connection_flags import add_arguments, make_client
+from ros_diagnostics_exporter import durations
+from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_tools.errors import NO, UnusableError
 from ros_diagnostics_tools.nagios.comparison import log
 from ros_diagnostics_tools.nagios.comparison.differences import Differences, compare
 from ros_diagnostics_tools.nagios.comparison.here import EventsError, Here, follow
 from ros_diagnostics_tools.nagios.comparison.notice import Notice
-from ros_diagnostics_tools.terminal import cells, make_console
-
-AGREE, DISAGREE, FAILED = range(3)  # exit codes
-EPILOG = """\
-  ros-diagnostics-compare /var/log/nagios4/nagios.log /var/log/nagios4/archives/*.log \\
-      --since 14d --service motors=Motor
-
-Exit codes: 0 both notified the same, 1 they disagree, 2 nothing could be compared.
-"""
+from ros_diagnostics_tools.servers import Servers, with_servers
+from ros_diagnostics_tools.terminal import cells, make_console, print_json, with_output
+from ros_diagnostics_tools.times import Duration, Moment
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Compare and print; the exit codes above."""
-    options = _parser().parse_args(arguments)
+@dataclass(frozen=True)
+class Options:
+    """The command line."""
+
+    servers: Servers
+    output: str
+    logs: tuple[Path, ...]
+    service: tuple[tuple[str, str], ...]
+    since: datetime | None
+    until: datetime | None
+    late: float
+    within: float
+    events: Path | None
+
+
+class Service(click.ParamType[tuple[str, str]]):
+    """A service of Nagios, and the pattern that its plug-in got with -N."""
+
+    name = "service"
+
+    def convert(
+        self,
+        value: str | tuple[str, str],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> tuple[str, str]:
+        """The service's name and the pattern."""
+        if not isinstance(value, str):
+            return value
+        name, separator, pattern = value.partition("=")
+        if not (name and separator):
+            self.fail(
+                f"{value!r} is not SERVICE=PATTERN, such as motors=Motor for a service with "
+                "-N Motor",
+                param,
+                ctx,
+            )
+        return name, pattern
+
+
+@click.command(
+    "compare",
+    epilog="""\b
+Example:
+  ros-diagnostics nagios compare /var/log/nagios4/nagios.log \\
+      /var/log/nagios4/archives/*.log --since 14d --service motors=Motor
+""",
+)
+@click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
+@click.option(
+    "--service",
+    multiple=True,
+    type=Service(),
+    metavar="NAME=PATTERN",
+    help="The service of Nagios that checks with -N PATTERN; repeatable.  [default: the pattern is "
+    "the service's name]",
+)
+@click.option(
+    "--since",
+    type=Moment(),
+    metavar="TIME",
+    help="Only from then on: 14d (ago), 2027-01-31.  [default: all that both recorded]",
+)
+@click.option("--until", type=Moment(), metavar="TIME", help="Only until then.")
+@click.option(
+    "--late",
+    type=Duration(),
+    default="2m",
+    show_default=True,
+    help="How far apart the same notification may be.",
+)
+@click.option(
+    "--within",
+    type=Duration(),
+    default="15m",
+    show_default=True,
+    help="How far apart two notifications are no longer the same one.",
+)
+@click.option(
+    "--events",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="A saved answer of the exporter's /api/v1/events?kind=notified, instead of asking it.",
+)
+@with_output()
+@with_servers
+def command(**given: Any) -> int:
+    """List where Nagios and this project notified differently.
+
+    LOG is nagios.log and its archives, in any order; - is the standard input. Exit code 0: both
+    notified the same; 1: they disagree; 2: nothing could be compared.
+    """
+    options = Options(**given)
     try:
-        theirs = log.read(options.log)
+        theirs = log.read(options.logs)
         events, robots = _recorded(options)
         return _compare(options, theirs, events, robots)
-    except (log.LogError, EventsError, UnreachableError) as error:
-        print(f"ros-diagnostics-compare: {printable(str(error))}", file=sys.stderr)  # noqa: T201
-        return FAILED
+    except (log.LogError, EventsError) as error:
+        raise UnusableError(str(error)) from error
 
 
-def _recorded(options: argparse.Namespace) -> tuple[list[dict[str, Any]], set[str]]:
+def _recorded(options: Options) -> tuple[list[dict[str, Any]], set[str]]:
     """The events here, and the names of the robots; of a file those that it names."""
     if options.events is None:
-        client = make_client(options)
+        client = options.servers.exporter
         robots = {each["robot"] for each in client.fleet()["robots"]}
         return list(client.events("0", kind="notified")), robots
     try:
@@ -68,7 +149,7 @@ def _recorded(options: argparse.Namespace) -> tuple[list[dict[str, Any]], set[st
 
 
 def _compare(
-    options: argparse.Namespace, theirs: log.Log, events: list[dict[str, Any]], robots: set[str]
+    options: Options, theirs: log.Log, events: list[dict[str, Any]], robots: set[str]
 ) -> int:
     since, until = _span(options, theirs, events)
     compared = [each for each in theirs.notices if each.robot in robots]
@@ -82,23 +163,21 @@ def _compare(
     ).between(since, until)
     others = len(theirs.notices) - len(compared)
     notes = dict(_notes(theirs, others))
-    if options.json:
+    if options.output == "json":
         content = {"since": since, "until": until, **_content(found), "notes": notes}
-        print(to_json(content))  # noqa: T201
+        print_json(content)
     else:
         _print(found, since, until, notes)
-    return AGREE if found.agree else DISAGREE
+    return 0 if found.agree else NO
 
 
-def _span(
-    options: argparse.Namespace, theirs: log.Log, events: list[dict[str, Any]]
-) -> tuple[float, float]:
+def _span(options: Options, theirs: log.Log, events: list[dict[str, Any]]) -> tuple[float, float]:
     """The time that both sides were recorded in, or the part of it that is asked for."""
     first = min((each["time"] for each in events if "time" in each), default=theirs.begin)
-    since = theirs.begin if options.since is None else options.since
+    since = theirs.begin if options.since is None else options.since.timestamp()
     if options.since is None and first - options.within > since:
         since = first - options.within  # the record here begins later than Nagios' log
-    until = theirs.end if options.until is None else options.until
+    until = theirs.end if options.until is None else options.until.timestamp()
     if since > until:
         raise log.LogError(
             f"nothing to compare: from {_clock(since)} is after {_clock(until)}; Nagios' log has "
@@ -173,93 +252,3 @@ def _clock(moment: float) -> str:
         return f"{datetime.fromtimestamp(moment, timezone.utc).astimezone():%Y-%m-%d %H:%M:%S}"
     except (ValueError, OverflowError, OSError):
         return f"{moment:.0f}"
-
-
-def _moment(text: str) -> float:
-    """The Unix time of --since and --until: a duration ago, or a date of this machine's clock."""
-    try:
-        return time.time() - durations.parse(text)
-    except ValueError:
-        pass
-    try:
-        return datetime.fromisoformat(text).timestamp()
-    except (ValueError, OverflowError, OSError) as error:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no time; write it as 14d (ago), 2027-01-31 or 2027-01-31T14:30"
-        ) from error
-
-
-def _duration(text: str) -> float:
-    try:
-        return durations.parse(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{error}; write it as 90s or 5m") from error
-
-
-def _service(text: str) -> tuple[str, str]:
-    name, separator, pattern = text.partition("=")
-    if not (name and separator):
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is not SERVICE=PATTERN, such as motors=Motor for a service with -N Motor"
-        )
-    return name, pattern
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="ros-diagnostics-compare",
-        description="Where Nagios and this project notified differently.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument(
-        "log",
-        nargs="+",
-        type=Path,
-        metavar="LOG",
-        help="nagios.log and its archives, in any order; - is the standard input",
-    )
-    parser.add_argument(
-        "--service",
-        action="append",
-        default=[],
-        type=_service,
-        metavar="NAME=PATTERN",
-        help="the service of Nagios that checks with -N PATTERN; may be repeated "
-        "(default: the pattern is the service's name)",
-    )
-    parser.add_argument(
-        "--since",
-        type=_moment,
-        metavar="TIME",
-        help="only from then on: 14d (ago), 2027-01-31 (default: all that both recorded)",
-    )
-    parser.add_argument("--until", type=_moment, metavar="TIME", help="only until then")
-    parser.add_argument(
-        "--late",
-        type=_duration,
-        default=120.0,
-        metavar="DURATION",
-        help="how far apart the same notification may be (default: 2m)",
-    )
-    parser.add_argument(
-        "--within",
-        type=_duration,
-        default=900.0,
-        metavar="DURATION",
-        help="how far apart two notifications are no longer the same one (default: 15m)",
-    )
-    parser.add_argument(
-        "--events",
-        type=Path,
-        metavar="FILE",
-        help="a saved answer of the exporter's /api/v1/events?kind=notified, instead of asking it",
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON in place of a table")
-    add_arguments(parser)
-    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

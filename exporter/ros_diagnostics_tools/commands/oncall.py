@@ -1,167 +1,262 @@
-"""``ros-diagnostics-oncall``: who is on call, from oncall.yml, for Alertmanager and for people.
-
-    build       write Alertmanager's configuration with the people on call
-    check       whether oncall.yml is right, and whether what was built is up to date
-    who         who is on call, now or at a time
-    icalendar   print the duties as an iCalendar file
-
-Exit codes: 0; 1 where what was built ends soon or is out of date; 2 for a file that is not right.
-"""
+"""``ros-diagnostics oncall``: who is on call, from oncall.yml, for Alertmanager and for people."""
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import os
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
+from typing import Any
 
+import click
 import yaml
-from rich.table import Table
 
 from ros_diagnostics_exporter import __version__
-from ros_diagnostics_exporter.config.errors import (
-    ConfigError,
-    Problem,
-    WrongValueError,
-    quoted,
-    suggestion,
-)
-from ros_diagnostics_exporter.config.scalars import moment
+from ros_diagnostics_exporter.config.errors import ConfigError, Problem, quoted, suggestion
+from ros_diagnostics_exporter.durations import written
 from ros_diagnostics_exporter.files import read_regular
-from ros_diagnostics_exporter.texts import printable
+from ros_diagnostics_tools.errors import NO, UnusableError
 from ros_diagnostics_tools.oncall.build import build, built_until
 from ros_diagnostics_tools.oncall.calendar import NoCalendarError, calendar
 from ros_diagnostics_tools.oncall.file import OnCall, load
 from ros_diagnostics_tools.oncall.rota import instant
-from ros_diagnostics_tools.terminal import cells, make_console
+from ros_diagnostics_tools.terminal import cells, make_console, make_table, print_json, with_output
+from ros_diagnostics_tools.times import Duration, moment
 
-EXIT_WARNING = 1
-EXIT_USAGE = 2  # also for an invalid file, as argparse for an invalid flag
 MOST_BYTES = 64 * 1024 * 1024
+COLUMNS = ("Team", "Level", "On call", "Email", "Phone", "Until", "Then")
 _DIGEST = "# sha256 of the two: "
+PATH = click.Path(path_type=Path)
 
 
-def main(arguments: Sequence[str] | None = None, now: datetime | None = None) -> int:
-    """Run one of the commands; the exit code. ``now`` is the clock's time unless it is given."""
-    options = _parser().parse_args(arguments)
-    commands = {"build": _build, "check": _check, "who": _who, "icalendar": _icalendar}
-    now = (now or datetime.now(timezone.utc)).replace(second=0, microsecond=0)
-    try:
-        return commands[options.command](options, load(options.file), now)
-    except ConfigError as error:
-        print(error, file=sys.stderr)  # noqa: T201
-    except (NoCalendarError, OSError) as error:
-        print(f"ros-diagnostics-oncall: {printable(str(error))}", file=sys.stderr)  # noqa: T201
-    return EXIT_USAGE
+@dataclass(frozen=True)
+class Rota:
+    """The rota that a subcommand is about, and how far it looks ahead."""
+
+    file: Path
+    oncall: OnCall
+    now: datetime
+    ahead: timedelta
 
 
-def _build(options: argparse.Namespace, oncall: OnCall, now: datetime) -> int:
-    base, output, until = options.config, options.output, (now + options.weeks).replace(minute=0)
-    if output.resolve() == base.resolve() or output.resolve().parent != base.resolve().parent:
-        what = f"{output} cannot be the output"
-        remedy = f"name another file in the folder of {base.name}, as its templates are there"
-        raise ConfigError([Problem(base, None, "", what, remedy)])
+def _now() -> datetime:
+    return datetime.now(timezone.utc)
+
+
+@click.group(epilog="Example: ros-diagnostics oncall who --at 2026-12-24T20:00")
+def command() -> None:
+    """Who is on call: build Alertmanager's configuration from oncall.yml, check it, show it."""
+
+
+def _with_rota(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the flags for the rota; the function gets it as ``rota``."""
+
+    def run(file: Path, ahead: float, **given: Any) -> Any:
+        now = _now().replace(second=0, microsecond=0)
+        try:
+            return function(rota=Rota(file, load(file), now, timedelta(seconds=ahead)), **given)
+        except NoCalendarError as error:
+            raise UnusableError(str(error)) from error
+
+    options = (
+        click.option(
+            "--file", type=PATH, default=Path("oncall.yml"), show_default=True, help="The rota."
+        ),
+        click.option(
+            "--ahead",
+            type=Duration(),
+            default="13w",
+            show_default=True,
+            help="How far to look ahead.",
+        ),
+    )
+    run.__doc__ = function.__doc__
+    decorated: Callable[..., Any] = run
+    for option in options:
+        decorated = option(decorated)
+    return decorated
+
+
+def _with_config(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the flags of what is built: Alertmanager's configuration, and when to warn."""
+    before = click.option(
+        "--warn-before",
+        type=Duration(),
+        default="14d",
+        show_default=True,
+        help="How long before its end to warn.",
+    )
+    config = click.option(
+        "--config",
+        type=PATH,
+        default=Path("alertmanager.yml"),
+        show_default=True,
+        help="Alertmanager's configuration.",
+    )
+    return config(before(function))
+
+
+@command.command(
+    "build",
+    epilog="Example: ros-diagnostics oncall build --to alertmanager-oncall.yml",
+)
+@click.option(
+    "--to",
+    type=PATH,
+    default=Path("alertmanager-oncall.yml"),
+    show_default=True,
+    help="What to write; in the same folder as --config.",
+)
+@click.option("--rules", type=PATH, help="Also write a rule for Prometheus: it ends soon.")
+@_with_config
+@with_output()
+@_with_rota
+def _build(
+    *, rota: Rota, config: Path, to: Path, rules: Path | None, warn_before: float, output: str
+) -> None:
+    """Write Alertmanager's configuration with the people on call."""
+    oncall, until = rota.oncall, (rota.now + rota.ahead).replace(minute=0)
+    if to.resolve() == config.resolve() or to.resolve().parent != config.resolve().parent:
+        what = f"{to} cannot be the output"
+        remedy = f"name another file in the folder of {config.name}, as its templates are there"
+        raise ConfigError([Problem(config, None, "", what, remedy)])
     header = "\n".join(
         [
-            f"# Built by ros-diagnostics-oncall {__version__} from {base} and {options.file}:",
+            f"# Built by ros-diagnostics oncall {__version__} from {config} and {rota.file}:",
             "# edit those and build it again. After the end of the last duty all people of a level",
             f"# are notified, from {oncall.local(until)} on.",
-            _digest(options),
+            _digest(config, rota.file),
         ]
     )
-    built = build(oncall, oncall.duties(now, until), base, until, header)
-    _write(output, built, base.stat().st_mode)
-    if options.rules:
-        _write(options.rules, _rules(oncall, until, options.days), 0o644)
-    print(f"{output}: on call until {oncall.local(until)}")  # noqa: T201
-    return 0
+    built = build(oncall, oncall.duties(rota.now, until), config, until, header)
+    _write(to, built, config.stat().st_mode)
+    if rules:
+        _write(rules, _rules(oncall, until, timedelta(seconds=warn_before)), 0o644)
+    if output == "json":
+        print_json({"file": str(to), "until": until.isoformat()})
+    else:
+        print(f"{to}: on call until {oncall.local(until)}")  # noqa: T201
 
 
-def _check(options: argparse.Namespace, oncall: OnCall, now: datetime) -> int:
-    oncall.duties(now, now + options.weeks)
-    print(f"{options.file}: valid until {oncall.local(now + options.weeks)}")  # noqa: T201
-    if options.built is None:
-        return 0
-    content = read_regular(options.built, MOST_BYTES).decode("utf-8", "replace")
-    until = built_until(content)
-    if until is None:
-        print(f"{options.built}: was not built by ros-diagnostics-oncall")  # noqa: T201
-        return EXIT_WARNING
-    print(f"{options.built}: on call until {oncall.local(until)}")  # noqa: T201
-    warnings = []
-    if _digest(options) not in content.splitlines():
-        warnings.append(f"{options.file} or {options.config} has changed since; build it again")
-    if until < now + timedelta(days=options.days):
-        warnings.append(f"ends in less than {options.days} days; build it again")
-    for warning in warnings:
-        print(f"{options.built}: {warning}", file=sys.stderr)  # noqa: T201
-    return EXIT_WARNING if warnings else 0
+@command.command(
+    "check", epilog="Example: ros-diagnostics oncall check --built alertmanager-oncall.yml"
+)
+@click.option("--built", type=PATH, help="Also check this output of build.")
+@_with_config
+@with_output()
+@_with_rota
+def _check(rota: Rota, config: Path, built: Path | None, warn_before: float, output: str) -> int:
+    """Check oncall.yml, and what was built; exit code 1 where that ends soon or is out of date."""
+    oncall = rota.oncall
+    oncall.duties(rota.now, rota.now + rota.ahead)
+    lines, warnings = [f"{rota.file}: valid until {oncall.local(rota.now + rota.ahead)}"], []
+    if built is not None:
+        content = read_regular(built, MOST_BYTES).decode("utf-8", "replace")
+        until = built_until(content)
+        if until is None:
+            warnings.append(f"{built}: was not built by ros-diagnostics oncall")
+        else:
+            lines.append(f"{built}: on call until {oncall.local(until)}")
+            if _digest(config, rota.file) not in content.splitlines():
+                warnings.append(
+                    f"{built}: {rota.file} or {config} has changed since; build it again"
+                )
+            if until < rota.now + timedelta(seconds=warn_before):
+                left = written(warn_before)
+                warnings.append(f"{built}: ends in less than {left}; build it again")
+    if output == "json":
+        print_json({"found": lines, "warnings": warnings})
+    else:
+        print(*lines, sep="\n")  # noqa: T201
+        print(*warnings, sep="\n", end="\n" if warnings else "", file=sys.stderr)  # noqa: T201
+    return NO if warnings else 0
 
 
-def _who(options: argparse.Namespace, oncall: OnCall, now: datetime) -> int:
-    at = _instant(options.at, oncall) if options.at else now
-    table = Table("Team", "Level", "On call", "Email", "Phone", "Until", "Then", box=None)
-    for level, duties in oncall.duties(at, at + options.weeks).items():
-        duty, then = duties[0], duties[1].person if len(duties) > 1 else ""
-        end = oncall.local(duty.end) if then else ""
+@command.command("who", epilog="Example: ros-diagnostics oncall who --at 14:30")
+@click.option(
+    "--at",
+    metavar="TIME",
+    help="When: 2h (from now), 14:30, 2026-12-24T20:00; without an offset in the file's time zone. "
+    " [default: now]",
+)
+@with_output()
+@_with_rota
+def _who(rota: Rota, at: str | None, output: str) -> None:
+    """Show who is on call, now or at a time."""
+    oncall, then = rota.oncall, _instant(at, rota) if at else rota.now
+    rows = []
+    for level, duties in oncall.duties(then, then + rota.ahead).items():
+        duty, following = duties[0], duties[1].person if len(duties) > 1 else ""
+        end = oncall.local(duty.end) if following else ""
         person = oncall.people[duty.person]
         reached = (person.name, person.email, person.phone)
-        table.add_row(*cells((level.team, level.name, *reached, end, then)))
-    print(f"on call at {oncall.local(at)}")  # noqa: T201
-    make_console().print(table)
-    return 0
-
-
-def _icalendar(options: argparse.Namespace, oncall: OnCall, now: datetime) -> int:
-    known = sorted({name for level in oncall.levels for name in level.everybody()})
-    if options.person not in (None, *known):
-        what, remedy = (
-            f"{quoted(options.person)} is never on call",
-            suggestion(options.person, known),
+        rows.append((level.team, level.name, *reached, end, following))
+    if output == "json":
+        names = [title.lower().replace(" ", "_") for title in COLUMNS]
+        print_json(
+            {"at": then.isoformat(), "levels": [dict(zip(names, row, strict=True)) for row in rows]}
         )
+        return
+    table = make_table(*COLUMNS)
+    for row in rows:
+        table.add_row(*cells(row))
+    print(f"on call at {oncall.local(then)}")  # noqa: T201
+    make_console().print(table)
+
+
+@command.command("icalendar", epilog="Example: ros-diagnostics oncall icalendar --person anna")
+@click.option("--person", help="Only this person's duties.")
+@_with_rota
+def _icalendar(rota: Rota, person: str | None) -> None:
+    """Print the duties as an iCalendar file."""
+    known = sorted({name for level in rota.oncall.levels for name in level.everybody()})
+    if person not in (None, *known):
+        what, remedy = f"{quoted(person)} is never on call", suggestion(person or "", known)
         raise ConfigError([Problem(Path("--person"), None, "", what, remedy)])
-    people = {options.person} if options.person else set(known)
-    duties = oncall.duties(now, now + options.weeks)
-    sys.stdout.buffer.write(calendar(duties, now, people))
-    return 0
+    people = {person} if person else set(known)
+    duties = rota.oncall.duties(rota.now, rota.now + rota.ahead)
+    sys.stdout.buffer.write(calendar(duties, rota.now, people))
 
 
-def _instant(written: str, oncall: OnCall) -> datetime:
+def _instant(text: str, rota: Rota) -> datetime:
     """A time on the command line; without an offset in the file's time zone."""
+    zone = rota.oncall.zone
     try:
-        found = moment(written)
-    except WrongValueError as error:
-        raise ConfigError([Problem(Path("--at"), None, "", error.what, error.remedy)]) from None
-    return found.astimezone(timezone.utc) if found.tzinfo else instant(found, oncall.zone)
+        found = moment(
+            text, rota.now.astimezone(zone), ahead=True, localize=lambda naive: instant(naive, zone)
+        )
+    except ValueError as error:
+        raise click.UsageError(f"--at: {error}") from None
+    return found.astimezone(timezone.utc)
 
 
-def _digest(options: argparse.Namespace) -> str:
+def _digest(config: Path, file: Path) -> str:
     """The line of the header that changes with what it was built from."""
     found = hashlib.sha256()
-    for path in (options.config, options.file):
+    for path in (config, file):
         found.update(hashlib.sha256(read_regular(path, MOST_BYTES)).digest())
     return _DIGEST + found.hexdigest()
 
 
-def _rules(oncall: OnCall, until: datetime, days: int) -> str:
-    """A rule that fires ``days`` before the end. The time is in it: nothing has to be scraped."""
-    end = until - timedelta(days=days)
+def _rules(oncall: OnCall, until: datetime, before: timedelta) -> str:
+    """A rule that fires so long before the end. The time is in it: nothing has to be scraped."""
+    end = until - before
     alert = {
         "alert": "RosDiagnosticsOnCallEnds",
         "expr": f"vector(time()) > {end.timestamp():.0f}",
         "labels": {"severity": "warning"},
         "annotations": {
             "summary": f"The rota in Alertmanager ends on {oncall.local(until)}.",
-            "description": "Run ros-diagnostics-oncall build and reload Alertmanager and "
+            "description": "Run ros-diagnostics oncall build and reload Alertmanager and "
             "Prometheus. After the end all people of a level are notified at the same time.",
         },
     }
     rules = {"groups": [{"name": "ros-diagnostics-oncall", "rules": [alert]}]}
-    header = f"# Built by ros-diagnostics-oncall {__version__}.\n"
+    header = f"# Built by ros-diagnostics oncall {__version__}.\n"
     return header + yaml.safe_dump(rules, sort_keys=False, allow_unicode=True)
 
 
@@ -176,61 +271,3 @@ def _write(path: Path, content: str, mode: int) -> None:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="ros-diagnostics-oncall",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    helps = {
-        "build": "write Alertmanager's configuration with the people on call",
-        "check": "check oncall.yml, and what was built",
-        "who": "print who is on call",
-        "icalendar": "print the duties as an iCalendar file",
-    }
-    command = {name: commands.add_parser(name, help=text) for name, text in helps.items()}
-    for each in command.values():
-        _common(each)
-    for name in ("build", "check"):
-        _add_path(command[name], "--config", "alertmanager.yml", "Alertmanager's configuration")
-        command[name].add_argument(
-            "--days",
-            type=_count,
-            default=14,
-            help="how long before its end to warn (default: %(default)s)",
-        )
-    what = "what to write; in the same folder as --config"
-    _add_path(command["build"], "--output", "alertmanager-oncall.yml", what)
-    _add_path(command["build"], "--rules", None, "also write a rule for Prometheus: it ends soon")
-    _add_path(command["check"], "--built", None, "also check this output of build")
-    at = "such as 2026-12-24T20:00; without an offset in the file's time zone (default: now)"
-    command["who"].add_argument("--at", metavar="TIME", help=at)
-    command["icalendar"].add_argument("--person", help="only this person's duties")
-    return parser
-
-
-def _common(parser: argparse.ArgumentParser) -> None:
-    _add_path(parser, "--file", "oncall.yml", "the rota")
-    parser.add_argument(
-        "--weeks",
-        type=lambda text: timedelta(weeks=_count(text)),
-        default=timedelta(weeks=13),
-        help="how far to look ahead (default: 13)",
-    )
-
-
-def _add_path(parser: argparse.ArgumentParser, flag: str, default: str | None, what: str) -> None:
-    text = f"{what} (default: {default})" if default else what
-    parser.add_argument(
-        flag, type=Path, metavar="FILE", default=Path(default) if default else None, help=text
-    )
-
-
-def _count(text: str) -> int:
-    if text.isdecimal() and 1 <= int(text) <= 520:
-        return int(text)
-    raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to 520")

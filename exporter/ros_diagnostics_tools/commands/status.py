@@ -1,23 +1,20 @@
-"""``ros-diagnostics-status``: the fleet in a terminal."""
+"""``ros-diagnostics status``: the fleet in a terminal."""
 
 from __future__ import annotations
 
-import argparse
 import fnmatch
-import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
 from typing import Any
 
+import click
 from rich.console import Console, Group
 from rich.live import Live
-from rich.table import Column, Table
+from rich.table import Table
 from rich.text import Text
 
-from ros_diagnostics_exporter import __version__, durations
-from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.severity import (
     COLOURS,
     SEVERITIES,
@@ -25,49 +22,87 @@ from ros_diagnostics_exporter.severity import (
     clock,
     component_path,
     downtime_texts,
-    event_text,
     shown_problems,
     span,
     state_of,
 )
 from ros_diagnostics_exporter.texts import natural, one_line, printable
-from ros_diagnostics_tools.connection_flags import add_arguments, make_client, seconds
+from ros_diagnostics_tools.servers import Servers, with_servers
+from ros_diagnostics_tools.terminal import make_table, print_json, with_output
+from ros_diagnostics_tools.times import Duration
 
+COLUMNS = ("State", "Robot", "What", "Confirmed", "Since", "Message")
 PROBLEMS_SHOWN = 5  # of one robot, in the table of robots
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the fleet once, or repeatedly; exit code 0, or 1 if the exporter does not respond."""
-    parser = _parser()
-    options = parser.parse_args(arguments)
-    if options.history is not None and options.watch is not None:
-        parser.error("--history and --watch exclude one another")
-    try:
-        client = make_client(options)
-        if options.history is not None:
-            return _history(client, options)
-        return _watch(client, options) if options.watch is not None else _once(client, options)
-    except UnreachableError as error:
-        print(f"ros-diagnostics-status: {printable(str(error))}", file=sys.stderr)  # noqa: T201
-        return 1
-    except (KeyboardInterrupt, BrokenPipeError):
-        return 0
+class States(click.ParamType[frozenset[str]]):
+    """Some of the states, separated by commas."""
+
+    name = "state"
+
+    def convert(
+        self,
+        value: str | frozenset[str],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> frozenset[str]:
+        """The states, in capitals."""
+        if not isinstance(value, str):
+            return value
+        states = frozenset(value.upper().split(","))
+        if unknown := states - SEVERITIES.keys():
+            found = ", ".join(sorted(unknown))
+            self.fail(f"{found}: not one of {', '.join(SEVERITIES)}", param, ctx)
+        return states
 
 
-def choose(fleet: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
-    """The robots that match the filters; with --component only their matching components."""
+@click.command(epilog="Example: ros-diagnostics status --state critical,unknown --watch")
+@click.option("--state", type=States(), metavar="STATE[,STATE]", help="Only robots in these.")
+@click.option("--robot", default="*", metavar="PATTERN", help="Only these; * and ? are wildcards.")
+@click.option(
+    "--component",
+    metavar="TEXT",
+    help="Show the components whose /Group/Component contains this, ignoring case; '' shows all.",
+)
+@click.option(
+    "--watch",
+    type=Duration(),
+    is_flag=False,
+    flag_value="2s",
+    metavar="[DURATION]",
+    help="Refresh every 2s, or so often, until Ctrl-C.",
+)
+@with_output()
+@with_servers
+def command(*, servers: Servers, output: str, watch: float | None, **filters: Any) -> None:
+    """Show the fleet: each robot's state and its problems, the worst first."""
+    if output == "json" and watch is not None:
+        raise click.UsageError("--watch and --output json exclude one another")
+    if watch is not None:
+        _watch(servers, watch, filters)
+        return
+    fleet = choose(servers.exporter.fleet(), **filters)
+    if output == "json":
+        print_json(fleet)
+    else:
+        Console().print(view(fleet, components=filters["component"] is not None))
+
+
+def choose(
+    fleet: dict[str, Any], state: frozenset[str] | None, robot: str, component: str | None
+) -> dict[str, Any]:
+    """The robots that match the filters; with a component only their matching components."""
     robots = [
-        robot
-        for robot in fleet["robots"]
-        if fnmatch.fnmatchcase(robot["robot"], options.robot)
-        and (not options.state or state_of(robot) in options.state)
+        each
+        for each in fleet["robots"]
+        if fnmatch.fnmatchcase(each["robot"], robot) and (not state or state_of(each) in state)
     ]
-    if options.component is not None:
-        wanted = options.component.casefold()
+    if component is not None:
+        wanted = component.casefold()
         robots = [
-            {**robot, "components": found}
-            for robot in robots
-            if (found := [each for each in robot["components"] if _named(each, wanted)])
+            {**each, "components": found}
+            for each in robots
+            if (found := [one for one in each["components"] if _named(one, wanted)])
         ]
     filtered = len(robots) < len(fleet["robots"])
     return {**fleet, "robots": robots, "problems": [] if filtered else fleet["problems"]}
@@ -77,26 +112,16 @@ def _named(component: dict[str, Any], wanted: str) -> bool:
     return wanted in f"{component['group']}/{component['component']}".casefold()
 
 
-def _once(client: Client, options: argparse.Namespace) -> int:
-    fleet = choose(client.fleet(), options)
-    if options.json:
-        json.dump(fleet, sys.stdout, indent=2)
-        print()  # noqa: T201
-    else:
-        Console().print(view(fleet, components=options.component is not None))
-    return 0
-
-
-def _watch(client: Client, options: argparse.Namespace) -> int:
+def _watch(servers: Servers, every: float, filters: dict[str, Any]) -> None:
     with Live(auto_refresh=False, screen=sys.stdout.isatty()) as live:
         while True:
             try:
-                fleet = choose(client.fleet(), options)
-                table: Any = view(fleet, components=options.component is not None)
+                fleet = choose(servers.exporter.fleet(), **filters)
+                table: Any = view(fleet, components=filters["component"] is not None)
             except UnreachableError as error:  # keep watching: it may come back
                 table = Text(printable(str(error)), style="bold red")
             live.update(table, refresh=True)
-            time.sleep(options.watch)
+            time.sleep(every)
 
 
 def view(fleet: dict[str, Any], *, components: bool = False) -> Group:
@@ -109,7 +134,10 @@ def view(fleet: dict[str, Any], *, components: bool = False) -> Group:
 
 
 def _robots(fleet: dict[str, Any], robots: list[dict[str, Any]]) -> Table:
-    table, now = _table("State", "Robot", "What", "Confirmed", "Since", "Message"), fleet["time"]
+    table, now = (
+        make_table("State", "Robot", "What", "Confirmed", "Since", "Message"),
+        fleet["time"],
+    )
     for each in shown_problems(fleet, now, PROBLEMS_SHOWN, local=True)[0]:
         _add_problem(table, "", each, now)
     for robot in robots:
@@ -142,15 +170,9 @@ def _received(robot: dict[str, Any], now: float) -> str:
     return "; ".join((text, *downtime_texts(robot, now, local=True)))
 
 
-def _table(*titles: str) -> Table:
-    """A table that wraps long texts instead of cutting them off."""
-    columns = (Column(title, overflow="fold") for title in titles)
-    return Table(*columns, box=None, pad_edge=False)
-
-
 def _components(robots: list[dict[str, Any]], now: float) -> Table:
     titles = ("State", "Robot", "Component", "Confirmed", "Since", "Message", "Values")
-    table = _table(*titles)
+    table = make_table(*titles)
     for robot in robots:
         worst: dict[tuple[str, str], ShownProblem] = {}
         number = len(robot["problems"])
@@ -170,23 +192,6 @@ def _components(robots: list[dict[str, Any]], now: float) -> Table:
     return table
 
 
-def _history(client: Client, options: argparse.Namespace) -> int:
-    """Print what happened to one robot, the newest last."""
-    events = list(client.events(options.since, robot=options.history))
-    if options.json:
-        json.dump(events, sys.stdout, indent=2)
-        print()  # noqa: T201
-    elif not events:
-        print(f"no event of robot {printable(options.history)!r} in the last {options.since}")  # noqa: T201
-    else:
-        now, table = time.time(), _table("Ago", "Time", "Event")
-        for event in reversed(events):
-            moment = clock(event["time"], now, local=True)
-            table.add_row(span(now - event["time"]), moment, _plain(event_text(event)))
-        Console().print(table)
-    return 0
-
-
 def _plain(*lines: str) -> Text:
     """Text of a robot without markup and terminal control characters."""
     return Text("\n".join(map(one_line, lines)))
@@ -201,70 +206,3 @@ def _summary(fleet: dict[str, Any], count: Counter[str]) -> Text:
     counts = ", ".join(f"{count[state]} {state}" for state in SEVERITIES if count[state])
     moment = time.strftime("%H:%M:%S", time.localtime(fleet["time"]))
     return _plain("", f"fleet {fleet['fleet']} at {moment}: {counts or 'no robot matches'}")
-
-
-def _states(text: str) -> frozenset[str]:
-    states = frozenset(text.upper().split(","))
-    if unknown := states - SEVERITIES.keys():
-        raise argparse.ArgumentTypeError(
-            f"{', '.join(sorted(unknown))}: not one of {', '.join(SEVERITIES)}"
-        )
-    return states
-
-
-def _ago(text: str) -> str:
-    try:
-        durations.parse(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{error}; write it as 10m or 1h30m") from error
-    return text
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="ros-diagnostics-status",
-        description="Show the fleet that a ROS diagnostics exporter monitors.",
-        epilog="example: ros-diagnostics-status --state critical,unknown --watch",
-    )
-    parser.add_argument(
-        "--state", type=_states, metavar="STATE[,STATE]", help="only robots in these states"
-    )
-    parser.add_argument(
-        "--robot",
-        default="*",
-        metavar="PATTERN",
-        help="only robots whose name matches; * and ? are wildcards",
-    )
-    parser.add_argument(
-        "--component",
-        metavar="TEXT",
-        help="show the components whose /Group/Component contains this, ignoring case; "
-        "'' shows all",
-    )
-    parser.add_argument(
-        "--history", metavar="ROBOT", help="show what happened to one robot, the newest last"
-    )
-    parser.add_argument(
-        "--since",
-        type=_ago,
-        default="1h",
-        metavar="DURATION",
-        help="how far --history goes back, as 10m or 1h30m (default: %(default)s)",
-    )
-    form = parser.add_mutually_exclusive_group()
-    form.add_argument(
-        "--watch",
-        type=seconds,
-        nargs="?",
-        const=2.0,
-        metavar="SECONDS",
-        help="refresh every SECONDS (default: 2) until Ctrl-C",
-    )
-    form.add_argument("--json", action="store_true", help="print JSON for other programs")
-    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    add_arguments(parser)
-    return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

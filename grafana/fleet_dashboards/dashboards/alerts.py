@@ -169,7 +169,7 @@ def acknowledged() -> table.Panel:
     return tables.joined(
         "Acknowledged",
         "Who acknowledged which fault, when, and with which comment? Only present faults. "
-        "Acknowledge with ros-diagnostics-ack; the exporter needs --alertmanager.url.",
+        "Acknowledge with ros-diagnostics ack; the exporter needs --alertmanager.url.",
         {
             "A": f"max by ({IDENTITY}, author, comment) ({ACKNOWLEDGED}{{{_FLEET}}}) * 1000",
             "B": f"max by ({IDENTITY}) ({HELD}{{{_FLEET}}}) * 1000",

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from e2e.dashboards import every_state, history
 from ros_diagnostics_exporter.alertmanager import Alertmanager
-from ros_diagnostics_tools.commands import ack
+from ros_diagnostics_tools.main import main
 from support import host_checks, prometheus_site
 from support.served_fleet import ServedFleet, serving
 from testbed.polling import until
@@ -112,7 +112,7 @@ def _acknowledge(site: prometheus_site.Site, hall: ServedFleet) -> None:
         ("silent", "--author", "bob", "--comment", "carried to the workshop"),
     ):
         until(
-            lambda arguments=arguments: ack.main([*arguments, "--url", url]) == 0,
+            lambda arguments=arguments: main(["ack", *arguments, "--alertmanager", url]) == 0,
             f"an alert of {arguments[0]}",
             30,
         )

@@ -12,7 +12,7 @@ from aiosmtpd.smtp import SMTP, Envelope, Session
 
 from e2e.day.plan import ESCALATE, LATE, START, Event, fleet_config, scenario
 from e2e.day.record import Line, of_event
-from ros_diagnostics_tools.commands import ack
+from ros_diagnostics_tools.main import main
 from support import short_clocks
 from support.sns import Phone, with_text_messages
 from testbed import configuration, http, programs
@@ -121,7 +121,7 @@ class Day:
 
     def acknowledge(self, event: Event) -> None:
         url = f"http://{self.stack.addresses.alertmanager}"
-        assert ack.main([event.robot, "--comment", "part ordered", "--url", url]) == 0
+        assert main(["ack", event.robot, "--comment", "part ordered", "--alertmanager", url]) == 0
 
     def maintain(self, event: Event) -> None:
         now = time.time()

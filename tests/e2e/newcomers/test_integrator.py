@@ -28,7 +28,7 @@ def test_from_a_checkout_to_the_mail_and_back(tmp_path: Path):
         ):
             person.starts(name, script)
         activate = exporter.splitlines()[0]
-        status = f"{activate}\nCOLUMNS=200 ros-diagnostics-status"
+        status = f"{activate}\nCOLUMNS=200 ros-diagnostics status"
         person.until_output(status, "3 OK")
         person.until_output("curl -s localhost:9090/-/ready", "Ready")
         settled = "promtool query instant http://localhost:9090 'ros_diagnostics_exporter_settled'"

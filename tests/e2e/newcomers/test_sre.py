@@ -59,7 +59,7 @@ def test_the_first_fault_is_mailed_to_those_of_the_robots(tmp_path: Path):
         bin_ = Path("/opt/ros-diagnostics-exporter/bin")
         person.starts_unit(bin_, person.home)
         person.starts("robots", f"exec {bin_}/virtual-robots --robots 2")
-        person.until_output(f"{bin_}/ros-diagnostics-status", "2 OK")
+        person.until_output(f"{bin_}/ros-diagnostics status", "2 OK")
 
         for name, reload in (
             ("Prometheus", "curl -s -X POST localhost:9090/-/reload"),

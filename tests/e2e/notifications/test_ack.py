@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_tools.commands.ack import main
+from ros_diagnostics_tools.main import main
 from support.alerts import post_alerts
 from testbed.configuration import CHECKOUT
 from testbed.http import answers
@@ -93,7 +93,7 @@ def ack(running: Alertmanager, capsys: pytest.CaptureFixture[str]) -> Callable[.
     """Runs the command; returns what it printed."""
 
     def run(*arguments: str, code: int = 0) -> str:
-        assert main([*arguments, "--url", running.url, "--author", "ann"]) == code
+        assert main(["ack", *arguments, "--alertmanager", running.url, "--author", "ann"]) == code
         printed = capsys.readouterr()
         return printed.out + printed.err
 

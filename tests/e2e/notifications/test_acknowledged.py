@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ros_diagnostics_tools.commands import ack
+from ros_diagnostics_tools.main import main
 from support.committed_dashboards import filled, queries
 from testbed.configuration import Clocks
 from testbed.mail import Inbox
@@ -43,12 +43,13 @@ def acknowledged(stack: Stack) -> set[str]:
 @pytest.mark.slow
 def test_the_table_of_problems_names_the_acknowledgement_of_this_fault_only(stack: Stack):
     url = f"http://{stack.addresses.alertmanager}"
-    arguments = ["robot_1", "--author", "ann", "--comment", "spare part ordered", "--url", url]
+    arguments = ["ack", "robot_1", "--author", "ann", "--comment", "spare part ordered"]
+    arguments += ["--alertmanager", url]
     up = "ros_diagnostics_exporter_alertmanager_up == 1"
     until(lambda: stack.query(up), "the exporter reads acknowledgements", 60)
 
     stack.fault("robot_1", "Motor 1", "error")
-    until(lambda: ack.main(arguments) == 0, "the fault is acknowledged", 60, every=0.5)
+    until(lambda: main(arguments) == 0, "the fault is acknowledged", 60, every=0.5)
     texts = {"ann: spare part ordered"}
     until(lambda: acknowledged(stack) == texts, lambda: f"the cell: {acknowledged(stack)}", 60)
     assert rows(stack) == {MOTOR: "yes"}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ros_diagnostics_tools.commands import downtime, status, why
+from ros_diagnostics_tools.main import main
 from testbed import http
 from testbed.configuration import Clocks
 from testbed.mail import Inbox
@@ -32,9 +32,9 @@ def stack(tmp_path: Path, inbox: Inbox) -> Iterator[Stack]:
 
 
 def run(stack: Stack, *arguments: str) -> int:
-    urls = ["--url", f"http://{stack.addresses.alertmanager}"]
-    urls += ["--exporter", f"http://{stack.addresses.exporter}"]
-    return downtime.main([*arguments, "--author", "ann", *urls])
+    urls = ["--alertmanager", f"http://{stack.addresses.alertmanager}"]
+    urls += ["--url", f"http://{stack.addresses.exporter}"]
+    return main(["downtime", *arguments, "--author", "ann", *urls])
 
 
 def standings(stack: Stack) -> dict[str, tuple[bool, str | None]]:
@@ -69,9 +69,9 @@ def test_a_component_in_a_downtime_is_quiet_and_everybody_can_see_why(
 
     url = f"http://{stack.addresses.exporter}"
     capsys.readouterr()
-    assert status.main(["--url", url]) == 0
+    assert main(["status", "--url", url]) == 0
     assert REASON in capsys.readouterr().out
-    assert why.main(["robot_1", "Motor 1", "--url", url]) == 0
+    assert main(["why", "robot_1", "Motor 1", "--url", url]) == 0
     text = capsys.readouterr().out
     assert "quiet: maintenance until" in text
     assert REASON in text

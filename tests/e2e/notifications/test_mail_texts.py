@@ -38,7 +38,7 @@ JARGON = re.compile(r"RosDiagnostics|confirm_after|scope|evidence|publisher_gone
 NUMBER = "+49000000"  # and that of the alert
 # Of the link, the label by which the test tells the mails apart.
 NUMBER_OF_TEST = re.compile(r"number(=|%3D)(&#34;|%22)\d+(&#34;|%22)(,|%2C)")
-LINK_OR_COMMAND = re.compile(r"^(Runbook|Silence): .*|^ros-diagnostics-ack .*", re.MULTILINE)
+LINK_OR_COMMAND = re.compile(r"^(Runbook|Silence): .*|^ros-diagnostics ack .*", re.MULTILINE)
 
 
 def name_of(alert: dict[str, Any]) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_tools.commands import ack
+from ros_diagnostics_tools.main import main
 from support import short_clocks
 from testbed import http
 from testbed.polling import until
@@ -41,7 +41,10 @@ def test_the_record_equals_the_mailbox_with_an_escalation_silenced_and_alertmana
     assert list(problem["notified"]) == ["email"]
     until(lambda: stack.query(f"{METRIC} > 0"), f"{METRIC} in Prometheus", 30)
     url = f"http://{stack.addresses.alertmanager}"
-    assert ack.main(["robot_2", "--author", "ann", "--comment", "on it", "--url", url]) == 0
+    assert (
+        main(["ack", "robot_2", "--author", "ann", "--comment", "on it", "--alertmanager", url])
+        == 0
+    )
     until(
         lambda: get(stack, "/api/v1/events?kind=acknowledged")["events"], "the acknowledgement", 30
     )

@@ -17,7 +17,8 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_tools.commands.oncall import main
+from ros_diagnostics_tools.commands import oncall
+from ros_diagnostics_tools.main import main
 from support.alerts import post_alerts, reload
 from support.oncall import with_marker
 from testbed.configuration import CHECKOUT
@@ -83,7 +84,7 @@ class Site:
         text = f"time_zone: {zone}\npeople:\n{people}{teams}"
         (self.folder / "oncall.yml").write_text(text)
         subprocess.run(
-            [own("ros-diagnostics-oncall"), "build", *options],
+            [own("ros-diagnostics"), "oncall", "build", *options],
             cwd=self.folder,
             env=os.environ | {"PYTHONTZPATH": f"{self.zones}:/usr/share/zoneinfo"},
             check=True,
@@ -206,7 +207,9 @@ def test_after_the_end_of_what_was_built_everybody_is_notified(
 ):
     site.start("teams:" + team("plain", 'robot = "r"', now() - 40 * DAY, "anna, ben"))
     monkeypatch.chdir(site.folder)
-    assert main(["build", "--weeks", "2"], now=now() - 15 * DAY) == 0
+    then = now() - 15 * DAY
+    monkeypatch.setattr(oncall, "_now", lambda: then)
+    assert main(["oncall", "build", "--ahead", "2w"]) == 0
     reload(site.address)
 
     post_alerts(site.address, fault("Motor"))

@@ -67,7 +67,7 @@ def test_what_is_built_serves_a_fleet_from_an_empty_environment(tmp_path, kind):
                 each.start()
             until(lambda: served(address) == {"robot_1", "robot_2"}, running[1].describe)
             assert "openapi" in fetch(address, "/api/v1/openapi.json")
-            status = run(bin_ / "ros-diagnostics-status", "--url", f"http://{address}")
+            status = run(bin_ / "ros-diagnostics", "status", "--url", f"http://{address}")
             assert "2 OK" in status
             check = [bin_ / "check_ros_diagnostics", "-H", "robot_1", "--url", f"http://{address}"]
             assert run(*check).startswith("OK - ")

@@ -279,7 +279,9 @@ def test_mail_has_fault_evidence_links_and_commands(part: str, tmp_path: Path):
         "component%3D%22Motor%201%22",
     ):
         assert expected in output
-    acknowledge = "ros-diagnostics-ack --comment '...' --url http://alertmanager:9093 --fleet 'f'"
+    acknowledge = (
+        "ros-diagnostics ack --comment '...' --alertmanager http://alertmanager:9093 --fleet 'f'"
+    )
     assert f"{acknowledge} -- 'r1' 'Motor 1'" in html.unescape(output)
 
 
@@ -296,10 +298,10 @@ def test_the_command_in_a_mail_is_no_other_command_for_a_shell(
         "component": component,
     }
     mail = html.unescape(render(f"ros_diagnostics.email.{part}", data("firing", labels), tmp_path))
-    line = next(line for line in mail.splitlines() if "ros-diagnostics-ack" in line)
-    command = line[line.index("ros-diagnostics-ack") :].partition("</code>")[0]
+    line = next(line for line in mail.splitlines() if "ros-diagnostics ack" in line)
+    command = line[line.index("ros-diagnostics ack") :].partition("</code>")[0]
 
-    printed = run_tool("sh", "-c", command.replace("ros-diagnostics-ack", r"printf '%s\n'", 1))
+    printed = run_tool("sh", "-c", command.replace("ros-diagnostics ack", r"printf '%s\n'", 1))
 
     assert printed.splitlines()[-2:] == ["r1", component]
 
@@ -317,7 +319,7 @@ def test_mail_about_a_recovery_has_its_end_and_no_commands(part: str, tmp_path: 
     )
     assert "What ended it: a fresh message with a better level." in output
     assert "silences/new" not in output
-    assert "ros-diagnostics-ack" not in output
+    assert "ros-diagnostics ack" not in output
 
 
 def test_mail_about_the_end_of_an_escalation(tmp_path: Path):
@@ -473,7 +475,7 @@ def test_a_mail_lists_the_first_hundred_of_several_alerts(part: str, tmp_path: P
     assert mail.count(" is no longer CRITICAL.") == 2
     assert "What it means." not in mail
     assert len(mail) < {"text": 20_000, "html": 100_000}[part]
-    assert "ros-diagnostics-ack --list --url http://alertmanager:9093" in mail
+    assert "ros-diagnostics ack --list --alertmanager http://alertmanager:9093" in mail
 
 
 def test_a_text_message_about_several_alerts_says_how_many(tmp_path: Path):
@@ -490,7 +492,7 @@ def test_mail_about_a_clock_has_no_command_to_acknowledge(tmp_path: Path):
 
     output = render("ros_diagnostics.email.text", data("firing", labels), tmp_path)
 
-    assert "ros-diagnostics-ack" not in output
+    assert "ros-diagnostics ack" not in output
 
 
 def test_without_an_address_of_grafana_a_mail_has_no_link_to_it(tmp_path: Path):

@@ -36,7 +36,7 @@ def every_alert() -> list[Any]:
 
 
 def test_every_alert_has_a_runbook_and_every_runbook_an_alert():
-    built = {"RosDiagnosticsOnCallEnds"}  # the rule is written by ros-diagnostics-oncall
+    built = {"RosDiagnosticsOnCallEnds"}  # the rule is written by ros-diagnostics oncall
     assert set(PAGES) == set(alerts()) | built
 
 

@@ -1,4 +1,4 @@
-"""Downtimes: what ros-diagnostics-downtime asks of Alertmanager, and what the exporter reads."""
+"""Downtimes: what ros-diagnostics downtime asks of Alertmanager, and what the exporter reads."""
 
 from __future__ import annotations
 
@@ -6,17 +6,23 @@ import sys
 import time
 from datetime import datetime, timedelta, timezone
 from typing import Any
+from urllib.parse import parse_qs
 
 import pytest
 
 from ros_diagnostics_exporter import alertmanager
 from ros_diagnostics_exporter.alertmanager import read, read_downtimes
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
-from ros_diagnostics_tools.commands import ack, downtime, why
+from ros_diagnostics_tools.commands import downtime
+from ros_diagnostics_tools.main import main
 from support.silences import listed
 from support.web_server import component, fleet, robot
 
-FLEET = fleet(robot("robot_1", component("Motor 1", "OK")), robot("robot_2"))
+FLEET = fleet(
+    robot("robot_1", component("Motor 1", "OK")),
+    robot("robot_2", labels={"site": "hall", "kind": "arm"}),
+    robot("robot_3", labels={"site": "yard", "kind": "arm"}),
+)
 
 
 class Servers:
@@ -32,12 +38,21 @@ class Servers:
             return self.silences
         if not self.exporter_answers:
             raise UnreachableError(f"{client.url} refused")
-        robots = FLEET["robots"]
-        if "robot=" in path:
-            robots = [each for each in robots if path.endswith(f"robot={each['robot']}")]
+        wanted = parse_qs(path.partition("?")[2]).get("robot", [])
         planned = read_downtimes(self.silences, "hall") if self.follows else []
-        shown = [{"component": each.component, "until": each.end} for each in planned]
-        return {**FLEET, "robots": [{**each, "downtimes": shown} for each in robots]}
+        robots = [
+            {
+                **each,
+                "downtimes": [
+                    {"component": one.component, "until": one.end}
+                    for one in planned
+                    if one.robot == each["robot"]
+                ],
+            }
+            for each in FLEET["robots"]
+            if not wanted or each["robot"] in wanted
+        ]
+        return {**FLEET, "robots": robots}
 
     def post(self, _client: Client, _path: str, body: dict[str, Any]) -> None:
         number = str(len(self.silences))
@@ -60,7 +75,7 @@ def servers(monkeypatch) -> Servers:
 
 
 def run(*arguments: str) -> int:
-    return downtime.main([*arguments, "--author", "ann"])
+    return main(["downtime", *arguments, "--author", "ann"])
 
 
 def plan(*arguments: str) -> int:
@@ -98,11 +113,34 @@ def test_one_that_begins_later_is_listed_and_can_be_cancelled(servers, capsys):
 
 
 def test_names_that_the_exporter_does_not_know_are_rejected_with_the_nearest(servers, capsys):
-    assert plan("robot_3", "1h") == 1
-    assert "no robot 'robot_3'; the nearest is 'robot_" in capsys.readouterr().err
+    assert plan("robot_9", "1h") == 1
+    assert "no robot 'robot_9'; the nearest is 'robot_" in capsys.readouterr().err
     assert plan("robot_1", "Mottor 1", "1h") == 1
     assert "no component 'Mottor 1'; the nearest is 'Motor 1'" in capsys.readouterr().err
     assert plan("robot_1", "1h", "--fleet", "yard") == 1
+    assert servers.silences == []
+
+
+def test_a_downtime_of_a_site_is_one_of_each_of_its_robots(servers, capsys):
+    assert plan("--site", "yard", "1h") == 0
+    assert robots_planned(servers) == ["robot_3"]
+    assert plan("--selector", "site=hall", "--selector", "kind=arm", "1h") == 0
+    assert robots_planned(servers) == ["robot_2", "robot_3"]
+    capsys.readouterr()
+    assert run("--cancel", "--site", "hall") == 0
+    assert capsys.readouterr().out.startswith("cancelled: hall/robot_2 from ")
+    assert robots_planned(servers) == ["robot_3"]
+
+
+def robots_planned(servers) -> list[str]:
+    return sorted(each.robot for each in read_downtimes(servers.silences, "hall"))
+
+
+def test_labels_that_no_robot_has_plan_nothing(servers, capsys):
+    assert plan("--site", "roof", "1h") == 1
+    assert "no robot has the labels 'site=roof'" in capsys.readouterr().err
+    servers.exporter_answers = False
+    assert plan("--site", "yard", "1h", "--fleet", "hall") == 3  # nobody says which robots
     assert servers.silences == []
 
 
@@ -115,8 +153,8 @@ def test_an_exporter_that_does_not_follow_is_an_error(servers, capsys, monkeypat
 
 def test_without_an_exporter_the_fleet_has_to_be_named(servers, capsys):
     servers.exporter_answers = False
-    assert plan("robot_1", "1h") == 1
-    assert "name the fleet with --fleet" in capsys.readouterr().err
+    assert plan("robot_1", "1h") == 3
+    assert "or the fleet with --fleet" in capsys.readouterr().err
     assert plan("robot_1", "1h", "--fleet", "hall") == 0
     assert "not checked" in capsys.readouterr().err
     assert len(read_downtimes(servers.silences, "hall")) == 1
@@ -125,24 +163,24 @@ def test_without_an_exporter_the_fleet_has_to_be_named(servers, capsys):
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        (["robot_1", "--comment", "x"], "give ROBOT [COMPONENT] DURATION"),
-        (["robot_1", "Motor 1", "--comment", "x"], "'Motor 1' is not a duration such as 1h"),
-        (["robot_1", "0s", "--comment", "x"], "above 0"),
-        (["robot_1", "99999d", "--comment", "x"], "ten years at most"),
+        (["robot_1", "--comment", "x"], "'robot_1' is not a duration"),
+        (["robot_1", "Motor 1", "--comment", "x"], "'Motor 1' is not a duration such as 90s"),
+        (["robot_1", "0s", "--comment", "x"], "'0s' is not a duration"),
+        (["robot_1", "99999d", "--comment", "x"], "'99999d' is not a duration"),
         (["robot_1", "1h"], "say with --comment"),
         (["robot_1", "1h", "--comment", " "], "say with --comment"),
         (["", "1h", "--comment", "x"], "a name has 1 to 1024 characters"),
         (["robot_1", "1h", "--comment", "x", "--from", "soon"], "'soon' is no time"),
         (["robot_1", "1h", "--comment", "x", "--from", "2020-01-01"], "has passed"),
-        (["--cancel"], "--cancel needs ROBOT"),
+        (["--cancel"], "give ROBOT [COMPONENT]"),
+        (["--site", "hall", "robot_1", "1h", "--comment", "x"], "stand for ROBOT"),
+        (["--selector", "hall", "1h", "--comment", "x"], "'hall' is not LABEL=VALUE"),
         (["--list", "robot_1"], "--list takes no ROBOT"),
-        (["--list", "--cancel", "robot_1"], "not allowed with"),
+        (["--list", "--cancel", "robot_1"], "and no --cancel"),
     ],
 )
 def test_wrong_arguments_are_usage_errors(arguments, problem, capsys):
-    with pytest.raises(SystemExit) as ended:
-        run(*arguments)
-    assert ended.value.code == 2
+    assert run(*arguments) == 2
     assert problem in capsys.readouterr().err
 
 
@@ -153,21 +191,14 @@ def test_flags_may_stand_between_the_names(servers):
 
 
 @pytest.mark.parametrize(
-    ("command", "arguments"), [(downtime, ["--list"]), (ack, ["--list"]), (why, ["r"])]
+    "arguments", [["downtime", "--list"], ["ack", "--list"], ["why", "r"]], ids=" ".join
 )
-def test_ctrl_c_ends_a_command_without_a_traceback(command, arguments, monkeypatch):
+def test_ctrl_c_ends_a_command_without_a_traceback(arguments, monkeypatch):
     def interrupted(_client, _path):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Client, "get", interrupted)
-    assert command.main(["r"] if command is why else ["--list"]) == 130
-
-
-def test_a_time_of_day_is_the_next_one():
-    now = datetime(2026, 5, 1, 14, 0, tzinfo=timezone.utc)
-    assert downtime.start("15:30", now) == now + timedelta(hours=1, minutes=30)
-    assert downtime.start("13:00", now) == now + timedelta(hours=23)
-    assert downtime.start("90m", now) == now + timedelta(minutes=90)
+    assert main(arguments) == 130
 
 
 @pytest.mark.parametrize(

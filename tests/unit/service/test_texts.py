@@ -20,8 +20,8 @@ from ros_diagnostics_exporter.logs import set_up
 from ros_diagnostics_exporter.texts import natural, one_line, printable, to_json
 from ros_diagnostics_exporter.web.pages import landing, missing_robot, robot_page
 from ros_diagnostics_tools.check_nagios import check
-from ros_diagnostics_tools.commands import ack
 from ros_diagnostics_tools.commands.status import view
+from ros_diagnostics_tools.main import main
 from support.web_server import broken, component, problem, robot
 from support.web_server import fleet as fleet_of
 
@@ -152,7 +152,7 @@ def test_the_ack_command_prints_only_printable_text(monkeypatch, capsys, argumen
 
     monkeypatch.setattr(Client, "get", get)
     monkeypatch.setattr(Client, "post", lambda *_: None)
-    assert ack.main([*arguments, "--author", "me"]) == 0
+    assert main(["ack", *arguments, "--author", "me"]) == 0
     out = capsys.readouterr().out
     assert out.replace("\n", "").isprintable()
     assert "[/bold]" in out

@@ -8,7 +8,7 @@ import json
 
 import pytest
 
-from ros_diagnostics_tools.commands.backtest import main
+from ros_diagnostics_tools.main import main
 from support.bags import BEGIN, every_second, write_bag
 
 FLEET = "fleet: f\ndiscovery: [{topic: '/{robot}/diagnostics', domain_ids: [0]}]\n"
@@ -25,7 +25,7 @@ def run(tmp_path, capsys):
     (tmp_path / "other.yml").write_text(FLEET + "profiles: {default: {confirm_after: 30s}}\n")
 
     def run_command(*arguments, bag=str(bag), config=config):
-        code = main(["--config.file", str(config), *arguments, bag])
+        code = main(["backtest", "--config", str(config), *arguments, bag])
         captured = capsys.readouterr()
         return code, captured.out, captured.err
 
@@ -43,7 +43,7 @@ def test_a_table_has_the_faults_and_a_summary(run):
 
 
 def test_json_has_everything(run):
-    code, out, _err = run("--format", "json")
+    code, out, _err = run("--output", "json")
 
     found = json.loads(out)
     assert code == 0
@@ -63,7 +63,7 @@ def test_json_has_everything(run):
 
 
 def test_csv_has_a_line_for_each_notification(run):
-    _code, out, _err = run("--format", "csv")
+    _code, out, _err = run("--output", "csv")
 
     (row,) = csv.DictReader(io.StringIO(out))
     assert (row["component"], row["duration"]) == ("motor", "50.0")
@@ -86,7 +86,7 @@ def test_suggestions_say_when_there_are_none(run):
 
 def test_all_of_it_is_in_json(run, tmp_path):
     _code, out, _err = run(
-        "--compare", str(tmp_path / "other.yml"), "--suggest", "--format", "json"
+        "--compare", str(tmp_path / "other.yml"), "--suggest", "--output", "json"
     )
 
     found = json.loads(out)
@@ -97,7 +97,7 @@ def test_all_of_it_is_in_json(run, tmp_path):
 def test_openmetrics_has_each_sample_with_its_time(run, tmp_path):
     path = tmp_path / "samples.om"
 
-    run("--openmetrics", str(path), "--openmetrics.interval", "10s")
+    run("--openmetrics", str(path), "--openmetrics-interval", "10s")
 
     lines = path.read_text().splitlines()
     assert lines[-1] == "# EOF"
@@ -132,7 +132,7 @@ def test_the_domain_of_a_recording_may_follow_its_name(run, tmp_path):
     path = tmp_path / "two.yml"
     path.write_text("fleet: f\nrobots: [{name: a}, {name: b, namespace: /r, domain_id: 7}]\n")
 
-    code, out, _err = run("--format", "json", config=path, bag=f"{tmp_path / 'bag'}@7")
+    code, out, _err = run("--output", "json", config=path, bag=f"{tmp_path / 'bag'}@7")
 
     assert code == 0
     assert json.loads(out)["robots"] == ["b"]
@@ -143,9 +143,7 @@ def test_a_wrong_config_and_a_wrong_flag_exit_with_2(run, tmp_path):
     path.write_text("fleet: f\nrobot: []\n")
 
     assert run(config=path)[0] == 2
-    with pytest.raises(SystemExit) as exited:
-        run("--format", "csv", "--suggest")
-    assert exited.value.code == 2
+    assert run("--output", "csv", "--suggest")[0] == 2
 
 
 def test_a_missing_recording_exits_with_1(run, tmp_path):

@@ -10,7 +10,7 @@ import pytest
 
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.web import api
-from ros_diagnostics_tools.commands.status import main
+from ros_diagnostics_tools.main import main
 from support.web_server import broken, component, fleet, problem, robot, wait_until
 
 FLEET = fleet(
@@ -35,7 +35,7 @@ FLEET = fleet(
 # A shell starts background jobs with Ctrl-C ignored, and their children inherit that.
 WATCH = """
 import signal, sys
-from ros_diagnostics_tools.commands.status import main
+from ros_diagnostics_tools.main import main
 signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.exit(main())
 """
@@ -50,7 +50,7 @@ def show(serve, capsys, monkeypatch):
     server = serve(fleet_snapshot=lambda: FLEET)
 
     def run(*arguments: str) -> str:
-        assert main([*arguments, "--url", f"http://{server.addresses[0]}"]) == 0
+        assert main(["status", *arguments, "--url", f"http://{server.addresses[0]}"]) == 0
         return capsys.readouterr().out
 
     return run
@@ -83,7 +83,7 @@ def test_the_worst_robots_come_first_with_their_faults(show):
     ],
 )
 def test_filters_by_state_robot_and_component(show, arguments, shown):
-    found = json.loads(show(*arguments, "--json"))
+    found = json.loads(show(*arguments, "--output", "json"))
     assert {each["robot"] for each in found["robots"]} == shown
     text = show(*arguments)
     names = {each["robot"] for each in FLEET["robots"]}
@@ -108,8 +108,8 @@ def test_a_robots_text_cannot_control_the_terminal(serve, capsys, monkeypatch):
             )
         )
     )
-    for more in ([], ["--component", ""], ["--json"]):
-        assert main(["--url", f"http://{server.addresses[0]}", *more]) == 0
+    for more in ([], ["--component", ""], ["--output", "json"]):
+        assert main(["status", "--url", f"http://{server.addresses[0]}", *more]) == 0
         text = capsys.readouterr().out
         assert not set(text) & set("\x1b\x07\x9b")
         assert "[bold]" in "".join(text.split())
@@ -127,7 +127,7 @@ def test_states_are_those_of_the_recording_rules(serve, capsys, monkeypatch):
         robot("c", short_checks=[short], problems=[missing]),
     )
     server = serve(fleet_snapshot=lambda: fleet(*robots))
-    assert main(["--url", f"http://{server.addresses[0]}"]) == 0
+    assert main(["status", "--url", f"http://{server.addresses[0]}"]) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert "a /Motor/Arm not confirmed yet, 5 s left" in text
     assert "STALE, counts as CRITICAL (was OK): Arm reports STALE" in text
@@ -143,13 +143,13 @@ def test_of_many_problems_of_a_robot_the_worst_are_shown(serve, capsys, monkeypa
     given = fleet(robot("a", problems=bad), robot("b"), problems=[site])
     server = serve(fleet_snapshot=lambda: given)
     url = f"http://{server.addresses[0]}"
-    assert main(["--url", url]) == 0
+    assert main(["status", "--url", url]) == 0
     text = capsys.readouterr().out
     assert text.count("/Motor/Motor") == 5
     assert "and 15 more" in text
     assert "site hall" in text
     assert "quiet: the exporter has just started" in text
-    assert main(["--url", url, "--robot", "a"]) == 0
+    assert main(["status", "--url", url, "--robot", "a"]) == 0
     assert "site hall" not in capsys.readouterr().out
 
 
@@ -162,49 +162,42 @@ def test_the_history_of_a_robot_has_relative_times_the_newest_last(serve, capsys
     server = serve(find_events=log.find)
     url = f"http://{server.addresses[0]}"
 
-    assert main(["--history", "a", "--url", url]) == 0
+    assert main(["history", "a", "--url", url]) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert text.index("10 min") < text.index("2 min")
     assert r"/Motor/Motor 1 OK → ERROR: \x1b[hot" in text
     assert "WARN" not in text
     assert "silent" not in text
-    assert main(["--history", "a", "--since", "3h", "--json", "--url", url]) == 0
+    assert main(["history", "a", "--since", "3h", "--output", "json", "--url", url]) == 0
     assert [each["after"] for each in json.loads(capsys.readouterr().out)] == [
-        *("OK", "ERROR", "WARN")
+        *("WARN", "ERROR", "OK")
     ]
-    assert main(["--history", "c", "--since", "10m", "--url", url]) == 0
-    assert "no event of robot 'c' in the last 10m" in capsys.readouterr().out
+    assert main(["history", "c", "--since", "10m", "--url", url]) == 0
+    assert "no event of robot 'c' since " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("wrong", [["--since", "soon"], ["--watch"], ["--history"]])
-def test_a_wrong_history_is_rejected(wrong, capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(["--history", "a", *wrong])
-    assert ended.value.code == 2
-    assert wrong[0] in capsys.readouterr().err
+def test_a_wrong_history_is_rejected(capsys):
+    assert main(["history", "a", "--since", "soon"]) == 2
+    assert "'soon' is no time; write it as 10m" in capsys.readouterr().err
 
 
 def test_an_unknown_state_is_rejected(capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(["--state", "bad"])
-    assert ended.value.code == 2
+    assert main(["status", "--state", "bad"]) == 2
     assert "BAD: not one of UNKNOWN, CRITICAL" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("flag", ["--watch", "--timeout"])
-@pytest.mark.parametrize("time", ["-3", "0", "nan", "inf", "soon"])
+@pytest.mark.parametrize("time", ["0s", "nan", "inf", "soon", "3"])
 def test_an_invalid_duration_is_rejected(flag, time, capsys):
-    with pytest.raises(SystemExit) as ended:
-        main([flag, time])
-    assert ended.value.code == 2
+    assert main(["status", f"{flag}={time}"]) == 2
     stderr = capsys.readouterr().err
-    assert f"argument {flag}" in stderr or f"/{flag}" in stderr
+    assert flag in stderr
     assert f"'{time}' is not a duration" in stderr
 
 
 def test_an_unreachable_exporter_is_an_error_with_its_address(capsys):
-    assert main(["--url", "http://127.0.0.1:1"]) == 1
-    assert "ros-diagnostics-status: http://127.0.0.1:1/" in capsys.readouterr().err
+    assert main(["status", "--url", "http://127.0.0.1:1"]) == 3
+    assert "ros-diagnostics: http://127.0.0.1:1/" in capsys.readouterr().err
 
 
 def test_watch_continues_after_an_outage_until_ctrl_c(serve, tmp_path):
@@ -217,7 +210,7 @@ def test_watch_continues_after_an_outage_until_ctrl_c(serve, tmp_path):
         return FLEET
 
     server = serve(fleet_snapshot=look)
-    arguments = ["--watch", "1.1", "--url", f"http://{server.addresses[0]}"]
+    arguments = ["status", "--watch", "1100ms", "--url", f"http://{server.addresses[0]}"]
     with subprocess.Popen([sys.executable, "-c", WATCH, *arguments], stdout=subprocess.PIPE) as it:
         try:
             wait_until(lambda: len(looks) >= 4)  # then the third, good again, was shown
@@ -225,5 +218,5 @@ def test_watch_continues_after_an_outage_until_ctrl_c(serve, tmp_path):
             out, _ = it.communicate(timeout=20)
         finally:
             it.kill()
-    assert it.returncode == 0
+    assert it.returncode == 130
     assert b"robot_2" in out

@@ -62,7 +62,7 @@ def read(paths: Iterable[Path]) -> Log:
         if not known:
             raise LogError(
                 f"{path}: no line is one of Nagios' log, as [1700000000] HOST ALERT: ...; unpack "
-                "a compressed archive: zcat FILE | ros-diagnostics-compare -"
+                "a compressed archive: zcat FILE | ros-diagnostics nagios compare -"
             )
     log.notices.sort(key=lambda notice: notice.time)
     return log

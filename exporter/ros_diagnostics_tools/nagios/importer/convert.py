@@ -7,8 +7,10 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from ros_diagnostics_exporter.config.errors import WrongValueError
+from ros_diagnostics_exporter.config.scalars import time_zone
 from ros_diagnostics_tools.nagios.importer import advice, files, inhibition, robots, rotas, routes
-from ros_diagnostics_tools.nagios.importer.files import Definition, Directive
+from ros_diagnostics_tools.nagios.importer.files import Definition, Directive, NagiosError
 from ros_diagnostics_tools.nagios.importer.inheritance import NOT_INHERITED, Templates, Thing
 from ros_diagnostics_tools.nagios.importer.ledger import Ledger
 from ros_diagnostics_tools.nagios.importer.site import Site
@@ -17,12 +19,13 @@ FLEET, ROUTES, UPLINKS, ONCALL, REPORT = (
     *("fleet.yml", "alertmanager-routes.yml"),
     *("uplinks.yml", "oncall.yml", "report.txt"),
 )
+MADE = "Made by ros-diagnostics nagios import"
 HEADERS = {
-    FLEET: "Made by nagios2fleet. Namespaces are made of names: compare with `ros2 topic list`.",
-    ROUTES: "Made by nagios2fleet: put each list before what the list of the same name in\n"
+    FLEET: f"{MADE}. Namespaces are made of names: compare with `ros2 topic list`.",
+    ROUTES: f"{MADE}: put each list before what the list of the same name in\n"
     "# alertmanager.yml has (routes: those below route).",
-    UPLINKS: "Made by nagios2fleet, for prometheus/targets.",
-    ONCALL: "Made by nagios2fleet: contacts that relieve one another. Until it is built into\n"
+    UPLINKS: f"{MADE}, for prometheus/targets.",
+    ONCALL: f"{MADE}: contacts that relieve one another. Until it is built into\n"
     "# alertmanager.yml, all of them receive what their receiver is sent.",
 }
 
@@ -32,7 +35,7 @@ class Options(NamedTuple):
 
     fleet: str
     plugins: tuple[str, ...] = ()
-    time_zone: str = "UTC"
+    time_zone: str | None = None  # None: use_timezone of nagios.cfg, else UTC
 
 
 class Converted(NamedTuple):
@@ -53,14 +56,14 @@ def convert(paths: list[Path], options: Options) -> Converted:
     Raises:
         NagiosError: Nagios would not read them.
     """
-    found = files.read(paths)
-    ledger = Ledger()
+    found, ledger = files.read(paths), Ledger()
     templates = Templates(found.definitions, ledger)
     site = _site(found, templates, ledger)
     its_robots = robots.find(site, options.plugins)
-    fleet = robots.fleet(site, its_robots, options.fleet, options.time_zone)
-    routing = routes.routing(site, its_robots)
-    oncall = rotas.content(site, routing.rotas, options.time_zone)
+    zone = _time_zone(site, options.time_zone)
+    fleet = robots.fleet(site, its_robots, options.fleet, zone)
+    routing = routes.routing(site, its_robots, zone)
+    oncall = rotas.content(site, routing.rotas, zone)
     rules = inhibition.rules(site, its_robots)
     uplinks = robots.uplinks(site, its_robots, options.fleet)
     _account_for_commands(site, its_robots)
@@ -75,6 +78,16 @@ def convert(paths: list[Path], options: Options) -> Converted:
     commands = {each.thing.get("check_command").partition("!")[0] for each in site.services}
     texts[REPORT] = report(ledger)
     return Converted(texts, ledger, len(its_robots), tuple(sorted(commands)))
+
+
+def _time_zone(site: Site, given: str | None) -> str:
+    """The zone of all hours: what the user says, else use_timezone of nagios.cfg, else UTC."""
+    if given is not None or "use_timezone" not in site.settings:
+        return given or "UTC"
+    try:
+        return str(time_zone(site.take_setting("use_timezone", "UTC", "the zone of all hours")))
+    except WrongValueError as error:
+        raise NagiosError(f"use_timezone: {error}; name the zone with --time-zone") from None
 
 
 def _site(found: files.Read, templates: Templates, ledger: Ledger) -> Site:

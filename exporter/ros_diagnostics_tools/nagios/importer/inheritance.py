@@ -52,6 +52,11 @@ class Thing:
         """Report a value that is given and has no equivalent."""
         self._ledger.lost(self.lines(key), remedy)
 
+    def withdraw(self, where: str, remedy: str) -> None:
+        """Report that nothing came of it at ``where``, whatever was taken for that."""
+        lines = (each for _, of_key in self.values.values() for each in of_key)
+        self._ledger.withdraw(lines, where, remedy)
+
     def lines(self, key: str) -> tuple[Directive, ...]:
         """The lines that make up a value."""
         return self.values.get(key, ("", ()))[1]

@@ -19,6 +19,9 @@ SERVICE_FAILURES = {
     "w": "RosDiagnosticsComponentWarning",
     "c": "RosDiagnosticsComponent(Critical|Stale)",
 }
+NO_RULE = (
+    "no inhibit rule: no two robots, or checks of robots, depend on an alert that there is here"
+)
 Rule = dict[str, Any]
 
 
@@ -26,10 +29,12 @@ def rules(site: Site, robots: list[Robot]) -> list[Rule]:
     """One inhibit rule for each pair that depends."""
     by_name = {robot.name: robot for robot in robots}
     found: list[Rule] = []
-    for thing in site.all("hostdependency"):
-        found += _of_hosts(site, thing, by_name)
-    for thing in site.all("servicedependency"):
-        found += _of_services(site, thing, by_name)
+    for kind, rules_of in (("hostdependency", _of_hosts), ("servicedependency", _of_services)):
+        for thing in site.all(kind):
+            made = list(rules_of(site, thing, by_name))
+            if not made:
+                thing.withdraw(WHERE, NO_RULE)
+            found += made
     return found
 
 

@@ -27,6 +27,15 @@ class Ledger:
         for each in directives:
             self._lost.setdefault(each, {})[remedy] = None
 
+    def withdraw(self, directives: Iterable[Directive], where: str, remedy: str) -> None:
+        """Note that nothing came of the directives at ``where`` after all, and what to do."""
+        for each in directives:
+            kept = {at: None for at in self._translated.pop(each, {}) if not at.startswith(where)}
+            if kept:
+                self._translated[each] = kept
+            else:
+                self.lost((each,), remedy)
+
     def knows(self, directive: Directive) -> bool:
         """Whether the directive is accounted for."""
         return directive in self._translated or directive in self._lost

@@ -239,20 +239,22 @@ def _named_profiles(robots: list[Robot]) -> dict[str, dict[str, Any]]:
 def _profile(site: Site, robot: Robot) -> dict[str, Any]:
     """The times and checks of one robot."""
     profile = _confirm_after(site, robot.host, "fleet.yml: profiles.*.confirm_after")
-    checks: dict[str, list[str]] = {}
+    checks: dict[str, dict[str, Any]] = {}
     rules: dict[str, dict[str, Any]] = {}
+    every: list[dict[str, Any]] = []
     plain: list[dict[str, Any]] = []
     for service, check in robot.services:
         rule = _rule(site, service, robot)
         name = _check_name(service, check)
         if check.words.lower() in plugin.EVERYTHING:
-            plain.insert(0, rule)
+            every.append(rule)
         else:
-            checks[name] = [check.words]
+            # Where no sensor matches, the plug-in is CRITICAL.
+            checks[name] = {"match": [check.words], "expect": 1}
             _overlap(service, check.words, rules)
             rules.setdefault(check.words, rule)
             plain.append(rule)
-    common = _most_common(plain)
+    common = _most_common(every or plain)
     specific = [{"match": words, **rules[words]} for words in sorted(rules, key=_longest_first)]
     if all(rules[words] == common for words in rules):
         specific = []
@@ -270,9 +272,11 @@ def _longest_first(words: str) -> tuple[int, str]:
 
 
 def _most_common(rules: list[dict[str, Any]]) -> dict[str, Any]:
+    """What most say; of those that as many say, the one that confirms last."""
     counted = Counter(json.dumps(each) for each in rules)
-    found: dict[str, Any] = json.loads(counted.most_common(1)[0][0])
-    return found
+    most = [text for text, count in counted.items() if count == max(counted.values())]
+    found: list[dict[str, Any]] = [json.loads(each) for each in most]
+    return max(found, key=lambda rule: durations.parse(rule.get("confirm_after", "0s")))
 
 
 def _overlap(service: Service, words: str, rules: dict[str, dict[str, Any]]) -> None:
@@ -287,16 +291,21 @@ def _overlap(service: Service, words: str, rules: dict[str, dict[str, Any]]) -> 
         )
 
 
+def check_name(service: Service) -> str:
+    """The name in fleet.yml of the check of a service; `all` is taken."""
+    name = service.name.replace("/", "-").strip()[:128]
+    return f"{name} in Nagios" if name == "all" else name
+
+
 def _check_name(service: Service, check: plugin.Check) -> str:
     """The name of the check of a service; its lines are accounted for."""
     thing = service.thing
     host = service.host
-    name = service.name.replace("/", "-").strip()[:128]
+    name = check_name(service)
     if check.words.lower() in plugin.EVERYTHING:
         thing.take("check_command", "fleet.yml: the check all, which every profile has")
         thing.lose("service_description", "a check without a filter is called all here")
     else:
-        name = f"{name} in Nagios" if name == "all" else name
         thing.take("check_command", f"fleet.yml: profiles.*.checks[{name}]")
         thing.take("service_description", f"fleet.yml: profiles.*.checks[{name}]")
     if check.host not in ("", host.get("host_name"), host.get("address")):

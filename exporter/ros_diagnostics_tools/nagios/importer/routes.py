@@ -16,7 +16,7 @@ from ros_diagnostics_exporter import durations
 from ros_diagnostics_tools.nagios.importer import plugin, rotas
 from ros_diagnostics_tools.nagios.importer.hours import ALWAYS, Hours, hours
 from ros_diagnostics_tools.nagios.importer.inheritance import Thing
-from ros_diagnostics_tools.nagios.importer.robots import Robot
+from ros_diagnostics_tools.nagios.importer.robots import Robot, check_name
 from ros_diagnostics_tools.nagios.importer.rotas import Turn
 from ros_diagnostics_tools.nagios.importer.site import Site
 
@@ -25,7 +25,7 @@ Kind = Literal["host", "service"]
 ALERTS: dict[Kind, dict[str, tuple[str, ...]]] = {
     "service": {
         "w": ("ComponentWarning", "ValueWarning", "ValueFalling"),
-        "c": ("ComponentCritical", "ComponentStale", "ValueCritical"),
+        "c": ("ComponentCritical", "ComponentStale", "ValueCritical", "CheckShort"),
         "f": ("ComponentFlapping", "ComponentIntermittent"),
     },
     "host": {
@@ -40,6 +40,9 @@ NOBODY = "nagios-nobody"
 PROBLEMS = "-problems"  # of a receiver without recoveries
 ROUTES = "alertmanager-routes.yml"
 ESCALATIONS = f"{ROUTES}: routes of RosDiagnosticsUnacknowledged"
+NO_ESCALATION = "no route: it names no robot, or no contact who is notified of what escalates here"
+# The exporter records who was notified of what (docs/notifications.md).
+NOTIFIED = "http://localhost:9877/api/v1/notifications"
 EMAIL = {
     "from": '{{ template "site.email.from" . }}',
     "headers": {
@@ -81,14 +84,20 @@ class Routing:
         return found
 
 
-def routing(site: Site, robots: list[Robot]) -> Routing:
-    """All routes: escalations, then each service's, then each host's."""
-    return _Router(site, robots).made
+def routing(site: Site, robots: list[Robot], time_zone: str) -> Routing:
+    """All routes: escalations, then each service's, then each host's; hours in ``time_zone``."""
+    return _Router(site, robots, time_zone).made
 
 
 class _Router:
-    def __init__(self, site: Site, robots: list[Robot]) -> None:
+    def __init__(self, site: Site, robots: list[Robot], time_zone: str) -> None:
         self._site = site
+        self._time_zone = time_zone
+        self._escalated_by: set[Thing] = set()
+        self._checks: dict[str, set[str]] = {}  # filter -> the names of its checks
+        for robot in robots:
+            for service, check in robot.services:
+                self._checks.setdefault(check.words, set()).add(check_name(service))
         self.made = Routing()
         self._escalations(robots)
         found: dict[tuple[str, Kind, tuple[Recipient, ...]], list[str]] = {}
@@ -97,9 +106,16 @@ class _Router:
                 found.setdefault(key, []).append(robot.name)
         ordered = sorted(found.items(), key=lambda item: -len(item[0][0]))  # as _longest_words
         for (words, kind, recipients), names in ordered:
-            for part in parts(words):
+            for part in self._parts(words):
                 matchers = [_alerts(OF_KIND[kind]), *part, _robots(names)]
                 self.made.routes.append(self._route(matchers, recipients))
+
+    def _parts(self, words: str) -> list[list[str]]:
+        """Matchers for the components that a filter selects, and for the checks that count them."""
+        if not words:
+            return parts(words)
+        names = "|".join(map(_escaped, sorted(self._checks[words])))
+        return [*parts(words), [f"check =~ {_quoted(names)}"]]
 
     def _of_robot(self, robot: Robot) -> Iterator[tuple[str, Kind, tuple[Recipient, ...]]]:
         """The filter of components and the recipients of each service, and those of the host."""
@@ -179,7 +195,7 @@ class _Router:
     def _receiver(self, contact: Thing, *, recovery: bool) -> str:
         where = f"{ROUTES}: receivers"
         name = f"nagios-{contact.take('contact_name', where)}" + ("" if recovery else PROBLEMS)
-        receiver: dict[str, Any] = {"name": name}
+        receiver: dict[str, Any] = {"name": name, "webhook_configs": [_notified(recovery)]}
         if email := contact.take("email", where):
             receiver["email_configs"] = [{"to": email, "send_resolved": recovery, **EMAIL}]
         else:
@@ -217,7 +233,11 @@ class _Router:
         emails = (self._site.find("contact", each.contact) for each in recipients)
         to = ", ".join(filter(None, (each.get("email") for each in emails if each is not None)))
         config = {"to": to, "send_resolved": recovery, **EMAIL}
-        self.made.receivers[name] = {"name": name, "email_configs": [config]}
+        self.made.receivers[name] = {
+            "name": name,
+            "webhook_configs": [_notified(recovery)],
+            "email_configs": [config],
+        }
         self.made.rotas[name] = [Turn(each.contact, each.hours) for each in recipients]
         return name
 
@@ -226,12 +246,16 @@ class _Router:
             return {}
         route = {}
         if active := found.intervals():
-            self.made.time_intervals[found.name] = active
+            self.made.time_intervals[found.name] = self._located(active)
             route["active_time_intervals"] = [found.name]
         if found.muted:
-            self.made.time_intervals[f"{found.name} (off)"] = list(found.muted)
+            self.made.time_intervals[f"{found.name} (off)"] = self._located(found.muted)
             route["mute_time_intervals"] = [f"{found.name} (off)"]
         return route
+
+    def _located(self, intervals: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+        """Intervals in the zone of Nagios' hours; without a location they are UTC."""
+        return [{**each, "location": self._time_zone} for each in intervals]
 
     # -- escalations -------------------------------------------------------------------------
 
@@ -246,9 +270,13 @@ class _Router:
         for (words, kind, step, recipients), names in sorted(found.items(), key=_longest_words):
             scope = 'scope = "robot"' if kind == "host" else 'scope != "robot"'
             unacknowledged = ["alertname = RosDiagnosticsUnacknowledged", f'step = "{step}"', scope]
-            for part in parts(words):
+            for part in self._parts(words):
                 matchers = [*unacknowledged, *part, _robots(names)]
                 self.made.routes.append(self._route(matchers, recipients))
+        for kind in ALERTS:
+            for thing in self._site.all(f"{kind}escalation"):
+                if thing not in self._escalated_by:
+                    thing.withdraw(ESCALATIONS, NO_ESCALATION)
 
     def _escalations_of(
         self, kind: Kind, robots: dict[str, Robot]
@@ -308,7 +336,12 @@ class _Router:
         for contact in self.contacts(thing, robot.host, ESCALATIONS):
             found = self._recipient(kind, contact, frozenset(worst[kind]), period)
             if found is not None:
+                self._escalated_by.add(thing)
                 yield replace(found, alerts=("Unacknowledged",))
+
+
+def _notified(recovery: bool) -> dict[str, Any]:
+    return {"url": NOTIFIED, "send_resolved": recovery}
 
 
 def _longest_words(item: tuple[tuple[str, Any, Any, Any], Any]) -> int:

@@ -19,7 +19,7 @@ from ros_diagnostics_tools.backtest.recordings import (
     RecordingSource,
 )
 from ros_diagnostics_tools.backtest.replay import Replay, play
-from ros_diagnostics_tools.commands import backtest
+from ros_diagnostics_tools.main import main
 from support.bags import BEGIN, TOPIC, every_second, fleet, judged, texts, write_bag
 
 AGGREGATED = Fleet("f", (Robot("r", topic_agg="/r/diagnostics_agg", source=Source.AGG),))
@@ -124,11 +124,31 @@ def test_a_robot_that_the_config_does_not_have_is_named(tmp_path, capsys):
     config = tmp_path / "fleet.yml"
     config.write_text(f"fleet: f\nrobots: [{{name: r, topic: {TOPIC}}}]\n")
 
-    assert backtest.main(["--config.file", str(config), str(log), "--suggest"]) == 0
+    assert main(["backtest", "--config", str(config), str(log), "--suggest"]) == 0
 
     said = capsys.readouterr()
     assert "of no robot of the configuration: " in said.err
     assert "\x1b" not in said.err + said.out
+
+
+@pytest.mark.parametrize("topic", ["topic: /r/diagnostics", "topic: /r/diagnostics_agg"])
+def test_samples_of_a_log_are_numbers(tmp_path, topic):
+    events = [
+        Event(BEGIN + 5, "level", "r", "/Arm", "motor", "OK", "ERROR"),
+        Event(BEGIN + 90, "level", "r", "/Arm", "motor", "ERROR", "OK"),
+    ]
+    log, samples = write_log(tmp_path / "state.db", events), tmp_path / "samples.om"
+    config = tmp_path / "fleet.yml"
+    config.write_text(f"fleet: f\nrobots: [{{name: r, {topic}}}]\n")
+
+    command = ["backtest", "--config", str(config), "--openmetrics", str(samples), str(log)]
+    assert main(command) == 0
+
+    lines = samples.read_text().splitlines()[:-1]
+    found = {line.rsplit(" ", 2)[1] for line in lines if "component_level{" in line}
+    assert found == {"2"}
+    for line in lines:
+        float(line.rsplit(" ", 2)[1])
 
 
 def test_a_log_of_no_robot_of_the_config_is_an_error(tmp_path, capsys):
@@ -137,7 +157,7 @@ def test_a_log_of_no_robot_of_the_config_is_an_error(tmp_path, capsys):
     config = tmp_path / "fleet.yml"
     config.write_text(f"fleet: f\nrobots: [{{name: r, topic: {TOPIC}}}]\n")
 
-    assert backtest.main(["--config.file", str(config), str(log)]) == 1
+    assert main(["backtest", "--config", str(config), str(log)]) == 1
 
     assert "other" in capsys.readouterr().err
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_tools.commands.nagios_compare import main
+from ros_diagnostics_tools.main import main
 
 DAY = 1_767_225_600  # 2026-01-01
 MOTOR = {"scope": "component", "robot": "r1", "group": "/Motor", "component": "Motor 2"}
@@ -51,7 +51,7 @@ class Site:
 
     def compare(self, *options: str) -> tuple[int, dict[str, Any]]:
         """The exit code, and what the command prints as JSON."""
-        code, text = self.run("--json", *options)
+        code, text = self.run("--output", "json", *options)
         return code, json.loads(text) if text else {}
 
     def run(self, *options: str) -> tuple[int, str]:
@@ -59,7 +59,7 @@ class Site:
         self.log.write_bytes(b"\n".join([*self._lines, f"[{DAY + 86400}] end".encode(), b""]))
         self.events.write_text(json.dumps({"events": self._events}))
         given = ["--events", str(self.events), "--since", "2026-01-01", *options]
-        code = main([*given, "--", *map(str, (self.log, *self.archives))])
+        code = main(["nagios", "compare", *given, "--", *map(str, (self.log, *self.archives))])
         return code, self._capsys.readouterr().out
 
 
@@ -268,7 +268,7 @@ def test_names_that_control_a_terminal_are_printed_harmless(site):
     site.here(5000, component="\x1b]0;x\x07")
 
     assert "\x1b" not in site.run()[1]
-    assert "\x1b" not in site.run("--json")[1]
+    assert "\x1b" not in site.run("--output", "json")[1]
 
 
 @pytest.mark.parametrize(
@@ -285,7 +285,7 @@ def test_no_log_is_one_clear_error(content, error, tmp_path, capsys):
         log.write_bytes(content)
     (tmp_path / "events.json").write_text('{"events": []}')
 
-    assert main([str(log), "--events", str(tmp_path / "events.json")]) == 2
+    assert main(["nagios", "compare", str(log), "--events", str(tmp_path / "events.json")]) == 2
     assert error in capsys.readouterr().err
 
 
@@ -305,32 +305,29 @@ def test_no_events_are_one_clear_error(content, tmp_path, capsys):
     log.write_text(f"[{DAY}] start\n")
     events.write_text(content)
 
-    assert main([str(log), "--events", str(events)]) == 2
+    assert main(["nagios", "compare", str(log), "--events", str(events)]) == 2
     assert "event" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("option", "error"),
     [
-        (("--since", "yesterday"), "'yesterday' is no time; write it as 14d"),
-        (("--late", "5"), "'5' is not a duration; write it as 90s or 5m"),
+        (("--since", "yesterday"), "'yesterday' is no time; write it as 10m"),
+        (("--late", "5"), "'5' is not a duration such as 90s"),
         (("--service", "Motor"), "'Motor' is not SERVICE=PATTERN"),
     ],
 )
 def test_wrong_options(option, error, capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(["nagios.log", *option])
-
-    assert ended.value.code == 2
+    assert main(["nagios", "compare", "nagios.log", *option]) == 2
     assert error in capsys.readouterr().err
 
 
 def test_a_time_that_both_do_not_have_is_an_error(site, capsys):
-    assert main([str(site.log), "--events", str(site.events)]) == 2
+    assert main(["nagios", "compare", str(site.log), "--events", str(site.events)]) == 2
 
     site.run()
     options = ["--events", str(site.events), "--since", "2027-01-01"]
-    assert main([str(site.log), *options]) == 2
+    assert main(["nagios", "compare", str(site.log), *options]) == 2
     assert "nothing to compare: from 2027-01-01 00:00:00" in capsys.readouterr().err
 
 
@@ -340,7 +337,7 @@ def test_the_exporter_is_asked_and_the_standard_input_is_read(serve, site, monke
     text = f"[{DAY}] HOST NOTIFICATION: ops;router;DOWN;by-mail;x\n".encode()
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text)))
 
-    assert main(["-", "--url", f"http://{server.addresses[0]}"]) == 0
+    assert main(["nagios", "compare", "-", "--url", f"http://{server.addresses[0]}"]) == 0
     assert "hosts that are no robots here: 1 notif" in capsys.readouterr().out
     assert wanted == ["notified"]
 

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_tools.commands.nagios_import import main
+from ros_diagnostics_tools.main import main
 from ros_diagnostics_tools.nagios.importer.convert import (
     FLEET,
     REPORT,
@@ -131,6 +131,7 @@ def test_the_routes_load_with_the_shipped_ones(alertmanager):
         ),
         ("alertname=RosDiagnosticsComponentWarning robot=arm_1 component=Laser", "ada"),
         ("alertname=RosDiagnosticsComponentCritical robot=cart-1 component=Laser", "nobody"),
+        ("alertname=RosDiagnosticsCheckShort robot=arm_1 check=motors", "ben-problems"),
         ("alertname=RosDiagnosticsRobotSilent robot=cart-1", "ada"),
         ("alertname=RosDiagnosticsRobotSilent robot=arm_2", "ada,ben-problems"),
         ("alertname=RosDiagnosticsRobotSilent robot=other", "email"),
@@ -165,6 +166,48 @@ def test_hours_of_a_contact_are_those_of_the_route(made):
     assert {each["name"] for each in fragment["time_intervals"]} == {"workhours", "workhours (off)"}
 
 
+def test_hours_are_in_the_time_zone_of_nagios(made, tmp_path):
+    def zones(converted: Converted) -> set[str | None]:
+        fragment = yaml.safe_load(converted.texts[ROUTES])
+        return {
+            interval.get("location")
+            for each in fragment["time_intervals"]
+            for interval in each["time_intervals"]
+        }
+
+    assert zones(made) == {"Europe/Berlin"}
+
+    shutil.copytree(SITE, tmp_path, dirs_exist_ok=True)
+    main_file = tmp_path / "nagios.cfg"
+    main_file.write_text(main_file.read_text() + "use_timezone=Asia/Tokyo\n")
+    found = convert([main_file], Options("hall"))
+    assert zones(found) == {"Asia/Tokyo"}
+    assert "time_zone: Asia/Tokyo" in found.texts[FLEET]
+    assert zones(convert([main_file], OPTIONS)) == {"Europe/Berlin"}  # what the user says counts
+
+    main_file.write_text(main_file.read_text().replace("Asia/Tokyo", "Atlantis/Capital"))
+    with pytest.raises(NagiosError, match=r"use_timezone: .*--time-zone"):
+        convert([main_file], Options("hall"))
+
+
+def test_the_exporter_records_what_the_receivers_get(made):
+    fragment = yaml.safe_load(made.texts[ROUTES])
+    found = {
+        each["name"]: [
+            (one["url"], one["send_resolved"]) for one in each.get("webhook_configs", ())
+        ]
+        for each in fragment["receivers"]
+    }
+    url = "http://localhost:9877/api/v1/notifications"
+    assert found.pop("nagios-nobody") == []
+    assert found == {name: [(url, not name.endswith("-problems"))] for name in found}
+
+
+def test_a_check_that_finds_no_sensor_is_critical_as_in_nagios(fleet):
+    (motors,) = (each for each in fleet.profiles["arm"].checks if each.name == "motors")
+    assert motors.expect == 1
+
+
 def test_dependencies_inhibit(made):
     first, *_ = yaml.safe_load(made.texts[ROUTES])["inhibit_rules"]
 
@@ -192,6 +235,91 @@ def test_every_line_is_in_the_report(made):
     reported = re.findall(r"^(\S+?):(\d+): ", made.texts[REPORT], re.MULTILINE)
 
     assert set(lines_of(SITE)) == {(path, int(line)) for path, line in reported}
+
+
+NOWHERE = """
+define hostdependency {
+    host_name arm_1
+    dependent_host_name printer
+    notification_failure_criteria d
+}
+define servicedependency {
+    host_name arm_1
+    service_description motors
+    dependent_host_name arm_2
+    dependent_service_description motors
+    notification_failure_criteria u
+}
+define hostescalation {
+    host_name arm_1
+    first_notification 2
+    contacts nobody_of_this_name
+    escalation_period 24x7
+}
+define host {
+    host_name printer
+    address 10.0.0.99
+}
+"""
+
+
+def test_what_is_nowhere_in_the_output_is_not_called_translated(made, tmp_path):
+    shutil.copytree(SITE, tmp_path, dirs_exist_ok=True)
+    path = tmp_path / "objects" / "robots" / "nowhere.cfg"
+    path.write_text(NOWHERE)
+
+    found = convert([tmp_path / "nagios.cfg"], OPTIONS)
+
+    for name in (FLEET, ROUTES):
+        assert found.texts[name] == made.texts[name]
+    claimed = {each.key for each, _ in found.ledger.translated_rows if each.path == path}
+    assert claimed == set()
+    assert len(
+        [each for each, why in found.ledger.lost_rows if each.path == path and any(why)]
+    ) == len(re.findall(r"^ ", NOWHERE, re.MULTILINE))
+
+
+RULES = """
+define command {
+    command_name check_ros
+    command_line /opt/check_ros -H $HOSTADDRESS$ -N $ARG1$
+}
+define host {
+    host_name a
+    address 10.0.0.1
+    max_check_attempts 1
+}
+"""
+
+
+def service(words: str, attempts: int) -> str:
+    return f"""define service {{
+    host_name a
+    service_description {words}
+    check_command check_ros!{words}
+    max_check_attempts {attempts}
+    retry_interval 1
+}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("services", "seconds"),
+    [
+        ((("Laser", 2), ("Motor", 6)), 300),  # nobody says what holds for others: the longest
+        ((("Laser", 2), ("Arm", 2), ("Motor", 6)), 60),  # what most say
+        ((("Laser", 2), ("Arm", 2), ("all", 4)), 180),  # the service that checks everything
+    ],
+)
+def test_components_without_a_service_of_their_own(tmp_path, services, seconds):
+    path = tmp_path / "objects.cfg"
+    path.write_text(RULES + "".join(service(*each) for each in services))
+
+    (tmp_path / FLEET).write_text(convert([path], OPTIONS).texts[FLEET])
+
+    (profile,) = load(tmp_path / FLEET).profiles.values()
+    assert profile.components[-1].pattern.pattern == ".*"
+    assert profile.components[-1].confirm_after == seconds
 
 
 def test_what_to_do_is_said_for_what_has_no_equivalent(made):
@@ -284,7 +412,15 @@ def changed(line: str, directive: Directive) -> str:
 
 
 def test_the_command_writes_all_files_and_does_not_overwrite(tmp_path, capsys):
-    command = [str(SITE / "nagios.cfg"), "--output", str(tmp_path / "new"), "--fleet", "hall"]
+    command = [
+        "nagios",
+        "import",
+        str(SITE / "nagios.cfg"),
+        "--to",
+        str(tmp_path / "new"),
+        "--fleet",
+        "hall",
+    ]
 
     assert main(command) == 0
     assert "3 robots; fleet.yml, alertmanager-routes.yml, uplinks.yml, report.txt" in (
@@ -299,7 +435,15 @@ def test_the_command_writes_all_files_and_does_not_overwrite(tmp_path, capsys):
 
 
 def test_without_a_ros_check_the_command_says_how_to_name_the_plugin(tmp_path, capsys):
-    command = [str(SITE / "nagios.cfg"), "--output", str(tmp_path), "--plugin", "check_other*"]
+    command = [
+        "nagios",
+        "import",
+        str(SITE / "nagios.cfg"),
+        "--to",
+        str(tmp_path),
+        "--plugin",
+        "check_other*",
+    ]
 
     assert main(command) == 0
     assert "name the ROS plug-in with --plugin" in capsys.readouterr().err
@@ -309,6 +453,6 @@ def test_without_a_ros_check_the_command_says_how_to_name_the_plugin(tmp_path, c
 def test_files_that_nagios_rejects_write_nothing(tmp_path, capsys):
     (tmp_path / "bad.cfg").write_text("define host {\nuse nowhere\nhost_name a\n}\n")
 
-    assert main([str(tmp_path / "bad.cfg"), "--output", str(tmp_path / "new")]) == 1
+    assert main(["nagios", "import", str(tmp_path / "bad.cfg"), "--to", str(tmp_path / "new")]) == 1
     assert "bad.cfg:1: use nowhere" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()

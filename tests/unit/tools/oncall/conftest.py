@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 from textwrap import dedent
 
 import pytest
 
-from ros_diagnostics_tools.commands.oncall import main
+from ros_diagnostics_tools.commands import oncall
+from ros_diagnostics_tools.main import main
 from support.oncall import with_marker
 from support.shipped_rules import ALERTMANAGER
 
@@ -24,12 +26,16 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def run(folder: Path, capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+def run(
+    folder: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., tuple[int, str, str]]:
     """Runs the command on a text (indented as the test is): exit code, its two outputs."""
 
-    def run(text: str, *arguments: str, **keywords: object) -> tuple[int, str, str]:
+    def run(text: str, *arguments: str, now: datetime | None = None) -> tuple[int, str, str]:
         (folder / "oncall.yml").write_text(dedent(text), encoding="utf-8")
-        code = main(arguments, **keywords)
+        if now is not None:
+            monkeypatch.setattr(oncall, "_now", lambda: now)
+        code = main(["oncall", *arguments])
         return code, *capfd.readouterr()
 
     return run

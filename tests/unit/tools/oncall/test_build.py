@@ -57,7 +57,7 @@ overrides:
 
 @pytest.fixture
 def built(run: Callable[..., Any], folder: Path) -> dict[str, Any]:
-    code, _, errors = run(FILE, "build", "--weeks", "2", now=NOW)
+    code, _, errors = run(FILE, "build", "--ahead", "2w", now=NOW)
     assert (code, errors) == (0, "")
     return yaml.safe_load((folder / "alertmanager-oncall.yml").read_text())
 
@@ -182,7 +182,7 @@ def test_a_duty_has_the_same_receiver_and_hours_when_it_is_built_later(
     run: Callable[..., Any], folder: Path, built: dict[str, Any]
 ):
     """Alertmanager remembers by the receiver's name what it has sent."""
-    run(FILE, "build", "--weeks", "2", now=NOW + timedelta(days=5))
+    run(FILE, "build", "--ahead", "2w", now=NOW + timedelta(days=5))
     later = yaml.safe_load((folder / "alertmanager-oncall.yml").read_text())
     first = {each["name"]: each for each in built["time_intervals"]}
     lasting = "on-call/robots/first/2027-03-25T08:00Z/ben"  # the one that is on call both times
@@ -211,7 +211,7 @@ def test_words_that_yaml_reads_in_several_ways_stay_as_they_are_written(
 
 @pytest.mark.parametrize("weeks", ["1", "13"])
 def test_amtool_accepts_what_is_built(run: Callable[..., Any], folder: Path, weeks: str):
-    run(FILE, "build", "--weeks", weeks, now=NOW)
+    run(FILE, "build", "--ahead", f"{weeks}w", now=NOW)
     output = folder / "alertmanager-oncall.yml"
 
     assert "SUCCESS" in run_tool("amtool", "check-config", output)
@@ -245,7 +245,7 @@ def test_hours_are_the_time_from_start_until_end(first: int, minutes: int, probe
 
 
 def test_the_end_is_read_from_what_was_built(run: Callable[..., Any], folder: Path):
-    run(FILE, "build", "--weeks", "2", now=NOW)
+    run(FILE, "build", "--ahead", "2w", now=NOW)
 
     found = built_until((folder / "alertmanager-oncall.yml").read_text())
 

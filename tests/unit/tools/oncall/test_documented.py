@@ -17,7 +17,7 @@ SHIPPED = (ALERTMANAGER / "oncall.yml").read_text()
 NOW = datetime(2026, 11, 22, 2, tzinfo=timezone.utc)
 # Each shown command with what it prints.
 SHOWN = re.findall(
-    r"^\$ ros-diagnostics-oncall ([^\n#]*)(?:#[^\n]*)?\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL
+    r"^\$ ros-diagnostics oncall ([^\n#]*)(?:#[^\n]*)?\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL
 )
 
 

@@ -35,7 +35,7 @@ def errors(run: Callable[..., Any]) -> Callable[..., list[str]]:
     """The lines that `build` writes to standard error about a text."""
 
     def errors(text: str) -> list[str]:
-        code, output, lines = run(text, "build", "--weeks", "3", now=NOW)
+        code, output, lines = run(text, "build", "--ahead", "3w", now=NOW)
         assert (code, output) == (2, "")
         return lines.splitlines()
 

@@ -1,4 +1,4 @@
-"""nagios2fleet reads Nagios' files as the distribution's Nagios does."""
+"""`ros-diagnostics nagios import` reads Nagios' files as the distribution's Nagios does."""
 
 from __future__ import annotations
 

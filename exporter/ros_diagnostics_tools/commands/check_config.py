@@ -1,0 +1,40 @@
+"""``ros-diagnostics check-config``: whether fleet.yml is right, and what of it matches nothing."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import click
+
+from ros_diagnostics_exporter.config.check import describe
+from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.state.unmatched import find_unmatched, known_from_json
+from ros_diagnostics_tools.servers import Servers, with_servers
+from ros_diagnostics_tools.terminal import print_json, with_output
+
+
+@click.command(epilog="Example: ros-diagnostics check-config fleet.yml --live")
+@click.argument(
+    "file", type=click.Path(path_type=Path), default=Path("fleet.yml"), metavar="[FLEET.YML]"
+)
+@click.option(
+    "--live",
+    is_flag=True,
+    help="Also list what matches no robot, component or value that the running exporter knows.",
+)
+@with_output()
+@with_servers
+def command(servers: Servers, output: str, file: Path, *, live: bool) -> None:
+    """Check fleet.yml and the folders that it names; print a summary, or all errors."""
+    fleet = load(file)
+    unmatched = None
+    if live:
+        known = known_from_json(servers.exporter.fleet())
+        unmatched = list(map(str, find_unmatched(fleet, known, time.time())))
+    if output == "json":
+        print_json({"fleet": fleet.name, "warnings": list(fleet.warnings), "unmatched": unmatched})
+        return
+    print(describe(fleet), end="")  # noqa: T201
+    if unmatched is not None:
+        print(f"unmatched ({len(unmatched)}):", *unmatched, sep="\n  ")  # noqa: T201

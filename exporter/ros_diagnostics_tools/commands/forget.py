@@ -1,0 +1,30 @@
+"""``ros-diagnostics forget``: take a robot or a component out of the exporter's state."""
+
+from __future__ import annotations
+
+from urllib.parse import urlencode
+
+import click
+
+from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_tools.servers import Servers, with_servers
+from ros_diagnostics_tools.terminal import print_json, with_output
+
+
+@click.command(epilog='Example: ros-diagnostics forget robot_3 "Motor 1"')
+@click.argument("robot")
+@click.argument("component", required=False)
+@with_output()
+@with_servers
+def command(servers: Servers, output: str, robot: str, component: str | None) -> None:
+    """Remove ROBOT, or its COMPONENT, that is gone for good: its faults end.
+
+    It comes back when it is received again; a robot that fleet.yml declares stays in the inventory.
+    """
+    query = {"robot": robot} if component is None else {"robot": robot, "component": component}
+    found = servers.exporter.post(f"/-/forget?{urlencode(query)}", {})
+    if output == "json":
+        print_json(found)
+    else:
+        name = one_line(" ".join(query.values()))
+        print(f"forgotten: {name}, {found['forgotten']} components")  # noqa: T201

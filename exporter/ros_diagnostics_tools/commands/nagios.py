@@ -1,0 +1,16 @@
+"""``ros-diagnostics nagios``: for sites that come from Nagios."""
+
+from __future__ import annotations
+
+import click
+
+from ros_diagnostics_tools.commands import nagios_compare, nagios_import
+
+
+@click.group(epilog="Example: ros-diagnostics nagios import /etc/nagios4/nagios.cfg")
+def command() -> None:
+    """Come from Nagios: import its object files, compare its log with what happens here."""
+
+
+command.add_command(nagios_import.command)
+command.add_command(nagios_compare.command)

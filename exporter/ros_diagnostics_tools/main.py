@@ -1,0 +1,134 @@
+"""``ros-diagnostics``: one command for people, with a file in ``commands/`` for each subcommand."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
+from urllib.error import HTTPError
+
+import click
+from click.shell_completion import CompletionItem
+
+from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.config.errors import ConfigError
+from ros_diagnostics_exporter.http_client import UnreachableError
+from ros_diagnostics_exporter.texts import printable
+from ros_diagnostics_tools.errors import (
+    INTERRUPTED,
+    NO,
+    UNREACHABLE,
+    USAGE,
+    NotDoneError,
+    UnusableError,
+)
+
+PROGRAM = "ros-diagnostics"
+# Subcommand -> what it does. A module is imported when its subcommand is used: completion is quick.
+COMMANDS = {
+    "status": "Show the fleet: each robot's state and problems.",
+    "why": "Show why somebody was notified of a robot's faults, or nobody.",
+    "history": "Show what happened to a robot.",
+    "faults": "List the faults that last.",
+    "ack": "Acknowledge an alert, so that it does not escalate.",
+    "downtime": "Plan a downtime of robots or of one component.",
+    "forget": "Remove a robot or a component that is gone for good.",
+    "oncall": "Who is on call: build, check and show the rota.",
+    "backtest": "Judge recordings: what would have been notified?",
+    "nagios": "Come from Nagios: import its files, compare its log.",
+    "check-config": "Check fleet.yml.",
+    "test-page": "Send a test alert through the real routes.",
+}
+
+
+class Commands(click.Group):
+    """The subcommands, each imported when it is used."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - as click calls it
+        """Their names, in the order of the help."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """One of them."""
+        if cmd_name not in COMMANDS:
+            return None
+        module = import_module(f"ros_diagnostics_tools.commands.{cmd_name.replace('-', '_')}")
+        command: click.Command = module.command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """List them without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Complete their names without importing them."""
+        if incomplete.startswith("-"):
+            return click.Command.shell_complete(self, ctx, incomplete)
+        return [
+            CompletionItem(name, help=text)
+            for name, text in COMMANDS.items()
+            if name.startswith(incomplete)
+        ]
+
+
+EPILOG = f"""\b
+Examples:
+  {PROGRAM} status --state critical,unknown
+  {PROGRAM} why robot_3 --at 14:30
+  {PROGRAM} ack robot_3 "Motor 1" --comment "spare part ordered"
+
+\b
+Exit codes: 0 done; {NO} not done, or the answer is no; {USAGE} wrong arguments or an invalid file;
+{UNREACHABLE} a server does not answer; {INTERRUPTED} Ctrl-C.
+
+\b
+Completion, in ~/.bashrc:
+  eval "$(_ROS_DIAGNOSTICS_COMPLETE=bash_source {PROGRAM})"
+in ~/.zshrc with zsh_source; for fish see docs/commands.md.
+"""
+
+
+@click.group(cls=Commands, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name=PROGRAM)
+def command() -> None:
+    """Ask a ROS diagnostics exporter about its fleet, and act on what it says."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a subcommand; the exit code."""
+    try:
+        return _run(None if arguments is None else list(arguments))
+    except ConfigError as error:
+        print(error, file=sys.stderr)  # noqa: T201
+        return USAGE
+    except UnusableError as error:
+        return _fail(error, USAGE)
+    except NotDoneError as error:
+        return _fail(error, NO)
+    except UnreachableError as error:
+        # A server that answers with an error has been reached: it does not know, or refuses.
+        return _fail(error, NO if isinstance(error.__cause__, HTTPError) else UNREACHABLE)
+    except OSError as error:
+        return _fail(error, NO)
+
+
+def _run(arguments: list[str] | None) -> int:
+    try:
+        code: Any = command.main(arguments, PROGRAM, standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        return USAGE
+    except (click.Abort, KeyboardInterrupt):
+        return INTERRUPTED
+    return int(code or 0)
+
+
+def _fail(error: Exception, code: int) -> int:
+    print(f"{PROGRAM}: {printable(str(error))}", file=sys.stderr)  # noqa: T201
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

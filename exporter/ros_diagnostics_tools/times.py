@@ -1,0 +1,93 @@
+"""The one way in which durations and times are written on the command line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from datetime import datetime, timedelta
+
+import click
+
+from ros_diagnostics_exporter import durations
+
+LONGEST = 3650 * 86_400.0  # seconds
+_TIME_OF_DAY = re.compile(r"\d\d:\d\d(:\d\d)?")
+
+
+class Duration(click.ParamType[float]):
+    """A duration as Prometheus writes it; its value in seconds."""
+
+    name = "duration"
+
+    def convert(
+        self, value: str | float, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The seconds."""
+        if not isinstance(value, str):
+            return value
+        try:
+            seconds = durations.parse(value)
+        except ValueError:
+            seconds = 0.0
+        if not 0 < seconds <= LONGEST:
+            self.fail(f"{value!r} is not a duration such as 90s, 10m or 1h30m", param, ctx)
+        return seconds
+
+
+class Moment(click.ParamType[datetime]):
+    """A time; without a zone it is this machine's.
+
+    Args:
+        ahead: Whether it lies ahead: then 10m and 14:30 are the next such time, else the last.
+    """
+
+    name = "time"
+
+    def __init__(self, *, ahead: bool = False) -> None:
+        self._ahead = ahead
+
+    def convert(
+        self, value: str | datetime, param: click.Parameter | None, ctx: click.Context | None
+    ) -> datetime:
+        """The time, with its zone."""
+        if isinstance(value, datetime):
+            return value
+        now = datetime.now().astimezone()
+        try:
+            found = moment(value, now, ahead=self._ahead)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+        if self._ahead and found < now:
+            self.fail(f"{value!r} has passed", param, ctx)
+        return found
+
+
+def moment(
+    text: str,
+    now: datetime,
+    *,
+    ahead: bool,
+    localize: Callable[[datetime], datetime] = datetime.astimezone,
+) -> datetime:
+    """The time that a text names: 10m (ago, or from now), 14:30, 2027-01-31, 2027-01-31T14:30.
+
+    ``localize`` gives a time without a zone the one that it is meant in.
+
+    Raises:
+        ValueError: It is none of these.
+    """
+    try:
+        return now + timedelta(seconds=durations.parse(text)) * (1 if ahead else -1)
+    except (ValueError, OverflowError):
+        pass
+    try:
+        if _TIME_OF_DAY.fullmatch(text):
+            then = localize(datetime.fromisoformat(f"{now.date()} {text}"))
+            days = int(then < now) if ahead else -int(then > now)
+            return then + timedelta(days=days)
+        then = datetime.fromisoformat(text)
+        return then if then.tzinfo else localize(then)
+    except (ValueError, OverflowError, OSError) as error:
+        raise ValueError(
+            f"{text!r} is no time; write it as 10m, 14:30, 2027-01-31 or 2027-01-31T14:30"
+        ) from error

@@ -1,0 +1,304 @@
+"""The one command: its help, exit codes, named exporters, what each subcommand prints."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import click
+import pytest
+
+from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from ros_diagnostics_tools.commands import test_page
+from ros_diagnostics_tools.main import COMMANDS, command, main
+from support.web_server import component, fleet, robot
+
+FLEET = fleet(robot("robot_1", component("Motor 1", "OK"), labels={"site": "hall", "team": "arms"}))
+FAULT = {
+    "scope": "component",
+    "state": "critical",
+    "severity": "critical",
+    "robot": "robot_1",
+    "group": "/Motor",
+    "component": "Motor 1",
+    "site": "",
+    "check": "",
+    "key": "",
+    "bound": "",
+    "since": 1_000.0,
+    "evidence": "\x1b[31mhot",
+}
+
+
+def commands(group: click.Group, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """The path of each subcommand that does something."""
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        each = group.get_command(context, name)
+        if isinstance(each, click.Group):
+            yield from commands(each, (*path, name))
+        else:
+            yield (*path, name)
+
+
+PATHS = list(commands(command))
+
+
+def test_there_is_one_command_with_these_subcommands():
+    assert {" ".join(each) for each in PATHS} == {
+        *("status", "why", "history", "faults", "ack", "downtime", "forget", "backtest"),
+        *("oncall build", "oncall check", "oncall who", "oncall icalendar"),
+        *("nagios import", "nagios compare", "check-config", "test-page"),
+    }
+
+
+@pytest.mark.parametrize("path", PATHS, ids=" ".join)
+def test_help_has_an_example_that_the_parser_takes(path, capsys):
+    assert main([*path, "--help"]) == 0
+    shown = capsys.readouterr().out.replace("\\\n", " ")
+    assert "Example" in shown or "  ros-diagnostics " in shown
+    example = shown[shown.rindex("ros-diagnostics " + " ".join(path)) :].split("\n\n")[0]
+    words = shlex.split(" ".join(example.split("\n  ros-diagnostics")[0].split()))[1:]
+    parsed: click.Command = command
+    while isinstance(parsed, click.Group):
+        name = words.pop(0)
+        parsed = parsed.get_command(click.Context(parsed), name) or parsed
+    parsed.make_context(path[-1], words)  # or it raises UsageError
+
+
+def test_the_help_says_of_each_subcommand_what_its_own_does(capsys):
+    assert main(["--help"]) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown and text in shown for name, text in COMMANDS.items())
+
+
+def test_completion_names_the_subcommands_without_importing_them():
+    code = (
+        "import sys\n"
+        "from click.shell_completion import ShellComplete\n"
+        "from ros_diagnostics_tools.main import command\n"
+        "found = ShellComplete(command, {}, 'ros-diagnostics', 'X').get_completions([], 'd')\n"
+        "print([each.value for each in found])\n"
+        "print([each for each in sys.modules if each.startswith('ros_diagnostics_tools.commands')])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout.splitlines() == ["['downtime']", "[]"]
+
+
+# -- exit codes ------------------------------------------------------------------------------
+
+
+ASKING = (
+    ["status"],
+    ["why", "r"],
+    ["history", "r"],
+    ["faults"],
+    ["forget", "r"],
+    ["ack", "--list"],
+    ["downtime", "--list"],
+    ["test-page", "r"],
+)
+
+
+@pytest.mark.parametrize("arguments", ASKING, ids=" ".join)
+def test_a_server_that_does_not_answer_is_3_for_all(arguments, capsys):
+    closed = "http://127.0.0.1:1"
+    assert main([*arguments, "--url", closed, "--alertmanager", closed]) == 3
+    assert capsys.readouterr().err.startswith(f"ros-diagnostics: {closed}/")
+
+
+@pytest.mark.parametrize(
+    "arguments", [["nothing"], ["status", "--nothing"], ["faults", "--output", "xml"]], ids=" ".join
+)
+def test_wrong_arguments_are_2(arguments, capsys):
+    assert main(arguments) == 2
+    assert "Usage: ros-diagnostics" in capsys.readouterr().err
+
+
+def test_a_configuration_that_is_not_right_is_2(tmp_path, capsys):
+    (tmp_path / "fleet.yml").write_text("fleet: f\nrobos: []\n")
+    assert main(["check-config", str(tmp_path / "fleet.yml")]) == 2
+    assert "robots" in capsys.readouterr().err
+
+
+# -- subcommands -----------------------------------------------------------------------------
+
+
+def test_a_configuration_is_checked_also_against_the_running_exporter(serve, tmp_path, capsys):
+    path = tmp_path / "fleet.yml"
+    path.write_text(
+        "fleet: hall\nrobots: [{name: robot_1, namespace: /a}, {name: x, namespace: /x}]\n"
+    )
+    assert main(["check-config", str(path)]) == 0
+    assert "unmatched" not in capsys.readouterr().out
+
+    server = serve(fleet_snapshot=lambda: FLEET)
+    live = ["check-config", str(path), "--live", "--url", f"http://{server.addresses[0]}"]
+    assert main(live) == 0
+    assert "unmatched (" in capsys.readouterr().out
+    assert main([*live, "--output", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)["fleet"] == "hall"
+
+
+def test_faults_are_listed(serve, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    faults = {"fleet": "hall", "time": 1_060.0, "faults": [FAULT]}
+    server = serve(faults=lambda: faults)
+    url = f"http://{server.addresses[0]}"
+    assert main(["faults", "--url", url]) == 0
+    text = capsys.readouterr().out
+    assert "CRITICAL  robot_1  /Motor/Motor 1" in text
+    assert "\x1b" not in text
+    assert main(["faults", "--url", url, "--output", "json"]) == 0
+    assert json.loads(capsys.readouterr().out) == faults
+    assert main(["faults", "--url", url, "--robot", "other*"]) == 0
+    assert capsys.readouterr().out == "no fault of fleet hall\n"
+
+
+def test_forget_names_the_robot_and_the_component(serve, capsys):
+    asked = []
+    server = serve(forget=lambda *given: asked.append(given) or 2, lifecycle=True)
+    url = f"http://{server.addresses[0]}"
+    assert main(["forget", "robot_1", "Motor 1", "--url", url]) == 0
+    assert main(["forget", "robot_1", "--url", url, "--output", "json"]) == 0
+    assert asked == [("robot_1", "Motor 1"), ("robot_1", None)]
+    assert capsys.readouterr().out == (
+        'forgotten: robot_1 Motor 1, 2 components\n{\n  "forgotten": 2\n}\n'
+    )
+
+
+def test_what_the_exporter_does_not_know_cannot_be_forgotten(serve, capsys):
+    def unknown(*_given):
+        raise LookupError("no robot 'x'")
+
+    server = serve(forget=unknown, lifecycle=True)
+    assert main(["forget", "x", "--url", f"http://{server.addresses[0]}"]) == 1
+    assert "404" in capsys.readouterr().err
+
+
+class FakeAlertmanager:
+    """Shows the alerts that it got, as routed to ``receivers``."""
+
+    def __init__(self) -> None:
+        self.alerts = []
+        self.status = {"state": "active", "silencedBy": [], "inhibitedBy": []}
+
+    def get(self, _client, path):
+        if path.startswith("/api/v1/fleet"):
+            return FLEET if path.endswith("=robot_1") else {**FLEET, "robots": []}
+        assert path.startswith("/api/v2/alerts")
+        receivers = [{"name": "on-call"}, {"name": "email"}]
+        return [{**each, "receivers": receivers, "status": self.status} for each in self.alerts]
+
+    def post(self, _client, path, body):
+        assert path == "/api/v2/alerts"
+        self.alerts += body
+
+
+@pytest.fixture
+def alertmanager(monkeypatch) -> FakeAlertmanager:
+    found = FakeAlertmanager()
+    for name in ("get", "post"):
+        method = getattr(found, name)
+        monkeypatch.setattr(Client, name, lambda client, *given, m=method: m(client, *given))
+    return found
+
+
+def test_a_test_page_has_the_labels_of_a_fault_and_says_that_it_is_a_test(alertmanager, capsys):
+    assert main(["test-page", "robot_1", "--receiver", "on-call"]) == 0
+    (alert,) = alertmanager.alerts
+    assert alert["labels"] == {
+        "alertname": "RosDiagnosticsTest",
+        "fleet": "hall",
+        "robot": "robot_1",
+        "site": "hall",
+        "team": "arms",
+        "component": "TEST, nothing is wrong",
+        "scope": "component",
+        "state": "critical",
+        "severity": "critical",
+    }
+    assert "TEST" in alert["annotations"]["summary"]
+    assert alert["startsAt"] < alert["endsAt"]
+    assert "to on-call, email" in capsys.readouterr().out
+
+
+def test_a_test_page_that_goes_elsewhere_or_nowhere_fails(alertmanager, capsys):
+    assert main(["test-page", "robot_1", "--receiver", "boss"]) == 1
+    assert "do not lead to 'boss' but to on-call, email" in capsys.readouterr().err
+    alertmanager.status = {"state": "suppressed", "silencedBy": ["x"], "inhibitedBy": []}
+    assert main(["test-page", "robot_1"]) == 1
+    assert "nobody is notified" in capsys.readouterr().err
+    assert main(["test-page", "robot_2"]) == 1
+    assert "no robot 'robot_2'" in capsys.readouterr().err
+
+
+def test_a_test_page_that_alertmanager_does_not_show_fails(alertmanager, monkeypatch, capsys):
+    monkeypatch.setattr(test_page, "SHOWN", 0.0)
+    assert main(["test-page", "robot_1"]) == 1
+    assert "does not show it" in capsys.readouterr().err
+
+
+# -- named exporters -------------------------------------------------------------------------
+
+
+@pytest.fixture
+def asked(monkeypatch, tmp_path):
+    """The URLs that were asked, with $XDG_CONFIG_HOME at ``tmp_path``."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    urls = []
+
+    def get(client, _path):
+        urls.append(client.url)
+        raise UnreachableError("enough")
+
+    monkeypatch.setattr(Client, "get", get)
+    return urls
+
+
+NAMED = """
+exporters:
+  north: {url: "http://north:1", alertmanager: "http://north:2"}
+  south: {url: "http://south:1", user: ann, password_file: south.pw}
+"""
+
+
+def test_exporters_have_names_and_the_first_is_the_default(asked, tmp_path):
+    assert main(["faults"]) == 3
+    (tmp_path / "ros-diagnostics.yml").write_text(NAMED)
+    for arguments in ([], ["--url", "south"], ["--url", "http://east:1"]):
+        assert main(["faults", *arguments]) == 3
+    assert main(["ack", "--list", "-u", "north"]) == 3
+    assert main(["ack", "--list", "-u", "north", "--alertmanager", "http://other:2"]) == 3
+    assert asked == [
+        *("http://127.0.0.1:9877", "http://north:1", "http://south:1", "http://east:1"),
+        *("http://north:2", "http://other:2"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("content", "error"),
+    [
+        (NAMED, "--url west: neither a URL such as http://127.0.0.1:9877 nor one of the exporters"),
+        ("exporters: {west: {uri: x}}", "exporters: west: uri: no such key; there are url"),
+        ("exporters: {west: {user: x}}", "exporters: west: needs url"),
+        ("exporters: {}", "exporters: names none"),
+        ("[", "is no list of exporters; write exporters:"),
+        (None, "No such file"),
+    ],
+)
+def test_a_name_that_is_not_there_and_a_wrong_file_are_said(
+    asked, tmp_path, capsys, content, error
+):
+    if content is not None:
+        (tmp_path / "ros-diagnostics.yml").write_text(content)
+    assert main(["faults", "--url", "west"]) == 2
+    shown = capsys.readouterr().err
+    assert error in shown
+    assert str(tmp_path / "ros-diagnostics.yml") in shown
+    assert asked == []
