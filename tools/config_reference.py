@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from config_schema import schema
-from ros_diagnostics_exporter.config.models import FleetFile
+from ros_diagnostics_exporter.config.fleet import Fleet
 
 _BLOCK = re.compile(r"(<!-- keys of (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _TYPES = {"boolean": "`true` or `false`", "integer": "whole number", "number": "number"}
@@ -33,7 +33,7 @@ def updated(document: str) -> str:
 
 
 def _tables() -> dict[str, str]:
-    whole = schema(FleetFile)
+    whole = schema(Fleet)
     parts = [whole, *whole["definitions"].values()]
     return {part["title"]: _table(part) for part in parts}
 
@@ -54,7 +54,7 @@ def _table(part: dict[str, Any]) -> str:
 def _type(described: dict[str, Any]) -> str:
     """What kind of value a key takes, in words."""
     if "$ref" in described:
-        name = described["$ref"].rpartition("/")[2].removesuffix("Entry")
+        name = schema(Fleet)["definitions"][described["$ref"].rpartition("/")[2]]["title"]
         return f"[{name}](#{name.lower()})"
     if "enum" in described:
         return ", ".join(f"`{word}`" for word in described["enum"] if word is not None)
