@@ -76,6 +76,23 @@ class Written:
         return core_schema.no_info_after_validator_function(self.made, inner)
 
 
+class Value:
+    """A single value of the file: what makes the attribute of it, or raises, and its JSON Schema.
+
+    ``title`` is what the documentation calls it.
+    """
+
+    def __init__(self, made: Callable[[Any], Any], title: str, **schema: Any) -> None:
+        self._made = made
+        self._schema = {"title": title, **schema}
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self._made)
+
+    def __get_pydantic_json_schema__(self, _schema: Any, _handler: Any) -> dict[str, Any]:
+        return dict(self._schema)
+
+
 def _no_key(_value: Any) -> Any:
     raise PydanticCustomError("extra_forbidden", "is made of other keys")
 
