@@ -1,22 +1,26 @@
 """The tables of docs/configuration.md, from the models.
 
-`python tools/config_reference.py docs/configuration.md` rewrites what is between
-`<!-- keys of Robot -->` and `<!-- end -->`; the text around it is written by hand.
+They are between `<!-- keys of Robot -->` and `<!-- end -->`; the rest is written by hand.
 """
 
 from __future__ import annotations
 
 import json
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
 from config_schema import schema
 from ros_diagnostics_exporter.config.fleet import Fleet
 
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "configuration.md"
 _BLOCK = re.compile(r"(<!-- keys of (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _TYPES = {"boolean": "`true` or `false`", "integer": "whole number", "number": "number"}
+
+
+def files() -> dict[Path, str]:
+    """The page with up-to-date tables."""
+    return {PAGE: updated(PAGE.read_text(encoding="utf-8"))}
 
 
 def updated(document: str) -> str:
@@ -98,14 +102,3 @@ def _flow(value: Any) -> str:
     if isinstance(value, str) and re.fullmatch(r"[\w./-][\w. :/()%-]*", value):
         return value
     return json.dumps(value, ensure_ascii=False)
-
-
-def main(arguments: list[str]) -> None:
-    """Rewrite the tables of documents."""
-    for name in arguments:
-        path = Path(name)
-        path.write_text(updated(path.read_text(encoding="utf-8")), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

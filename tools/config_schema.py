@@ -1,4 +1,4 @@
-"""The models of fleet.yml as JSON Schema, for editors: `python tools/config_schema.py FOLDER`.
+"""The models of fleet.yml as JSON Schema, for editors.
 
 The schema is looser than the loader: it describes the shape of a file, not the relations between
 entries. It is of draft 7, which yaml-language-server reads, and shipped in the package's config/.
@@ -7,7 +7,6 @@ entries. It is of draft 7, which yaml-language-server reads, and shipped in the 
 from __future__ import annotations
 
 import json
-import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from pydantic import TypeAdapter
 from pydantic.json_schema import DEFAULT_REF_TEMPLATE, GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
+from ros_diagnostics_exporter import config
 from ros_diagnostics_exporter.config.fleet import Fleet, Maintenance, Robot
 from ros_diagnostics_exporter.durations import written
 
@@ -91,13 +91,7 @@ def rendered(model: Any) -> str:
     return json.dumps(schema(model), ensure_ascii=False, indent=2) + "\n"
 
 
-def main(arguments: list[str]) -> None:
-    """Print the schema of fleet.yml, or write all schemas into a folder."""
-    if not arguments:
-        sys.stdout.write(rendered(Fleet))
-    for name, model in SCHEMAS.items() if arguments else ():
-        (Path(arguments[0]) / name).write_text(rendered(model), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+def files() -> dict[Path, str]:
+    """The shipped schemas."""
+    folder = Path(config.__file__).parent
+    return {folder / name: rendered(model) for name, model in SCHEMAS.items()}

@@ -1,4 +1,4 @@
-"""Pictures of the mails for docs/notifications.md: `python tools/mail_pictures.py`.
+"""Pictures of the mails for docs/notifications.md.
 
 The HTML is what Alertmanager sent to tests/e2e/notifications/test_mail_texts.py. Needs Chromium or
 Chrome in PATH and nothing else. Each picture has the hash of its HTML, which a test compares.
@@ -12,9 +12,9 @@ import re
 import shutil
 import struct
 import subprocess
-import sys
 import tempfile
 import zlib
+from collections.abc import Iterable
 from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -55,18 +55,34 @@ def source_of(picture: bytes) -> bytes:
     return b""
 
 
-def main() -> int:
-    """Make all pictures; the exit code."""
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if browser is None:
-        sys.stderr.write(f"install one of {', '.join(BROWSERS)}\n")
-        return 1
-    for name, (file, dark) in PICTURES.items():
+def stale() -> list[Path]:
+    """The pictures that are not of the present mails."""
+    found = []
+    for name, (file, _dark) in PICTURES.items():
+        path = IMAGES / name
         mail = (MAILS / file).read_text(encoding="utf-8")
-        picture = _with_source(_render(browser, mail, dark=dark), source(mail))
-        (IMAGES / name).write_bytes(picture)
-        sys.stdout.write(f"docs/images/{name}: {len(picture) / 1000:.0f} kB\n")
-    return 0
+        if not path.exists() or source_of(path.read_bytes()) != source(mail):
+            found.append(path)
+    return found
+
+
+def make(pictures: Iterable[Path]) -> None:
+    """Write pictures anew.
+
+    Raises:
+        LookupError: There is no browser.
+    """
+    for path in pictures:
+        file, dark = PICTURES[path.name]
+        mail = (MAILS / file).read_text(encoding="utf-8")
+        path.write_bytes(_with_source(_render(_browser(), mail, dark=dark), source(mail)))
+
+
+def _browser() -> str:
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        raise LookupError(f"no browser for {IMAGES}: install one of {', '.join(BROWSERS)}")
+    return found
 
 
 def _render(browser: str, mail: str, *, dark: bool) -> bytes:
@@ -108,7 +124,3 @@ def _with_source(picture: bytes, of: bytes) -> bytes:
     text = b"tEXt" + KEYWORD + b"\0" + of
     chunk = struct.pack(">I", len(text) - 4) + text + struct.pack(">I", zlib.crc32(text))
     return picture[:header] + chunk + picture[header:]
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,13 +1,11 @@
 """The tables of docs/metrics.md, from metrics/families.py.
 
-`python tools/metrics_reference.py docs/metrics.md` rewrites what is between
-`<!-- families of robots -->` and `<!-- end -->`; the text around it is written by hand.
+They are between `<!-- families of robots -->` and `<!-- end -->`; the rest is written by hand.
 """
 
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -21,7 +19,13 @@ from ros_diagnostics_exporter.metrics.families import (
 )
 from ros_diagnostics_exporter.metrics.self_metrics import EXPORTER_FAMILIES
 
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "metrics.md"
 _BLOCK = re.compile(r"(<!-- families of (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def files() -> dict[Path, str]:
+    """The page with up-to-date tables."""
+    return {PAGE: updated(PAGE.read_text(encoding="utf-8"))}
 
 
 def updated(document: str) -> str:
@@ -56,13 +60,3 @@ def _table(families: Iterable[Family], common: Sequence[str]) -> str:
         cells = (f"`{family.name}`", family.type, ", ".join(labels), family.help)
         rows.append("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
     return "\n".join(rows) + "\n"
-
-
-def main(arguments: Sequence[str]) -> None:
-    """Rewrite the tables of a document."""
-    path = Path(arguments[0])
-    path.write_text(updated(path.read_text(encoding="utf-8")), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -1,4 +1,4 @@
-"""The rules as objects of the Prometheus Operator: `python tools/prometheus_operator.py > FILE`.
+"""The rules as objects of the Prometheus Operator: `python tools/prometheus_operator.py --help`.
 
 Writes a PrometheusRule for each file of prometheus/rules, and with --target a ScrapeConfig for
 exporters outside of the cluster, as one YAML file for `kubectl apply -f`. Needs PyYAML only.
@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-RULES = Path(__file__).resolve().parents[1] / "prometheus" / "rules"
+CHECKOUT = Path(__file__).resolve().parents[1]
+RULES = CHECKOUT / "prometheus" / "rules"
+BASE = CHECKOUT / "packaging" / "kubernetes" / "rules" / "rules.yaml"
 SERVERS = "servers.yml"  # about Prometheus and Alertmanager, which such sites watch themselves
 # What of the metrics, how often: as the two jobs of prometheus/prometheus.yml.
 SCRAPES: dict[str, tuple[str, dict[str, list[str]]]] = {
@@ -44,8 +46,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.label:
         metadata["labels"] = dict(options.label)
     found = [*rules(metadata, servers=options.servers), *scrapes(metadata, options.target)]
-    yaml.dump_all(found, sys.stdout, Dumper=_Dumper, sort_keys=False, width=10_000)
+    sys.stdout.write(_yaml(found))
     return 0
+
+
+def files() -> dict[Path, str]:
+    """The rules of the base for Kubernetes."""
+    return {BASE: _yaml(rules({}, servers=False))}
+
+
+def _yaml(found: Iterable[dict[str, Any]]) -> str:
+    return yaml.dump_all(found, Dumper=_Dumper, sort_keys=False, width=10_000)
 
 
 def rules(metadata: dict[str, Any], *, servers: bool) -> Iterator[dict[str, Any]]:

@@ -38,7 +38,7 @@ COMMENT_LENGTH = 200
 NAME_LENGTH = 1024  # of a robot or a component
 SENTENCE_LENGTH = 1000
 EXPLAINED = 50  # alerts of a robot, and silences
-MOST = 1000  # acknowledgements, and downtimes; the newest are kept
+MOST = 1000  # acknowledgements, of which the newest are kept, and downtimes, the next ones
 SAME = 1.0  # seconds by which an acknowledgement may differ from when its fault began
 
 # 2026-01-01 10:00:00.123 +0000 UTC as rules print it, 2026-01-01T10:00:00.123Z as Alertmanager does
@@ -84,7 +84,8 @@ def read_downtimes(silences: Any, fleet: str) -> list[Downtime]:
     """
     listed = _listed(silences, "silences")
     found = [each for silence in listed if (each := downtime_of(silence, fleet)) is not None]
-    return sorted(found, key=lambda each: each.start)[-MOST:]
+    # None of them is over, so the first to begin are those in force, then the next ones.
+    return sorted(found, key=lambda each: each.start)[:MOST]
 
 
 def downtime_matchers(fleet: str, robot: str, component: str) -> dict[str, str]:
@@ -230,7 +231,8 @@ class Alertmanager:
             for url in urls
         ]
         self._acknowledgements: list[Acknowledgement] = []
-        self.downtimes: list[Downtime] = []  # that are planned, present and future ones
+        # Those that are planned, present and future ones; None before the first answer.
+        self.downtimes: list[Downtime] | None = None
         self._answered_at = float("-inf")
         self._answers: bool | None = None  # None: has not been asked
 

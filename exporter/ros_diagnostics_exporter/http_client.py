@@ -118,11 +118,13 @@ class Client:
         url = self.url.rstrip("/") + path
         content = None if body is None else json.dumps(body).encode()
         try:
-            headers = self._login() | ({} if body is None else {"Content-Type": "application/json"})
+            headers = {} if body is None else {"Content-Type": "application/json"}
             opener = urllib.request.build_opener(*self._handlers())
             request = urllib.request.Request(  # noqa: S310 - the user's
                 url, content, headers, method=method
             )
+            for name, login in self._login().items():
+                request.add_unredirected_header(name, login)  # a redirect may lead anywhere
             with opener.open(request, timeout=self._timeout) as response:
                 text = _read(response, limit, time.monotonic() + self._timeout)
                 return json.loads(text) if text else None

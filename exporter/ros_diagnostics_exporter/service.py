@@ -9,6 +9,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Collection, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
 from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.ingest import ros
+from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import Part
@@ -36,11 +38,16 @@ class Service:
 
     Raises:
         InUseError: another exporter has the database of ``storage`` open.
+        VersionError: the database is of another version.
     """
 
-    TICK = 0.25  # seconds between two calls of tick
-    SAVE = 0.1  # ... between two calls of save, which writes less often
+    TICK = 0.25  # seconds between two turns of the loop that lets time pass
+    SAVE = 0.1  # ... of the one that saves, which writes less often
+    FOLLOW = 1.0  # ... of the one that joins domains
+    UNMATCHED = 60.0  # ... of the one that looks for entries of fleet.yml that match nothing
+    HANGING = 30.0  # seconds after which a turn of a vital loop hangs
     JOIN = 30.0  # seconds until a domain that could not be joined is tried again
+    ASKED = 5.0  # seconds that Alertmanager's first answer is waited for at the start
     GRACE = 5.0  # seconds that a write or a reload under way is waited for at the end
     ENDED = 3600.0  # seconds after a fault ended in which it may be notified after a restart
     STALLED = 10.0  # seconds without a turn of a domain's thread after which it is not ready
@@ -72,14 +79,17 @@ class Service:
             record=self.events.record,
             clocks=ros.read_clocks,
         )
-        self._stopping = threading.Event()
-        self._storage_thread = threading.Thread(
-            target=self._save_regularly, name="storage", daemon=True
-        )
         self._alertmanager = alertmanager
-        self._alertmanager_thread = threading.Thread(
-            target=self._read_silences, name="alertmanager", daemon=True
-        )
+        self._asked = threading.Event()  # Alertmanager, once
+        self._configured = threading.Event()  # anew; its domains are not joined yet
+        self._tick_loop = Loop("tick", self.TICK, self.tick, vital=True)
+        self._storage_loop = Loop("storage", self.SAVE, self._save)
+        self._join_loop = Loop("domains", self.FOLLOW, self._follow_domains)
+        self._others = [Loop("unmatched", self.UNMATCHED, self._find_unmatched)]
+        if alertmanager is not None:
+            read = partial(self._read_silences, alertmanager)
+            self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
+        self._watched: list[Loop] = []  # that others made
         self._join_at = now.mono
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = ros.Listener(self.state, ros_arguments=ros_arguments)
@@ -92,21 +102,38 @@ class Service:
             alertmanager,
             self._canary,
             ros.describe_ros(),
+            self.loops,
         )
         self._self_metrics = SelfMetrics(self._exporter)
 
     def start(self) -> None:
-        """Join the fleet's domains and listen."""
-        self._update_silences()  # a downtime is known before the first message
+        """Begin all loops: join the fleet's domains, listen, judge."""
+        for loop in (*self._others, self._storage_loop):
+            loop.start()
+        if self._alertmanager is None:
+            self.state.plan((), ros.read_clocks())  # nobody could cancel those of the database
+        elif not self._asked.wait(self.ASKED):  # so that downtimes are known at the first message
+            log.warning("Alertmanager has not answered yet: starting without its downtimes")
         self.join()
-        self._storage_thread.start()
-        self._alertmanager_thread.start()
+        for loop in (self._tick_loop, self._join_loop):
+            loop.start()
         self._reloader.start()
 
-    def _save_regularly(self) -> None:
-        """Write what changed; in its own thread, because a disk may hang."""
-        while not self._stopping.wait(self.SAVE):
-            self._save()
+    def watch(self, loop: Loop) -> None:
+        """Show a loop that somebody else starts and stops among those of the service."""
+        self._watched.append(loop)
+
+    def loops(self) -> list[Loop]:
+        """All loops that there are now."""
+        own = [self._tick_loop, self._storage_loop, self._join_loop, self._reloader.loop]
+        return [*own, *self._others, *self._watched, *self._listener.loops]
+
+    def hanging_reason(self) -> str | None:
+        """Which loop hangs without which the exporter is of no use; None if none does."""
+        for loop in self.loops():
+            if loop.vital and loop.hangs(self.HANGING):
+                return f"loop {loop.name} has hung for more than {self.HANGING:.0f} s"
+        return None
 
     def _save(self, *, at_once: bool = False) -> None:
         now = ros.read_clocks()
@@ -116,21 +143,21 @@ class Service:
             self._record_events()
             self.storage.save(self.state, self.events, now, at_once=at_once)
 
-    def _read_silences(self) -> None:
-        """Read the silences regularly; in its own thread, because Alertmanager may hang."""
-        while self._alertmanager is not None and not self._stopping.wait(
-            self._alertmanager.INTERVAL
-        ):
-            self._update_silences()
-            self._record_events()
-            with self._recording:
-                for event in self._notifications.acknowledge(self._acknowledged()):
-                    self._record(event)
+    def _read_silences(self, alertmanager: Alertmanager) -> None:
+        """Read the silences; without an answer the downtimes of the database stay in force."""
+        try:
+            alertmanager.update(self.state.fleet.name, ros.read_clocks())
+            if alertmanager.downtimes is not None:
+                self.state.plan(alertmanager.downtimes, ros.read_clocks())
+        finally:
+            self._asked.set()
+        self._record_events()
+        with self._recording:
+            for event in self._notifications.acknowledge(self._acknowledged()):
+                self._record(event)
 
-    def _update_silences(self) -> None:
-        if self._alertmanager is not None:
-            self._alertmanager.update(self.state.fleet.name, ros.read_clocks())
-            self.state.plan(self._alertmanager.downtimes, ros.read_clocks())
+    def _find_unmatched(self) -> None:
+        self.state.find_unmatched(ros.read_clocks())
 
     def join(self) -> None:
         """Join the fleet's domains; one that cannot be joined is retried every half minute.
@@ -143,13 +170,20 @@ class Service:
             self.state.domain_joined(domain_id)
 
     def tick(self) -> None:
-        """Let time pass; to be called every ``TICK`` seconds."""
+        """Let time pass; called every ``TICK`` seconds."""
         now = ros.read_clocks()
         self.state.tick(now)
         self._canary.tick(self.state.fleet.canary, now)
         self._record_events()
         self._reloader.tick()
-        if now.mono >= self._join_at and self._listener.domain_ids != self.state.fleet.domain_ids:
+
+    def _follow_domains(self) -> None:
+        """Join what the config adds and what could not be joined; leaving takes some seconds."""
+        now = ros.read_clocks()
+        if self._configured.is_set():
+            self._configured.clear()
+            self.join()
+        elif now.mono >= self._join_at and self._listener.domain_ids != self.state.fleet.domain_ids:
             for domain_id in self._listener.joining:
                 log.warning("DDS domain %d is still being joined", domain_id)
                 self.state.domain_failed(domain_id, "it is still being joined", now)
@@ -197,15 +231,20 @@ class Service:
 
     def _configure(self, fleet: Fleet) -> None:
         self.state.configure(fleet, ros.read_clocks())
-        self.join()
+        for domain_id in self._listener.domain_ids:  # also for robots that are new
+            self.state.domain_joined(domain_id)
+        self._configured.set()
+        self._join_loop.wake()
 
     def stop(self) -> None:
         """Write the state, leave the domains, and write what they brought meanwhile."""
-        self._reloader.stop(self.GRACE)
-        self._stopping.set()
-        if self._storage_thread.is_alive():
-            self._storage_thread.join(self.GRACE)
-        hangs = self._storage_thread.is_alive()
+        changing = (self._reloader.loop, self._join_loop, self._tick_loop)
+        for loop in (*self._others, *changing):
+            loop.ask_to_stop()
+        deadline = time.monotonic() + self.GRACE
+        for loop in changing:
+            loop.stop(max(0.0, deadline - time.monotonic()))
+        hangs = not self._storage_loop.stop(self.GRACE)
         if hangs:
             log.error("the state is not written a last time: the disk of the database hangs")
         else:
@@ -222,9 +261,12 @@ class Service:
         begin = time.perf_counter()
         pieces = self._exposition.pieces(openmetrics=openmetrics, parts=parts)
         own = self._self_metrics.render(openmetrics=openmetrics, parts=parts)
-        self._exporter.scrapes += 1
         self._exporter.scrape_seconds = time.perf_counter() - begin
         return [*pieces, own, EOF if openmetrics else b""]
+
+    def count_scrape(self) -> None:
+        """Note that a scrape was answered: requests at one moment share what is rendered."""
+        self._exporter.scrapes += 1
 
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""
@@ -299,8 +341,16 @@ class Service:
 
     def not_ready_reason(self) -> str | None:
         """Why the robots' messages are not subscribed to; None when they are."""
+        failed = self._listener.errors
+        if failed:
+            return "; ".join(
+                f"cannot join DDS domain {each}: {why}" for each, why in failed.items()
+            )
+        joining = self._listener.joining
+        if joining:
+            return f"DDS domain {', '.join(map(str, joining))} is still being joined"
         looks = self._listener.last_looks
-        if self._listener.joining or not looks or not all(looks.values()):
+        if not looks or not all(looks.values()):
             return "the ROS graph has not been looked at yet"
         stalled = self._listener.stalled(self.STALLED)
         if stalled:

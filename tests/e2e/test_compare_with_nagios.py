@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ros_diagnostics_exporter.cli.compare_nagios import main
+from ros_diagnostics_tools.commands.nagios_compare import main
 from support import nagios_program
 from testbed import http
 from testbed.polling import until

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.cli import ack
+from ros_diagnostics_tools.commands import ack
 from support import host_checks, prometheus_site, short_clocks
 from support.link import Link
 from support.loopback import answering, serving

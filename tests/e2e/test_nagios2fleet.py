@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.nagios_import.convert import FLEET, REPORT, Options, convert
-from ros_diagnostics_exporter.nagios_import.files import Definition, read
-from ros_diagnostics_exporter.nagios_import.inheritance import Templates
-from ros_diagnostics_exporter.nagios_import.ledger import Ledger
-from ros_diagnostics_exporter.nagios_import.site import Site
+from ros_diagnostics_tools.nagios.importer.convert import FLEET, REPORT, Options, convert
+from ros_diagnostics_tools.nagios.importer.files import Definition, read
+from ros_diagnostics_tools.nagios.importer.inheritance import Templates
+from ros_diagnostics_tools.nagios.importer.ledger import Ledger
+from ros_diagnostics_tools.nagios.importer.site import Site
 
 NAGIOS = shutil.which("nagios4", path=f"{os.environ['PATH']}:/usr/sbin")
 SITE = Path(__file__).parents[1] / "data/nagios"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ros_diagnostics_exporter.cli.backtest import main
+from ros_diagnostics_tools.commands.backtest import main
 from support.bags import BEGIN, every_second, write_bag
 from support.prometheus_site import Site
 from testbed import servers

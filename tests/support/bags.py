@@ -6,10 +6,10 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from ros_diagnostics_exporter.backtest.recordings import Recordings, RecordingSource
-from ros_diagnostics_exporter.backtest.replay import Replay, Result, play
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
+from ros_diagnostics_tools.backtest.replay import Replay, Result, play
 from virtual_robots.model import Status as SentStatus
 from virtual_robots.recording.bags import ARRAY, BagWriter, Recorded
 from virtual_robots.recording.cdr import encode_array

@@ -73,6 +73,7 @@ class ServedFleet:
         at = self.started.wall
         listener = SimpleNamespace(
             domain_ids=fleet.domain_ids,
+            errors={},
             last_looks=dict.fromkeys(fleet.domain_ids, at),
             decode_seconds=0.0,
             ingest_seconds=0.0,
@@ -81,7 +82,17 @@ class ServedFleet:
         storage = SimpleNamespace(successful=True, written_at=at)
         ros = ("jazzy", "none")
         return Exporter(
-            *(self.state, self._exposition, listener, reloader, storage, None, self.canary, ros)
+            *(
+                self.state,
+                self._exposition,
+                listener,
+                reloader,
+                storage,
+                None,
+                self.canary,
+                ros,
+                list,
+            )
         )
 
 

@@ -109,6 +109,8 @@ class StateDriver:
             step = min(seconds, self.now.mono + 0.25)
             self.now = Instant(step, WALL + step)
             self.state.tick(self.now)
+            if step % 60 == 0:
+                self.state.find_unmatched(self.now)
 
     def _receive(self, topic: str, statuses: tuple[Status, ...], stamp: float) -> None:
         array = Array(stamp, tuple(statuses), 100)

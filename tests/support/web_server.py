@@ -18,6 +18,7 @@ import trustme
 
 from ros_diagnostics_exporter.model import Part
 from ros_diagnostics_exporter.severity import STATE_OF_LEVEL
+from ros_diagnostics_exporter.web import server as server_module
 from ros_diagnostics_exporter.web.server import Server
 
 Serve = Callable[..., Server]
@@ -143,12 +144,14 @@ class FakeBackend:
     """A Backend made of functions."""
 
     render_metrics: Callable[[bool, frozenset[Part]], Sequence[bytes]] = render_metrics
+    count_scrape: Callable[[], None] = lambda: None
     fleet_snapshot: Callable[[], dict[str, Any]] = fleet
     faults: Callable[[], dict[str, Any]] = no_faults
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
     why: Callable[..., dict[str, Any]] = no_ledger
     notified: Callable[[bytes], tuple[int, int]] = lambda _body: (1, 0)
     targets: Callable[[str, int | None], list[dict[str, Any]]] = no_targets
+    hanging_reason: Callable[[], str | None] = lambda: None
     not_ready_reason: Callable[[], str | None] = lambda: None
     reload: Callable[[], None] = lambda: None
     forget: Callable[[str, str | None], int] = lambda _robot, _component: 1
@@ -172,6 +175,21 @@ def serve() -> Iterator[Serve]:
     yield start
     for server in started:
         server.stop()
+
+
+@pytest.fixture
+def seldom(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The web config is read again when a test wants it (`reloaded`)."""
+    monkeypatch.setattr(server_module, "RELOAD_INTERVAL", 3_600.0)
+
+
+def reloaded(server: Server) -> Server:
+    """The server once it has read the files as they are now."""
+    wait_until(lambda: server.loop.last_turn)
+    before = server.loop.last_turn
+    server.loop.wake()
+    wait_until(lambda: server.loop.last_turn > before)
+    return server
 
 
 def wait_until(condition: Callable[[], object], seconds: float = 20.0) -> None:

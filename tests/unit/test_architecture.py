@@ -14,8 +14,10 @@ import pytest
 
 CHECKOUT = Path(__file__).parents[2]
 EXPORTER = "ros_diagnostics_exporter"
+TOOLS = "ros_diagnostics_tools"
 TREES = {
     EXPORTER: CHECKOUT / "exporter",
+    TOOLS: CHECKOUT / "exporter",
     "virtual_robots": CHECKOUT / "sim",
     "testbed": CHECKOUT / "sim",
     "demo": CHECKOUT / "sim",
@@ -24,19 +26,23 @@ TREES = {
 # Of each tree its packages and modules: each imports only from lines above its own.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
-        ("model", "durations", "file_watcher", "files", "regex", "texts", "weekly"),
+        ("model", "durations", "file_watcher", "files", "loops", "regex", "texts", "weekly"),
         ("events", "http_client", "logs", "severity"),
         ("ingest",),
         ("config",),
-        ("alertmanager", "faults", "nagios_compare", "nagios_import", "oncall"),
+        ("alertmanager", "faults"),
         ("ledger", "notifications"),
         ("canary",),
         ("state",),
         ("metrics",),
-        ("backtest",),
         ("web",),
         ("service",),
         ("cli",),
+    ),
+    TOOLS: (
+        ("connection_flags", "terminal"),
+        ("backtest", "nagios", "oncall"),
+        ("check_nagios", "commands"),
     ),
     "virtual_robots": (
         ("model",),
@@ -56,12 +62,17 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("stack",),
     ),
     "demo": (("liveness", "snapshot", "steps"), ("screen",), ("run",), ("__main__",)),
-    "fleet_dashboards": (("lib",), ("dashboards",), ("__main__",)),
+    "fleet_dashboards": (("lib",), ("dashboards",), ("files",)),
 }
-# Trees that import one another: the demo stands on the testbed. All others meet as users do.
-MAY_KNOW = {"demo": {"testbed"}}
+# Trees that import another: the demo stands on the testbed, the tools use the exporter's packages.
+# All others meet as users do, and the exporter imports none of them.
+MAY_KNOW = {"demo": {"testbed"}, TOOLS: {EXPORTER}}
+# The others of the exporter's packages are its process: the tools reach that by HTTP.
+TOOLS_DO_NOT_KNOW = {"canary", "ledger", "logs", "notifications", "web", "service", "cli"}
 # What the web shows it is given by its Backend; of the config it knows how YAML is read.
-WEB_KNOWS = {"web", "model", "durations", "events", "file_watcher", "files", "severity", "texts"}
+WEB_KNOWS = {
+    *("web", "model", "durations", "events", "file_watcher", "files", "loops", "severity", "texts"),
+}
 WEB_READS_BY = f"{EXPORTER}.config.yaml_file"
 KNOW_ROS = {
     f"{EXPORTER}.ingest.ros",
@@ -72,17 +83,8 @@ KNOW_ROS = {
 }
 ROS_PACKAGES = {"rclpy", "rcl_interfaces", "diagnostic_msgs", "builtin_interfaces", "std_msgs"}
 NO_CLOCK = {
-    *(
-        "model",
-        "config",
-        "state",
-        "faults",
-        "nagios_compare",
-        "nagios_import",
-        "oncall",
-        "backtest",
-    ),
-    *("canary", "ledger", "notifications"),
+    EXPORTER: {"model", "config", "state", "faults", "canary", "ledger", "notifications"},
+    TOOLS: {"backtest", "nagios", "oncall"},
 }
 READS_CLOCK = {f"{EXPORTER}.config.reloader", f"{EXPORTER}.state.storage"}
 CLOCKS = {"time.time", "time.monotonic", "time.perf_counter", "datetime.now", "datetime.utcnow"}
@@ -145,6 +147,13 @@ def test_exporter_robots_and_demo_do_not_import_one_another():
         assert not others & {name.split(".")[0] for name in imports(path)}, module
 
 
+def test_tools_know_the_exporters_pure_packages_only():
+    for module, path in FILES:
+        for imported in imports(path) if module.startswith(TOOLS) else ():
+            there = layer(imported) if imported.startswith(EXPORTER) else None
+            assert there is None or there[0] not in TOOLS_DO_NOT_KNOW, f"{module}: {imported}"
+
+
 def test_only_the_files_at_the_edge_know_ros():
     know = {
         module for module, path in FILES if ROS_PACKAGES & {n.split(".")[0] for n in imports(path)}
@@ -156,9 +165,8 @@ def test_only_the_files_at_the_edge_know_ros():
 def test_now_is_an_argument_except_at_the_edge():
     """What these do depends on what they are given only, so a test can play any history."""
     for module, path in FILES:
-        place = layer(module)
-        pure = module.startswith(EXPORTER) and place is not None and place[0] in NO_CLOCK
-        if not pure or module in READS_CLOCK:
+        place, pure = layer(module), NO_CLOCK.get(module.partition(".")[0], set())
+        if place is None or place[0] not in pure or module in READS_CLOCK:
             continue
         asked = {
             f"{node.value.id}.{node.attr}"

@@ -19,7 +19,9 @@ def test_name_version_and_licence_are_the_same():
 
 
 def test_the_commands_are_the_same():
-    ours = re.findall(r'^(\S+) = "ros_diagnostics_exporter\.(\S+)"$', PROJECT, re.MULTILINE)
+    ours = re.findall(r'^(\S+) = "(ros_diagnostics_\S+)"$', PROJECT, re.MULTILINE)
     setup = (CHECKOUT / "exporter" / "setup.py").read_text()
-    theirs = re.findall(r'f"(\S+) = \{NAME\}\.(\S+)"', setup)
+    packages = {"NAME": "ros_diagnostics_exporter", "TOOLS": "ros_diagnostics_tools"}
+    found = re.findall(r'f"(\S+) = \{(\w+)\}(\S+)"', setup)
+    theirs = [(command, packages[package] + path) for command, package, path in found]
     assert sorted(theirs) == sorted(ours)

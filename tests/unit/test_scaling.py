@@ -10,10 +10,6 @@ import pytest
 from bench import scaling
 
 
-def test_the_page_has_the_tables_of_the_numbers_that_were_kept():
-    assert scaling.page() == scaling.PAGE.read_text(), "renew them: ./run bench scale --page"
-
-
 @pytest.mark.parametrize(
     ("low", "high", "at_10000"),
     [

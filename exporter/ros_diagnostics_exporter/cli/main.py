@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import faulthandler
 import logging
 import signal
 import sys
@@ -19,12 +20,13 @@ from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.service import Service
-from ros_diagnostics_exporter.state.database import InUseError
+from ros_diagnostics_exporter.state.database import InUseError, VersionError
 from ros_diagnostics_exporter.state.storage import Retention, Storage
 from ros_diagnostics_exporter.state.unmatched import find_unmatched, known_from_json
 from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server, parse_address
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
 
+TURN = 0.25  # seconds until a signal is followed
 EXIT_FAILURE = 1
 EXIT_USAGE = 2  # also for an invalid configuration; argparse exits so for an invalid flag
 
@@ -46,16 +48,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ConfigError, WebConfigError) as error:
         print(error, file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
-    except AddressError as error:
+    except (AddressError, VersionError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_USAGE
-    except InUseError as error:
-        hint = "give this one another --storage.path"
-        print(f"ros-diagnostics-exporter: {error}; {hint}", file=sys.stderr)  # noqa: T201
-        return EXIT_FAILURE
     except WebEndedError:
         return EXIT_FAILURE
-    except (ros.RosMissingError, ListenError, UnreachableError) as error:
+    except (InUseError, ros.RosMissingError, ListenError, UnreachableError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_FAILURE
 
@@ -79,6 +77,7 @@ def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
     for warning in fleet.warnings:
         log.warning(warning)
     ros.check_ros()
+    faulthandler.enable()  # the watchdog's SIGABRT shows where each thread is
     service = Service(
         fleet,
         options.config_file,
@@ -117,6 +116,7 @@ def _serve(options: argparse.Namespace, listen: list[str], service: Service) -> 
         lifecycle=options.lifecycle,
         domains=len(service.state.fleet.domain_ids),
     )
+    service.watch(server.loop)
     server.start()
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -127,14 +127,15 @@ def _serve(options: argparse.Namespace, listen: list[str], service: Service) -> 
         service.start()
         systemd.notify("READY=1")
         log.info("serving fleet %s on %s", service.state.fleet.name, ", ".join(server.addresses))
-        while not stop.is_set():
+        watchdog = systemd.Watchdog()
+        while not stop.wait(TURN):
             if not server.alive:
                 raise WebEndedError  # without it nobody sees the faults; systemd restarts us
             if reload.is_set():
                 reload.clear()
                 service.request_reload("SIGHUP")
-            service.tick()
-            stop.wait(service.TICK)
+            if not server.hangs and service.hanging_reason() is None:
+                watchdog.beat()
     finally:
         systemd.notify("STOPPING=1")
         server.stop()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import socket
+import time
 
 _log = logging.getLogger(__name__)
 
@@ -22,3 +23,19 @@ def notify(state: str) -> None:
             sock.sendall(state.encode())
     except OSError as error:
         _log.warning("cannot notify systemd at %s: %s", path, error)
+
+
+class Watchdog:
+    """Notifies systemd that the service works, as often as WatchdogSec= of the unit needs it."""
+
+    def __init__(self) -> None:
+        microseconds = os.environ.get("WATCHDOG_USEC", "")
+        self._interval = int(microseconds) / 4e6 if microseconds.isdecimal() else None
+        self._beaten_at = float("-inf")
+
+    def beat(self) -> None:
+        """Notify, unless that was done a moment ago or nobody waits for it."""
+        now = time.monotonic()
+        if self._interval is not None and now - self._beaten_at >= self._interval:
+            self._beaten_at = now
+            notify("WATCHDOG=1")

@@ -1,6 +1,6 @@
-"""Reloads the config on request and when its files have changed, in a thread of its own.
+"""Reloads the config on request and when its files have changed, in a loop of its own.
 
-If the file system hangs, only this thread waits, and a request for a reload gets an error.
+If the file system hangs, only this loop waits, and a request for a reload gets an error.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.file_watcher import FileWatcher
+from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.model import Instant
 
 log = logging.getLogger(__name__)
@@ -33,7 +34,7 @@ class Reloader:
     Args:
         path: fleet.yml.
         fleet: The Fleet that was read at the start.
-        apply: Called with every Fleet that is read, in the reloader's thread.
+        apply: Called with every Fleet that is read, in the reloader's loop.
         record: Called with an event for every attempt that changes something.
         clocks: Returns the time.
     """
@@ -56,41 +57,31 @@ class Reloader:
         self._lock = threading.Lock()  # of the two below
         self._next: Future[None] | None = None  # the attempt that was requested
         self._why = ""
-        self._wake = threading.Event()
-        self._stopping = False
-        self._busy_since: float | None = None  # monotonic
         self._hang_logged = False
         self._error = ""  # of the last attempt
         self._successful = True
         self.time = clocks().wall  # when the config was last read successfully, Unix time
-        self._thread = threading.Thread(target=self._run, name="config", daemon=True)
+        self.loop = Loop("config", INTERVAL, self._turn)
 
     def start(self) -> None:
         """Start to watch the files."""
-        self._thread.start()
+        self.loop.start()
 
     def stop(self, seconds: float) -> None:
         """Apply nothing more; an attempt under way is waited for at most ``seconds``."""
-        self._stopping = True
-        self._wake.set()
-        if self._thread.is_alive():
-            self._thread.join(seconds)
+        self.loop.stop(seconds)
 
     @property
     def successful(self) -> bool:
         """Whether the last attempt succeeded, and none hangs."""
-        return self._successful and not self._hangs()
-
-    def _hangs(self) -> bool:
-        since = self._busy_since
-        return since is not None and self._clocks().mono - since > TIMEOUT
+        return self._successful and not self.loop.hangs(TIMEOUT)
 
     def request(self, why: str) -> Future[None]:
         """Request a reload, logged with the reason ``why``; returns the attempt."""
         with self._lock:
             if self._next is None:
                 self._next, self._why = Future(), why
-            self._wake.set()
+            self.loop.wake()
             return self._next
 
     def reload(self, why: str) -> None:
@@ -101,7 +92,7 @@ class Reloader:
         """
         attempt = self.request(why)
         try:
-            attempt.result(0 if self._hangs() else TIMEOUT)
+            attempt.result(0 if self.loop.hangs(TIMEOUT) else TIMEOUT)
         except FutureTimeoutError:  # in Python 3.10 not the built-in one
             what = f"has not been read after {TIMEOUT:.0f} s"
             remedy = "check whether its disk or network folder responds; the result is logged"
@@ -109,7 +100,7 @@ class Reloader:
 
     def tick(self) -> None:
         """Log once if a read hangs."""
-        hangs = self._hangs()
+        hangs = self.loop.hangs(TIMEOUT)
         if hangs and not self._hang_logged:
             log.error(
                 "%s or a file in its folders has not been read after %.0f s: "
@@ -119,30 +110,25 @@ class Reloader:
             )
         self._hang_logged = hangs
 
-    # -- in the thread -----------------------------------------------------------------------
+    # -- in the loop -------------------------------------------------------------------------
 
-    def _run(self) -> None:
-        while not self._stopping:
-            self._wake.wait(INTERVAL)
-            with self._lock:
-                self._wake.clear()
-                attempt, self._next = self._next, None
-                why = self._why if attempt is not None else FILES_CHANGED
-            self._busy_since = self._clocks().mono
-            try:
-                if attempt is not None or self._watcher.changed():
-                    self._read(why)
-            except ConfigError as error:
-                _fail(attempt, error)
-            except Exception as error:
-                # A bug. It must neither end the thread nor go unnoticed.
-                self._successful = False
-                log.exception("reload failed; keeping the previous configuration")
-                _fail(attempt, error)
-            else:
-                if attempt is not None:
-                    attempt.set_result(None)
-            self._busy_since = None
+    def _turn(self) -> None:
+        with self._lock:
+            attempt, self._next = self._next, None
+            why = self._why if attempt is not None else FILES_CHANGED
+        try:
+            if attempt is not None or self._watcher.changed():
+                self._read(why)
+        except ConfigError as error:
+            _fail(attempt, error)
+        except Exception as error:
+            # A bug. It must not go unnoticed.
+            self._successful = False
+            log.exception("reload failed; keeping the previous configuration")
+            _fail(attempt, error)
+        else:
+            if attempt is not None:
+                attempt.set_result(None)
 
     def _read(self, why: str) -> None:
         """Read everything and apply it; an event is recorded only if something changed."""
@@ -155,7 +141,7 @@ class Reloader:
             self._failed(error, why, again=str(error) == self._error and not requested)
             raise
         self._watcher.watch(fleet.sources)
-        if self._stopping:
+        if self.loop.stopping:
             return
         same = fleet == self._fleet and self._successful
         self.time = self._clocks().wall

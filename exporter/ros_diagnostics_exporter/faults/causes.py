@@ -84,7 +84,7 @@ def _update(book: Book, cause: Cause, now: Instant) -> None:
         _touch_excluding(book, cause)
     elif cause.active is not None and 2 * counted < needed:
         cause.active = None
-        cause.covers_until = now.mono + _confirm_after(book, cause)
+        cause.covers_until = now.mono + confirm_after(book, cause)
         book.timers.set(("cover", cause), cause.covers_until)
         book.write(cause)
     _judge(book, cause, Verdict.BAD if 2 * fresh >= needed else Verdict.HELD)
@@ -157,7 +157,8 @@ def _settings(book: Book, cause: Cause) -> CauseSettings:
     return book.settings.site if cause.scope is Scope.SITE else book.settings.common
 
 
-def _confirm_after(book: Book, cause: Cause) -> float:
+def confirm_after(book: Book, cause: Cause) -> float:
+    """Seconds for which a cause goes on covering what it explained, after its end."""
     robot = cause.robot
     return book.settings.confirm_after if robot is None else robot.settings.confirm_after
 

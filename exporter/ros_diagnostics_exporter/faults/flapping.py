@@ -42,11 +42,13 @@ class FlapHistory:
 
     def decay(self, mono: float, interval: float) -> bool:
         """Record what the time since the last record adds; True if the ratio may have changed."""
-        # The tolerance lets a timer that is due after one interval find it over.
         steps = int((mono - self.last) / interval + 1e-9)
         if steps <= 0:
-            return False
-        self.last += steps * interval
+            # Computed as a timer is: after a long uptime the difference may be less than interval.
+            if mono < self.last + interval:
+                return False
+            steps = 1
+        self.last = min(mono, self.last + steps * interval)
         if self.ratio == 0.0:
             return False
         steps = min(steps, SLOTS)

@@ -2,6 +2,9 @@
 
 Robots, components in trouble, problems and larger causes have a row each, so that a change is
 written alone. What can be counted from them is counted again.
+
+The wall clock may have been set since they were written: nothing of before lies in the future, and
+nothing that is to end lasts longer than if it had begun now.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ from ros_diagnostics_exporter.faults.model import (
     Scope,
     State,
     Verdict,
+    at_mono,
 )
 from ros_diagnostics_exporter.faults.records import (
     Cause,
@@ -79,6 +83,7 @@ def restore(book: Book, stored: Iterable[Row], now: Instant) -> None:
     for row in sorted(stored, key=lambda row: (_ORDER.index(row.kind), row.key)):
         if row.fields is not None:
             readers[row.kind](book, row.key, row.fields, clock)
+    _bound(book, now)
     _count(book, now)
     _set_timers(book)
     hours.wake(book, now)
@@ -264,6 +269,48 @@ def _give_to_owner(book: Book, problem: Problem) -> None:
             component.values[identity.key, identity.bound, identity.state.value] = problem
         else:
             component.problems[identity.state] = problem
+
+
+# -- a wall clock that was set back ------------------------------------------------------------
+
+
+def _bound(book: Book, now: Instant) -> None:
+    for problem in book.problems.values():
+        _bound_problem(book, problem, now)
+    for robot in book.robots.values():
+        most = now.mono + robot.settings.confirm_after
+        robot.returned_until = min(robot.returned_until, most)
+        _bound_history(robot.history, now)
+        for component in robot.components.values():
+            component.since = _not_after(component.since, now)
+            _bound_history(component.flaps, now)
+    for cause in (*book.causes.values(), *(robot.many for robot in book.robots.values())):
+        cause.active = _not_after(cause.active, now)
+        most = now.mono + causes.confirm_after(book, cause)
+        cause.covers_until = min(cause.covers_until, most)
+
+
+def _bound_problem(book: Book, problem: Problem, now: Instant) -> None:
+    """Date a problem before now, and one that is confirmed long enough before."""
+    latest = now
+    component = problem.component if problem.identity.scope is Scope.COMPONENT else None
+    if problem.fault is not None:
+        latest = at_mono(now.mono - book.confirm_after(problem), now)
+    if problem.clock > now.mono:
+        problem.clock = latest.mono
+    if problem.since.wall > now.wall:
+        problem.since = latest
+    if component is not None and component.since is not None and component.since.wall > now.wall:
+        component.since = latest
+
+
+def _bound_history(history: FlapHistory | None, now: Instant) -> None:
+    if history is not None:
+        history.last = min(history.last, now.mono)
+
+
+def _not_after(then: Instant | None, now: Instant) -> Instant | None:
+    return now if then is not None and then.wall > now.wall else then
 
 
 # -- what follows from the rows ----------------------------------------------------------------

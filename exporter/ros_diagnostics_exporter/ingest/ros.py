@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import logging
 import os
+import sys
 import threading
 import time
 from bisect import bisect_right
@@ -20,13 +21,41 @@ from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequenc
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory, TemporaryFile
 from typing import Protocol
 
 from ros_diagnostics_exporter.ingest.cdr import Decoder, is_cdr
 from ros_diagnostics_exporter.ingest.topic_queue import SHARE, SHARED, TopicQueue
+from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
+from ros_diagnostics_exporter.texts import one_line
+
+RMW_VARIABLE = "RMW_IMPLEMENTATION"
+
+
+class _MissingMiddlewareError(ImportError):
+    """The middleware that the environment names is not installed; the text says what to do."""
+
+
+def check_middleware(environment: Mapping[str, str]) -> None:
+    """Raise an ImportError where ROS lacks the middleware: it would end the process with a riddle.
+
+    Where nothing is known of the libraries' folders, nothing is said.
+    """
+    wanted = environment.get(RMW_VARIABLE, "")
+    paths = environment.get("LD_LIBRARY_PATH", "").split(":")
+    folders = [Path(sys.prefix, "lib"), *map(Path, filter(None, paths))]
+    found = {path.stem.removeprefix("lib") for each in folders for path in each.glob("librmw_*.so")}
+    if wanted and found and wanted not in found:
+        raise _MissingMiddlewareError(
+            f"{RMW_VARIABLE} is {wanted!r}, and there is no lib{wanted}.so in "
+            f"{', '.join(map(str, folders))}: unset it, or install that middleware into ROS "
+            "(pip has rmw_fastrtps_cpp only)"
+        )
+
 
 try:
+    check_middleware(os.environ)
     import rclpy
     from diagnostic_msgs.msg import DiagnosticArray
     from rclpy.context import Context
@@ -67,6 +96,7 @@ SELDOM = 5  # looks at the graph from one question about a topic with messages t
 LOOK_SHARE, MAX_STRETCH = 0.01, 5
 PROFILES_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 OWN_PROFILES = "DEFAULT_FASTRTPS_PROFILES.xml"
+MAX_ERROR = 200  # characters of why a domain could not be joined
 LEAVE_TIME = 5.0  # seconds that domains are waited for when they are left
 
 
@@ -101,6 +131,8 @@ class Receiver(Protocol):
 
 def check_ros() -> None:
     """Raise RosMissingError, with the way out, where ROS cannot be imported."""
+    if isinstance(_IMPORT_ERROR, _MissingMiddlewareError):
+        raise RosMissingError(str(_IMPORT_ERROR))
     if _IMPORT_ERROR is not None:
         raise RosMissingError(
             f"ROS 2 was not found ({_IMPORT_ERROR}): source it (source /opt/ros/jazzy/setup.bash), "
@@ -119,6 +151,38 @@ def use_profiles(environment: MutableMapping[str, str], folder: Path) -> None:
     """
     if not environment.get(PROFILES_VARIABLE) and not (folder / OWN_PROFILES).exists():
         environment[PROFILES_VARIABLE] = str(Path(__file__).with_name("fastdds.xml"))
+
+
+def use_log_folder(environment: MutableMapping[str, str]) -> TemporaryDirectory[str] | None:
+    """Have rcl log to a temporary folder where it cannot make its own: it would join no domain.
+
+    Args:
+        environment: Of this process; ``ROS_LOG_DIR`` is set where that is so.
+
+    Returns:
+        The temporary folder, which is removed with this object; None where rcl's own can be used.
+    """
+    try:
+        folder = _log_folder(environment)
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            return None
+    except OSError as error:
+        made = TemporaryDirectory(prefix="ros-diagnostics-exporter-")
+        log.warning("ROS logs to %s, because its own folder cannot be used: %s", made.name, error)
+        environment["ROS_LOG_DIR"] = made.name
+        return made
+
+
+def _log_folder(environment: Mapping[str, str]) -> Path:
+    """Where rcl will log; OSError where it knows no folder."""
+    if folder := environment.get("ROS_LOG_DIR"):
+        return Path(folder).expanduser()
+    if home := environment.get("ROS_HOME"):
+        return Path(home, "log").expanduser()
+    if home := environment.get("HOME"):
+        return Path(home, ".ros", "log")
+    raise OSError("HOME is not set")
 
 
 def split_arguments(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
@@ -188,6 +252,7 @@ class Listener:
         """``ros_arguments`` are those from ``--ros-args`` on, as ROS' own tools take them."""
         check_ros()
         use_profiles(os.environ, Path())
+        self._log_folder = use_log_folder(os.environ)
         self.ros_arguments = ros_arguments
         self._receiver = receiver
         self._poll_interval = poll_interval
@@ -238,6 +303,18 @@ class Listener:
         """Joined domain -> Unix time when its graph was last looked at; 0 before that."""
         domains = self._domains
         return {each: domains[each].last_look for each in sorted(domains) if domains[each].joined}
+
+    @property
+    def loops(self) -> list[Loop]:
+        """Those of the domains."""
+        return [domain.loop for domain in self._domains.values()]
+
+    @property
+    def errors(self) -> Mapping[int, str]:
+        """Why domains could not be joined at the last attempt, by domain."""
+        return {
+            each: domain.error for each, domain in sorted(self._domains.items()) if domain.error
+        }
 
     def stalled(self, seconds: float) -> list[int]:
         """The joined domains whose thread has finished no turn for so many seconds."""
@@ -309,60 +386,60 @@ class _Domain:
         self._types: dict[str, tuple[str, ...]] = {}  # of the topics, at the last look
         self._look: Iterator[None] | None = None
         self._asked_last = ""
-        self._stopping = threading.Event()
-        self._joined = threading.Event()
-        self._failed = False
+        self._context = Context()
+        self._node: Node | None = None
+        self.error = ""  # why it could not be joined
         self.last_look = 0.0
         self.last_turn = 0.0
-        self._thread = threading.Thread(
-            target=self._live, name=f"ros-domain-{domain_id}", daemon=True
-        )
-        self._thread.start()
+        self.loop = Loop(f"domain-{domain_id}", TAKE_INTERVAL, self._turn, end=self._leave)
+        self.loop.start()
 
     @property
     def alive(self) -> bool:
         """Whether the thread runs: it joins, works, or leaves."""
-        return self._thread.is_alive() and not self._failed
+        return self.loop.alive and not self.error
 
     @property
     def joined(self) -> bool:
         """Whether messages are taken."""
-        return self.alive and self._joined.is_set() and not self._stopping.is_set()
+        return self.alive and self._node is not None and not self.loop.stopping
 
     @property
     def joining(self) -> bool:
         """Whether the domain is not joined yet."""
-        return self.alive and not self._joined.is_set() and not self._stopping.is_set()
+        return self.alive and self._node is None and not self.loop.stopping
 
     def ask_to_stop(self) -> None:
         """Leave the domain soon."""
-        self._stopping.set()
+        self.loop.ask_to_stop()
 
     def wait(self, seconds: float) -> None:
         """Wait until the domain is left, at most so many seconds."""
-        self._thread.join(seconds)
-        if self.alive:
+        if not self.loop.stop(seconds):
             log.warning("DDS domain %d is not left yet: its thread still runs", self._domain_id)
 
-    def _live(self) -> None:
-        context = Context()
-        try:
-            node = self._join(context)
-        except Exception as error:  # whatever the middleware raises; other domains go on
-            log.exception("cannot join DDS domain %d", self._domain_id)
-            context.try_shutdown()
-            self._failed = True  # from now on it may be joined anew
-            self._receiver.domain_failed(self._domain_id, str(error), read_clocks())
+    def _turn(self) -> None:
+        """Join the domain at the first turn; take what has arrived at all others."""
+        if self._node is not None:
+            self._take(self._node)
             return
         try:
-            self.last_turn = time.monotonic()
-            self._joined.set()
-            if not self._stopping.is_set():
-                self._receiver.domain_joined(self._domain_id)
-            self._run(node)
-        finally:
-            node.destroy_node()
-            context.try_shutdown()
+            node = self._join(self._context)
+        except Exception as error:  # whatever the middleware raises; other domains go on
+            log.exception("cannot join DDS domain %d", self._domain_id)
+            self.error = one_line(str(error)).strip()[:MAX_ERROR] or type(error).__name__
+            self.loop.ask_to_stop()  # from now on it may be joined anew
+            self._receiver.domain_failed(self._domain_id, self.error, read_clocks())
+            return
+        self.last_turn = time.monotonic()
+        self._node = node
+        if not self.loop.stopping:
+            self._receiver.domain_joined(self._domain_id)
+
+    def _leave(self) -> None:
+        if self._node is not None:
+            self._node.destroy_node()
+        self._context.try_shutdown()
 
     def _join(self, context: Context) -> Node:
         """A node without parameter and type description services and without /rosout."""
@@ -376,20 +453,18 @@ class _Domain:
             parameter_overrides=[Parameter("start_type_description_service", value=False)],
         )
 
-    def _run(self, node: Node) -> None:
-        """Look at the graph when that is due, and take what has arrived, again and again.
+    def _take(self, node: Node) -> None:
+        """Look at the graph when that is due, and take what has arrived.
 
         Instead of rclpy's executors: they pass every subscription to the middleware before
         each single message, which for 100 robots costs more than all else together.
         """
-        while not self._stopping.is_set():
-            self._run_safely(partial(self._look_on, node))
-            topics = iter(list(self._topics.items()))
-            while not self._run_safely(partial(self._drain_all, node, topics)):
-                pass  # the topics after the one that failed
-            self._decode_waiting()
-            self.last_turn = time.monotonic()
-            self._stopping.wait(TAKE_INTERVAL)
+        self._run_safely(partial(self._look_on, node))
+        topics = iter(list(self._topics.items()))
+        while not self._run_safely(partial(self._drain_all, node, topics)):
+            pass  # the topics after the one that failed
+        self._decode_waiting()
+        self.last_turn = time.monotonic()
 
     def _run_safely(self, work: Callable[[], None]) -> bool:
         """Run one piece of work; a bug with one robot's messages must not stop the domain.
@@ -556,7 +631,7 @@ class _Domain:
             first = topic.take(DiagnosticArray, True)
             if first is not None:
                 self._drain(node, name, topic, first[0])
-            if self._stopping.is_set():
+            if self.loop.stopping:
                 return
 
     def _drain(self, node: Node, name: str, topic: _Subscription, first: bytes) -> None:
@@ -601,7 +676,7 @@ class _Domain:
         due.sort(key=lambda each: each[1].queue.cost(begin))
         for name, content in due:
             while content.queue.is_due(now := time.monotonic()):
-                if self._stopping.is_set() or now - begin >= DECODE_TIME:
+                if self.loop.stopping or now - begin >= DECODE_TIME:
                     break
                 self._run_safely(partial(self._receive, name, content, spent))
             if not content.queue:

@@ -26,6 +26,7 @@ from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.canary import BUCKETS, Canary
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.ingest.ros import Listener, read_clocks
+from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.families import (
     EXPORTER,
@@ -66,6 +67,7 @@ class Exporter:
     alertmanager: Alertmanager | None
     canary: Canary
     ros: tuple[str, str]
+    loops: Callable[[], Sequence[Loop]]
     scrapes: int = 0
     scrape_seconds: float = 0.0
 
@@ -210,6 +212,15 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
     ),
     (
         _family(
+            "exporter_domain_error_info",
+            "gauge",
+            "1 with the reason why the DDS domain could not be joined; it is tried again.",
+            (*EXPORTER, "domain_id", "reason"),
+        ),
+        lambda exporter: [((str(each), why), 1) for each, why in exporter.listener.errors.items()],
+    ),
+    (
+        _family(
             "exporter_discovery_last_run_timestamp_seconds",
             "gauge",
             "When the ROS graph of a joined DDS domain was last looked at (Unix time); "
@@ -236,6 +247,24 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
             EXPORTER,
         ),
         lambda exporter: None if exporter.storage is None else _one(exporter.storage.written_at),
+    ),
+    (
+        _family(
+            "exporter_loop_last_turn_timestamp_seconds",
+            "gauge",
+            "When the last turn of a loop that did not fail ended (Unix time); 0 = none yet.",
+            (*EXPORTER, "loop"),
+        ),
+        lambda exporter: _by_label({each.name: each.last_turn for each in exporter.loops()}),
+    ),
+    (
+        _family(
+            "exporter_loop_errors_total",
+            "counter",
+            "Turns of a loop that failed, which is a bug; each is logged, at most one a minute.",
+            (*EXPORTER, "loop"),
+        ),
+        lambda exporter: _by_label({each.name: each.errors for each in exporter.loops()}),
     ),
     (
         _family(

@@ -211,7 +211,7 @@ class Component:
         """Restore what an earlier process knew: STALE until it is received."""
         before = persisted.before_stale if persisted.level == STALE else persisted.level
         self.hardware_id = persisted.hardware_id
-        self.listed = now.mono - max(0.0, now.wall - persisted.listed)
+        self.listed = now.mono - (now.wall - persisted.listed)
         self.message = persisted.message
         self._was_ok = before in (None, OK) if persisted.was_ok is None else persisted.was_ok
         self.reported = STALE

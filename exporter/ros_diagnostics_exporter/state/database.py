@@ -43,32 +43,30 @@ SCHEMA = (
     "CREATE INDEX events_of_robot ON events (robot)",
 )
 _EVENT = TypeAdapter(Event)
-# What SQLite says where not the content of the file is wrong (sqlite3ErrStr; the codes are known
-# to Python 3.11 and newer only).
-_NO_DAMAGE = (
-    "attempt to write a readonly database",
-    "database is locked",
-    "database or disk is full",
-    "disk I/O error",
-    "interrupted",
-    "out of memory",
-    "unable to open database file",
-)
+_TABLES = frozenset(each for each in SCHEMA if each.startswith("CREATE TABLE"))
+_DAMAGE = (11, 26)  # SQLITE_CORRUPT, SQLITE_NOTADB
 
 
 class InUseError(Exception):
     """Another process has the database open; the text names the file and the process."""
 
 
+class VersionError(Exception):
+    """The file is intact and not one of this version; the text names it."""
+
+
 class DamagedError(Exception):
-    """The file is no database of this version; the text says why."""
+    """The file is no intact database; the text says why."""
 
 
 def is_damage(error: Exception) -> bool:
-    """Whether the content of the file, not the disk or a permission, is what is wrong."""
+    """Whether the content of the file, not the disk, a lock or a permission, is what is wrong."""
     if isinstance(error, DamagedError):
         return True
-    return isinstance(error, sqlite3.DatabaseError) and not str(error).startswith(_NO_DAMAGE)
+    if (code := getattr(error, "sqlite_errorcode", None)) is not None:
+        return code & 0xFF in _DAMAGE
+    # Python 3.10 does not say the code, and raises just this class for these two.
+    return type(error) is sqlite3.DatabaseError
 
 
 @dataclass
@@ -99,7 +97,10 @@ class Lock:
         except BlockingIOError as error:
             owner = os.read(self._file, 20).decode("ascii", "replace").strip()
             os.close(self._file)
-            raise InUseError(f"{database} is in use by another exporter (pid {owner})") from error
+            raise InUseError(
+                f"{database} is in use by another exporter (pid {owner}); "
+                "give this one another --storage.path"
+            ) from error
         os.truncate(self._file, 0)
         os.pwrite(self._file, b"%d\n" % os.getpid(), 0)
 
@@ -113,6 +114,7 @@ class Database:
 
     Raises:
         DamagedError, sqlite3.Error: it is damaged, see `is_damage`.
+        VersionError: it is of another version, or of another program.
         OSError, sqlite3.OperationalError: it cannot be opened.
     """
 
@@ -131,17 +133,26 @@ class Database:
 
     def _set_up(self) -> None:
         connection = self._connection
+        found = set(self._ask("SELECT sql FROM sqlite_master WHERE sql <> ''"))
+        if found:  # then before anything in it is changed
+            self._check_version()
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = FULL")
         connection.execute(f"PRAGMA journal_size_limit = {WAL_BYTES}")
-        found = tuple(self._ask("SELECT sql FROM sqlite_master WHERE sql <> '' ORDER BY rowid"))
-        [(version,)] = connection.execute("PRAGMA user_version")
-        if not found and version == 0:
+        if not found:
             self._create()
-        elif version != VERSION:
-            raise DamagedError(f"its version is {version}, not {VERSION}")
-        elif found != SCHEMA:
+        elif not found >= _TABLES:  # an index more, or the statistics of ANALYZE, are harmless
             raise DamagedError("its tables are not those of this version")
+
+    def _check_version(self) -> None:
+        [application], [version] = map(self._ask, ("PRAGMA application_id", "PRAGMA user_version"))
+        if application != APPLICATION:
+            what = "the database of another program; choose another --storage.path"
+            raise VersionError(f"{self._path} is {what}")
+        if version != VERSION:
+            what = f"a database of version {version}, and this exporter writes version {VERSION}"
+            remedy = "start the exporter that wrote it, or give this one another --storage.path"
+            raise VersionError(f"{self._path} is {what}; {remedy}")
 
     def _create(self) -> None:
         with self._transaction():
@@ -184,6 +195,11 @@ class Database:
             "SELECT name, data, time FROM robots LEFT JOIN seen ON robot = name ORDER BY name"
         )
 
+    def written_at(self) -> float | None:
+        """The time at the last write; None if there was none."""
+        [found] = self._ask("SELECT max(time) FROM seen WHERE robot = ''")
+        return found if isinstance(found, float) else None
+
     def faults(self) -> Iterator[tuple[Any, Any, Any]]:
         """Of each row of the faults its kind, key and fields, as they are there."""
         yield from self._connection.execute("SELECT kind, key, fields FROM faults")
@@ -209,12 +225,13 @@ class Database:
                 self._connection.execute("ROLLBACK")
             raise
 
-    def write(self, changes: Changes, *, oldest: float, most: int) -> None:
+    def write(self, changes: Changes, *, oldest: float, newest: float, most: int) -> None:
         """Write what changed, and delete the oldest events.
 
         Args:
             changes: What changed.
             oldest: Unix time before which events go.
+            newest: Unix time now: a later event is of a clock that was wrong, and keeps none.
             most: Bytes of the database above which the oldest events go.
         """
         with self._transaction():
@@ -223,7 +240,9 @@ class Database:
                     self._connection.execute(f"DELETE FROM {table}")  # noqa: S608 - our own names
             self._write_robots(changes)
             self._write_faults(changes.faults)
-            self._write_events(changes.events, oldest, most)
+            written = self._write_events(changes.events)
+            # So that they go faster than they come.
+            self._delete_events(1000 + 2 * max(0, written), (oldest, newest), most)
 
     def _write_robots(self, changes: Changes) -> None:
         execute = self._connection.executemany
@@ -252,26 +271,36 @@ class Database:
             ],
         )
 
-    def _write_events(self, events: Iterable[tuple[int, Event]], oldest: float, most: int) -> None:
-        written = self._connection.executemany(
+    def _write_events(self, events: Iterable[tuple[int, Event]]) -> int:
+        """Write events; returns how many."""
+        return self._connection.executemany(
             "INSERT OR REPLACE INTO events VALUES (?, ?, ?, ?, ?, ?, ?)",
             (_event_row(number, event) for number, event in events),
         ).rowcount
-        count = 1000 + 2 * max(0, written)  # so that they go faster than they come
+
+    def _delete_events(self, count: int, ages: tuple[float, float], most: int) -> None:
+        """Delete up to ``count`` of the oldest events, where they are too old or too many."""
         [pages, free, size] = (
             self._ask(f"PRAGMA {name}")[0] for name in ("page_count", "freelist_count", "page_size")
         )
-        if (pages - free) * size <= most:
-            first = self._ask("SELECT time FROM events ORDER BY id LIMIT 1")
-            if not first or first[0] >= oldest:
-                return
-        else:
-            oldest = float("inf")
-        self._connection.execute(
-            "DELETE FROM events WHERE time < ?"
-            " AND id IN (SELECT id FROM events ORDER BY id LIMIT ?)",
-            (oldest, count),
-        )
+        if (pages - free) * size > most:
+            self._connection.execute(
+                "DELETE FROM events WHERE id IN (SELECT id FROM events ORDER BY id LIMIT ?)",
+                (count,),
+            )
+        elif last := self._last_old(count, *ages):
+            self._connection.execute("DELETE FROM events WHERE id <= ?", (last,))
+
+    def _last_old(self, count: int, oldest: float, newest: float) -> int:
+        """The last of the events at the beginning that are too old; 0: none is."""
+        last = 0
+        for number, time in self._connection.execute(
+            "SELECT id, time FROM events WHERE time <= ? ORDER BY id LIMIT ?", (newest, count)
+        ):
+            if time >= oldest:
+                break
+            last = number
+        return last
 
 
 def rename_database(path: Path, to: Path) -> None:

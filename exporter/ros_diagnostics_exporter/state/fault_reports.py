@@ -36,7 +36,7 @@ from ros_diagnostics_exporter.state.conditions import Quiet, RobotConditions
 from ros_diagnostics_exporter.state.fault_evidence import evidence
 from ros_diagnostics_exporter.state.limits import unique_name
 from ros_diagnostics_exporter.state.robot import Robot
-from ros_diagnostics_exporter.state.rules import value_rule
+from ros_diagnostics_exporter.state.rules import component_rule, value_rule
 
 _Presence = Literal["up", "silent", "pending"]
 _LEVELS = tuple(Level)
@@ -272,7 +272,23 @@ class RobotReports:
         """Report all of it to another engine, but its downtime."""
         self._presence, self.maintenance = None, self.robot.maintenance
         self.maintained = frozenset()
-        return self.configure(faults, now)
+        components = self.robot.components
+        self._names, self._names_version = _names(components), components.names_version
+        return self.configure(faults, now) + self._forget_ignored(faults, now)
+
+    def _forget_ignored(self, faults: Faults, now: Instant) -> list[Change]:
+        """End what is wrong with components that the config of before the start did not ignore."""
+        robot, changes = self.robot.settings, list[Change]()
+        known = {
+            ComponentName(identity.group, identity.component)
+            for identity in faults.identities(robot.name)
+            if identity.component
+        }
+        for name in sorted(known.difference(self._names.values())):
+            rule = component_rule(robot.profile, name.component)
+            if rule is not None and rule.ignore:
+                changes += faults.forget_component(robot.name, name, now)
+        return changes
 
     # -- what changed ------------------------------------------------------------------------
 

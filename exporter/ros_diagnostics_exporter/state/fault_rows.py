@@ -37,6 +37,19 @@ class _Fault(NamedTuple):
     evidence: _Text
 
 
+class _Downtime(NamedTuple):
+    robot: _Text
+    component: _Text
+    start: _Moment
+    end: _Moment
+    author: _Text
+    comment: _Text
+
+
+class _Downtimes(NamedTuple):
+    planned: Annotated[list[_Downtime], Field(max_length=1000)]
+
+
 class _OfFleet(NamedTuple):
     settled_at: _Moment | None
     grace_until: _Moment | None = None  # version 0.1 had none
@@ -76,7 +89,9 @@ class _OfProblem(NamedTuple):
     fault: _Fault | None
 
 
+DOWNTIMES = "downtimes"  # the kind of the one row of those that people planned
 _FIELDS: dict[str, TypeAdapter[Any]] = {
+    DOWNTIMES: TypeAdapter(_Downtimes),
     "fleet": TypeAdapter(_OfFleet),
     "robot": TypeAdapter(_OfRobot),
     "component": TypeAdapter(_OfComponent),
@@ -85,7 +100,7 @@ _FIELDS: dict[str, TypeAdapter[Any]] = {
 }
 _ROW: TypeAdapter[Any] = TypeAdapter(
     tuple[
-        Literal["fleet", "robot", "component", "cause", "problem"],
+        Literal["downtimes", "fleet", "robot", "component", "cause", "problem"],
         Annotated[tuple[_Text, ...], Field(max_length=10)],
         dict[str, Any],
     ]

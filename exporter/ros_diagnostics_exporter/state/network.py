@@ -13,8 +13,8 @@ class Network:
 
     __slots__ = ("_endpoints", "domain_up")
 
-    def __init__(self) -> None:
-        self.domain_up = True
+    def __init__(self, *, domain_up: bool = True) -> None:
+        self.domain_up = domain_up
         self._endpoints: dict[str, Endpoint] = {}
 
     def update(self, topic: str, endpoint: Endpoint | None) -> bool:

@@ -62,33 +62,52 @@ class RobotRegistry:
             if settings is None:
                 self.drop(robot, now)
                 continue
-            robot.declared = is_declared
+            robot.become(declared=is_declared, shared=self._is_shared(settings))
             if is_declared:
                 self._not_publishing.pop(name, None)
             if (settings, fleet.limits) != (robot.settings, robot.limits):
                 self._unbind(robot)
                 robot.configure(settings, fleet.limits, now)
                 self._bind(robot)
+        for settings in fleet.robots:
+            self._drop_found(settings, now)
         for settings in declared.values():
             self.add(settings, now, declared=True)
 
+    def _drop_found(self, settings: config.Robot, now: Instant) -> None:
+        """Drop what was discovered, by another name, on a topic of a robot that is declared."""
+        for topic in _topics(settings):
+            for robot, _raw in list(self.bindings.get(topic, ())):
+                if not (robot.declared or topic in self.shared_topics):
+                    self.drop(robot, now)
+
     def _rediscovered(self, name: str, robot: Robot) -> config.Robot | None:
-        """The settings of a robot that the config does not declare; None if it is not wanted."""
+        """The settings of a robot that the config does not declare; None if it is not wanted.
+
+        One that it declared before is taken out by that, unless somebody publishes as it.
+        """
         old = robot.settings
+        if robot.declared and not (robot.up or robot.network.publishers):
+            return None
         for topic in (old.topic_agg, old.topic_raw):
             if topic is not None:
-                settings = self._settings_by_topic(name, Topic(old.domain_id, topic))
+                at = Topic(old.domain_id, topic)
+                settings = self._settings_by_topic(name, at, shared=robot.shared)
                 if settings is not None:
                     return settings
         return None
 
-    def _settings_by_topic(self, name: str, topic: Topic) -> config.Robot | None:
+    def _settings_by_topic(self, name: str, topic: Topic, *, shared: bool) -> config.Robot | None:
+        """The settings of a robot on a topic; ``shared``: a status on a shared topic named it."""
         if topic in self.shared_topics:
-            return self.shared_topics[topic].robot(name)
+            return self.shared_topics[topic].robot(name) if shared else None
         for discovery in self._fleet.discoveries:
             if robot_name(discovery, topic.name, topic.domain_id) == name:
                 return found_robot(discovery, name, topic.name, topic.domain_id)
         return None
+
+    def _is_shared(self, settings: config.Robot) -> bool:
+        return any(topic in self.shared_topics for topic in _topics(settings))
 
     # -- added and dropped -------------------------------------------------------------------
 
@@ -104,6 +123,7 @@ class RobotRegistry:
         robot = Robot(
             settings, self._fleet.limits, self.series, self._events, now, declared=declared
         )
+        robot.shared = self._is_shared(settings)
         self.robots[settings.name] = robot
         if not declared:
             self._not_publishing[settings.name] = robot
@@ -196,11 +216,20 @@ class RobotRegistry:
         return robot
 
     def _settings_of(self, name: str, known: PersistedRobot) -> config.Robot | None:
+        """Those of a robot that is not declared.
+
+        One that was is taken out by that, and discovered again if anybody publishes as it.
+        """
+        if known.origin == "declared":
+            return None
+        shared = known.origin in ("shared", None)
         # By which of its two topics it was discovered is not persisted.
         for topic in (known.topic, *config.topics_of(known.topic, config.Source.AUTO)):
-            settings = self._settings_by_topic(name, Topic(known.domain_id, topic or ""))
+            at = Topic(known.domain_id, topic or "")
+            settings = self._settings_by_topic(name, at, shared=shared)
             if settings is not None:
-                return settings
+                is_free = shared or not self.bindings.keys() & _topics(settings).keys()
+                return settings if is_free else None
         return None
 
     def on_shared_topic(self, topic: Topic, name: str, now: Instant) -> Robot | None:

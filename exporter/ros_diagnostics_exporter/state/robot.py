@@ -25,7 +25,7 @@ from ros_diagnostics_exporter.state.rejections import (
     RejectionReason,
     SilentReason,
 )
-from ros_diagnostics_exporter.state.storage import PersistedRobot
+from ros_diagnostics_exporter.state.storage import Origin, PersistedRobot
 from ros_diagnostics_exporter.state.versions import Versions
 
 log = logging.getLogger(__name__)
@@ -34,6 +34,7 @@ log = logging.getLogger(__name__)
 # its groups, too, and a component in each of its groups.
 ROWS_OF_COMPONENT = 4
 _LEVEL_NAMES = tuple(level.name for level in Level)
+TIME_TO_RETURN = 600.0  # seconds after a start in which nothing is forgotten for its absence
 AUTO_WAIT = 5.0  # seconds that a raw array waits for an aggregated one before raw is the source
 MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 
@@ -41,9 +42,10 @@ MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 class Robot:
     """One robot, protected by the lock of its State.
 
-    ``declared``: fleet.yml names it. ``found_mono`` is when it was added, ``seen_mono`` when the
-    publishers of its topics last changed; ``last_mono`` and ``last_wall`` are when the last array
-    was received, ``clock_offset`` is its receipt minus its stamp in seconds.
+    ``declared``: fleet.yml names it; ``shared``: its topic is one that robots share.
+    ``found_mono`` is when it was added, ``seen_mono`` when the publishers of its topics last
+    changed; ``last_mono`` and ``last_wall`` are when the last array was received, ``clock_offset``
+    is its receipt minus its stamp in seconds.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class Robot:
     ) -> None:
         self.settings = settings
         self.declared = declared
+        self.shared = False
         self.found_mono = self.seen_mono = now.mono
         self.limits = limits
         self.up = False
@@ -93,12 +96,20 @@ class Robot:
         """The robot's own groups: path -> (level, message) as its aggregator reported them."""
         return self._aggregated.groups
 
+    def become(self, *, declared: bool, shared: bool) -> None:
+        """Set how the config comes to have it."""
+        if (declared, shared) != (self.declared, self.shared):
+            self.declared, self.shared = declared, shared
+            self.versions.structure += 1  # it is written anew
+
     def configure(self, settings: config.Robot, limits: config.Limits, now: Instant) -> None:
         """Apply another config; what is known stays, as far as it is still wanted."""
         if settings.source is not self.settings.source:
             self.source = settings.source
         if _topics_of(settings) != _topics_of(self.settings):
-            self.network = Network()
+            is_same_domain = settings.domain_id == self.settings.domain_id
+            self.network = Network(domain_up=self.network.domain_up or not is_same_domain)
+            self.versions.receipt += 1
         rules_changed = (settings.profile, limits) != (self.settings.profile, self.limits)
         self.settings, self.limits = settings, limits
         self.versions.inventory += 1
@@ -225,6 +236,8 @@ class Robot:
         self, now: Instant, has_problem: Callable[[Component], bool]
     ) -> None:
         """Remove the components that are long absent, were OK and have no problem."""
+        if not self._had_time(now):
+            return
         for component in list(self.components.forgettable(now)):
             if not has_problem(component):
                 self.forget(component, now)
@@ -235,12 +248,21 @@ class Robot:
         A component that was not OK when it was last received is still known, and keeps its robot.
         """
         network = self.network
-        if self.declared or self.up or self.components:
+        if self.declared or self.up or self.components or not self._had_time(now):
             return False
         if network.publishers or network.obstacle is not None:
             return False
         last = self.seen_mono if self.last_mono is None else self.last_mono
         return now.mono - last > self.settings.profile.forget_after
+
+    def _had_time(self, now: Instant) -> bool:
+        """Whether it is known for long enough to have been received, after a start too.
+
+        For how long nothing was received before the start, only the wall clock says, which may
+        have been set meanwhile.
+        """
+        enough = min(TIME_TO_RETURN, self.settings.profile.forget_after)
+        return now.mono - self.found_mono > enough
 
     def update_endpoint(self, topic: str, endpoint: Endpoint | None, now: Instant) -> None:
         """Set what the graph shows of one of its topics."""
@@ -283,15 +305,23 @@ class Robot:
             source=self.source.value,
             last_seen=self.last_wall,
             components=[each.persist(now) for each in self.components if each.level >= 0],
+            origin=self._origin,
         )
+
+    @property
+    def _origin(self) -> Origin:
+        if self.declared:
+            return "declared"
+        return "shared" if self.shared else "discovered"
 
     def restore(self, persisted: PersistedRobot, now: Instant) -> None:
         """Restore what an earlier process knew: all of it STALE until it is received."""
         if self.settings.source is config.Source.AUTO:
             self.source = config.Source(persisted.source)
+        persisted = persisted.not_after(now.wall)
         self.last_wall = persisted.last_seen
         if persisted.last_seen:
-            self.last_mono = now.mono - max(0.0, now.wall - persisted.last_seen)
+            self.last_mono = now.mono - (now.wall - persisted.last_seen)
         for each in persisted.components:
             name, _group, hardware_id = each.identity
             if hardware_id:

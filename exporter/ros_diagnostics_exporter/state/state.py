@@ -7,7 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
@@ -16,6 +16,7 @@ from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Instant, Topic
 from ros_diagnostics_exporter.state.discovery import SharedTopic
 from ros_diagnostics_exporter.state.fault_reports import FaultReports
+from ros_diagnostics_exporter.state.fault_rows import DOWNTIMES
 from ros_diagnostics_exporter.state.limits import truncate_array
 from ros_diagnostics_exporter.state.maintenance import holds
 from ros_diagnostics_exporter.state.registry import RobotRegistry
@@ -28,7 +29,6 @@ log = logging.getLogger(__name__)
 Result = TypeVar("Result")
 
 SLOW_TICK = 1.0  # seconds between two updates of what changes slowly: maintenance, forgetting
-UNMATCHED_TICK = 60.0  # seconds between two looks for entries of the config that match nothing
 PASS_ON = 16  # robots that are visited before a thread that waits for the lock gets its turn
 MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
 
@@ -44,8 +44,8 @@ class State:
         self._ticks: Timers[Robot] = Timers()  # when robots have to be looked at again
         self._holding: tuple[bool, ...] | None = None  # which downtimes do; None: not known
         self._downtimes: tuple[Downtime, ...] = ()  # that people planned
+        self._downtimes_changed = False  # since their row was taken
         self.unmatched = UnmatchedWatch()  # entries of the config that match nothing
-        self._unmatched_at = now.mono + UNMATCHED_TICK
         self._faults = FaultReports(fleet, now, self._events)
         self._registry = RobotRegistry(fleet, now, self._events, self._faults)
 
@@ -177,10 +177,11 @@ class State:
                 if changed:
                     robot.update_maintenance(self.fleet, now)
                 self._registry.forget_absent(robot, now)
-        if now.mono >= self._unmatched_at:
-            self._unmatched_at = now.mono + UNMATCHED_TICK
-            found = find_unmatched(self.fleet, self.visit(known_robot), now.wall)
-            self.unmatched.update(found, now)
+
+    def find_unmatched(self, now: Instant) -> None:
+        """Look for entries of the config that match nothing; takes long, and holds no lock."""
+        found = find_unmatched(self.fleet, self.visit(known_robot), now.wall)
+        self.unmatched.update(found, now)
 
     def _is_known(self, robot: Robot) -> bool:
         return self._registry.robots.get(robot.settings.name) is robot
@@ -202,7 +203,7 @@ class State:
         if planned == self._downtimes:
             return
         with self._lock:
-            self._downtimes = planned
+            self._downtimes, self._downtimes_changed = planned, True
             by_robot: dict[str, tuple[Downtime, ...]] = {}
             for each in planned:
                 by_robot[each.robot] = (*by_robot.get(each.robot, ()), each)
@@ -248,8 +249,13 @@ class State:
             LookupError: the rows refer to what is not among them; nothing is restored.
             TypeError, ValueError: they are not rows of faults; nothing is restored.
         """
+        rows = list(rows)
+        for row in rows:
+            if row.kind == DOWNTIMES and row.fields is not None:
+                planned: Any = row.fields["planned"]
+                self.plan([Downtime(*each) for each in planned], now)
         with self._lock:
-            self._faults.restore(rows, now)
+            self._faults.restore([row for row in rows if row.kind != DOWNTIMES], now)
 
     # -- queries -----------------------------------------------------------------------------
 
@@ -289,12 +295,17 @@ class State:
             return self._registry.downtimes.get(robot, ())
 
     def take_fault_rows(self, now: Instant) -> list[Row]:
-        """The rows that changed since the last call; of all together `restore_faults` goes on.
+        """The rows that changed since the last call, downtimes' too; `restore_faults` needs all.
 
         To be called now and then, also where nobody needs them.
         """
         with self._lock:
-            return self._faults.take_rows(now)
+            rows = self._faults.take_rows(now)
+            if self._downtimes_changed:
+                self._downtimes_changed = False
+                planned: dict[str, object] = {"planned": list(map(list, self._downtimes))}
+                rows.append(Row(DOWNTIMES, (), planned if self._downtimes else None))
+            return rows
 
     def settled(self, now: Instant) -> bool:
         """Whether what was wrong before the start has been judged again."""

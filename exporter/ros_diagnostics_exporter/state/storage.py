@@ -35,6 +35,7 @@ from ros_diagnostics_exporter.state.database import (
     Database,
     InUseError,
     Lock,
+    VersionError,
     find_events,
     is_damage,
     rename_database,
@@ -56,7 +57,7 @@ MAX_ASIDE = 10  # damaged files that are kept
 MAX_SALVAGED = 10_000  # events of a damaged file
 MAX_NAME = 1024  # characters of a robot's name
 MIGRATED = ".migrated"  # what the names of files of version 0.1 end with afterwards
-ITSELF = ""  # in the place of a robot's name: the exporter, at its last write
+ITSELF = ""  # in the place of a robot's name: the exporter, by its `AgeClock` at its last write
 
 log = logging.getLogger(__name__)
 
@@ -81,6 +82,15 @@ class PersistedComponent(NamedTuple):
     listed: _Moment
     was_ok: bool | None = None  # when last received; None: written by an earlier version
 
+    def not_after(self, wall: float) -> PersistedComponent:
+        """It, with nothing in the future."""
+        problem_since = None if self.problem_since is None else min(self.problem_since, wall)
+        since, listed = min(self.since, wall), min(self.listed, wall)
+        return self._replace(since=since, problem_since=problem_since, listed=listed)
+
+
+Origin = Literal["declared", "discovered", "shared"]  # shared: by a status on a shared topic
+
 
 class PersistedRobot(NamedTuple):
     """One robot; ``source`` as decided, ``topic`` where it was discovered or declared."""
@@ -90,6 +100,7 @@ class PersistedRobot(NamedTuple):
     source: Literal["agg", "raw", "both", "auto"]
     last_seen: _Moment
     components: list[PersistedComponent]
+    origin: Origin | None = None  # None: written by an earlier version
 
     def as_json(self) -> str:
         """The fields by name, those of the components, too."""
@@ -104,6 +115,11 @@ class PersistedRobot(NamedTuple):
         components = [each._replace(listed=each.listed + later) for each in self.components]
         return self._replace(last_seen=last_seen, components=components)
 
+    def not_after(self, wall: float) -> PersistedRobot:
+        """It, with nothing in the future: the wall clock was set back since it was written."""
+        components = [each.not_after(wall) for each in self.components]
+        return self._replace(last_seen=min(self.last_seen, wall), components=components)
+
 
 _Key = tuple[int, int, int, int]
 _ROBOT = TypeAdapter(PersistedRobot)
@@ -116,6 +132,34 @@ class Retention:
 
     seconds: float = 90 * 86_400.0
     size: int = 256 * 1024 * 1024
+
+
+class AgeClock:
+    """The wall clock by which events become old, which follows one that was set ahead slowly.
+
+    So an hour in which the clock is 200 days ahead costs some hours of the oldest events, not all.
+    """
+
+    FASTEST = 4  # seconds a second: an exporter that is off for most of the day keeps up
+
+    def __init__(self) -> None:
+        self._last: Instant | None = None
+
+    def set(self, wall: float | None, now: Instant) -> None:
+        """Go on from what it was in an earlier process, None: from now."""
+        self._last = now if wall is None else Instant(now.mono, wall)
+
+    def time(self, now: Instant) -> float:
+        """Unix time, never ahead of the wall clock."""
+        last = self._last or now
+        most = last.wall + self.FASTEST * max(0.0, now.mono - last.mono)
+        self._last = Instant(now.mono, max(last.wall, min(now.wall, most)))
+        return min(self._last.wall, now.wall)
+
+    @property
+    def wall(self) -> float:
+        """What a later process goes on from."""
+        return 0.0 if self._last is None else self._last.wall
 
 
 @dataclass
@@ -132,6 +176,7 @@ class _Found:
     robots: dict[str, PersistedRobot] = field(default_factory=dict)
     rows: list[Row] = field(default_factory=list)
     last_event: int = 0
+    written_at: float | None = None  # by its `AgeClock`
     damage: str = ""
     obstacle: str = ""
     restored: str = ""  # what of a damaged file is restored, for the log
@@ -190,6 +235,7 @@ class Storage:
         self._rows: dict[tuple[str, str], str] = {}  # all rows of the faults, as JSON
         self._changed_rows: dict[tuple[str, str], None] = {}
         self._last_event = 0  # that is written
+        self._age = AgeClock()
 
     @property
     def successful(self) -> bool:
@@ -212,11 +258,13 @@ class Storage:
 
         Raises:
             InUseError: another exporter has the database open.
+            VersionError: it is of another version; it is left as it is.
         """
         found = self._found = self._read_in_time()
         if found.obstacle:
             self._block(f"cannot be read ({found.obstacle}): starting without it")
             return 0
+        self._age.set(found.written_at, now)
         state.restore(found.robots, now)
         try:
             state.restore_faults(found.rows, now)
@@ -229,20 +277,20 @@ class Storage:
 
     def _read_in_time(self) -> _Found:
         """What is in the file; read in a thread, because a disk may hang."""
-        ended: list[_Found | InUseError] = []
+        ended: list[_Found | InUseError | VersionError] = []
         thread = threading.Thread(target=lambda: ended.append(self._read()), daemon=True)
         thread.start()
         thread.join(LOADING)
         if not ended:
             return _Found(self._path, obstacle=f"no answer of the disk in {LOADING:.0f} s")
-        if isinstance(ended[0], InUseError):
+        if isinstance(ended[0], Exception):
             raise ended[0]
         return ended[0]
 
-    def _read(self) -> _Found | InUseError:
+    def _read(self) -> _Found | InUseError | VersionError:
         try:
             return self._read_file()
-        except InUseError as error:
+        except (InUseError, VersionError) as error:
             return error
         except OSError as error:
             return _Found(self._path, obstacle=str(error.strerror))
@@ -275,6 +323,7 @@ class Storage:
         """
         found.add_damage(database.check(CHECKING))
         found.last_event = self._last_event = database.last_event()
+        found.written_at = database.written_at()
         found.add_robots((name, _decoded(text), seen) for name, text, seen in database.robots())
         found.add_rows([[row[0], *map(_decoded, row[1:])] for row in database.faults()])
 
@@ -308,14 +357,13 @@ class Storage:
         if not at_once and now.mono - self._tried_at < INTERVAL:
             return
         self._tried_at = now.mono
-        self._take_rows(state, now)
-        self._blocked = self._blocked and os.path.lexists(self._path)
-        if self._blocked:
-            return
         self._writing_since = time.monotonic()
         try:
-            self._save(state, events, now, at_once=at_once)
-        except (OSError, sqlite3.Error, InUseError, DamagedError) as error:
+            self._take_rows(state, now)
+            self._blocked = self._blocked and os.path.lexists(self._path)
+            if not self._blocked:
+                self._save(state, events, now, at_once=at_once)
+        except (OSError, sqlite3.Error, InUseError, VersionError, DamagedError) as error:
             self._failed(now, error)
         except Exception as error:  # noqa: BLE001 - our own fault must not end the thread unseen
             self._failed(now, error, exc_info=True)
@@ -372,7 +420,8 @@ class Storage:
         if not (robots or rows or new or is_due or self._everything or changes.gone):
             return
         retention = self._retention
-        database.write(changes, oldest=now.wall - retention.seconds, most=retention.size)
+        oldest = self._age.time(now) - retention.seconds
+        database.write(changes, oldest=oldest, newest=now.wall, most=retention.size)
         self._keys, self._everything, self._changed_rows = keys, False, {}
         if is_due:
             self._seen, self._seen_at = seen, now.wall
@@ -409,7 +458,8 @@ class Storage:
 
     def _newly_seen(self, seen: dict[str, float], now: Instant) -> list[tuple[str, float]]:
         newer = [(name, at) for name, at in seen.items() if self._seen.get(name) != at]
-        return [(ITSELF, now.wall), *newer]
+        self._age.time(now)
+        return [(ITSELF, self._age.wall), *newer]
 
     def _take_rows(self, state: State, now: Instant) -> None:
         for row in state.take_fault_rows(now):

@@ -12,7 +12,7 @@ import yaml
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
@@ -75,8 +75,11 @@ class Pages:
         return HTMLResponse(page)
 
     async def healthy(self, _request: Request) -> Response:
-        """200 as long as the process responds at all."""
-        return PlainTextResponse("healthy\n")
+        """200 as long as the exporter works; 503 with what hangs where only a restart may help."""
+        reason = self.backend.hanging_reason()
+        if reason is None:
+            return PlainTextResponse("healthy\n")
+        return PlainTextResponse(f"unhealthy: {reason}\n", status_code=503)
 
     async def ready(self, _request: Request) -> Response:
         """200 when messages are subscribed to, else 503 with the reason."""
@@ -167,7 +170,12 @@ def build(
         Route("/api/v1/openapi.json", pages.openapi),
         Route("/sd/{job}", api.targets),
     ]
-    errors = {ApiError: error_response, BusyError: _busy, HTTPException: _http_error}
+    errors = {
+        ApiError: error_response,
+        BusyError: _busy,
+        ClientDisconnect: _disconnected,
+        HTTPException: _http_error,
+    }
     middleware = [
         Middleware(AccessControl, web_config=web_config, logins=threads.logins),
         Middleware(ResponseLimiter, limit=ResponseLimit(connections)),
@@ -177,6 +185,11 @@ def build(
 
 async def _busy(_request: Request, _error: Exception) -> Response:
     return busy_response()
+
+
+async def _disconnected(_request: Request, _error: Exception) -> Response:
+    """The client has gone before its body was complete: nobody reads this."""
+    return Response(status_code=400)
 
 
 async def _http_error(_request: Request, error: Exception) -> Response:

@@ -18,6 +18,9 @@ class Backend(Protocol):
     def render_metrics(self, openmetrics: bool, parts: frozenset[Part], /) -> Sequence[bytes]:
         """These parts of the exposition, as OpenMetrics or in the text format 0.0.4, in pieces."""
 
+    def count_scrape(self) -> None:
+        """Note that a scrape was answered; called from the event loop, must not block."""
+
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""
 
@@ -52,6 +55,9 @@ class Backend(Protocol):
             LookupError: The job is unknown.
             ValueError: The job needs a port, or takes none.
         """
+
+    def hanging_reason(self) -> str | None:
+        """Why a restart may help; None while all goes on. From the event loop, must not block."""
 
     def not_ready_reason(self) -> str | None:
         """Why the exporter is not ready; None when it subscribes to the robots' messages."""

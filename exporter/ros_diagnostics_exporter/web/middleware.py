@@ -32,6 +32,9 @@ DEFAULT_HEADERS = {
 _CLOSE = {"Connection": "close"}
 _URL_TOO_LONG = PlainTextResponse("the URL is too long\n", 414, _CLOSE)
 _HEADERS_TOO_LARGE = PlainTextResponse("the headers are too large\n", 431, _CLOSE)
+_TWO_LENGTHS = PlainTextResponse(
+    "Content-Length and Transfer-Encoding exclude each other\n", 400, _CLOSE
+)
 _RATE_LIMITED = PlainTextResponse("too many requests\n", 429, {"Retry-After": "1"})
 _BUSY = PlainTextResponse("too many logins are waiting\n", 503, {"Retry-After": "1"})
 _UNAUTHORIZED = PlainTextResponse(
@@ -52,8 +55,7 @@ class AccessControl:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, or respond with the reason why it is rejected."""
-        self._web_config.refresh()
-        app = _too_large(scope) or await self._authorize(scope)
+        app = _malformed(scope) or await self._authorize(scope)
         await app(scope, receive, self._with_headers(send))
 
     async def _authorize(self, scope: Scope) -> ASGIApp:
@@ -88,9 +90,14 @@ class AccessControl:
         return send_with_headers
 
 
-def _too_large(scope: Scope) -> ASGIApp | None:
-    """The response to a request above the limits; h11 checks only what comes in many parts."""
+def _malformed(scope: Scope) -> ASGIApp | None:
+    """The response to a request that h11 lets pass and that is not answered otherwise."""
+    # Limits: h11 checks only what comes in many parts.
     if len(scope["raw_path"]) + len(scope["query_string"]) > MAX_TARGET_BYTES:
         return _URL_TOO_LONG
     size = sum(len(name) + len(value) + len(b": \r\n") for name, value in scope["headers"])
-    return _HEADERS_TOO_LARGE if size > MAX_HEADER_BYTES else None
+    if size > MAX_HEADER_BYTES:
+        return _HEADERS_TOO_LARGE
+    # A proxy may see another end of it than we do (RFC 9112, 6.1).
+    names = {name for name, _value in scope["headers"]}
+    return _TWO_LENGTHS if names >= {b"content-length", b"transfer-encoding"} else None

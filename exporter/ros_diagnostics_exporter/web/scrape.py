@@ -122,6 +122,7 @@ class Scrape:
             raw = _response_headers(size, openmetrics=openmetrics, gzip=gzip).raw
             await send({"type": "http.response.start", "status": 200, "headers": raw})
             await send_chunks(pieces, send)
+            self._backend.count_scrape()
         finally:
             self._limit.release(connection)
 

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import logging
 import socket
 import ssl
 import threading
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -18,6 +20,7 @@ from typing import Any, cast
 import uvicorn
 from starlette.applications import Starlette
 
+from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.web.app import build, start_threads
 from ros_diagnostics_exporter.web.backend import Backend
 from ros_diagnostics_exporter.web.connections import Acceptor, Connections, connection_limit
@@ -31,6 +34,8 @@ from ros_diagnostics_exporter.web.tls import reloading_context
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
 
 BACKLOG = 1024
+RELOAD_INTERVAL = 1.0  # seconds between two checks of the web config's files
+HANGING = 30.0  # seconds without a turn after which the event loop hangs
 GRACE = 3  # seconds to finish responses when the server stops
 
 _log = logging.getLogger(__name__)
@@ -67,10 +72,7 @@ def bind(address: str) -> socket.socket:
         return _bind_everywhere(port) if host in {"", "::"} else _bind_one(host, port)
     except (OSError, UnicodeError) as error:  # UnicodeError: not a valid host name
         why = getattr(error, "strerror", None) or error
-        raise ListenError(
-            f"cannot listen on {address}: {why}; stop the program that uses the port, or choose "
-            "another with --web.listen-address"
-        ) from error
+        raise ListenError(f"cannot listen on {address}: {why}; {_remedy(error)}") from error
 
 
 def parse_address(address: str) -> tuple[str, int]:
@@ -111,6 +113,15 @@ def _bind_one(host: str, port: int) -> socket.socket:
     return socket.create_server(where[:2], family=family, backlog=BACKLOG)
 
 
+def _remedy(error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if number == errno.EADDRINUSE:
+        return "stop the program that uses the port, or choose another with --web.listen-address"
+    if number == errno.EACCES:
+        return "choose a port of 1024 or more with --web.listen-address"
+    return "choose an address of this machine with --web.listen-address, or all of them: :PORT"
+
+
 class Server:
     """Serves a backend over HTTP from its own thread; started once, stopped once.
 
@@ -128,6 +139,7 @@ class Server:
     Attributes:
         addresses: Those it listens on, once started.
         connections: The clients'.
+        loop: Reloads the web config.
     """
 
     def __init__(
@@ -143,6 +155,7 @@ class Server:
         self.addresses: tuple[str, ...] = ()
         self._listen = tuple(listen)
         live_config = LiveWebConfig(web_config)
+        self.loop = Loop("web-config", RELOAD_INTERVAL, live_config.refresh)
         self._threads = start_threads()
         self.connections = Connections(connection_limit(domains))
         app = build(
@@ -167,16 +180,23 @@ class Server:
         self._thread = threading.Thread(target=self._run, args=(sockets,), name="web-server")
         self._thread.start()
         self._uvicorn.ready.wait()
+        self.loop.start()
 
     @property
     def alive(self) -> bool:
         """Whether requests are served."""
         return self._thread is not None and self._thread.is_alive()
 
+    @property
+    def hangs(self) -> bool:
+        """Whether the event loop has made no turn for long."""
+        return time.monotonic() - self._uvicorn.last_turn > HANGING
+
     def stop(self) -> None:
         """Accept no more connections, finish the responses (3 s at most) and end."""
         if self._thread is None:
             return
+        self.loop.ask_to_stop()
         self._uvicorn.should_exit = True
         self._thread.join()
         self._threads.close()
@@ -200,6 +220,12 @@ class _Uvicorn(uvicorn.Server):
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
         self.ready = threading.Event()
+        self.last_turn = time.monotonic()
+
+    async def on_tick(self, counter: int) -> bool:
+        """Note that the loop goes on; uvicorn calls it ten times a second."""
+        self.last_turn = time.monotonic()
+        return await super().on_tick(counter)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)

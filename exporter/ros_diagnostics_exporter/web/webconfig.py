@@ -129,7 +129,7 @@ def _lines(document: Document, error: ValidationError) -> Iterator[str]:
 class LiveWebConfig:
     """The web config in force, reloaded when one of its files changes.
 
-    Used by the event loop's thread only.
+    `refresh` is called by one loop: its files may hang. The event loop uses what it has read.
 
     Args:
         path: The file; None for plain HTTP without logins.
@@ -165,7 +165,6 @@ class LiveWebConfig:
 
     def current_context(self) -> ssl.SSLContext:
         """The TLS context for a new connection."""
-        self.refresh()
         if self.context is None:
             raise RuntimeError("TLS cannot be switched off while the exporter runs")
         return self.context

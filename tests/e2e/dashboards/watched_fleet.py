@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from e2e.dashboards import every_state, history
 from ros_diagnostics_exporter.alertmanager import Alertmanager
-from ros_diagnostics_exporter.cli import ack
+from ros_diagnostics_tools.commands import ack
 from support import host_checks, prometheus_site
 from support.served_fleet import ServedFleet, serving
 from testbed.polling import until

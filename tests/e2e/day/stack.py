@@ -12,7 +12,7 @@ from aiosmtpd.smtp import SMTP, Envelope, Session
 
 from e2e.day.plan import ESCALATE, LATE, START, Event, fleet_config, scenario
 from e2e.day.record import Line, of_event
-from ros_diagnostics_exporter.cli import ack
+from ros_diagnostics_tools.commands import ack
 from support import short_clocks
 from support.sns import Phone, with_text_messages
 from testbed import configuration, http, programs

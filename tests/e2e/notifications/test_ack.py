@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.cli.ack import main
+from ros_diagnostics_tools.commands.ack import main
 from support.alerts import post_alerts
 from testbed.configuration import CHECKOUT
 from testbed.http import answers

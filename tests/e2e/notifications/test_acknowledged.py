@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ros_diagnostics_exporter.cli import ack
+from ros_diagnostics_tools.commands import ack
 from support.committed_dashboards import filled, queries
 from testbed.configuration import Clocks
 from testbed.mail import Inbox

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ros_diagnostics_exporter.cli import downtime, status, why
+from ros_diagnostics_tools.commands import downtime, status, why
 from testbed import http
 from testbed.configuration import Clocks
 from testbed.mail import Inbox

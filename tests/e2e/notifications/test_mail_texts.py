@@ -36,6 +36,8 @@ DOCUMENT = CHECKOUT / "docs" / "notifications.md"
 # Words of configuration files, of Prometheus and of the exporter that an operator need not know.
 JARGON = re.compile(r"RosDiagnostics|confirm_after|scope|evidence|publisher_gone|mute|\$labels")
 NUMBER = "+49000000"  # and that of the alert
+# Of the link, the label by which the test tells the mails apart.
+NUMBER_OF_TEST = re.compile(r"number(=|%3D)(&#34;|%22)\d+(&#34;|%22)(,|%2C)")
 LINK_OR_COMMAND = re.compile(r"^(Runbook|Silence): .*|^ros-diagnostics-ack .*", re.MULTILINE)
 
 
@@ -52,8 +54,8 @@ ALERTS = {
     for each in every_alert()
     if each["labels"]["alertname"] not in {"RosDiagnosticsWatchdog", "RosDiagnosticsCanary"}
 }
-STEPS = {name: each for name, each in ALERTS.items() if "step" in each["labels"]}
-RECOVERING = {name: each for name, each in ALERTS.items() if name not in STEPS}
+# All but reminders, whose receivers are sent the recovery of what they remind of.
+RECOVERING = {name: each for name, each in ALERTS.items() if each["labels"].get("step") != "0"}
 BY_TEXT = {
     name: each
     for name, each in ALERTS.items()
@@ -236,7 +238,8 @@ def test_a_mail_about_a_recovery_has_three_lines(received: Sent, name: str):
 
     assert " is no longer " in lead
     assert lasted.startswith("It lasted from 2026-01-12 03:04:")
-    assert lasted.endswith(" to 2026-01-12 04:16:30 UTC, 1 h 12 min 15 s after the alert.")
+    after = "it was escalated" if "step" in RECOVERING[name]["labels"] else "the alert"
+    assert lasted.endswith(f" to 2026-01-12 04:16:30 UTC, 1 h 12 min 15 s after {after}.")
     assert re.fullmatch("What ended it: .+[.]", ended)
     assert not JARGON.findall(mail.text + mail.subject)
     for line in (lead, lasted, ended):
@@ -259,8 +262,8 @@ def test_a_text_message(received: Sent, name: str):
 def test_a_text_message_about_a_recovery(received: Sent, name: str):
     message = received.text_recoveries[name]
 
-    assert re.match(r"RECOVERY( f)?: .*(no longer|again|over: )", message)
-    assert message.endswith(" It lasted 1 h 12 min 15 s.")
+    assert re.match(r"(RECOVERY|ESCALATION \d ENDED)( f)?: .*(no longer|again|over)", message)
+    assert message.endswith(" It lasted 1 h 12 min 15 s.") or "ENDED" in message
     assert len(message) <= 160
 
 
@@ -284,13 +287,15 @@ def test_the_samples_in_the_documentation_are_what_is_sent(
     mails = {
         "The mail about a fault": received.problems[fault],
         "Its escalation": received.problems[of_fault],
+        "The end of its escalation": received.recoveries[of_fault],
         "Its recovery": received.recoveries[fault],
         "A silent site": received.problems["RosDiagnosticsFleetPartDown"],
         "The reminder of a warning": received.problems[f"{ESCALATION} 0  component warning"],
         "The monitoring itself": received.problems["RosDiagnosticsExporterDown"],
     }
     samples = {
-        what: f"Subject: {mail.subject}\n\n{mail.text.strip()}" for what, mail in mails.items()
+        what: f"Subject: {mail.subject}\n\n{NUMBER_OF_TEST.sub('', mail.text).strip()}"
+        for what, mail in mails.items()
     }
     texts = (received.texts[fault], received.texts[of_fault], received.text_recoveries[fault])
     samples["Text messages"] = "\n\n".join(texts)
@@ -298,9 +303,9 @@ def test_the_samples_in_the_documentation_are_what_is_sent(
 
 
 def test_the_pictures_are_of_what_is_sent(received: Sent, expect_text: Callable[[str, Path], None]):
-    """If not, run this file with --update, then `python tools/mail_pictures.py`."""
+    """If not, run this file with --update, then `./run generate`."""
     fault = "RosDiagnosticsComponentCritical"
-    expect_text(received.problems[fault].html, PICTURED / "fault.html")
+    expect_text(NUMBER_OF_TEST.sub("", received.problems[fault].html), PICTURED / "fault.html")
     expect_text(received.recoveries[fault].html, PICTURED / "recovery.html")
 
 

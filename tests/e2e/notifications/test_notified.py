@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.cli import ack
+from ros_diagnostics_tools.commands import ack
 from support import short_clocks
 from testbed import http
 from testbed.polling import until
@@ -127,7 +127,9 @@ def hurry(stack: Any, prometheus: Path) -> None:
     short_clocks.set_escalation(prometheus / "rules", {"1": "10s"})
     process = stack.prometheus.process
     process.stop()
-    process.argv = [*process.argv, "--rules.alert.resend-delay=15s"]
+    delay = "--rules.alert.resend-delay="
+    others = [each for each in process.argv if not each.startswith(delay)]
+    process.argv = [*others, f"{delay}15s"]
     process.start()
     stack.prometheus.wait_until_ready()
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.cli.oncall import main
+from ros_diagnostics_tools.commands.oncall import main
 from support.alerts import post_alerts, reload
 from support.oncall import with_marker
 from testbed.configuration import CHECKOUT

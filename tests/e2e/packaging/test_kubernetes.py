@@ -59,11 +59,6 @@ def is_of_operator(found: dict[str, Any]) -> bool:
     return str(found["apiVersion"]).startswith("monitoring.coreos.com/")
 
 
-def test_the_rules_are_current(capsys, expect_text):
-    assert prometheus_operator.main([]) == 0
-    expect_text(capsys.readouterr().out, RULES)
-
-
 def test_every_file_is_used_and_fits_kubernetes():
     used = {
         str(path.parent / name)

@@ -12,8 +12,8 @@ from random import Random
 import pytest
 import yaml
 
-from ros_diagnostics_exporter.backtest.ledger import IDENTITY
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_tools.backtest.ledger import IDENTITY
 from support.bags import judged
 from testbed import http
 from testbed.polling import until

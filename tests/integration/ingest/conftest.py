@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -22,14 +21,7 @@ class Running:
 
     def __init__(self, fleet: Fleet, tmp_path: Path) -> None:
         self.service = Service(fleet, tmp_path / "fleet.yml", None)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._tick)
         self.service.start()
-        self._thread.start()
-
-    def _tick(self) -> None:
-        while not self._stop.wait(self.service.TICK):
-            self.service.tick()
 
     def samples(self, name: str) -> dict[tuple[tuple[str, str], ...], float]:
         """Sorted labels -> value of every sample of ros_diagnostics_``name``."""
@@ -55,8 +47,6 @@ class Running:
         until(lambda: self.sample(name, **labels) == value, f"{name}{labels} is {value}", 30)
 
     def close(self) -> None:
-        self._stop.set()
-        self._thread.join()
         self.service.stop()
 
 

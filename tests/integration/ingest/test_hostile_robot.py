@@ -9,12 +9,12 @@ import pytest
 from rclpy.serialization import serialize_message
 from rich.console import Console
 
-from ros_diagnostics_exporter.cli.status import view
 from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Robot, Shared, Source
 from ros_diagnostics_exporter.ingest.ros import read_clocks
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.state.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.web.pages import landing
+from ros_diagnostics_tools.commands.status import view
 from support.ros_publisher import message
 
 pytestmark = pytest.mark.integration

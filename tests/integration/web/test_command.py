@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import socket
+import urllib.request
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -113,3 +115,22 @@ def test_the_json_log_wraps_the_lines_of_the_middleware(site, ends, tmp_path):
 def levels(site) -> list[tuple[str, str]]:
     """Before and after of the changes of robot_1's second motor, the last one first."""
     return [(event["before"], event["after"]) for event in site.ask(CHANGES)["events"]]
+
+
+@pytest.mark.parametrize("home", [{}, {"HOME": "/dev/null"}, {"ROS_LOG_DIR": "/proc/none"}])
+def test_without_a_folder_for_ros_logs_the_domain_is_joined_all_the_same(site, ends, home):
+    exporter = site.exporter()
+    taken = ("HOME", "ROS_HOME", "ROS_LOG_DIR")
+    exporter.env = {**exporter.env, **dict.fromkeys(taken, ""), **home}
+    ends(exporter).start()
+    until(lambda: ready(site), exporter.describe)
+    assert "ROS logs to " in exporter.describe()
+
+
+def ready(site) -> bool:
+    with (
+        suppress(OSError),
+        urllib.request.urlopen(f"http://127.0.0.1:{site.port}/-/ready") as answer,
+    ):
+        return answer.status == 200
+    return False

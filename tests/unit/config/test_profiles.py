@@ -186,3 +186,20 @@ def test_text_of_a_robot_is_cut_before_it_is_searched(fleet_of):
     """).profiles["default"]
     assert component_rule(profile, "a" * 255 + "x")
     assert component_rule(profile, "a" * 256 + "x") is None
+
+
+def test_own_rules_for_values_come_before_inherited_ones(fleet_of):
+    profiles = fleet_of("""
+        fleet: demo
+        profiles:
+          default:
+            values:
+              - {key: Voltage, thresholds: {low: {critical: 10}}}
+              - {key: Current, thresholds: {high: {critical: 3}}}
+          large: {values: [{key: Voltage, thresholds: {low: {critical: 22}}}]}
+    """).profiles
+    found = {
+        name: [value_rule(profiles[name], "Battery", key).thresholds[0].value for key in keys]
+        for name, keys in {"default": ["Voltage"], "large": ["Voltage", "Current"]}.items()
+    }
+    assert found == {"default": [10.0], "large": [22.0, 3.0]}

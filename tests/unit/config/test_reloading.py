@@ -51,7 +51,7 @@ def site(tmp_path, monkeypatch):
     made.reloader.start()
     yield made
     made.reloader.stop(30)
-    assert not made.reloader._thread.is_alive()
+    assert not made.reloader.loop.alive
 
 
 @pytest.fixture
@@ -96,6 +96,14 @@ def test_an_invalid_config_is_an_error_and_an_event_and_the_next_valid_one_is_ap
     assert site.reloader.successful
 
 
+def test_a_config_that_is_set_back_after_it_was_invalid_is_a_success(site):
+    site.path.write_text("fleet: [")
+    until(lambda: not site.reloader.successful, "it is rejected")
+    site.write("r1")
+    until(lambda: site.reloader.successful, "it is what it was at the start")
+    assert [event.after for event in site.events] == ["refused", "read"]
+
+
 def test_a_reload_fails_while_files_hang_and_succeeds_later(site, hanging, caplog, monkeypatch):
     monkeypatch.setattr(reloading, "TIMEOUT", 0.2)
     site.write("r2")
@@ -117,7 +125,7 @@ def test_a_reload_fails_while_files_hang_and_succeeds_later(site, hanging, caplo
 
 def test_nothing_is_applied_once_it_is_stopped(site, hanging):
     site.reloader.request("a request")
-    until(lambda: site.reloader._busy_since is not None and site.reloader._next is None, "it reads")
+    until(lambda: site.reloader.loop.hangs(0) and site.reloader._next is None, "it reads")
     site.reloader.stop(0)
     hanging.set()
     site.reloader.stop(30)

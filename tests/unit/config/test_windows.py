@@ -5,6 +5,7 @@ from zoneinfo import ZoneInfo
 
 import pytest
 
+from ros_diagnostics_exporter.model import Downtime
 from ros_diagnostics_exporter.state.maintenance import in_maintenance, maintenance_until
 
 BERLIN = ZoneInfo("Europe/Berlin")
@@ -166,6 +167,16 @@ def test_downtimes_that_follow_one_another_end_with_the_last(fleet_of):
     """)
     ends = maintenance_until(fleet, {"robot": "r", "fleet": "demo"}, unix("2026-03-01T00:00"))
     assert ends == unix("2026-03-02T13:00")
+
+
+def test_a_downtime_that_a_person_planned_for_a_component_is_none_of_the_robot(fleet_of):
+    fleet, labels = fleet_of("fleet: demo"), {"robot": "r", "fleet": "demo"}
+    robot = Downtime("r", "", 0.0, 60.0, "ann", "new gears")
+    motor = robot._replace(component="Motor", end=90.0)
+
+    assert not in_maintenance(fleet, labels, 30.0, (motor,))
+    assert maintenance_until(fleet, labels, 30.0, (motor,)) == 30.0
+    assert maintenance_until(fleet, labels, 30.0, (robot, motor)) == 60.0
 
 
 @pytest.mark.parametrize(

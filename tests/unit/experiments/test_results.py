@@ -96,8 +96,5 @@ def test_a_page_has_the_text_and_the_plot_of_a_result(tmp_path):
 
 
 @pytest.mark.parametrize("name", pages.PAGES)
-def test_the_committed_pages_have_the_committed_results(name):
-    page = (pages.DOCS / name).read_text()
-
-    assert "<!-- result: " in page
-    assert pages.filled(page, pages.DOCS / "experiments") == page
+def test_a_page_shows_results(name):
+    assert "<!-- result: " in (pages.DOCS / name).read_text()

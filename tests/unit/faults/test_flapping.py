@@ -1,19 +1,28 @@
 """Components that change too often."""
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
+from ros_diagnostics_exporter.config.fleet import FaultSettings
+from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory, flap_ratio
+from ros_diagnostics_exporter.faults.settings import RobotSettings
+from ros_diagnostics_exporter.model import Instant
 from support.fault_histories import (
     ERROR,
     OK,
     STALE,
+    WALL,
     WARN,
     back,
     forget,
     level,
     maintenance,
+    moved,
     play,
     silent,
+    words,
 )
 
 FLAPPING = "flapping/flapping r1 motor"
@@ -116,6 +125,16 @@ def test_a_robot_that_comes_and_goes_makes_no_component_flap():
     play(*scenes)
 
 
+def test_a_component_that_moves_to_another_group_goes_on_to_flap():
+    play(
+        *changes(2, 6),
+        (13, moved("motor", "", "/b")),
+        (14, level("motor", ERROR, group="/b"), "began flapping/flapping r1 /b motor"),
+        (16, level("motor", OK, group="/b")),
+        (400, None, "recovered flapping/flapping r1 /b motor"),
+    )
+
+
 def test_a_person_takes_a_flapping_component_out():
     play(
         *changes(2, 6),
@@ -144,11 +163,36 @@ def test_time_without_a_change_is_recorded_once_an_interval():
     assert history.last == 40.0
 
 
-@pytest.mark.parametrize("interval", [0.1, 0.3, 7.7])
-def test_a_timer_after_one_interval_always_records(interval):
+@given(st.floats(0, 2e9), st.floats(0.001, 1e6))
+@example(100 * 86_400 + 0.3, 0.7)
+@example(400 * 86_400 + 0.3, 2.3)
+def test_a_timer_after_one_interval_always_records(uptime, interval):
     history = FlapHistory([0] * SLOTS, 0.0)
-    history.change(1, 1234.567, interval)
+    history.change(1, uptime, interval)
     for _ in range(SLOTS):
-        history.decay(history.last + interval, interval)
+        due = history.last + interval
+        history.decay(due, interval)
+        assert history.last + interval > due
 
     assert history.ratio == 0.0
+
+
+@given(st.floats(0, 2e9), st.floats(0.001, 1e5), st.booleans())
+@example(100 * 86_400 + 0.3, 0.7, False)
+@example(400 * 86_400 + 0.3, 2.3, True)
+def test_the_engine_comes_to_rest_whatever_the_uptime_and_the_interval(uptime, interval, robot):
+    def at(mono):
+        return Instant(mono, WALL + mono)
+
+    faults = Faults(FaultSettings())
+    settings = RobotSettings({}, 10.0, flap_interval=interval, presence_interval=interval)
+    faults.configure_robot("r1", settings, at(uptime), declared=True)
+    for turn in range(6):
+        now = at(uptime + turn * interval / 100)
+        if robot:
+            faults.robot_silent("r1", now, now)
+        back("r1", level("motor", ERROR), level("motor", OK))(faults, now)
+    faults.advance(at(uptime + 30 * interval))
+
+    assert [words(each.identity) for each in faults.faults()] == []
+    assert not faults.in_trouble("r1")

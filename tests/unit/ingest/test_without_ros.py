@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -40,3 +41,23 @@ def test_a_config_can_be_checked_without_ros(tmp_path):
     path.write_text("fleet: f\nrobots: [{name: r, namespace: /r}]\n")
 
     assert run("--config.file", str(path), "--config.check").returncode == 0
+
+
+def test_a_middleware_that_is_not_installed_is_named_instead_of_ros(tmp_path):
+    """Also by a wheel's own rcl, which ends the process while it is imported."""
+    path = tmp_path / "fleet.yml"
+    path.write_text("fleet: f\nrobots: [{name: r, namespace: /r}]\n")
+
+    ended = subprocess.run(
+        [sys.executable, "-m", "ros_diagnostics_exporter.cli.main", "--config.file", str(path)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        env={**os.environ, "RMW_IMPLEMENTATION": "rmw_nonsense_cpp"},
+    )
+
+    assert ended.returncode == 1
+    assert "RMW_IMPLEMENTATION is 'rmw_nonsense_cpp'" in ended.stderr
+    assert "unset it, or install" in ended.stderr
+    assert "source it" not in ended.stderr

@@ -20,12 +20,14 @@ from ros_diagnostics_exporter.canary import FIRST, Canary
 from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
     Fleet,
+    Limits,
     Profile,
     Robot,
     Source,
     Threshold,
     ValueRule,
 )
+from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import (
@@ -34,7 +36,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import (
     Exporter,
     SelfMetrics,
 )
-from ros_diagnostics_exporter.model import Instant, Part, Status
+from ros_diagnostics_exporter.model import Endpoint, Instant, Part, Status
 from ros_diagnostics_exporter.state.rejections import REASONS, FleetRejectionReason
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
@@ -301,6 +303,43 @@ def test_what_did_not_change_is_not_rendered_again():
     assert "ros_diagnostics_component_level" not in renewed
 
 
+def test_planned_to_be_stale_are_only_those_that_the_config_names():
+    driver = StateDriver(
+        components=(
+            ComponentRule(re.compile("Laser"), planned_stale=True),
+            ComponentRule(re.compile("Motor"), stale_after=60.0),
+        )
+    )
+    driver.raw(Status(OK, "Laser"), Status(OK, "Motor"))
+    shown = [dict(labels) for labels in driver.samples()["component_planned_stale"]]
+    assert [each["component"] for each in shown] == ["Laser"]
+
+
+def test_a_message_is_cut_to_the_length_of_a_label():
+    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
+    driver = StateDriver(fleet=Fleet("f", (robot,), limits=Limits(label_length=20)))
+    driver.raw(Status(ERROR, "Motor", "0123456789" * 3))
+    (labels,) = driver.samples()["component_message_info"]
+    assert dict(labels)["message"] == "0123456789" * 2
+
+
+def test_a_reason_of_silence_that_applied_goes_on_as_0():
+    driver = StateDriver(stale_after=5.0)
+    driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
+    assert reasons(driver) == {"mute": 1}
+    driver.state.domain_failed(0, "broken", driver.now)
+    assert reasons(driver) == {"mute": 0, "domain_unreachable": 1}
+    driver.state.domain_joined(0)
+    driver.raw(Status(OK, "Motor"))
+    assert reasons(driver) == {"mute": 0, "domain_unreachable": 0}
+
+
+def reasons(driver: StateDriver) -> dict[str, float]:
+    """Reason of silence -> its sample."""
+    shown = driver.samples()["robot_silent_reason"]
+    return {dict(labels)["reason"]: value for labels, value in shown.items()}
+
+
 def test_the_series_of_the_last_scrape_are_counted_by_family():
     driver = full_scenario()
     text = driver.exposition.render()
@@ -398,12 +437,20 @@ def self_metrics(driver: StateDriver) -> SelfMetrics:
     """The exporter's own metrics, with everything that they are read from."""
     part = SimpleNamespace(successful=True, time=1.0, written_at=1.0, answers=lambda _now: True)
     listener = SimpleNamespace(
-        domain_ids=(0,), last_looks={0: 1.0}, decode_seconds=1.0, ingest_seconds=1.0
+        domain_ids=(0,),
+        errors={1: "why"},
+        last_looks={0: 1.0},
+        decode_seconds=1.0,
+        ingest_seconds=1.0,
     )
     canary = Canary(Instant(-FIRST, 0.0))
     canary.tick(300.0, driver.now)
     ros = ("jazzy", "rmw_fastrtps_cpp")
-    exporter = Exporter(*(driver.state, driver.exposition, listener, part, part, part, canary, ros))
+    loops = [Loop("tick", 1.0, driver.now.count)]
+    exporter = Exporter(
+        *(driver.state, driver.exposition, listener, part, part, part, canary, ros),
+        lambda: loops,
+    )
     return SelfMetrics(exporter)
 
 

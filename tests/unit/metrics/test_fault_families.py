@@ -6,6 +6,7 @@ import re
 
 import pytest
 
+from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, as_texts
 from ros_diagnostics_exporter.metrics import families as metrics
@@ -150,3 +151,18 @@ def test_a_fault_says_who_was_notified_or_that_nobody_was(notified, expected):
         receiver = re.search('receiver="([^"]*)"', series)
         found[receiver[1] if receiver else ""] = float(value)
     assert found == expected
+
+
+def test_a_fault_is_acknowledged_by_the_newest_acknowledgement():
+    identity = Identity(Scope.COMPONENT, State.CRITICAL, robot="r", component="Motor")
+    fault = Fault(identity, since=1.0, confirmed=2.0, evidence="", labels={})
+    named = identity_of({"fleet": "f", **as_texts(identity, {})})
+    made = [
+        Acknowledgement(named, 1.0, author, "mine", at, 100.0)
+        for author, at in (("ann", 5.0), ("bob", 7.0))
+    ]
+    rendered = FaultText().render("f", "", [fault], made)[metrics.FAULT_ACKNOWLEDGED.name]
+
+    [line] = rendered.decode().splitlines()
+    assert 'author="bob"' in line
+    assert line.endswith(" 7.0")

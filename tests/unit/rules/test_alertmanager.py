@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import html
 import json
+import re
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import pytest
+import yaml
 
 from ros_diagnostics_exporter.severity import COLOURS
-from support.shipped_rules import ALERTMANAGER, alerts, run_tool
+from support.shipped_rules import ALERTMANAGER, ROOT, alerts, rules, run_tool
 
+TWO = ("text", "html")  # the parts of a mail
+QUOTED = re.compile(r'"(?:\\.|[^"\\])*"')
 MOTOR = {"fleet": "f", "robot": "r1", "group": "/Motor", "component": "Motor 1"}
 
 
@@ -158,6 +163,18 @@ SUBJECTS = [
         "ESCALATION 1 ** f exporter is DOWN and not acknowledged",
     ),
     (
+        "resolved",
+        "Unacknowledged",
+        {**MOTOR_FAULT, "step": "1"},
+        "ESCALATION 1 ENDED ** f/r1 Motor 1 is no longer CRITICAL, or in maintenance now",
+    ),
+    (
+        "resolved",
+        "Unacknowledged",
+        {"fleet": "f", "of": "RosDiagnosticsExporterDown", "severity": "critical", "step": "2"},
+        "ESCALATION 2 ENDED ** f exporter is no longer DOWN",
+    ),
+    (
         "firing",
         "FleetPartDown",
         {"fleet": "f", "scope": "site", "state": "silent", "site": "hall"},
@@ -257,11 +274,12 @@ def test_mail_has_fault_evidence_links_and_commands(part: str, tmp_path: Path):
         "What it means.",
         "hall",
         "http://localhost:9090/user/alerts/RosDiagnosticsComponentCritical.md",
-        "http://alertmanager:9093/#/silences/new?filter=%7Balertname%3D%22RosDiagnosticsComponent",
+        "http://alertmanager:9093/#/silences/new?filter=%7Bcomponent%3D",
+        "alertname%3D%22RosDiagnosticsComponentCritical%22%7D",
         "component%3D%22Motor%201%22",
     ):
         assert expected in output
-    acknowledge = "ros-diagnostics-ack --comment '...' --url http://alertmanager:9093"
+    acknowledge = "ros-diagnostics-ack --comment '...' --url http://alertmanager:9093 --fleet 'f'"
     assert f"{acknowledge} -- 'r1' 'Motor 1'" in html.unescape(output)
 
 
@@ -300,6 +318,171 @@ def test_mail_about_a_recovery_has_its_end_and_no_commands(part: str, tmp_path: 
     assert "What ended it: a fresh message with a better level." in output
     assert "silences/new" not in output
     assert "ros-diagnostics-ack" not in output
+
+
+def test_mail_about_the_end_of_an_escalation(tmp_path: Path):
+    labels = {"alertname": "RosDiagnosticsUnacknowledged", **MOTOR_FAULT, "step": "1"}
+
+    output = render("ros_diagnostics.email.text", data("resolved", labels), tmp_path)
+
+    assert output.splitlines() == [
+        "Motor 1 of r1 (fleet f) is no longer CRITICAL, or in maintenance now.",
+        (
+            "It lasted from 2026-01-01 10:00:00 UTC to 2026-01-01 11:00:00 UTC, "
+            "1 h after it was escalated."
+        ),
+        (
+            "What ended it: a fresh message with a better level, or a planned downtime of the "
+            "robot, in which nothing escalates."
+        ),
+    ]
+
+
+def test_who_was_notified_of_an_escalation_is_notified_of_its_end():
+    """A reminder and its recovery go to the same people: the recovery is sent to them already."""
+    receivers = yaml.safe_load((ALERTMANAGER / "alertmanager.yml").read_text())["receivers"]
+    sent = {
+        each["name"]: {c["send_resolved"] for kind in each if kind != "name" for c in each[kind]}
+        for each in receivers
+    }
+
+    assert sent["escalation-1"] == sent["escalation-2"] == sent["sms-escalation"] == {True}
+    assert sent["email"] == sent["team"] == sent["sms"] == {True}
+    assert sent["reminder"] == {False}
+
+
+# What an alert about the monitoring is told apart by.
+APART = [
+    {"alertname": "RosDiagnosticsDomainDown", "fleet": "f", "domain_id": "7"},
+    {"alertname": "RosDiagnosticsUnknownRejected", "fleet": "f", "reason": "robot_limit"},
+    {"alertname": "RosDiagnosticsAlertmanagerNotNotifying", "instance": "a", "integration": "sns"},
+    {"alertname": "RosDiagnosticsFleetPartDown", "fleet": "f", "scope": "site", "state": "silent"},
+    {"alertname": "RosDiagnosticsExporterAbsent"},
+    {"alertname": "SomebodyElses", "device": 'a "b" \\c', "instance": "db1"},
+]
+ESCALATED = {"fleet": "f", "of": "RosDiagnosticsExporterDown", "severity": "critical", "step": "1"}
+
+
+def silenced(labels: dict[str, str], folder: Path) -> dict[str, str]:
+    """What the link of a mail silences: the same in both parts of the mail."""
+    alert = data("firing", {**labels})
+    links = {
+        unquote(re.findall(r"silences/new\?filter=([^\s\"]*)", html.unescape(mail))[0])
+        for mail in (render(f"ros_diagnostics.email.{part}", alert, folder) for part in TWO)
+    }
+    [link] = links
+    # As Alertmanager's page reads it: no comma at the end, texts as JSON.
+    inner = re.fullmatch(r'\{(\w+="(?:\\.|[^"\\])*"(?:,(?!\})|(?=\})))*\}', link)
+    assert inner, link
+    pairs = re.findall(r'(\w+)=("(?:\\.|[^"\\])*")', link)
+    return {name: json.loads(text) for name, text in pairs}
+
+
+@pytest.mark.parametrize("labels", APART)
+def test_the_link_silences_this_alert_and_no_other(labels: dict[str, str], tmp_path: Path):
+    found = silenced(labels, tmp_path)
+
+    assert {name: value for name, value in found.items() if value} == labels
+    assert all(labels.get(name, "") == value for name, value in found.items())
+
+
+def test_the_link_about_a_whole_fleet_does_not_silence_its_sites(tmp_path: Path):
+    assert silenced(APART[3], tmp_path)["site"] == ""
+    assert silenced(APART[4], tmp_path)["fleet"] == ""
+
+
+def test_the_link_of_an_escalation_silences_all_steps_of_this_fault(tmp_path: Path):
+    labels = {"alertname": "RosDiagnosticsUnacknowledged", **ESCALATED}
+
+    found = silenced(labels, tmp_path)
+
+    assert found["of"] == "RosDiagnosticsExporterDown"
+    assert "step" not in found
+
+
+def escalating() -> str:
+    """Which alerts without a fault escalate, as escalation.yml has it."""
+    [found] = {
+        each
+        for rule in rules()
+        for each in re.findall(r'ALERTS_FOR_STATE\{alertname=~"(.*?)"', rule["expr"])
+    }
+    return found
+
+
+@pytest.mark.parametrize("name", sorted(alerts()))
+def test_the_first_mail_about_what_escalates_has_the_command_that_acknowledges_it(
+    name: str, tmp_path: Path
+):
+    labels = {"alertname": name, "severity": "critical", "fleet": "f", "instance": "e:1"}
+
+    for part in TWO:
+        mail = html.unescape(
+            render(f"ros_diagnostics.email.{part}", data("firing", labels), tmp_path)
+        )
+        command = f"--fleet 'f' --alert '{name}'"
+        assert (command in mail) == bool(re.fullmatch(escalating(), name))
+
+
+def test_the_command_for_a_fleet_without_sites(tmp_path: Path):
+    mail = render("ros_diagnostics.email.text", data("firing", APART[3]), tmp_path)
+
+    assert mail.endswith("--fleet 'f' --site ''")
+
+
+def test_no_template_uses_title():
+    """Of two mails that Alertmanager 0.25 renders at once with it, one has no text (3277)."""
+    for file in (ROOT / "alertmanager").rglob("*"):
+        actions = (
+            re.findall(r"\{\{(?!/\*).*?\}\}", file.read_text(), re.DOTALL) if file.is_file() else []
+        )
+        assert not [each for each in actions if re.search(r"\btitle\b", QUOTED.sub("", each))], file
+
+
+def several(number: int, resolved: int = 0) -> dict[str, Any]:
+    """The data of one group of alerts, the first of which are over."""
+    labels = {"alertname": "RosDiagnosticsComponentCritical", "fleet": "f"} | MOTOR_FAULT
+    group = data("firing", {"alertname": labels["alertname"], "fleet": "f"})
+    group["alerts"] = [
+        data(
+            "resolved" if each < resolved else "firing",
+            {**labels, "robot": f"r{each}"},
+            evidence="over current",
+            description="What it means.",
+        )["alerts"][0]
+        for each in range(number)
+    ]
+    return group
+
+
+def test_subject_of_several_alerts(tmp_path: Path):
+    def subject(group: dict[str, Any]) -> str:
+        return render("ros_diagnostics.email.subject", group, tmp_path)
+
+    assert subject(several(500)) == "** PROBLEM ** f 500 alerts"
+    assert subject(several(3, resolved=1)) == "** PROBLEM ** f 3 alerts, 1 of them over"
+
+
+@pytest.mark.parametrize("part", ["text", "html"])
+def test_a_mail_lists_the_first_hundred_of_several_alerts(part: str, tmp_path: Path):
+    mail = render(f"ros_diagnostics.email.{part}", several(500, resolved=2), tmp_path)
+
+    assert "f 500 alerts, 2 of them over" in mail
+    assert mail.count(" is CRITICAL since ") == 100
+    assert "These are the first 100 of 498." in mail
+    assert mail.count(" is no longer CRITICAL.") == 2
+    assert "What it means." not in mail
+    assert len(mail) < {"text": 20_000, "html": 100_000}[part]
+    assert "ros-diagnostics-ack --list --url http://alertmanager:9093" in mail
+
+
+def test_a_text_message_about_several_alerts_says_how_many(tmp_path: Path):
+    group = several(3)
+    group["alerts"][0]["annotations"]["summary"] = "Motor 1 of r0 is CRITICAL."
+
+    output = render("ros_diagnostics.sms", group, tmp_path)
+
+    assert output == "PROBLEM f: 3 alerts, the first: Motor 1 of r0 is CRITICAL. over current"
 
 
 def test_mail_about_a_clock_has_no_command_to_acknowledge(tmp_path: Path):
@@ -401,6 +584,27 @@ def test_text_message_of_an_escalation(fault: dict[str, str], text: str, tmp_pat
     output = render("ros_diagnostics.sms", data("firing", labels, evidence="hot"), tmp_path)
 
     assert output.startswith(f"ESCALATION 1 f: {text}")
+
+
+@pytest.mark.parametrize(
+    ("fault", "text"),
+    [
+        (MOTOR_FAULT, "Motor 1 of r1 is no longer CRITICAL, or in maintenance now."),
+        (
+            {"fleet": "f", "scope": "site", "state": "silent", "site": "hall"},
+            "hall is no longer SILENT.",
+        ),
+        ({"fleet": "f", "of": "RosDiagnosticsExporterDown"}, "Exporter Down is over."),
+    ],
+)
+def test_text_message_about_the_end_of_an_escalation(
+    fault: dict[str, str], text: str, tmp_path: Path
+):
+    labels = {"alertname": "RosDiagnosticsUnacknowledged", **fault, "step": "1"}
+
+    output = render("ros_diagnostics.sms", data("resolved", labels, evidence="hot"), tmp_path)
+
+    assert output == f"ESCALATION 1 ENDED f: {text}"
 
 
 OTHERS = [

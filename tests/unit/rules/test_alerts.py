@@ -112,6 +112,30 @@ def test_only_the_hold_reads_what_it_records():
     }
 
 
+def read_from_exporters() -> list[Any]:
+    """The alerts that an exporter's own metrics are for, not those about its absence."""
+    absence = {"RosDiagnosticsExporterDown", "RosDiagnosticsExporterAbsent"}
+    return [
+        pytest.param(rule["alert"], rule["expr"], id=rule["alert"])
+        for name in ("monitoring.yml", "robots.yml")
+        for group in yaml.safe_load((PROMETHEUS / "rules" / name).read_text())["groups"]
+        for rule in group["rules"]
+        if "alert" in rule and rule["alert"] not in absence
+    ]
+
+
+@pytest.mark.parametrize(("name", "expr"), read_from_exporters())
+def test_an_alert_is_held_while_what_it_is_about_does_not_answer(name: str, expr: str):
+    [held] = [each for each in rules() if each.get("record") == "fleet:ros_diagnostics_alert:held"]
+    kinds = re.findall(r'ALERTS\{alertname=~"(.*?)"', held["expr"])
+
+    assert expr.rstrip().endswith(
+        "or ignoring (alertname, severity)\n"
+        f'  fleet:ros_diagnostics_alert:held{{alertname="{name}"}}'
+    )
+    assert len([kind for kind in kinds if re.fullmatch(kind, name)]) == 1
+
+
 def test_the_alerts_about_robots_are_short():
     """Lines of expressions of all rules that alerts of robots and components need."""
     files = ("faults.yml", "robots.yml", "escalation.yml")

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from ros_diagnostics_exporter.alertmanager import Alertmanager
-from ros_diagnostics_exporter.http_client import UnreachableError
+from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import Instant
 from support.silences import MOTOR, listed
 
@@ -238,3 +238,27 @@ def test_an_answer_that_explains_nothing_is_an_error(server, wrong):
 
 def asked(server: ThreadingHTTPServer) -> Alertmanager:
     return Alertmanager([f"http://127.0.0.1:{server.server_port}"])
+
+
+def test_a_redirect_does_not_carry_the_password_on(server, tmp_path, monkeypatch):
+    """Where it points the administrator of that Alertmanager knows, perhaps."""
+    (tmp_path / "password").write_text("secret\n")
+    client = Client(
+        f"http://127.0.0.1:{server.server_port}", user="ann", password_file=tmp_path / "password"
+    )
+    answers = iter([redirect("/elsewhere"), say(b"[]")])
+    monkeypatch.setattr(server, "reply", lambda handler: next(answers)(handler))  # noqa: PLW0108
+
+    assert client.get("/api") == []
+    logins = [(path, "Authorization" in headers) for path, headers in server.asked]
+    assert logins == [("/api", True), ("/elsewhere", False)]
+
+
+def redirect(to: str) -> Reply:
+    def reply(handler: BaseHTTPRequestHandler) -> None:
+        handler.send_response(302)
+        handler.send_header("Location", to)
+        handler.send_header("Content-Length", "0")
+        handler.end_headers()
+
+    return reply

@@ -9,9 +9,10 @@ from typing import Any
 
 import pytest
 
+from ros_diagnostics_exporter import alertmanager
 from ros_diagnostics_exporter.alertmanager import read, read_downtimes
-from ros_diagnostics_exporter.cli import ack, downtime, why
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from ros_diagnostics_tools.commands import ack, downtime, why
 from support.silences import listed
 from support.web_server import component, fleet, robot
 
@@ -209,3 +210,25 @@ def test_hostile_words_stay_on_their_line(servers, capsys):
     assert len(found.comment) == 200
     assert capsys.readouterr().out.count("\n") == 1
     assert sys.getsizeof(found.comment) < 2_000
+
+
+def test_of_too_many_those_in_force_and_the_next_ones_are_kept(monkeypatch):
+    monkeypatch.setattr(alertmanager, "MOST", 3)
+    now = datetime.now(timezone.utc)
+    hours = [48, -1, 24, 1, -2]  # until they begin
+    silences = [
+        {
+            "status": {"state": "active" if each < 0 else "pending"},
+            **alertmanager.silence(
+                alertmanager.downtime_matchers("hall", f"robot_{each}", ""),
+                now + timedelta(hours=each),
+                now + timedelta(hours=100),
+                "ann",
+                "new gears",
+            ),
+        }
+        for each in hours
+    ]
+
+    found = read_downtimes(silences, "hall")
+    assert [each.robot for each in found] == ["robot_-2", "robot_-1", "robot_1"]

@@ -111,6 +111,36 @@ def test_a_recovery_is_of_the_fault_that_ended_even_if_the_next_one_has_begun():
     assert known.lasting() == {KEY: {"email": BEGAN + 90}}
 
 
+def two_faults(*, first_recovered: bool = False, second_notified: bool = True) -> Notifications:
+    """One that email was notified of and that ended, and the next one of the same component."""
+    known = Notifications([FAULT])
+    post(known)
+    known.note(of_fault("fault_ended"))
+    if first_recovered:
+        post(known, alert("resolved"))
+    known.note(of_fault("fault_began", since=BEGAN + 70))
+    if second_notified:
+        post(known, at=BEGAN + 75)
+    return known
+
+
+def test_a_recovery_is_of_the_fault_that_ended_also_if_the_next_one_was_notified():
+    [recovery] = post(two_faults(), alert("resolved"))
+    assert recovery.since == BEGAN
+
+
+def test_a_recovery_is_of_the_fault_that_this_receiver_was_notified_of():
+    known = two_faults(second_notified=False)
+    known.note(of_fault("fault_ended", since=BEGAN + 70))
+    [recovery] = post(known, alert("resolved"))
+    assert recovery.since == BEGAN
+
+
+def test_a_recovery_is_not_of_a_fault_whose_recovery_this_receiver_has_had():
+    [recovery] = post(two_faults(first_recovered=True), alert("resolved"))
+    assert recovery.since == BEGAN + 70
+
+
 def test_a_fault_that_ended_is_not_served_and_its_late_notification_is_still_recorded():
     known = Notifications([FAULT])
     known.note(of_fault("fault_ended"))

@@ -14,14 +14,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from ros_diagnostics_exporter.cli import ack
-from ros_diagnostics_exporter.cli.check_nagios import check
-from ros_diagnostics_exporter.cli.status import view
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.logs import set_up
 from ros_diagnostics_exporter.texts import natural, one_line, printable, to_json
 from ros_diagnostics_exporter.web.pages import landing, missing_robot, robot_page
+from ros_diagnostics_tools.check_nagios import check
+from ros_diagnostics_tools.commands import ack
+from ros_diagnostics_tools.commands.status import view
 from support.web_server import broken, component, problem, robot
 from support.web_server import fleet as fleet_of
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 import re
 from unittest import mock
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.fleet import ValueRule
+from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.state import component
 from ros_diagnostics_exporter.state.component import ComponentValues
 from ros_diagnostics_exporter.state.limits import SeriesLimit
 from ros_diagnostics_exporter.state.versions import Versions
+from support.state_driver import OK, StateDriver
 
 keys = st.sampled_from(["Voltage (V)", "Voltage", "Serial number", "Scaled", "Mode"])
 texts = st.sampled_from(["1", "-2.5", "007", "3 V", "3 A", "nan", "on", "[1, 2]"])
@@ -79,3 +82,10 @@ def test_numbers_that_are_read_once_are_those_of_the_last_message(history):
 
     assert repr(values.all) == repr(alone.all)
     assert repr(values.exported(history[-1])) == repr(alone.exported(history[-1]))
+
+
+def test_a_number_is_scaled_before_the_offset_is_added():
+    rule = ValueRule(key=re.compile("Temperature"), scale=0.1, offset=-273.15)
+    driver = StateDriver(values=(rule,))
+    driver.raw(Status(OK, "Motor", values=(("Temperature", "2981.5"),)))
+    assert driver.sample("component_value", key="Temperature") == pytest.approx(25.0)

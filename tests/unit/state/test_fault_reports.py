@@ -501,6 +501,31 @@ def test_other_components_are_judged_in_a_components_downtime():
 
 
 @pytest.mark.parametrize("component", ["", "Motor"])
+def test_a_downtime_is_in_force_after_a_restart_before_anybody_repeats_it(component, tmp_path):
+    before = StateDriver()
+    before.state.plan([planned(component, 0)], before.now)
+    before.raw_every(1, 5, MOTOR, LASER)
+    before.keep(tmp_path / "exporter.db")
+    after = before.restart(tmp_path / "exporter.db")
+
+    after.raw_every(1, 149, HOT, LASER)
+    assert faults(after) == set()
+    after.raw_every(1, 152, HOT, LASER)
+    assert faults(after) == {("component", "critical", "r", "Motor")}
+
+
+def test_a_downtime_that_was_cancelled_is_not_restored(tmp_path):
+    before = StateDriver()
+    before.state.plan([planned("", 0, 1_000)], before.now)
+    before.raw_every(1, 10, MOTOR, LASER)
+    before.keep(tmp_path / "exporter.db")
+    before.state.plan([], before.now)
+    before.keep(tmp_path / "exporter.db")
+
+    assert before.restart(tmp_path / "exporter.db").state.downtimes("r") == ()
+
+
+@pytest.mark.parametrize("component", ["", "Motor"])
 def test_what_is_repaired_in_a_downtime_ends_with_it(component):
     driver = StateDriver()
     driver.raw_every(1, 60, MOTOR, LASER)
@@ -544,16 +569,17 @@ def test_silence_of_a_whole_site_is_one_fault_and_names_its_robots():
         )
         for number in range(6)
     )
-    driver = StateDriver(fleet=Fleet("f", robots))
+    other = Robot("q", topic_raw="/q/diagnostics", source=Source.RAW, labels={"site": "yard"})
+    driver = StateDriver(fleet=Fleet("f", (other, *robots)))
     for second in range(int(SETTLED)):
         driver.at(second)
-        for robot in robots:
+        for robot in (other, *robots):
             topic = Topic(0, robot.topic_raw)
             driver.state.receive(topic, Array(0.0, (MOTOR,), 100), driver.now)
     driver.at(SETTLED + 30)
-    assert faults(driver) == {("site", "silent", "hall")}
-    (fault,) = driver.state.faults()
-    assert fault.evidence == "robots: r0, r1, r2, r3, r4 and 1 more"
+    assert faults(driver) == {("site", "silent", "hall"), ("robot", "silent", "q")}
+    (evidence,) = (each.evidence for each in driver.state.faults() if each.identity.site)
+    assert evidence == "robots: r0, r1, r2, r3, r4 and 1 more"
 
 
 # -- values and checks ---------------------------------------------------------------------------
@@ -776,6 +802,30 @@ def test_rows_of_a_robot_that_is_no_longer_wanted_are_dropped():
     before.raw_every(1, SETTLED, HOT)
     before.state.fleet = Fleet("f")
     assert faults(restarted(before, before.fault_rows())) == set()
+
+
+def test_a_fault_follows_its_component_that_is_in_another_group_after_a_start():
+    before = StateDriver(Source.AGG)
+    for second in range(1, 60):
+        before.agg(*tree(Old=[HOT]))
+        before.at(second)
+    driver = restarted(before, before.fault_rows())
+    assert faults(driver) == {("component", "critical", "r", "/Old", "Motor")}
+    driver.agg(*tree(New=[MOTOR]))
+    assert faults(driver) == set()
+
+
+def test_a_fault_of_a_component_that_the_config_ignores_after_a_start_ends():
+    before = settled(MOTOR)
+    stand(before, 12, HOT)
+    ignoring = Profile(components=(ComponentRule(re.compile("Motor"), ignore=True),))
+    (robot,) = before.state.fleet.robots
+    before.state.fleet = replace(before.state.fleet, robots=(replace(robot, profile=ignoring),))
+    driver = restarted(before, before.fault_rows())
+    assert faults(driver) == set()
+    assert [(each.kind, each.reason) for each in driver.events if each.kind == "fault_ended"] == [
+        ("fault_ended", "removed")
+    ]
 
 
 def test_rows_that_cannot_be_read_change_nothing():

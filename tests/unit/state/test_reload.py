@@ -20,7 +20,7 @@ from ros_diagnostics_exporter.config.fleet import (
     ValueRule,
 )
 from ros_diagnostics_exporter.file_watcher import FileWatcher
-from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
+from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
 HOT, LASER = Status(ERROR, "Motor", "Hot"), Status(OK, "Laser", values=(("Voltage", "12 V"),))
@@ -136,6 +136,92 @@ def test_a_discovered_robot_that_is_declared_stays_the_same_robot_and_back():
     driver.state.configure(Fleet("f"), driver.now)
     assert not driver.state.robots
     assert driver.state.wanted_topics(0) == {}
+
+
+BY_TOPIC = Discovery(re.compile(r"/(?P<robot>[^/]*)/?diagnostics"), "", source=Source.RAW)
+RAW_ON = Endpoint(1)
+
+
+def found(topic: str) -> StateDriver:
+    """A robot that discovery found by its topic, with a fault of its own."""
+    driver = StateDriver(fleet=Fleet("f", discoveries=(BY_TOPIC,)))
+    for second in range(60):
+        driver.state.update_graph(0, {topic: RAW_ON}, driver.now)
+        receive(driver, HOT, topic=topic)
+        driver.at(second + 1)
+    assert [each.identity.component for each in driver.state.faults()] == ["Motor"]
+    return driver
+
+
+def followed(driver: StateDriver, fleet: Fleet, path, *, restart: bool) -> StateDriver:
+    """Another config, by a reload or by a restart."""
+    if restart:
+        driver.keep(path)
+        return driver.restart(path, fleet=fleet)
+    driver.state.configure(fleet, driver.now)
+    return driver
+
+
+@pytest.mark.parametrize("restart", [False, True])
+def test_a_robot_declared_by_another_name_than_discovery_gave_it_is_one_robot(tmp_path, restart):
+    declared = Robot("Lift 1", topic_raw="/r/diagnostics", source=Source.RAW)
+    fleet = Fleet("f", (declared,), (BY_TOPIC,))
+    driver = followed(found("/r/diagnostics"), fleet, tmp_path / "state", restart=restart)
+    driver.state.update_graph(0, {"/r/diagnostics": RAW_ON}, driver.now)
+    end = driver.now.mono + 60
+    while driver.now.mono < end:
+        receive(driver, HOT, topic="/r/diagnostics")
+        driver.state.tick(driver.now)
+        driver.now = Instant(driver.now.mono + 1, driver.now.wall + 1)
+
+    assert [*driver.state.robots] == ["Lift 1"]
+    assert [each.identity.robot for each in driver.state.faults()] == ["Lift 1"]
+    driver.close()
+
+
+def test_a_declared_robot_that_moves_to_a_discovered_one_s_topic_replaces_it():
+    driver = found("/r/diagnostics")
+    for topic in ("/x/diagnostics", "/r/diagnostics"):
+        declared = Robot("Lift 1", topic_raw=topic, source=Source.RAW)
+        driver.state.configure(Fleet("f", (declared,), (BY_TOPIC,)), driver.now)
+    assert [*driver.state.robots] == ["Lift 1"]
+
+
+@pytest.mark.parametrize("discoveries", [(), (BY_TOPIC,)])
+@pytest.mark.parametrize("restart", [False, True])
+def test_a_topic_declared_shared_is_no_robot_s_any_more(tmp_path, restart, discoveries):
+    fleet = Fleet("f", discoveries=discoveries, shared=(Shared("/x/diagnostics", raw=True),))
+    driver = followed(found("/x/diagnostics"), fleet, tmp_path / "state", restart=restart)
+    assert not driver.state.robots
+    assert not driver.state.faults()
+
+    receive(driver, Status(OK, "Motor", hardware_id="r1"), topic="/x/diagnostics")
+    driver = followed(driver, fleet, tmp_path / "state", restart=restart)
+    assert [*driver.state.robots] == ["r1"]
+    driver.close()
+
+
+@pytest.mark.parametrize("restart", [False, True])
+@pytest.mark.parametrize("publishes", [False, True])
+def test_a_silent_robot_taken_out_of_the_config_goes_though_a_pattern_fits(
+    tmp_path, restart, publishes
+):
+    declared = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
+    driver = StateDriver(fleet=Fleet("f", (declared,), (BY_TOPIC,)))
+    driver.raw_every(1, 40, HOT)
+    driver.at(120)
+    assert {each.identity.state for each in driver.state.faults()} == {"silent", "critical"}
+    driver.state.update_graph(0, {"/r/diagnostics": Endpoint(int(publishes))}, driver.now)
+    fleet = Fleet("f", discoveries=(BY_TOPIC,))
+    driver = followed(driver, fleet, tmp_path / "state", restart=restart)
+
+    assert bool(driver.state.faults()) == (publishes and not restart)
+    reasons = {each.reason for each in driver.events if each.kind == "fault_ended"}
+    assert reasons == (set() if driver.state.faults() else {"removed"})
+    if publishes:
+        driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
+    assert [*driver.state.robots] == ["r"] * publishes
+    driver.close()
 
 
 def test_the_budget_is_whole_again_when_all_robots_have_gone():

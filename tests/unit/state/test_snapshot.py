@@ -6,7 +6,6 @@ import re
 
 import pytest
 
-from ros_diagnostics_exporter.cli.check_nagios import check
 from ros_diagnostics_exporter.config.fleet import (
     Check,
     ComponentRule,
@@ -20,6 +19,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.state.snapshot import faults, fleet_snapshot
+from ros_diagnostics_tools.check_nagios import check
 from support.state_driver import ERROR, OK, STALE, WALL, StateDriver
 
 PENDANT = ComponentRule(re.compile("Pendant"), planned_stale=True)

@@ -551,6 +551,19 @@ def test_the_reason_of_silence_follows_the_graph():
     assert shown == {"domain_unreachable": 1}
 
 
+def test_the_graph_of_one_domain_says_nothing_of_another():
+    here, there = (
+        Robot(name, domain_id=domain_id, topic_raw="/diagnostics", source=Source.RAW)
+        for name, domain_id in (("here", 0), ("there", 1))
+    )
+    driver = StateDriver(fleet=Fleet("f", (here, there)))
+    driver.state.update_graph(0, {"/diagnostics": Endpoint(2)}, driver.now)
+    driver.state.update_graph(1, {}, driver.now)
+
+    assert driver.sample("robot_publishers", robot="here") == 2
+    assert driver.sample("robot_publishers", robot="there") == 0
+
+
 # -- checks and bounds --------------------------------------------------
 
 

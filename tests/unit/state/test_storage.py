@@ -35,7 +35,13 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
-from ros_diagnostics_exporter.state.database import MAGIC, Database, InUseError
+from ros_diagnostics_exporter.state.database import (
+    MAGIC,
+    Database,
+    InUseError,
+    VersionError,
+    is_damage,
+)
 from ros_diagnostics_exporter.state.robot import Robot as ExporterRobot
 from ros_diagnostics_exporter.state.snapshot import fleet_snapshot, targets
 from ros_diagnostics_exporter.state.storage import Retention, Storage
@@ -405,6 +411,30 @@ def test_a_damaged_file_is_named_kept_aside_and_survived(tmp_path, caplog, raw, 
     assert restarted(driver, path).state.robots.keys() == {"r"}
 
 
+def test_a_file_is_kept_aside_with_its_log_which_is_not_of_the_next(tmp_path):
+    path = tmp_path / "state"
+    path.write_text("damaged")
+    (tmp_path / "state-wal").write_text("log")
+    driver = StateDriver().restart(path)
+    driver.save()
+    assert (tmp_path / "state.damaged-1-wal").read_text() == "log"
+
+
+def test_what_was_written_outlives_a_power_cut(tmp_path, monkeypatch):
+    made = []
+    connect = sqlite3.connect
+
+    def watched(*args: Any, **more: Any) -> sqlite3.Connection:
+        made.append(connect(*args, **more))
+        return made[-1]
+
+    monkeypatch.setattr(sqlite3, "connect", watched)
+    saved(StateDriver(), tmp_path / "state")
+    (connection,) = made
+    [(synchronous,)] = connection.execute("PRAGMA synchronous")
+    assert synchronous == 2  # FULL: https://sqlite.org/pragma.html#pragma_synchronous
+
+
 def test_an_empty_file_is_a_new_one(tmp_path, caplog):
     (tmp_path / "state").touch()
     driver = StateDriver().restart(tmp_path / "state")
@@ -416,13 +446,11 @@ def test_an_empty_file_is_a_new_one(tmp_path, caplog):
 @pytest.mark.parametrize(
     ("statement", "what"),
     [
-        ("PRAGMA user_version = 3", "its version is 3, not 2"),
-        ("PRAGMA user_version = 0", "its version is 0, not 2"),
         ("DROP TABLE faults", "its tables are not those of this version"),
         ("ALTER TABLE events ADD COLUMN more", "its tables are not those of this version"),
     ],
 )
-def test_a_database_of_another_version_is_kept_aside(tmp_path, caplog, statement, what):
+def test_a_database_with_other_tables_is_kept_aside(tmp_path, caplog, statement, what):
     path = tmp_path / "state"
     before = StateDriver()
     before.raw(HOT)
@@ -435,6 +463,93 @@ def test_a_database_of_another_version_is_kept_aside(tmp_path, caplog, statement
     assert f"{path} is damaged ({what}), 0 robots of it are restored" in caplog.text
     assert (tmp_path / "state.damaged-1").exists()
     assert after.storage.successful
+
+
+@pytest.mark.parametrize(
+    ("statement", "what"),
+    [
+        (
+            "PRAGMA user_version = 3",
+            "is a database of version 3, and this exporter writes version 2; ",
+        ),
+        (
+            "PRAGMA user_version = 0",
+            "is a database of version 0, and this exporter writes version 2; ",
+        ),
+        ("PRAGMA application_id = 1", "is the database of another program"),
+    ],
+)
+def test_a_database_of_another_version_stays_and_stops_the_start(tmp_path, statement, what):
+    path = tmp_path / "state"
+    before = StateDriver()
+    before.raw(HOT)
+    saved(before, path)
+    before.close()
+    edited(path, "PRAGMA journal_mode = DELETE", statement)
+    whole = path.read_bytes()
+
+    with pytest.raises(VersionError, match=re.escape(f"{path} {what}")):
+        restarted(before, path)
+    assert path.read_bytes() == whole
+    assert not (tmp_path / "state.damaged-1").exists()
+
+
+@pytest.mark.parametrize("statement", ["ANALYZE", "CREATE INDEX mine ON events (time)"])
+def test_what_a_person_added_to_speed_it_up_is_no_damage(tmp_path, caplog, statement):
+    path = tmp_path / "state"
+    before = StateDriver()
+    before.raw(HOT)
+    saved(before, path)
+    before.close()
+    edited(path, statement)
+    after = restarted(before, path)
+    after.save()
+
+    assert after.component("Motor").before_stale == ERROR
+    assert not caplog.text
+
+
+def refused(cause: str, path) -> sqlite3.Error:
+    """What SQLite says about a database in this state."""
+    with closing(sqlite3.connect(path)) as other, closing(sqlite3.connect(path, timeout=0)) as own:
+        if cause == "locked":
+            other.execute("BEGIN EXCLUSIVE")
+        elif cause == "damaged":
+            size = path.stat().st_size
+            path.write_bytes(path.read_bytes()[:100].ljust(size, b"x"))
+        elif cause == "no database":
+            path.write_bytes(b"x" * 4096)
+        elif cause == "too many pages":
+            own.execute("PRAGMA max_page_count = 2")
+        wrong = "none" if cause == "our own mistake" else "data"
+        with pytest.raises(sqlite3.Error) as raised:
+            own.execute(f"INSERT INTO events ({wrong}) VALUES (zeroblob(100000))")
+        return raised.value
+
+
+@pytest.mark.parametrize(
+    ("cause", "damaged"),
+    [
+        ("damaged", True),
+        ("no database", True),
+        ("locked", False),
+        ("too many pages", False),
+        ("our own mistake", False),
+    ],
+)
+def test_only_what_sqlite_calls_corrupt_is_damage(tmp_path, cause, damaged):
+    path = tmp_path / "state"
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("CREATE TABLE events (data)")
+    error = refused(cause, path)
+
+    assert is_damage(error) is damaged
+    del error.sqlite_errorcode  # as Python 3.10 raises it
+    assert is_damage(error) is damaged
+
+
+def test_the_words_locking_protocol_are_no_damage():
+    assert not is_damage(sqlite3.OperationalError("locking protocol"))
 
 
 WRONG = {
@@ -949,6 +1064,97 @@ def test_old_events_go_by_age_and_size(tmp_path):
     driver.close()
     assert size < (tmp_path / "state").stat().st_size < 400_000
     assert content(tmp_path / "state")["events"][-1][1] == driver.now.wall
+
+
+DAY = 86_400.0
+
+
+def kept_events(path) -> list[float]:
+    """Of how many days ago they are, those of the helper below and later ones."""
+    events = content(path)["events"]
+    return [(WALL - time) / DAY for _id, time, kind, *_ in events if kind == "config"]
+
+
+def with_events(path, *days: float) -> StateDriver:
+    """Written, with one event as many days before now as given, in this order; kept for 90."""
+    driver = StateDriver()
+    driver.storage = Storage(path, Retention(seconds=90 * DAY))
+    for day in days:
+        driver.log.record(Event(WALL - day * DAY, "config"))
+    driver.save(at_once=True)
+    return driver
+
+
+@pytest.mark.parametrize("restarted_first", [False, True])
+@pytest.mark.parametrize("days", [-2, 100, 200])
+def test_a_wall_clock_that_was_set_deletes_no_events(tmp_path, days, restarted_first):
+    driver = with_events(tmp_path / "state", 80, 40, 1)
+    if restarted_first:
+        driver = driver.restart(tmp_path / "state", after=days * DAY)
+    for second in range(1, 600, 20):
+        driver.now = Instant(float(second), WALL + second + days * DAY)
+        driver.log.record(Event(driver.now.wall, "config"))
+        driver.save()
+    assert len(kept_events(tmp_path / "state")) == 3 + 30
+    for second in range(600, 700, 20):  # and is set right
+        driver.now = Instant(float(second), WALL + second)
+        driver.save(at_once=True)
+    assert len(kept_events(tmp_path / "state")) == 3 + 30
+    driver.close()
+
+
+def test_an_event_of_the_future_keeps_none_of_those_after_it(tmp_path):
+    driver = with_events(tmp_path / "state", -200, 95, 92, 80)
+    driver.close()
+    assert kept_events(tmp_path / "state") == [80]
+
+
+def test_events_grow_old_after_a_long_time_off(tmp_path):
+    driver = with_events(tmp_path / "state", 80, 1)
+    for hour in range(1, 24 * 8):
+        driver.now = Instant(3600.0 * hour, WALL + 20 * DAY + 3600.0 * hour)
+        driver.save(at_once=True)
+    assert kept_events(tmp_path / "state") == [1]
+    driver.close()
+
+
+@pytest.mark.parametrize("days", [-2, -1 / 48, 200])
+def test_a_wall_clock_that_was_set_between_two_starts_delays_no_fault(tmp_path, days):
+    driver = StateDriver()
+    warm, weak = Status(WARN, "Motor"), Status(ERROR, "Arm")
+    driver.raw_every(1, 60, warm)
+    driver.raw(warm, weak)
+    driver.keep(tmp_path / "state")
+    assert len(driver.state.faults()) == 1
+    after = driver.restart(tmp_path / "state", after=days * DAY)
+    began = after.now.wall
+    for second in range(1, 45):
+        after.raw(warm._replace(level=ERROR), weak)
+        after.now = Instant(float(second), began + second)
+        after.state.tick(after.now)
+    found = {(each.identity.component, each.identity.state.value) for each in after.state.faults()}
+    assert found == {("Motor", "warning"), ("Motor", "critical"), ("Arm", "critical")}
+    assert all(fault.since <= after.now.wall for fault in after.state.faults() if days > 0)
+    assert after.robot.last_wall <= after.now.wall
+    after.close()
+
+
+def test_what_was_known_is_not_forgotten_before_it_can_be_received(tmp_path):
+    discovery = Discovery(re.compile("/(?P<robot>[^/]+)/diagnostics"), "", source=Source.RAW)
+    driver = StateDriver(fleet=Fleet("f", discoveries=(discovery,)))
+    driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
+    driver.raw(Status(OK, "Motor"))
+    driver.keep(tmp_path / "state")
+    after = driver.restart(tmp_path / "state", after=200 * DAY)
+    for second in range(1, 590):
+        after.now = Instant(float(second), after.now.wall + 1)
+        after.state.tick(after.now)
+    assert after.level("Motor") == STALE
+    for second in range(590, 610):
+        after.now = Instant(float(second), after.now.wall + 1)
+        after.state.tick(after.now)
+    assert not after.state.robots
+    after.close()
 
 
 def test_events_that_come_faster_than_the_disk_are_counted_and_the_newest_kept(

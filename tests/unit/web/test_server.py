@@ -96,7 +96,8 @@ def test_concurrent_scrapes_share_one_rendering(serve):
         assert release.wait(20)
         return [b"slow\n"]
 
-    server = serve(render_metrics=slow)
+    counted: list[None] = []
+    server = serve(render_metrics=slow, count_scrape=lambda: counted.append(None))
     answers = []
     clients = [
         threading.Thread(target=lambda: answers.append(ask(server, "/metrics").body))
@@ -112,6 +113,7 @@ def test_concurrent_scrapes_share_one_rendering(serve):
         client.join(20)
     assert answers == [b"slow\n"] * 8
     assert calls == [False]
+    wait_until(lambda: len(counted) == 8)  # each is a scrape
 
 
 def test_a_port_in_use_is_named_with_the_remedy(serve):
@@ -123,8 +125,16 @@ def test_a_port_in_use_is_named_with_the_remedy(serve):
 
 @pytest.mark.parametrize("host", ["no-such-host.invalid", "x" * 70 + ".example", "a..b"])
 def test_an_unknown_host_is_named(host):
-    with pytest.raises(ListenError, match=f"cannot listen on {host}:0: "):
+    with pytest.raises(ListenError, match=f"cannot listen on {host}:0: ") as raised:
         Server(FakeBackend(), listen=[f"{host}:0"]).start()
+    assert "choose an address of this machine" in str(raised.value)
+
+
+def test_an_address_of_another_machine_is_not_a_port_in_use():
+    with pytest.raises(ListenError, match="Cannot assign requested address") as raised:
+        Server(FakeBackend(), listen=["192.0.2.1:0"]).start()
+    assert "choose an address of this machine" in str(raised.value)
+    assert "stop the program" not in str(raised.value)
 
 
 @pytest.mark.parametrize("address", ["9100", "localhost", "localhost:", "a:http", ":65536", ":-1"])

@@ -160,6 +160,29 @@ def test_large_requests_are_rejected_also_in_one_piece(serve, short, request_, s
     assert answer.status == 200
 
 
+def test_two_lengths_of_one_body_are_rejected_and_the_connection_closed(serve):
+    with connect(serve()) as sock:
+        sock.sendall(
+            b"POST /api/v1/notifications HTTP/1.1\r\nHost: x\r\n"
+            b"Content-Length: 4\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n"
+        )
+        assert sock.recv(1_000).startswith(b"HTTP/1.1 400")
+        assert ended(sock)
+
+
+def test_a_client_that_leaves_within_its_body_logs_nothing(serve, caplog):
+    server = serve()
+    with connect(server) as sock:
+        sock.sendall(
+            b"POST /api/v1/notifications HTTP/1.1\r\nHost: x\r\nContent-Length: 100\r\n\r\n{"
+        )
+        wait_until(lambda: server._uvicorn.server_state.tasks)
+    wait_until(lambda: not server._uvicorn.server_state.tasks)
+
+    assert ask(server, "/-/healthy").status == 200
+    assert not [each for each in caplog.records if each.levelname == "ERROR"]
+
+
 def test_too_many_headers_are_rejected_and_the_connection_closed(serve, short):
     server = serve()
     with connect(server) as sock:
@@ -384,3 +407,20 @@ def test_the_memory_of_unread_responses_is_limited(serve, short, monkeypatch, pa
         assert ask(server, "/metrics").status == 200
         monkeypatch.setattr(responses, "STALLED_AFTER", 0.0)  # now all do
         assert ask(server, path).status == 200
+
+
+@pytest.mark.parametrize("path", ["/metrics", "/sd/node"])
+def test_a_response_whose_client_has_gone_counts_no_more(serve, short, monkeypatch, path):
+    monkeypatch.setattr(responses, "MAX_BYTES", 10_000_000)
+    monkeypatch.setattr(responses, "STALLED_AFTER", 1_000.0)  # none counts as stalled
+    monkeypatch.setattr(responses, "MAX_WAIT", 0.0)
+    monkeypatch.setattr(scrape, "FIRST_SIZE", 4_000_000)
+    server = serve(
+        render_metrics=lambda *_: [b"x" * 4_000_000],
+        targets=lambda _job, _port: [{"targets": ["x" * 4_000_000], "labels": {}}],
+    )
+    with contextlib.ExitStack() as crowd:
+        for sock in unread(server, 10, "127.0.0.1", path.encode()):
+            crowd.enter_context(sock)
+        wait_until(lambda: ask(server, path).status == 503)
+    wait_until(lambda: ask(server, path).status == 200)

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import os
 import ssl
 
 import pytest
 import trustme
 
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
-from support.web_server import ask, connect, renew
+from support.web_server import ask, connect, reloaded, renew, wait_until
 
 
 @pytest.fixture
@@ -85,35 +86,54 @@ def test_only_clients_with_an_allowed_name_are_accepted(serve, web_config, ca):
     assert not rejected(server, client(ca, ca.issue_cert("prometheus.example")))
 
 
+@pytest.mark.usefixtures("seldom")
 def test_a_renewed_certificate_is_used_for_the_next_client(serve, web_config, ca, caplog):
     path = web_config()
     server = serve(web_config=path)
     before = serial(server, client(ca))
     assert serial(server, client(ca)) == before
     renew(ca, path.parent)
-    assert serial(server, client(ca)) != before
+    assert serial(reloaded(server), client(ca)) != before
 
     after = serial(server, client(ca))
     (path.parent / "server.key").write_text("half a key")
-    assert serial(server, client(ca)) == after
+    assert serial(reloaded(server), client(ca)) == after
     assert caplog.text.count("server.key") == 1
 
 
+def test_a_web_config_whose_files_hang_stops_nothing(serve, web_config, ca):
+    path = web_config()
+    server = serve(web_config=path)
+    before = serial(server, client(ca))
+    certificate = path.parent / "server.crt"
+    whole = certificate.read_bytes()
+    certificate.unlink()
+    os.mkfifo(certificate)  # whoever opens it waits until somebody writes to it
+    wait_until(lambda: server.loop.hangs(0.1))
+
+    assert serial(server, client(ca)) == before
+    assert ask(server, "/metrics", tls=client(ca)).status == 200
+    certificate.write_bytes(whole)
+    wait_until(lambda: not server.loop.hangs(0.1))
+
+
+@pytest.mark.usefixtures("seldom")
 def test_tls_cannot_be_switched_off_while_running(serve, web_config, ca, caplog):
     path = web_config()
     server = serve(web_config=path)
     path.write_text("")
-    assert ask(server, "/metrics", tls=client(ca)).status == 200
+    assert ask(reloaded(server), "/metrics", tls=client(ca)).status == 200
     assert "tls_server_config cannot be removed" in caplog.text
 
 
+@pytest.mark.usefixtures("seldom")
 def test_an_incomplete_file_does_not_weaken_authentication(serve, web_config, ca, caplog):
     path = web_config(*CLIENTS, "client_allowed_sans: [prometheus.example]")
     whole = path.read_text().splitlines(keepends=True)
     server = serve(web_config=path)
     for lines in range(len(whole)):
         path.write_text("".join(whole[:lines]))
-        assert rejected(server, client(ca))
+        assert rejected(reloaded(server), client(ca))
         assert rejected(server, client(ca, ca.issue_cert("grafana.example")))
         assert not rejected(server, client(ca, ca.issue_cert("prometheus.example")))
     assert "client_allowed_sans cannot be removed" in caplog.text

@@ -1,0 +1,109 @@
+"""The one kind of thread that the service makes: work that is repeated, guarded, timed and watched.
+
+An exception ends a turn, not the loop. What may hang (a disk, a folder, a name server, another
+program) has a loop of its own, so that none that judges or answers waits for it.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+log = logging.getLogger(__name__)
+
+LOG_INTERVAL = 60.0  # seconds between two lines about a loop whose turns fail
+
+
+def _nothing() -> None:
+    """End without more ado."""
+
+
+class Loop:
+    """Calls ``work`` in a thread of its own, at once and then ``interval`` seconds after its end.
+
+    Args:
+        name: Of the thread, and of the loop in metrics and log.
+        interval: Seconds from the end of a turn to the next.
+        work: One turn.
+        end: Called in the thread once it is asked to stop.
+        vital: Whether the exporter is of no use while a turn hangs, and a restart may help.
+
+    Attributes:
+        last_turn: When the last turn that did not fail ended, Unix time; 0 before that.
+        errors: How many turns have failed.
+        stopping: Whether it was asked to stop; a long turn should look.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        interval: float,
+        work: Callable[[], object],
+        *,
+        end: Callable[[], object] = _nothing,
+        vital: bool = False,
+    ) -> None:
+        self.name = name
+        self.vital = vital
+        self.last_turn = 0.0
+        self.errors = 0
+        self.stopping = False
+        self._interval = interval
+        self._work = work
+        self._end = end
+        self._wake = threading.Event()
+        self._busy_since: float | None = None  # monotonic
+        self._logged_at = float("-inf")
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def start(self) -> None:
+        """Begin the first turn."""
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Have the next turn at once."""
+        self._wake.set()
+
+    def ask_to_stop(self) -> None:
+        """Begin no more turn."""
+        self.stopping = True
+        self._wake.set()
+
+    def stop(self, seconds: float) -> bool:
+        """Begin no more turn, and wait for one under way; whether it ended in time."""
+        self.ask_to_stop()
+        if self.alive:
+            self._thread.join(seconds)
+        return not self.alive
+
+    @property
+    def alive(self) -> bool:
+        """Whether the thread runs."""
+        return self._thread.is_alive()
+
+    def hangs(self, seconds: float) -> bool:
+        """Whether a turn has been going on for longer than that."""
+        since = self._busy_since
+        return since is not None and time.monotonic() - since > seconds
+
+    def _run(self) -> None:
+        while not self.stopping:
+            self._busy_since = time.monotonic()
+            self._turn()
+            self._busy_since = None
+            self._wake.wait(self._interval)
+            self._wake.clear()
+        self._end()
+
+    def _turn(self) -> None:
+        try:
+            self._work()
+        except Exception:  # a bug: the next turn may do better, and nobody else does this work
+            self.errors += 1
+            if time.monotonic() - self._logged_at >= LOG_INTERVAL:
+                self._logged_at = time.monotonic()
+                log.exception("loop %s: a turn failed; it goes on", self.name)
+        else:
+            self.last_turn = time.time()

@@ -1,0 +1,265 @@
+"""``ros-diagnostics-compare``: where Nagios and this project notified differently.
+
+For a site that runs both for some weeks: it reads Nagios' log and the exporter's record of what
+Alertmanager sent, and lists what only one of them notified, and what one notified later.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from ros_diagnostics_exporter import __version__, durations
+from ros_diagnostics_exporter.http_client import UnreachableError
+from ros_diagnostics_exporter.texts import one_line, printable, to_json
+from ros_diagnostics_tools.connection_flags import add_arguments, make_client
+from ros_diagnostics_tools.nagios.comparison import log
+from ros_diagnostics_tools.nagios.comparison.differences import Differences, compare
+from ros_diagnostics_tools.nagios.comparison.here import EventsError, Here, follow
+from ros_diagnostics_tools.nagios.comparison.notice import Notice
+from ros_diagnostics_tools.terminal import cells, make_console
+
+AGREE, DISAGREE, FAILED = range(3)  # exit codes
+EPILOG = """\
+  ros-diagnostics-compare /var/log/nagios4/nagios.log /var/log/nagios4/archives/*.log \\
+      --since 14d --service motors=Motor
+
+Exit codes: 0 both notified the same, 1 they disagree, 2 nothing could be compared.
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Compare and print; the exit codes above."""
+    options = _parser().parse_args(arguments)
+    try:
+        theirs = log.read(options.log)
+        events, robots = _recorded(options)
+        return _compare(options, theirs, events, robots)
+    except (log.LogError, EventsError, UnreachableError) as error:
+        print(f"ros-diagnostics-compare: {printable(str(error))}", file=sys.stderr)  # noqa: T201
+        return FAILED
+
+
+def _recorded(options: argparse.Namespace) -> tuple[list[dict[str, Any]], set[str]]:
+    """The events here, and the names of the robots; of a file those that it names."""
+    if options.events is None:
+        client = make_client(options)
+        robots = {each["robot"] for each in client.fleet()["robots"]}
+        return list(client.events("0", kind="notified")), robots
+    try:
+        found = json.loads(options.events.read_text(encoding="utf-8"))
+        events = found["events"]
+        return events, {each.get("robot", "") for each in events}
+    except OSError as error:
+        raise EventsError(f"{options.events}: {error.strerror or error}") from error
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise EventsError(
+            f"{options.events} is no answer of the exporter's /api/v1/events?kind=notified"
+        ) from error
+
+
+def _compare(
+    options: argparse.Namespace, theirs: log.Log, events: list[dict[str, Any]], robots: set[str]
+) -> int:
+    since, until = _span(options, theirs, events)
+    compared = [each for each in theirs.notices if each.robot in robots]
+    here = follow(events, {each.about for each in compared}, dict(options.service))
+    wide = since - options.within, until + options.within
+    found = compare(
+        _within(compared, *wide),
+        Here(_within(here.notices, *wide), here.larger, here.robots),
+        late=options.late,
+        within=options.within,
+    ).between(since, until)
+    others = len(theirs.notices) - len(compared)
+    notes = dict(_notes(theirs, others))
+    if options.json:
+        content = {"since": since, "until": until, **_content(found), "notes": notes}
+        print(to_json(content))  # noqa: T201
+    else:
+        _print(found, since, until, notes)
+    return AGREE if found.agree else DISAGREE
+
+
+def _span(
+    options: argparse.Namespace, theirs: log.Log, events: list[dict[str, Any]]
+) -> tuple[float, float]:
+    """The time that both sides were recorded in, or the part of it that is asked for."""
+    first = min((each["time"] for each in events if "time" in each), default=theirs.begin)
+    since = theirs.begin if options.since is None else options.since
+    if options.since is None and first - options.within > since:
+        since = first - options.within  # the record here begins later than Nagios' log
+    until = theirs.end if options.until is None else options.until
+    if since > until:
+        raise log.LogError(
+            f"nothing to compare: from {_clock(since)} is after {_clock(until)}; Nagios' log has "
+            f"{_clock(theirs.begin)} to {_clock(theirs.end)}"
+        )
+    return since, until
+
+
+def _within(notices: Iterable[Notice], since: float, until: float) -> list[Notice]:
+    return [each for each in notices if since <= each.time <= until]
+
+
+def _notes(theirs: log.Log, others: int) -> Iterable[tuple[str, str]]:
+    if others:
+        yield "hosts that are no robots here", f"{others} notifications of Nagios not compared"
+    for kind, count in sorted(theirs.skipped.items()):
+        yield kind, f"{count} notifications of Nagios not compared"
+    if theirs.damaged:
+        yield "damaged lines", f"{theirs.damaged}, the first: {theirs.first_damaged}"
+
+
+def _content(found: Differences) -> dict[str, Any]:
+    return {
+        "same": len(found.pairs),
+        "only_in_nagios": [_fields(each) for each in found.only_in_nagios],
+        "only_here": [_fields(each) for each in found.only_here],
+        "late": [{**_fields(each.nagios), "later_here": each.later} for each in found.late],
+        "explained": [{**_fields(each), "here": one.name} for each, one in found.explained],
+    }
+
+
+def _fields(notice: Notice) -> dict[str, Any]:
+    return {
+        "time": notice.time,
+        "robot": notice.robot,
+        "service": notice.service,
+        "state": notice.state,
+        "detail": notice.detail,
+    }
+
+
+def _print(found: Differences, since: float, until: float, notes: dict[str, str]) -> None:
+    console = make_console()
+    table = Table("Time", "Robot", "Service", "State", "Difference", box=None, pad_edge=False)
+    rows = [(each, f"only in Nagios: {each.detail:.80}") for each in found.only_in_nagios]
+    rows += [(each, f"only here: {each.detail:.80}") for each in found.only_here]
+    rows += [(each.nagios, _later(each.later)) for each in found.late]
+    rows += [(each, f"here one notification: {one.name}") for each, one in found.explained]
+    for each, text in sorted(rows, key=lambda row: row[0].time):
+        table.add_row(*cells((_clock(each.time), each.robot, each.service, each.state, text)))
+    if rows:
+        console.print(table)
+    for what, note in notes.items():
+        console.print(Text(one_line(f"{what}: {note}")))
+    console.print(
+        Text(
+            f"{_clock(since)} to {_clock(until)}: {len(found.pairs)} the same, "
+            f"{len(found.only_in_nagios)} only in Nagios, {len(found.only_here)} only here, "
+            f"{len(found.late)} at another time, {len(found.explained)} in a larger one here"
+        )
+    )
+
+
+def _later(seconds: float) -> str:
+    side = "here" if seconds > 0 else "in Nagios"
+    return f"{durations.written(round(abs(seconds)))} later {side}"
+
+
+def _clock(moment: float) -> str:
+    """A local time with its year: logs are of months."""
+    try:
+        return f"{datetime.fromtimestamp(moment, timezone.utc).astimezone():%Y-%m-%d %H:%M:%S}"
+    except (ValueError, OverflowError, OSError):
+        return f"{moment:.0f}"
+
+
+def _moment(text: str) -> float:
+    """The Unix time of --since and --until: a duration ago, or a date of this machine's clock."""
+    try:
+        return time.time() - durations.parse(text)
+    except ValueError:
+        pass
+    try:
+        return datetime.fromisoformat(text).timestamp()
+    except (ValueError, OverflowError, OSError) as error:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no time; write it as 14d (ago), 2027-01-31 or 2027-01-31T14:30"
+        ) from error
+
+
+def _duration(text: str) -> float:
+    try:
+        return durations.parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{error}; write it as 90s or 5m") from error
+
+
+def _service(text: str) -> tuple[str, str]:
+    name, separator, pattern = text.partition("=")
+    if not (name and separator):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not SERVICE=PATTERN, such as motors=Motor for a service with -N Motor"
+        )
+    return name, pattern
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="ros-diagnostics-compare",
+        description="Where Nagios and this project notified differently.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "log",
+        nargs="+",
+        type=Path,
+        metavar="LOG",
+        help="nagios.log and its archives, in any order; - is the standard input",
+    )
+    parser.add_argument(
+        "--service",
+        action="append",
+        default=[],
+        type=_service,
+        metavar="NAME=PATTERN",
+        help="the service of Nagios that checks with -N PATTERN; may be repeated "
+        "(default: the pattern is the service's name)",
+    )
+    parser.add_argument(
+        "--since",
+        type=_moment,
+        metavar="TIME",
+        help="only from then on: 14d (ago), 2027-01-31 (default: all that both recorded)",
+    )
+    parser.add_argument("--until", type=_moment, metavar="TIME", help="only until then")
+    parser.add_argument(
+        "--late",
+        type=_duration,
+        default=120.0,
+        metavar="DURATION",
+        help="how far apart the same notification may be (default: 2m)",
+    )
+    parser.add_argument(
+        "--within",
+        type=_duration,
+        default=900.0,
+        metavar="DURATION",
+        help="how far apart two notifications are no longer the same one (default: 15m)",
+    )
+    parser.add_argument(
+        "--events",
+        type=Path,
+        metavar="FILE",
+        help="a saved answer of the exporter's /api/v1/events?kind=notified, instead of asking it",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON in place of a table")
+    add_arguments(parser)
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

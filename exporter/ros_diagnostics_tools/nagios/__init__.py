@@ -1,0 +1,1 @@
+"""For sites that come from Nagios: its object files translated, its log compared."""

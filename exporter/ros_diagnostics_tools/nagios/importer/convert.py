@@ -1,0 +1,158 @@
+"""The whole conversion: files in, texts out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from ros_diagnostics_tools.nagios.importer import advice, files, inhibition, robots, rotas, routes
+from ros_diagnostics_tools.nagios.importer.files import Definition, Directive
+from ros_diagnostics_tools.nagios.importer.inheritance import NOT_INHERITED, Templates, Thing
+from ros_diagnostics_tools.nagios.importer.ledger import Ledger
+from ros_diagnostics_tools.nagios.importer.site import Site
+
+FLEET, ROUTES, UPLINKS, ONCALL, REPORT = (
+    *("fleet.yml", "alertmanager-routes.yml"),
+    *("uplinks.yml", "oncall.yml", "report.txt"),
+)
+HEADERS = {
+    FLEET: "Made by nagios2fleet. Namespaces are made of names: compare with `ros2 topic list`.",
+    ROUTES: "Made by nagios2fleet: put each list before what the list of the same name in\n"
+    "# alertmanager.yml has (routes: those below route).",
+    UPLINKS: "Made by nagios2fleet, for prometheus/targets.",
+    ONCALL: "Made by nagios2fleet: contacts that relieve one another. Until it is built into\n"
+    "# alertmanager.yml, all of them receive what their receiver is sent.",
+}
+
+
+class Options(NamedTuple):
+    """What the files do not say."""
+
+    fleet: str
+    plugins: tuple[str, ...] = ()
+    time_zone: str = "UTC"
+
+
+class Converted(NamedTuple):
+    """The files to write, by name, what became of each directive, and how many robots there are.
+
+    ``commands`` are those of all services, for who has to name the ROS plug-in.
+    """
+
+    texts: dict[str, str]
+    ledger: Ledger
+    robots: int
+    commands: tuple[str, ...]
+
+
+def convert(paths: list[Path], options: Options) -> Converted:
+    """Convert the objects of ``paths``, main files, object files and folders.
+
+    Raises:
+        NagiosError: Nagios would not read them.
+    """
+    found = files.read(paths)
+    ledger = Ledger()
+    templates = Templates(found.definitions, ledger)
+    site = _site(found, templates, ledger)
+    its_robots = robots.find(site, options.plugins)
+    fleet = robots.fleet(site, its_robots, options.fleet, options.time_zone)
+    routing = routes.routing(site, its_robots)
+    oncall = rotas.content(site, routing.rotas, options.time_zone)
+    rules = inhibition.rules(site, its_robots)
+    uplinks = robots.uplinks(site, its_robots, options.fleet)
+    _account_for_commands(site, its_robots)
+    _account_for_rest(found, templates, ledger)
+    contents: dict[str, Any] = {
+        FLEET: fleet,
+        ROUTES: routing.content(rules),
+        **({UPLINKS: uplinks} if uplinks else {}),
+        **({ONCALL: oncall} if oncall else {}),
+    }
+    texts = {name: _yaml(name, content) for name, content in contents.items()}
+    commands = {each.thing.get("check_command").partition("!")[0] for each in site.services}
+    texts[REPORT] = report(ledger)
+    return Converted(texts, ledger, len(its_robots), tuple(sorted(commands)))
+
+
+def _site(found: files.Read, templates: Templates, ledger: Ledger) -> Site:
+    settings = {each.key: each for each in found.settings if each.kind == "main"}
+    macros = {each.key: each for each in found.settings if each.kind == "resource"}
+    things: dict[str, list[Thing]] = {}
+    for thing in templates.things():
+        things.setdefault(thing.kind, []).append(thing)
+    site = Site(ledger, settings, things, macros)
+    site.index_services()
+    return site
+
+
+def _account_for_commands(site: Site, its_robots: list[robots.Robot]) -> None:
+    for robot in its_robots:
+        for service, _ in robot.services:
+            name = service.thing.get("check_command").partition("!")[0]
+            command = site.find("command", name)
+            if command is not None:
+                command.take("command_name", "the checks of services")
+                command.take("command_line", "the checks of services")
+
+
+def _account_for_rest(found: files.Read, templates: Templates, ledger: Ledger) -> None:
+    """Report every line that nothing has translated or reported."""
+    for setting in found.settings:
+        if setting.key in files.INCLUDES:
+            ledger.translated((setting,), "read")
+    for definition in found.definitions:
+        for each in definition.directives:
+            if not ledger.knows(each):
+                ledger.lost((each,), _why(definition, each, templates))
+    for each in found.settings:
+        if not ledger.knows(each):
+            ledger.lost((each,), advice.advice(each))
+
+
+def _why(definition: Definition, directive: Directive, templates: Templates) -> str:
+    if not templates.is_used(definition):
+        return "no object inherits from this template"
+    if directive not in templates.effective and directive.key not in NOT_INHERITED:
+        return "overridden: by a later line of the object, or by all objects that inherit it"
+    return advice.advice(directive)
+
+
+def report(ledger: Ledger) -> str:
+    """What became of each line: what has no equivalent and what to do, then where others went."""
+    lost = [f"{_line(each)}: {'; '.join(why)}" for each, why in ledger.lost_rows]
+    translated = [f"{_line(each)} -> {'; '.join(where)}" for each, where in ledger.translated_rows]
+    parts = (
+        f"No equivalent, or only a part of it ({len(lost)}):",
+        *lost,
+        "",
+        f"Translated ({len(translated)}):",
+        *translated,
+    )
+    return "\n".join(parts) + "\n"
+
+
+def _line(each: Directive) -> str:
+    owner = " ".join(filter(None, (each.kind, each.owner)))
+    return f"{each.place}: {owner}: {each.written} {advice.shown(each)}".rstrip()
+
+
+def _yaml(name: str, content: Any) -> str:
+    text = yaml.dump(
+        content,
+        Dumper=_Dumper,
+        sort_keys=False,
+        default_flow_style=None,
+        allow_unicode=True,
+        width=200,
+    )
+    return f"# {HEADERS[name]}\n{text}"
+
+
+class _Dumper(yaml.SafeDumper):
+    """Without anchors: what two receivers have in common is written twice."""
+
+    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002 - of the base class
+        return True

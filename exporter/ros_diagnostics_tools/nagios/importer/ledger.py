@@ -1,0 +1,47 @@
+"""What became of each directive: translated, without equivalent, or both, each with its reasons.
+
+Nothing is lost silently: what nobody took is reported by `report`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ros_diagnostics_tools.nagios.importer.files import Directive
+
+
+class Ledger:
+    """The account of all directives."""
+
+    def __init__(self) -> None:
+        self._translated: dict[Directive, dict[str, None]] = {}
+        self._lost: dict[Directive, dict[str, None]] = {}
+
+    def translated(self, directives: Iterable[Directive], where: str) -> None:
+        """Note that the directives are in the output, at ``where``."""
+        for each in directives:
+            self._translated.setdefault(each, {})[where] = None
+
+    def lost(self, directives: Iterable[Directive], remedy: str) -> None:
+        """Note that they, or a part of what they say, have no equivalent, and what to do."""
+        for each in directives:
+            self._lost.setdefault(each, {})[remedy] = None
+
+    def knows(self, directive: Directive) -> bool:
+        """Whether the directive is accounted for."""
+        return directive in self._translated or directive in self._lost
+
+    @property
+    def lost_rows(self) -> list[tuple[Directive, tuple[str, ...]]]:
+        """What has no equivalent, by file and line."""
+        return _rows(self._lost)
+
+    @property
+    def translated_rows(self) -> list[tuple[Directive, tuple[str, ...]]]:
+        """What is translated, by file and line."""
+        return _rows(self._translated)
+
+
+def _rows(found: dict[Directive, dict[str, None]]) -> list[tuple[Directive, tuple[str, ...]]]:
+    ordered = sorted(found, key=lambda each: (str(each.path), each.line))
+    return [(each, tuple(found[each])) for each in ordered]

@@ -1,0 +1,70 @@
+"""grafana/dashboards/*.json and the tables of docs/dashboards.md, for `./run generate`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from grafana_foundation_sdk.cog.encoder import JSONEncoder
+from grafana_foundation_sdk.models import dashboard
+
+from fleet_dashboards.dashboards import alerts, component, fleet, monitoring, robot
+
+FOLDER = Path(__file__).resolve().parents[1] / "dashboards"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "dashboards.md"
+MARKER = "<!-- from here on written by ./run generate -->\n"
+BUILDERS = (fleet.build, robot.build, component.build, alerts.build, monitoring.build)
+
+
+def files() -> dict[Path, str | None]:
+    """Return what each file is to hold; those of dashboards that no longer exist: None."""
+    boards = build_all()
+    built = {FOLDER / name: text for name, text in as_json(boards).items()}
+    return {**dict.fromkeys(FOLDER.glob("*.json")), **built, PAGE: docs_page(boards)}
+
+
+def build_all() -> list[dashboard.Dashboard]:
+    """Return all dashboards, with their panels numbered from the top."""
+    boards = [build().build() for build in BUILDERS]
+    for board in boards:
+        for number, panel in enumerate(_with_rows(board), start=1):
+            panel.id_val = number
+    return boards
+
+
+def _with_rows(board: dashboard.Dashboard) -> Iterator[dashboard.Panel | dashboard.RowPanel]:
+    """Return rows and panels from the top; those of a collapsed row are inside of it."""
+    for panel in board.panels or ():
+        yield panel
+        if isinstance(panel, dashboard.RowPanel):
+            yield from panel.panels
+
+
+def as_json(boards: Iterable[dashboard.Dashboard]) -> dict[str, str]:
+    """Return the text of each JSON file by its name, which is the dashboard's uid."""
+    return {
+        f"{board.uid}.json": json.dumps(
+            board, cls=JSONEncoder, indent=2, sort_keys=True, ensure_ascii=False
+        )
+        + "\n"
+        for board in boards
+    }
+
+
+def docs_page(boards: Iterable[dashboard.Dashboard]) -> str:
+    """Return docs/dashboards.md with the tables of panels below the marker replaced."""
+    by_hand, marker, _old = PAGE.read_text(encoding="utf-8").partition(MARKER)
+    if not marker:
+        raise ValueError(f"{PAGE}: no line {MARKER!r}; put it above the tables of panels")
+    return by_hand + marker + "".join(map(_panel_table, boards))
+
+
+def _panel_table(board: dashboard.Dashboard) -> str:
+    rows = [f"\n### {board.title}\n\n{board.description}\n\n| Panel | Answers |\n|---|---|\n"]
+    for panel in _with_rows(board):
+        if isinstance(panel, dashboard.RowPanel):
+            continue
+        description = (panel.description or "").replace("|", r"\|")
+        rows.append(f"| {panel.title} | {description} |\n")
+    return "".join(rows)

@@ -1,0 +1,1 @@
+"""What a part of the exporter costs on this machine: `./run bench` lists the measurements."""

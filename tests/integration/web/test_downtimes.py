@@ -1,0 +1,64 @@
+"""A real exporter, and an Alertmanager that has a downtime and then does not answer."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import datetime, timedelta, timezone
+from http.server import BaseHTTPRequestHandler
+
+import pytest
+
+from ros_diagnostics_exporter.alertmanager import downtime_matchers, silence
+from support.loopback import answering
+from testbed.polling import until
+
+pytestmark = pytest.mark.integration
+
+FLEET = "fleet: hall\nrobots: [{{name: r1, domain_id: {domain}, namespace: /r1}}]\n"
+
+
+@contextmanager
+def alertmanager(body: bytes) -> Iterator[str]:
+    """Answers everything with ``body``; yields its URL."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+    with answering(Handler) as address:
+        yield f"http://{address}"
+
+
+def planned() -> bytes:
+    """A downtime of r1 that began an hour ago, as Alertmanager lists it."""
+    now = datetime.now(timezone.utc)
+    hour = timedelta(hours=1)
+    matchers = downtime_matchers("hall", "r1", "")
+    made = silence(matchers, now - hour, now + hour, "ann", "new battery")
+    return json.dumps([{**made, "id": "0", "status": {"state": "active"}}]).encode()
+
+
+def in_maintenance(site) -> bool | None:
+    """Whether r1 is in a downtime; None while the exporter does not answer."""
+    with suppress(OSError):
+        [robot] = site.ask("/api/v1/fleet")["robots"]
+        return bool(robot["maintenance"] and robot["downtimes"])
+    return None
+
+
+def test_a_downtime_outlives_a_restart_while_alertmanager_does_not_answer(site, ends):
+    site.fleet_file.write_text(FLEET.format(domain=site.domain_id))
+    with alertmanager(planned()) as url:
+        exporter = ends(site.exporter("--alertmanager.url", url)).start()
+        until(lambda: in_maintenance(site), exporter.describe)
+    assert exporter.stop() == 0
+
+    exporter = ends(site.exporter("--alertmanager.url", url)).start()
+    until(lambda: in_maintenance(site) is not None, exporter.describe)
+    until(lambda: "Alertmanager does not answer" in exporter.describe(), exporter.describe)
+    assert in_maintenance(site)

@@ -1,0 +1,372 @@
+"""Whatever happens to a fleet: what is kept of it is what would be made anew.
+
+Histories of messages, topics, silence, reloads, removals and restarts. After each step the cached
+text is compared with that of a new Exposition; at the end, what was written step by step to the
+database with what is written at once.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from ros_diagnostics_exporter.config.fleet import (
+    CauseSettings,
+    Check,
+    ComponentRule,
+    Condition,
+    Discovery,
+    FaultSettings,
+    Fleet,
+    Limits,
+    Maintenance,
+    Profile,
+    Robot,
+    Shared,
+    Source,
+    Threshold,
+    ValueRule,
+)
+from ros_diagnostics_exporter.events import EventLog
+from ros_diagnostics_exporter.metrics.exposition import Exposition
+from ros_diagnostics_exporter.model import (
+    ALL_PARTS,
+    Array,
+    Downtime,
+    Endpoint,
+    Instant,
+    Part,
+    Status,
+    Topic,
+)
+from ros_diagnostics_exporter.regex import Pattern
+from ros_diagnostics_exporter.state.state import State
+from ros_diagnostics_exporter.state.storage import PersistedComponent, PersistedRobot, Storage
+from support.state_driver import ERROR, OK, STALE, WALL, WARN, tree
+
+FAULTS = FaultSettings(restart_grace=4.0, pending_after=8.0, confirm_after=2.0)
+PLAIN = Profile(stale_after=6.0, confirm_after=3.0, forget_after=20.0, flap_interval=1.0)
+RICH = replace(
+    PLAIN,
+    name="rich",
+    flap_interval=5.0,
+    stale_is_critical=True,
+    checks=(Check("all"), Check("motors", (Pattern("Motor"),), expect=2)),
+    components=(
+        ComponentRule(Pattern("Laser"), levels={WARN: OK}, stale_after=3.0, planned_stale=True),
+        ComponentRule(
+            Pattern("Motor"),
+            unless=(Condition("Laser is ERROR", (Pattern("Laser"),), levels=(ERROR,)),),
+        ),
+    ),
+    values=(
+        ValueRule(key=Pattern("Charge"), thresholds=(Threshold("low", "critical", 10.0),)),
+        ValueRule(key=Pattern("Volt"), metric="ros_voltage_volts", scale=0.5),
+    ),
+)
+STRICT = replace(
+    PLAIN,
+    name="strict",
+    stale_after=8.0,
+    components=(
+        ComponentRule(Pattern("Arm"), ignore=True),
+        ComponentRule(Pattern("Motor"), levels={STALE: OK, ERROR: WARN}),
+    ),
+    values=(ValueRule(key=Pattern("Volt"), keep=False),),
+)
+R1 = Robot("r1", 0, "", "/r1/d_agg", "/r1/d", Source.BOTH, PLAIN)
+R2 = Robot("r2", topic_raw="/r2/d", source=Source.RAW, profile=RICH, labels={"site": "hall"})
+FOUND = Discovery(re.compile(r"/(?P<robot>r[0-9])/d(_agg)?"), "/{robot}/d", profile=PLAIN)
+SHARED = Shared("/d", raw=True, profile=PLAIN)
+FLEETS = (
+    Fleet("f", (R1, R2), (FOUND,), (SHARED,), faults=FAULTS),
+    Fleet("g", (R1, R2), (FOUND,), (SHARED,), faults=FAULTS, exporter="north"),
+    Fleet("f", (replace(R1, profile=RICH), replace(R2, profile=STRICT)), faults=FAULTS),
+    Fleet(
+        "f",
+        (
+            replace(R1, topic_agg="/r3/d_agg", topic_raw="/r3/d", address="10.0.0.1"),
+            replace(R2, labels={"site": "yard"}),
+        ),
+        faults=replace(FAULTS, many=CauseSettings(2, 0.5)),
+        maintenance=(Maintenance("m", {"site": (Pattern("yard"),)}, "", WALL, WALL + 25),),
+    ),
+    Fleet(
+        "f",
+        (replace(R1, source=Source.AUTO),),
+        (replace(FOUND, profile=RICH),),
+        (replace(SHARED, profile=STRICT),),
+        limits=Limits(robots=2, components=3, values=2, label_length=6, series=200),
+        faults=FAULTS,
+    ),
+)
+
+# Few of each, so that most of what is sent is there already and only a part of it is new.
+names = st.sampled_from(["Motor", "Motor", "Laser", "Arm: left", "Motor Left"])
+values = st.sampled_from(
+    [
+        (),
+        (("Volt", "5"),),
+        (("Volt", "12.5"),),
+        (("Volt", "7 A"),),
+        (("Volt", "5"), ("Charge", "5")),
+        (("Volt", "5"), ("Charge", "50")),
+        (("Volt", "nan"), ("Volt", "[1, 2]"), ("Temp", "text")),
+    ]
+)
+statuses = st.builds(
+    Status,
+    st.sampled_from([OK, OK, WARN, ERROR, ERROR, STALE, STALE, 7]),
+    names,
+    st.sampled_from(["fine", "fine", "hot: 70", "hot: 71"]),
+    st.sampled_from(["", "", "r1", "r4"]),
+    values,
+)
+rows = st.lists(statuses, min_size=1, max_size=3).map(tuple)
+topics = st.sampled_from(["/r1/d", "/r1/d", "/r2/d", "/r3/d", "/r5/d", "/d"])
+groups = st.sampled_from(["Base", "Top", "Motor"])
+aggregates = st.dictionaries(groups, st.lists(statuses, max_size=2), max_size=2)
+changed = st.one_of(
+    st.tuples(st.just("level"), st.sampled_from([OK, ERROR, STALE])),
+    st.tuples(st.just("message"), st.sampled_from(["fine", "hot: 70", "hot"])),
+    st.tuples(st.just("hardware_id"), st.sampled_from(["r1", "r4"])),
+    st.tuples(st.just("values"), values),
+)
+endpoints = st.sampled_from([Endpoint(0), Endpoint(1), Endpoint(2), Endpoint(0, "std_msgs/String")])
+downtimes = st.builds(
+    Downtime,
+    st.sampled_from(["r1", "r2"]),
+    st.sampled_from(["", "Motor"]),
+    st.just(WALL),
+    st.sampled_from([WALL + 10, WALL + 1e6]),
+    st.just("me"),
+    st.just(""),
+)
+events = st.one_of(
+    st.tuples(st.just("raw"), topics, rows),
+    st.tuples(st.just("raw"), topics, rows),
+    st.tuples(st.just("again"), changed),
+    st.tuples(st.just("again"), changed),
+    st.tuples(st.just("raw_for"), topics, rows, st.integers(2, 9)),
+    st.tuples(st.just("aggregate"), st.sampled_from(["/r1/d_agg", "/r3/d_agg"]), aggregates),
+    st.tuples(st.just("regroup"), groups),
+    st.tuples(st.just("wait"), st.sampled_from([0.5, 3.0, 7.0, 30.0])),
+    st.tuples(st.just("graph"), st.dictionaries(topics, endpoints)),
+    st.tuples(st.just("domain"), st.booleans()),
+    st.tuples(st.just("undecodable"), topics),
+    st.tuples(st.just("dropped"), topics),
+    st.tuples(st.just("configure"), st.integers(0, len(FLEETS) - 1)),
+    st.tuples(st.just("plan"), st.lists(downtimes, max_size=2)),
+    st.tuples(st.just("forget"), st.sampled_from(["r1", "r2", "r3"]), names | st.none()),
+    st.tuples(st.just("restart")),
+)
+# What is rendered after a step, as the two scrape jobs do; nothing: between two scrapes.
+SCRAPES = {"all": ALL_PARTS, "faults": frozenset({Part.FAULTS}), "none": frozenset[Part]()}
+scrapes = st.sampled_from(["all", "all", "faults", "none"])
+histories = st.lists(st.tuples(events, scrapes), max_size=25)
+
+
+class History:
+    """A state, what is cached of it, and its database."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / "state.db"
+        self.now = Instant(0.0, WALL)
+        self.state = State(FLEETS[0], self.now)
+        self.exposition = Exposition(self.state)
+        self.storage = Storage(self._path)
+        self.storage.load(self.state, self.now)
+        self._downtimes: list[Downtime] = []
+        self._last: tuple[str, tuple[Status, ...]] = "/r1/d", (Status(OK, "Motor"),)
+        self._groups: dict[str, list[Status]] = {"Base": [Status(OK, "Motor")]}
+
+    def do(self, what: str, *how: object) -> None:
+        getattr(self, f"_do_{what}")(*how)
+        self.state.tick(self.now)
+
+    def _do_raw(self, topic: str, rows: tuple[Status, ...]) -> None:
+        self._last = topic, rows
+        self.state.receive(Topic(0, topic), Array(self.now.wall - 0.5, rows, 100), self.now)
+
+    def _do_raw_for(self, topic: str, rows: tuple[Status, ...], seconds: int) -> None:
+        for _ in range(seconds):
+            self._do_raw(topic, rows)
+            self._do_wait(1.0)
+
+    def _do_again(self, changed: tuple[str, object]) -> None:
+        """The last array, of which one status is other."""
+        topic, (*rows, row) = self._last
+        self._do_raw(topic, (*rows, row._replace(**dict([changed]))))
+
+    def _do_regroup(self, group: str) -> None:
+        """The last aggregate, with all its components in one group."""
+        self._do_aggregate(
+            "/r1/d_agg", {group: [each for g in self._groups.values() for each in g]}
+        )
+
+    def _do_aggregate(self, topic: str, groups: dict[str, list[Status]]) -> None:
+        self._groups = groups
+        self._do_raw(topic, tree(**groups) or (Status(OK, "/Base"),))
+
+    def _do_wait(self, seconds: float) -> None:
+        end = self.now.mono + seconds
+        while self.now.mono < end:
+            self.now = Instant(self.now.mono + 0.5, self.now.wall + 0.5)
+            self.state.tick(self.now)
+
+    def _do_graph(self, endpoints: dict[str, Endpoint]) -> None:
+        self.state.update_graph(0, endpoints, self.now)
+
+    def _do_domain(self, up: bool) -> None:
+        if up:
+            self.state.domain_joined(0)
+        else:
+            self.state.domain_failed(0, "no interface", self.now)
+
+    def _do_undecodable(self, topic: str) -> None:
+        self.state.reject_undecodable(Topic(0, topic), "too short", self.now)
+
+    def _do_dropped(self, topic: str) -> None:
+        self.state.reject_dropped(Topic(0, topic), 3)
+
+    def _do_configure(self, fleet: int) -> None:
+        self.state.configure(FLEETS[fleet], self.now)
+
+    def _do_plan(self, downtimes: list[Downtime]) -> None:
+        self._downtimes = downtimes
+        self.state.plan(downtimes, self.now)
+
+    def _do_forget(self, robot: str, component: str | None) -> None:
+        known = self.state.robots.get(robot)
+        names = () if known is None else [each.name for each in known.components]
+        if known is not None and (component is None or component in names):
+            self.state.forget(robot, component, self.now)
+
+    def _do_restart(self) -> None:
+        """Another process; it is scraped before it has read the database."""
+        self.save()
+        self.storage.close()
+        self.now = Instant(100.0, self.now.wall + 5.0)
+        self.state = State(self.state.fleet, self.now)
+        self.exposition = Exposition(self.state)
+        self.exposition.render()
+        self.state.plan(self._downtimes, self.now)
+        self.storage = Storage(self._path)
+        self.storage.load(self.state, self.now)
+
+    def save(self) -> None:
+        self.storage.save(self.state, EventLog(), self.now, at_once=True)
+
+    def loaded(self, path: Path) -> State:
+        """A new process' state, from a database."""
+        now = Instant(50.0, self.now.wall + 5.0)
+        state, storage = State(self.state.fleet, now), Storage(path)
+        state.plan(self._downtimes, now)
+        storage.load(state, now)
+        storage.close()
+        return state
+
+
+def of(exposition: Exposition, parts: frozenset[Part]) -> list[str]:
+    """Its samples, but for the reasons that applied once: a new one does not know them."""
+    return [
+        line
+        for line in exposition.render(parts=parts).decode().splitlines()
+        if not (line[0] == "#" or ("robot_silent_reason" in line and line.endswith(" 0.0")))
+    ]
+
+
+Name = tuple[str, str, str]  # robot, group, component
+
+
+def check_problems(text: list[str], state: State, now: Instant) -> None:
+    """What is in trouble in the text is judged so, by the same name; and nothing else is."""
+    levels, troubled = names_in(text, "component_level"), names_in(text, "component_problem_level")
+    problems = {
+        (each.identity.robot, each.identity.group, each.identity.component): each
+        for each in state.problems(now)
+        if each.identity.scope == "component" and state.robots[each.identity.robot].up
+    }
+    assert problems.keys() <= levels.keys()
+    assert {name for name, level in troubled.items() if level in "12"} <= problems.keys()
+
+
+def names_in(text: list[str], family: str) -> dict[Name, str]:
+    """The samples of a family, of robots that are up."""
+    up = {line.split('"')[3] for line in text if "_robot_up{" in line and line.endswith(" 1.0")}
+    found = (line.split('"') for line in text if f"_{family}{{" in line)
+    return {
+        (robot, group, name): v[2:] for _, _, _, robot, _, group, _, name, v in found if robot in up
+    }
+
+
+def fault_texts(state: State) -> dict[object, object]:
+    """The faults of robots that were received: of others nothing outlives the process."""
+    return {
+        each.identity: each
+        for each in state.faults()
+        if not each.identity.robot or state.robots[each.identity.robot].last_wall
+    }
+
+
+def persisted(state: State, now: Instant) -> dict[str, PersistedRobot]:
+    """What would be written of each robot, but for what is written once an hour."""
+    found = {name: robot.persist(now) for name, robot in state.robots.items()}
+    return {
+        name: robot._replace(components=[*map(_without_slow, robot.components)])
+        for name, robot in found.items()
+    }
+
+
+def _without_slow(component: PersistedComponent) -> PersistedComponent:
+    message = "" if component.level == OK else component.message
+    return component._replace(listed=0.0, was_ok=None, message=message)
+
+
+def check(history: list[tuple[tuple[object, ...], str]]) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        played = History(Path(folder))
+        for (what, *how), scrape in history:
+            played.do(str(what), *how)
+            parts = SCRAPES[scrape]
+            kept, anew = of(played.exposition, parts), of(Exposition(played.state), parts)
+            assert kept == anew
+            if scrape == "all":
+                check_problems(anew, played.state, played.now)
+            if scrape == "none":
+                played.save()
+        compare_written(played, Path(folder))
+        played.storage.close()
+
+
+def compare_written(played: History, folder: Path) -> None:
+    """What was written step by step gives what is written at once, and every fault."""
+    played.save()
+    played.storage.close()
+    at_once = Storage(folder / "at_once.db")
+    at_once.save(played.state, EventLog(), played.now, at_once=True)
+    at_once.close()
+    steps, once = (played.loaded(folder / name) for name in ("state.db", "at_once.db"))
+    now = Instant(51.0, played.now.wall + 6.0)
+    assert persisted(steps, now) == persisted(once, now)
+    assert fault_texts(steps) == fault_texts(played.state)
+
+
+quick = settings(suppress_health_check=[HealthCheck.too_slow])
+
+
+OTHER_TOPIC = 3  # the fleet in which r1 has others
+
+
+@quick
+@given(histories)
+@example([(("graph", {"/r1/d": Endpoint(1)}), "all"), (("configure", OTHER_TOPIC), "all")])
+@example([(("domain", False), "all"), (("configure", OTHER_TOPIC), "all")])
+@example([(("again", ("level", ERROR)), "all"), (("restart",), "all"), (("regroup", "Top"), "all")])
+def test_what_is_kept_is_what_would_be_made_anew(history):
+    check(history)

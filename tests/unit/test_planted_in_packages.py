@@ -1,0 +1,40 @@
+"""Unit tests find mistakes: each that is planted in a package makes the named test fail."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+from support.planted import CHECKOUT, occurs_once, planted_checkout
+
+MISTAKES = yaml.safe_load((CHECKOUT / "tests/data/planted_in_packages.yml").read_text())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: mistake["what"])
+def test_a_planted_mistake_is_found(mistake, tmp_path):
+    copy = tmp_path / "checkout"
+    environment = planted_checkout(copy, mistake["file"], mistake["right"], mistake["wrong"])
+    argv = [sys.executable, "-m", "pytest", "--quiet", "-p", "no:cacheprovider"]
+
+    done = subprocess.run(
+        [*argv, mistake["found_by"]],
+        cwd=copy,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    assert done.returncode == pytest.ExitCode.TESTS_FAILED, done.stdout + done.stderr
+    assert f"FAILED {mistake['found_by']}" in done.stdout
+
+
+@pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: mistake["what"])
+def test_a_mistake_can_be_planted(mistake):
+    """So that a change that moves one is noticed at once."""
+    assert occurs_once((CHECKOUT / mistake["file"]).read_text(), mistake["right"])
+    assert (CHECKOUT / mistake["found_by"].partition("::")[0]).exists()

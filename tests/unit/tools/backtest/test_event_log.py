@@ -1,0 +1,202 @@
+"""An exporter's database is judged as what it received would be, as far as its events say that."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
+from math import inf
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.state.database import Changes, Database
+from ros_diagnostics_tools.backtest.recordings import (
+    RecordingError,
+    Recordings,
+    RecordingSource,
+)
+from ros_diagnostics_tools.backtest.replay import Replay, play
+from ros_diagnostics_tools.commands import backtest
+from support.bags import BEGIN, TOPIC, every_second, fleet, judged, texts, write_bag
+
+AGGREGATED = Fleet("f", (Robot("r", topic_agg="/r/diagnostics_agg", source=Source.AGG),))
+
+
+def write_log(path, events, robots=()):
+    database = Database(path)
+    changes = Changes(
+        everything=False, robots=list(robots), gone=[], seen=[], faults={},
+        events=list(enumerate(events, 1)),
+    )  # fmt: skip
+    database.write(changes, oldest=0.0, newest=inf, most=1 << 30)
+    database.close()
+    return path
+
+
+def live(fleet, bag, path):
+    """What the exporter makes of a bag, and the database that it leaves."""
+    events = []
+    with closing(Recordings([RecordingSource(bag)])) as recordings:
+        replay = Replay(fleet, recordings)
+        note = replay.ledger.note
+
+        def also_log(state):
+            found = state.take_events()
+            events.extend(found)
+            state.take_events = lambda: found
+            note(state)
+            del state.take_events
+
+        replay.ledger.note = also_log
+        for _message in play(recordings, [replay]):
+            pass
+        result = replay.result()
+        robots = [
+            (robot.settings.name, robot.persist(replay._now).as_json())
+            for robot in replay.state.robots.values()
+        ]
+    return result, write_log(path, events, robots)
+
+
+def read(fleet, path, other=None):
+    recordings = Recordings([RecordingSource(path, fleet=fleet)])
+    replay = Replay(other or fleet, recordings)
+    for _message in play(recordings, [replay]):
+        pass
+    recordings.close()
+    return replay.result()
+
+
+def tree(rows):
+    """The same arrays as an aggregator publishes them."""
+    for second, _topic, statuses in rows:
+        header = Status(0, "/Base", "", "", tuple((each.name, "m") for each in statuses))
+        leaves = (each._replace(name=f"/Base/{each.name}") for each in statuses)
+        yield second, "/r/diagnostics_agg", (header, *leaves)
+
+
+HISTORY = {"motor": [*range(40, 90), 100, 101], "laser": range(150, 200), "arm": []}
+
+
+@pytest.mark.parametrize("aggregated", [False, True])
+def test_a_log_gives_the_faults_of_the_messages_that_made_it(tmp_path, aggregated):
+    rows = every_second([*range(110), *range(135, 260)], HISTORY)
+    config, bag = fleet(), write_bag(tmp_path / "bag", rows)
+    if aggregated:
+        config, bag = AGGREGATED, write_bag(tmp_path / "agg", tree(rows))
+
+    result, log = live(config, bag, tmp_path / "state.db")
+
+    found = texts(read(config, log))
+    assert [each.split(" ")[-2:] for each in found] == [
+        ["motor", "critical"],
+        ["r", "silent"],
+        ["laser", "critical"],
+    ]
+    for one, other in zip(found, texts(result), strict=True):
+        assert one.split()[-2:] == other.split()[-2:]
+        for ours, theirs in zip(one.split()[:3], other.split()[:3], strict=True):
+            assert float(ours) == pytest.approx(float(theirs), abs=1.3)
+
+
+def test_another_confirm_after_is_judged_from_a_log(tmp_path):
+    rows = every_second(range(260), HISTORY)
+    _result, log = live(fleet(), write_bag(tmp_path / "bag", rows), tmp_path / "state.db")
+
+    found = texts(read(fleet(), log, fleet(confirm_after=1.0)))
+
+    assert [each.split()[-2:] for each in found] == [["motor", "critical"]] * 2 + [
+        ["laser", "critical"]
+    ]
+
+
+def test_a_robot_that_the_config_does_not_have_is_named(tmp_path, capsys):
+    log = write_log(
+        tmp_path / "state.db",
+        [
+            Event(BEGIN + 5, "level", robot, "", "motor", "OK", "ERROR")
+            for robot in ("r", "\x1b[31mx")
+        ],
+    )
+    config = tmp_path / "fleet.yml"
+    config.write_text(f"fleet: f\nrobots: [{{name: r, topic: {TOPIC}}}]\n")
+
+    assert backtest.main(["--config.file", str(config), str(log), "--suggest"]) == 0
+
+    said = capsys.readouterr()
+    assert "of no robot of the configuration: " in said.err
+    assert "\x1b" not in said.err + said.out
+
+
+def test_a_log_of_no_robot_of_the_config_is_an_error(tmp_path, capsys):
+    event = Event(BEGIN, "level", "other", "", "motor", "OK", "ERROR")
+    log = write_log(tmp_path / "state.db", [event])
+    config = tmp_path / "fleet.yml"
+    config.write_text(f"fleet: f\nrobots: [{{name: r, topic: {TOPIC}}}]\n")
+
+    assert backtest.main(["--config.file", str(config), str(log)]) == 1
+
+    assert "other" in capsys.readouterr().err
+
+
+def error(path):
+    with pytest.raises(RecordingError) as raised:
+        Recordings([RecordingSource(path, fleet=fleet())])
+    return str(raised.value)
+
+
+def test_a_log_without_events_of_robots_is_an_error(tmp_path):
+    path = write_log(tmp_path / "state.db", [Event(BEGIN, "config", after="read")])
+
+    assert error(path) == f"{path}: has no events of robots"
+
+
+def test_a_log_of_another_version_is_an_error(tmp_path):
+    path = write_log(tmp_path / "state.db", [])
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("PRAGMA user_version = 9")
+        connection.commit()
+
+    assert error(path) == f"{path}: has version 9, and this program reads 2"
+
+
+def test_a_damaged_log_is_an_error(tmp_path):
+    path = write_log(tmp_path / "state.db", [Event(BEGIN, "robot", "r", after="heard")])
+    path.write_bytes(path.read_bytes()[:5000])
+
+    assert error(path).startswith(f"{path}: is no database of this version: ")
+
+
+def test_a_robot_that_only_its_config_knows_is_judged(tmp_path):
+    """It was forgotten since: the database has its events, and no longer the robot."""
+    events = [
+        Event(BEGIN, "robot", "r", after="heard"),
+        Event(BEGIN + 20, "level", "r", "", "motor", "OK", "ERROR"),
+        Event(BEGIN + 60, "level", "r", "", "motor", "ERROR", "OK"),
+        Event(BEGIN + 80, "robot", "r", after="forgotten"),
+    ]
+
+    found = texts(read(fleet(), write_log(tmp_path / "state.db", events)))
+
+    assert found == ["20 30 60 motor critical"]
+
+
+def test_a_wall_clock_that_was_set_back_does_not_stop_the_reading(tmp_path):
+    events = [
+        Event(BEGIN, "robot", "r", after="heard"),
+        Event(BEGIN + 40, "level", "r", "", "motor", "OK", "ERROR"),
+        replace(Event(BEGIN + 10, "level", "r", "", "motor", "ERROR", "OK")),
+        Event(BEGIN + 100, "level", "r", "", "arm", "OK", "ERROR"),
+    ]
+
+    assert read(fleet(), write_log(tmp_path / "state.db", events)).notifications == []
+
+
+def test_a_bag_in_sqlite_is_no_log(tmp_path):
+    bag = write_bag(tmp_path / "bag", every_second(range(60), {"motor": range(10, 40)}), "sqlite3")
+    [file] = bag.glob("*.db3")
+
+    assert texts(judged(fleet(), file)) == ["10 20 40 motor critical"]

@@ -1,0 +1,355 @@
+"""Nagios' log and the exporter's record beside one another."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ros_diagnostics_tools.commands.nagios_compare import main
+
+DAY = 1_767_225_600  # 2026-01-01
+MOTOR = {"scope": "component", "robot": "r1", "group": "/Motor", "component": "Motor 2"}
+
+
+@pytest.fixture(autouse=True)
+def in_utc(monkeypatch):
+    monkeypatch.setenv("TZ", "UTC")
+    time.tzset()
+
+
+class Site:
+    """The files of a site: Nagios' log, and events of the exporter."""
+
+    def __init__(self, folder: Path, capsys: Any) -> None:
+        self.log = folder / "nagios.log"
+        self.events = folder / "events.json"
+        self.archives: list[Path] = []
+        self._capsys = capsys
+        self._lines: list[bytes] = []
+        self._events: list[dict[str, Any]] = []
+        self.write(f"[{DAY}] Nagios 4.4.6 starting... (PID=1)")
+
+    def write(self, line: str | bytes) -> None:
+        """Add a line to Nagios' log."""
+        self._lines.append(line if isinstance(line, bytes) else line.encode())
+
+    def nagios(self, at: int, state: str, what: str = "r1;Motor", to: str = "ops") -> None:
+        """Nagios notifies a contact."""
+        scope = "SERVICE" if ";" in what else "HOST"
+        self.write(f"[{DAY + at}] {scope} NOTIFICATION: {to};{what};{state};by-mail;over current")
+
+    def here(self, at: int, after: str = "firing", state: str = "critical", **more: Any) -> None:
+        """Alertmanager notifies a receiver."""
+        event = {"id": len(self._events), "time": DAY + at, "kind": "notified", "after": after}
+        self._events.append({**event, "state": state, **MOTOR, "receiver": "email", **more})
+
+    def compare(self, *options: str) -> tuple[int, dict[str, Any]]:
+        """The exit code, and what the command prints as JSON."""
+        code, text = self.run("--json", *options)
+        return code, json.loads(text) if text else {}
+
+    def run(self, *options: str) -> tuple[int, str]:
+        """The exit code, and what the command prints."""
+        self.log.write_bytes(b"\n".join([*self._lines, f"[{DAY + 86400}] end".encode(), b""]))
+        self.events.write_text(json.dumps({"events": self._events}))
+        given = ["--events", str(self.events), "--since", "2026-01-01", *options]
+        code = main([*given, "--", *map(str, (self.log, *self.archives))])
+        return code, self._capsys.readouterr().out
+
+
+@pytest.fixture
+def site(tmp_path, capsys) -> Site:
+    return Site(tmp_path, capsys)
+
+
+def differences(found: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """What differs: where, about what, of which state."""
+    return [
+        (side, each["service"] or each["robot"], each["state"])
+        for side in ("only_in_nagios", "only_here", "late", "explained")
+        for each in found[side]
+    ]
+
+
+def test_a_fault_and_its_recovery_on_both_sides_are_the_same(site):
+    site.nagios(100, "CRITICAL")
+    site.here(90)
+    site.nagios(500, "OK")
+    site.here(480, "resolved")
+
+    code, found = site.compare()
+
+    assert (code, found["same"], differences(found)) == (0, 2, [])
+
+
+def test_what_only_one_of_them_notified_and_what_was_late_is_listed(site):
+    site.nagios(100, "CRITICAL")
+    site.here(1000, state="warning", component="Laser 1", group="/Laser")
+    site.nagios(2000, "WARNING", "r1;Laser")
+    site.here(5000, group="/Arm", component="Arm")
+
+    code, found = site.compare("--within", "30m")
+
+    assert code == 1
+    assert differences(found) == [
+        ("only_in_nagios", "Motor", "CRITICAL"),
+        ("only_here", "Arm", "CRITICAL"),
+        ("late", "Laser", "WARNING"),
+    ]
+    assert found["late"][0]["later_here"] == -1000
+
+
+def test_the_table_has_dates_and_a_last_line_with_all_counts(site):
+    site.nagios(100, "CRITICAL")
+    site.here(400)
+    site.here(5000, "resolved")
+
+    code, text = site.run()
+
+    assert code == 1
+    lines = [line.rstrip() for line in text.splitlines()]
+    assert lines[1].split()[:5] == ["2026-01-01", "00:01:40", "r1", "Motor", "CRITICAL"]
+    assert lines[1].endswith("5m later here")
+    assert lines[-1] == (
+        "2026-01-01 00:00:00 to 2026-01-02 00:00:00: 0 the same, 0 only in Nagios, 1 only here, "
+        "1 at another time, 0 in a larger one here"
+    )
+
+
+def test_several_contacts_receivers_reminders_and_escalations_count_once(site):
+    for at in (100, 3700, 7300):
+        site.nagios(at, "CRITICAL")
+        site.nagios(at, "CRITICAL", to="boss")
+    site.here(90)
+    site.here(91, receiver="sms")
+    site.here(1000, step="1", receiver="escalation-1")
+    site.here(90_000, step="0", receiver="reminder")
+
+    assert site.compare()[1]["same"] == 1
+
+
+def test_a_service_is_in_the_worst_state_of_its_components(site):
+    site.nagios(100, "WARNING")
+    site.here(100, state="warning", component="Motor 1")
+    site.nagios(1000, "CRITICAL")
+    site.here(1000)
+    site.here(1500, component="Motor 3")
+    site.here(2000, "resolved")
+    site.nagios(3000, "WARNING")
+    site.here(3000, "resolved", component="Motor 3")
+    site.nagios(4000, "OK")
+    site.here(4000, "resolved", state="warning", component="Motor 1")
+
+    code, found = site.compare()
+
+    assert (code, found["same"], differences(found)) == (0, 4, [])
+
+
+def test_a_warning_that_ends_with_the_critical_above_it_is_one_recovery(site):
+    site.nagios(100, "WARNING")
+    site.here(100, state="warning")
+    site.nagios(400, "CRITICAL")
+    site.here(400)
+    site.nagios(1000, "OK")
+    site.here(1000, "resolved")
+    site.here(1005, "resolved", state="warning")
+
+    assert site.compare()[0] == 0
+
+
+def test_the_pattern_of_a_service_is_given_where_it_is_not_its_name(site):
+    site.nagios(100, "CRITICAL", "r1;drives of the base")
+    site.here(100)
+
+    assert site.compare()[0] == 1
+    assert site.compare("--service", "drives of the base=/motor")[0] == 0
+
+
+def test_a_silent_robot_is_a_host_down_and_its_services_unknown(site):
+    site.nagios(100, "DOWN", "r1")
+    site.nagios(110, "UNKNOWN")
+    site.here(105, state="silent", scope="robot", group="", component="")
+    site.nagios(900, "UP", "r1")
+    site.nagios(900, "OK")
+    site.here(905, "resolved", state="silent", scope="robot", group="", component="")
+
+    assert site.compare()[:1] == (0,)
+
+
+def test_a_silent_site_explains_its_hosts(site):
+    site.here(50, component="Motor 9")
+    site.nagios(50, "CRITICAL")
+    site.nagios(100, "DOWN", "r1")
+    of_site = {"scope": "site", "site": "hall", "robot": "", "group": "", "component": ""}
+    site.here(105, state="silent", **of_site)
+    site.here(900, "resolved", state="silent", **of_site)
+    site.nagios(910, "UP", "r1")
+    site.nagios(5000, "DOWN", "r1")
+
+    code, found = site.compare()
+
+    assert code == 1
+    assert differences(found) == [
+        ("only_in_nagios", "r1", "DOWN"),
+        ("explained", "r1", "DOWN"),
+        ("explained", "r1", "UP"),
+    ]
+    assert found["explained"][0]["here"] == "site hall"
+
+
+def test_hosts_that_are_no_robots_and_other_kinds_are_counted_and_not_compared(site):
+    site.here(100)
+    site.nagios(100, "CRITICAL")
+    site.nagios(100, "DOWN", "router")
+    site.nagios(200, "ACKNOWLEDGEMENT (CRITICAL)")
+    site.nagios(300, "DOWNTIMESTART (OK)")
+
+    code, found = site.compare()
+
+    assert code == 0
+    assert found["notes"] == {
+        "hosts that are no robots here": "1 notifications of Nagios not compared",
+        "ACKNOWLEDGEMENT": "1 notifications of Nagios not compared",
+        "DOWNTIMESTART": "1 notifications of Nagios not compared",
+    }
+
+
+def test_archives_overlap_and_come_in_any_order_over_a_year(site, tmp_path):
+    archive = tmp_path / "nagios-12-31-2025-00.log"
+    before = DAY - 3600
+    line = "[{}] SERVICE NOTIFICATION: ops;r1;Motor;{};by-mail;x\n"
+    archive.write_text(line.format(before, "CRITICAL") + line.format(DAY + 100, "OK"))
+    site.write(line.format(DAY + 100, "OK").rstrip())
+    site.here(-3600)
+    site.here(100, "resolved")
+
+    site.archives = [archive, archive]
+    code, found = site.compare("--since", "2025-12-01")
+
+    assert (code, found["same"]) == (0, 2)
+
+
+def test_damaged_lines_are_counted_and_named_and_the_others_are_compared(site):
+    site.here(100)
+    site.nagios(100, "CRITICAL")
+    site.write(b"\x00\x00\x00\x00")
+    site.write("[17672] SERVICE NOTIFICATION: ops;r1")
+    site.write("[x] SERVICE NOTIFICATION: ops;r1;Motor;OK;by-mail;x")
+    site.write(b"[99999999999] \x1b[31m" + b"x" * 200_000)
+
+    code, found = site.compare()
+
+    assert code == 0
+    assert found["notes"]["damaged"] == "1 notifications of Nagios not compared"
+    # The NULs, the time that is none, and what is left of the line that is too long.
+    assert found["notes"]["damaged lines"].startswith(f"5, the first: {site.log}:3: \\x00")
+
+
+def test_a_log_in_latin_1_and_one_in_utf_8(site):
+    site.here(100, component="Kühler", group="")
+    line = "[{}] SERVICE NOTIFICATION: ops;r1;Kühler;{};by-mail;heiß"
+    site.write(line.format(DAY + 100, "CRITICAL").encode("latin-1"))
+    site.write(line.format(DAY + 900, "OK").encode())
+    site.here(900, "resolved", component="Kühler", group="")
+
+    code, found = site.compare()
+
+    assert (code, found["same"]) == (0, 2)
+
+
+def test_names_that_control_a_terminal_are_printed_harmless(site):
+    site.nagios(100, "CRITICAL", "r1;\x1b[31mMotor\u202e")
+    site.here(5000, component="\x1b]0;x\x07")
+
+    assert "\x1b" not in site.run()[1]
+    assert "\x1b" not in site.run("--json")[1]
+
+
+@pytest.mark.parametrize(
+    ("content", "error"),
+    [
+        (None, "nagios.log: No such file or directory"),
+        (b"", "nagios.log: no line is one of Nagios' log"),
+        (b"\x1f\x8b\x08\x00compressed", "unpack a compressed archive"),
+    ],
+)
+def test_no_log_is_one_clear_error(content, error, tmp_path, capsys):
+    log = tmp_path / "nagios.log"
+    if content is not None:
+        log.write_bytes(content)
+    (tmp_path / "events.json").write_text('{"events": []}')
+
+    assert main([str(log), "--events", str(tmp_path / "events.json")]) == 2
+    assert error in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "[]",
+        '{"events": 5}',
+        '{"events": [5]}',
+        '{"events": [{"kind": "notified"}]}',
+        "[" * 9999,
+    ],
+)
+def test_no_events_are_one_clear_error(content, tmp_path, capsys):
+    log, events = tmp_path / "nagios.log", tmp_path / "events.json"
+    log.write_text(f"[{DAY}] start\n")
+    events.write_text(content)
+
+    assert main([str(log), "--events", str(events)]) == 2
+    assert "event" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("option", "error"),
+    [
+        (("--since", "yesterday"), "'yesterday' is no time; write it as 14d"),
+        (("--late", "5"), "'5' is not a duration; write it as 90s or 5m"),
+        (("--service", "Motor"), "'Motor' is not SERVICE=PATTERN"),
+    ],
+)
+def test_wrong_options(option, error, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["nagios.log", *option])
+
+    assert ended.value.code == 2
+    assert error in capsys.readouterr().err
+
+
+def test_a_time_that_both_do_not_have_is_an_error(site, capsys):
+    assert main([str(site.log), "--events", str(site.events)]) == 2
+
+    site.run()
+    options = ["--events", str(site.events), "--since", "2027-01-01"]
+    assert main([str(site.log), *options]) == 2
+    assert "nothing to compare: from 2027-01-01 00:00:00" in capsys.readouterr().err
+
+
+def test_the_exporter_is_asked_and_the_standard_input_is_read(serve, site, monkeypatch, capsys):
+    wanted = []
+    server = serve(find_events=lambda query: wanted.append(query.kind) or [])
+    text = f"[{DAY}] HOST NOTIFICATION: ops;router;DOWN;by-mail;x\n".encode()
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text)))
+
+    assert main(["-", "--url", f"http://{server.addresses[0]}"]) == 0
+    assert "hosts that are no robots here: 1 notif" in capsys.readouterr().out
+    assert wanted == ["notified"]
+
+
+def test_what_follows_right_after_the_end_of_the_time_belongs_to_it(site):
+    site.nagios(100, "CRITICAL")
+    site.here(105)
+    site.here(300, component="Laser 1", group="/Laser")
+
+    code, found = site.compare("--until", "2026-01-01 00:01:42")
+
+    assert (code, found["same"], found["only_here"]) == (0, 1, [])

@@ -1,0 +1,314 @@
+"""A site's Nagios files become a fleet, routes and a report in which no line is missing."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+import yaml
+
+from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_tools.commands.nagios_import import main
+from ros_diagnostics_tools.nagios.importer.convert import (
+    FLEET,
+    REPORT,
+    ROUTES,
+    UPLINKS,
+    Converted,
+    Options,
+    convert,
+)
+from ros_diagnostics_tools.nagios.importer.files import Directive, NagiosError
+
+CHECKOUT = Path(__file__).parents[4]
+SITE = CHECKOUT / "tests/data/nagios"
+OPTIONS = Options("hall", time_zone="Europe/Berlin")
+
+
+@pytest.fixture(scope="module")
+def made() -> Converted:
+    return convert([SITE / "nagios.cfg"], OPTIONS)
+
+
+@pytest.fixture(scope="module")
+def fleet(made, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fleet")
+    (folder / FLEET).write_text(made.texts[FLEET])
+    return load(folder / FLEET)
+
+
+def why(made: Converted, text: str) -> str:
+    """What the report says about the one line that has ``text``."""
+    (line,) = [
+        each for each in made.texts[REPORT].splitlines() if text in each and " -> " not in each
+    ]
+    return line.partition(f"{text}: ")[2]
+
+
+def test_hosts_with_ros_checks_are_robots(fleet):
+    assert [each.name for each in fleet.robots] == ["arm_1", "arm_2", "cart-1"]
+    arm, _, cart = fleet.robots
+    assert (arm.topic_agg, arm.domain_id, arm.address) == ("/arm_1/diagnostics_agg", 7, "10.0.0.11")
+    assert arm.labels == {"robot_group": "arms", "uplink": "ap_hall", "site": "hall"}
+    assert cart.topic_agg == "/cart_1/diagnostics_agg"
+    assert not fleet.warnings
+
+
+def test_services_are_checks_with_the_times_of_nagios(fleet):
+    arm, cart = fleet.profiles["arm"], fleet.profiles["generic-robot"]
+
+    assert {each.name for each in arm.checks} == {"all", "motors"}
+    assert {each.name for each in cart.checks} == {"all", "lasers-front"}
+    assert arm.confirm_after == 120  # 1 min x (3 - 1), of the host
+    motor, every = arm.components
+    assert (motor.confirm_after, motor.stale_after) == (240, 90)  # 2 min x (3 - 1), of the service
+    assert every.confirm_after == 240
+    (laser,) = cart.components
+    assert (laser.confirm_after, laser.stale_after) == (0, 315)  # check_interval + latency
+
+
+def test_flapping_has_the_thresholds_of_services(fleet):
+    assert fleet.faults.flapping.start == 0.2
+    assert fleet.faults.flapping.stop == 0.05
+
+
+def test_outside_of_its_check_period_a_robot_is_in_maintenance(fleet):
+    (downtime,) = fleet.maintenance
+
+    assert downtime.name == "cart-1 outside of workhours"
+    assert downtime.time_zone == "Europe/Berlin"
+
+
+def test_parents_are_uplinks(made):
+    assert yaml.safe_load(made.texts[UPLINKS]) == [
+        {"targets": ["10.0.0.1"], "labels": {"fleet": "hall", "uplink": "ap_hall"}}
+    ]
+    assert why(made, "parents core_switch") == (
+        "one level only: a robot is unreachable behind its own uplink"
+    )
+
+
+# -- routes ----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def alertmanager(made, tmp_path_factory) -> Path:
+    """The shipped configuration with the lists of the fragment before its own."""
+    folder = tmp_path_factory.mktemp("alertmanager")
+    shutil.copytree(CHECKOUT / "alertmanager", folder, dirs_exist_ok=True)
+    shipped = yaml.safe_load((folder / "alertmanager.yml").read_text())
+    fragment = yaml.safe_load(made.texts[ROUTES])
+    shipped["route"]["routes"] = fragment.pop("routes") + shipped["route"]["routes"]
+    for key, added in fragment.items():
+        shipped[key] = added + shipped[key]
+    (folder / "alertmanager.yml").write_text(yaml.safe_dump(shipped))
+    return folder / "alertmanager.yml"
+
+
+def test_the_routes_load_with_the_shipped_ones(alertmanager):
+    done = subprocess.run(
+        ["amtool", "check-config", alertmanager], check=False, capture_output=True, text=True
+    )
+
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("labels", "receivers"),
+    [
+        ("alertname=RosDiagnosticsComponentCritical robot=arm_1 component=Motor_2", "ben-problems"),
+        (
+            "alertname=RosDiagnosticsComponentCritical robot=arm_1 group=/MOTORS",
+            "ben-problems",
+        ),
+        ("alertname=RosDiagnosticsComponentWarning robot=arm_1 component=Motor_2", "nobody"),
+        (
+            "alertname=RosDiagnosticsComponentCritical robot=arm_1 component=Laser",
+            "ada,ben-problems",
+        ),
+        ("alertname=RosDiagnosticsComponentWarning robot=arm_1 component=Laser", "ada"),
+        ("alertname=RosDiagnosticsComponentCritical robot=cart-1 component=Laser", "nobody"),
+        ("alertname=RosDiagnosticsRobotSilent robot=cart-1", "ada"),
+        ("alertname=RosDiagnosticsRobotSilent robot=arm_2", "ada,ben-problems"),
+        ("alertname=RosDiagnosticsRobotSilent robot=other", "email"),
+        ("alertname=RosDiagnosticsExporterDown", "email"),
+        ("alertname=RosDiagnosticsWatchdog", "none"),
+        (
+            "alertname=RosDiagnosticsUnacknowledged step=1 scope=value robot=arm_1 component=Motor",
+            "boss-problems",
+        ),
+        ("alertname=RosDiagnosticsUnacknowledged step=1 scope=robot robot=cart-1", "boss-problems"),
+        ("alertname=RosDiagnosticsUnacknowledged step=2 scope=robot robot=cart-1", "escalation-2"),
+    ],
+)
+def test_contacts_receive_what_they_did(alertmanager, labels, receivers):
+    command = ["amtool", "config", "routes", "test", f"--config.file={alertmanager}"]
+    done = subprocess.run([*command, *labels.split()], check=True, capture_output=True, text=True)
+
+    assert done.stdout.strip().replace("nagios-", "") == receivers
+
+
+def test_hours_of_a_contact_are_those_of_the_route(made):
+    fragment = yaml.safe_load(made.texts[ROUTES])
+    ben = next(
+        below
+        for route in fragment["routes"]
+        for below in route.get("routes", ())
+        if below["receiver"] == "nagios-ben-problems"
+    )
+
+    assert ben["active_time_intervals"] == ["workhours"]
+    assert ben["mute_time_intervals"] == ["workhours (off)"]
+    assert {each["name"] for each in fragment["time_intervals"]} == {"workhours", "workhours (off)"}
+
+
+def test_dependencies_inhibit(made):
+    first, *_ = yaml.safe_load(made.texts[ROUTES])["inhibit_rules"]
+
+    assert first["source_matchers"] == [
+        'alertname =~ "RosDiagnosticsRobotSilent"',
+        'robot = "arm_1"',
+    ]
+    assert first["target_matchers"][1] == 'robot = "arm_2"'
+
+
+# -- the report ------------------------------------------------------------------------------
+
+
+def lines_of(folder: Path) -> list[tuple[str, int]]:
+    """Every line of all files that says something, found without the reader that is tested."""
+    found = []
+    for path in sorted(folder.rglob("*.cfg")):
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            if re.match(r"\s*[^\s#;}]", line) and not re.match(r"\s*define\b", line):
+                found.append((str(path), number))
+    return found
+
+
+def test_every_line_is_in_the_report(made):
+    reported = re.findall(r"^(\S+?):(\d+): ", made.texts[REPORT], re.MULTILINE)
+
+    assert set(lines_of(SITE)) == {(path, int(line)) for path, line in reported}
+
+
+def test_what_to_do_is_said_for_what_has_no_equivalent(made):
+    assert why(made, "day 1 - 15 / 5 00:00-24:00").startswith(
+        "Alertmanager's time intervals cannot"
+    )
+    assert (
+        why(made, "check_command check_ros!Laser")
+        == "not translated of the plug-in's arguments: -t 30"
+    )
+    assert why(made, "_PASSWORD (not shown)").startswith("a custom variable")
+    assert why(made, "first_notification 3").startswith("about 1h after the first notification")
+    assert why(made, "pager +491700000000").startswith("add sns_configs or a webhook")
+    assert "never-in-a-report" not in "".join(made.texts.values())
+
+
+# A line that is translated -> another value, for keys whose values are not numbers.
+OTHER = {
+    "24x7": "workhours",
+    "workhours": "24x7",
+    "d,u,r": "r",
+    "w,c,r": "c",
+    "w,c,r,f": "c",
+    "d,u,r,f,s": "s",
+    "d": "r",
+    "c": "r",
+    "d,r": "r",
+    "c,r": "r",
+    "d,u": "p",
+    "w,c": "c",
+    "0": "1",
+    "null": "n",
+}
+# What may change and make no difference in this site, and why.
+SAME = {
+    "contacts.cfg host_notification_period 24x7": "boss: his escalation has narrower hours",
+    "robots.cfg members cart-1": "the host names the group as well",
+    "robots.cfg hostgroup_members carts": "its host names the outer group as well",
+    "robots.cfg notification_period workhours": "the contact of the service has the same hours",
+    "templates.cfg register 0": "an object without a name is nobody's",
+    "resource.cfg $USER1$ /usr/lib/nagios/plugins": "a plug-in is known by its name only",
+}
+
+
+def outputs(made: Converted) -> tuple[object, ...]:
+    """All that the conversion says, but for the list of what is translated."""
+    reasons = tuple(why for _, why in made.ledger.lost_rows)
+    return (*(made.texts.get(name) for name in (FLEET, ROUTES, UPLINKS)), reasons)
+
+
+def only_translated(made: Converted) -> list[Directive]:
+    lost = {each for each, _ in made.ledger.lost_rows}
+    return [each for each, _ in made.ledger.translated_rows if each not in lost]
+
+
+def test_a_line_that_is_translated_makes_a_difference(made, tmp_path):
+    """What the report calls translated is: another value is another output, or an error."""
+    idle = set()
+    for each in only_translated(made):
+        folder = tmp_path / "site"
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(SITE, folder)
+        path = folder / each.path.relative_to(SITE)
+        lines = path.read_text().splitlines()
+        lines[each.line - 1] = changed(lines[each.line - 1], each)
+        path.write_text("\n".join(lines))
+        try:
+            if outputs(convert([folder / "nagios.cfg"], OPTIONS)) == outputs(made):
+                idle.add(f"{each.path.name} {each.key} {each.value}")
+        except NagiosError:
+            continue
+
+    assert idle == SAME.keys()
+
+
+def changed(line: str, directive: Directive) -> str:
+    value = directive.value
+    if value in OTHER:
+        other = OTHER[value]
+    elif value.replace(".", "").isdigit():
+        other = str(int(value.split(".")[0]) + 7)
+    elif re.match(r"\d\d:\d\d-", value):
+        other = "01:00-02:00" if directive.key != "december 25" else "01:00-03:00"
+    else:
+        other = "something_else"
+    return line.replace(value, other)
+
+
+# -- the command -----------------------------------------------------------------------------
+
+
+def test_the_command_writes_all_files_and_does_not_overwrite(tmp_path, capsys):
+    command = [str(SITE / "nagios.cfg"), "--output", str(tmp_path / "new"), "--fleet", "hall"]
+
+    assert main(command) == 0
+    assert "3 robots; fleet.yml, alertmanager-routes.yml, uplinks.yml, report.txt" in (
+        capsys.readouterr().out
+    )
+    assert sorted(each.name for each in (tmp_path / "new").iterdir()) == sorted(
+        (FLEET, ROUTES, UPLINKS, REPORT)
+    )
+    assert main(command) == 1
+    assert "overwrite them with --force" in capsys.readouterr().err
+    assert main([*command, "--force"]) == 0
+
+
+def test_without_a_ros_check_the_command_says_how_to_name_the_plugin(tmp_path, capsys):
+    command = [str(SITE / "nagios.cfg"), "--output", str(tmp_path), "--plugin", "check_other*"]
+
+    assert main(command) == 0
+    assert "name the ROS plug-in with --plugin" in capsys.readouterr().err
+    assert load(tmp_path / FLEET).robots == ()
+
+
+def test_files_that_nagios_rejects_write_nothing(tmp_path, capsys):
+    (tmp_path / "bad.cfg").write_text("define host {\nuse nowhere\nhost_name a\n}\n")
+
+    assert main([str(tmp_path / "bad.cfg"), "--output", str(tmp_path / "new")]) == 1
+    assert "bad.cfg:1: use nowhere" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()

@@ -1,0 +1,82 @@
+"""Nagios' files are read as Nagios reads them."""
+
+from __future__ import annotations
+
+import pytest
+
+from ros_diagnostics_tools.nagios.importer.files import NagiosError, read
+
+
+def objects(tmp_path, text: str):
+    path = tmp_path / "objects.cfg"
+    path.write_text(text)
+    return read([path]).definitions
+
+
+def test_comments_continued_lines_and_aliases(tmp_path):
+    (found,) = objects(
+        tmp_path,
+        "# a comment\n; another\ndefine service{\n"
+        "  hosts\tr1 ; its robot\n  description  motors\\; front\n"
+        "  check_command check_ros!\\\n      Motor\n  normal_check_interval 5\n}\n",
+    )
+
+    assert [(each.line, each.key, each.value) for each in found.directives] == [
+        (4, "host_name", "r1"),
+        (5, "service_description", "motors; front"),
+        (6, "check_command", "check_ros!Motor"),
+        (8, "check_interval", "5"),
+    ]
+    assert found.directives[0].written == "hosts"
+    assert found.directives[0].owner == "r1/motors; front"
+
+
+def test_a_timeperiods_line_is_split_before_its_hours(tmp_path):
+    (found,) = objects(
+        tmp_path,
+        "define timeperiod {\ntimeperiod_name w\nmonday 1 september - friday 2 september  "
+        "08:00-12:00, 13:00-17:00\n}\n",
+    )
+
+    assert found.directives[1].key == "monday 1 september - friday 2 september"
+    assert found.directives[1].value == "08:00-12:00, 13:00-17:00"
+
+
+def test_a_main_file_includes_files_folders_and_resources(tmp_path):
+    (tmp_path / "hosts" / "hall").mkdir(parents=True)
+    (tmp_path / "hosts" / "hall" / "a.cfg").write_text("define host {\nhost_name a\n}\n")
+    (tmp_path / "hosts" / "b.cfg").write_text("define host {\nhost_name b\n}\n")
+    (tmp_path / "hosts" / "c.cfg.old").write_text("define host {\nhost_name c\n}\n")
+    (tmp_path / "more.cfg").write_text("define host {\nhost_name d\n}\n")
+    (tmp_path / "resource.cfg").write_text("$USER1$=/plugins\n")
+    (tmp_path / "nagios.cfg").write_text(
+        "cfg_dir=hosts\ncfg_file=more.cfg\ncfg_file=more.cfg\nresource_file=resource.cfg\n"
+    )
+
+    found = read([tmp_path / "nagios.cfg"])
+
+    assert [each.value("host_name") for each in found.definitions] == ["b", "a", "d"]
+    assert [(each.kind, each.key) for each in found.settings][-1] == ("resource", "$USER1$")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("define robot {\n}\n", ":1: robot is not an object of Nagios"),
+        ("define host {\nhost_name a\n", ":1: host has no closing }"),
+        ("define host {\ndefine host {\n", ":2: host of line 1 has no }"),
+        ("define host {\n}\nhost_name a\n", ":3: 'host_name a' is outside of any definition"),
+    ],
+)
+def test_what_nagios_rejects_is_an_error_with_its_line(tmp_path, text, message):
+    with pytest.raises(NagiosError, match=message):
+        objects(tmp_path, text)
+
+
+def test_a_file_that_is_not_there_is_an_error_with_the_way_out(tmp_path):
+    (tmp_path / "nagios.cfg").write_text("cfg_file=/nowhere/hosts.cfg\n")
+
+    with pytest.raises(
+        NagiosError, match=r"nagios.cfg:1: cfg_file /nowhere/hosts.cfg does not exist"
+    ):
+        read([tmp_path / "nagios.cfg"])

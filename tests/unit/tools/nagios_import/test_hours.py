@@ -1,0 +1,111 @@
+"""Timeperiods as hours of the week and Alertmanager's time intervals."""
+
+from __future__ import annotations
+
+import pytest
+
+from ros_diagnostics_tools.nagios.importer.files import Directive, read
+from ros_diagnostics_tools.nagios.importer.hours import hours
+from ros_diagnostics_tools.nagios.importer.inheritance import Templates
+from ros_diagnostics_tools.nagios.importer.ledger import Ledger
+from ros_diagnostics_tools.nagios.importer.site import Site
+
+WEEK = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
+ALL_WEEK = "\n".join(f"{day} 00:00-24:00" for day in WEEK)
+
+
+def found(tmp_path, *lines: str, others: str = ""):
+    path = tmp_path / "periods.cfg"
+    body = "\n".join(lines)
+    path.write_text(f"define timeperiod {{\ntimeperiod_name p\n{body}\n}}\n{others}")
+    ledger = Ledger()
+    things = Templates(read([path]).definitions, ledger).things()
+    settings: dict[str, Directive] = {}
+    return hours(Site(ledger, settings, {"timeperiod": things}), "p"), ledger
+
+
+def test_days_with_the_same_hours_are_one_interval(tmp_path):
+    made, _ = found(tmp_path, "monday 08:00-12:00,12:00-17:00", "friday 08:00-17:00")
+
+    times = [{"start_time": "08:00", "end_time": "17:00"}]
+    assert made.intervals() == [{"weekdays": ["monday", "friday"], "times": times}]
+    assert made.outside() == [
+        "Mon,Fri 00:00-08:00",
+        "Mon,Fri 17:00-24:00",
+        "Tue,Wed,Thu,Sat,Sun 00:00-24:00",
+    ]
+
+
+def test_always_never_and_both(tmp_path):
+    always, _ = found(tmp_path, ALL_WEEK)
+    never, _ = found(tmp_path)
+    some, _ = found(tmp_path, "monday 08:00-17:00")
+
+    assert always.always
+    assert never.never
+    assert always.both(some) is some
+    assert some.both(always) is some
+
+
+def test_both_hold_where_the_hours_overlap(tmp_path):
+    one, _ = found(tmp_path, "monday 08:00-17:00", "tuesday 08:00-17:00")
+    other, _ = found(tmp_path, "monday 12:00-20:00")
+
+    assert one.both(other).weekly[0] == ((12 * 60, 17 * 60),)
+    assert one.both(other).weekly[1] == ()
+
+
+@pytest.mark.parametrize(
+    ("date", "interval"),
+    [
+        ("2026-12-24", {"months": ["12"], "days_of_month": ["24"], "years": ["2026"]}),
+        ("december 25", {"months": ["12"], "days_of_month": ["25"]}),
+        ("april 10 - 15", {"months": ["4"], "days_of_month": ["10:15"]}),
+        ("february -1", {"months": ["2"], "days_of_month": ["-1"]}),
+        ("day 1 - 5", {"days_of_month": ["1:5"]}),
+        ("monday 3", {"weekdays": ["monday"], "days_of_month": ["15:21"]}),
+        ("monday -1 may", {"weekdays": ["monday"], "days_of_month": ["-7:-1"], "months": ["5"]}),
+    ],
+)
+def test_a_date_without_hours_is_muted(tmp_path, date, interval):
+    made, ledger = found(tmp_path, ALL_WEEK, f"{date} 00:00-00:00")
+
+    assert list(made.muted) == [interval]
+    assert made.added == ()
+    assert not ledger.lost_rows
+
+
+def test_a_date_with_hours_of_its_own_replaces_those_of_the_day(tmp_path):
+    made, _ = found(tmp_path, "monday 08:00-17:00", "december 24 09:00-12:00")
+
+    date = {"months": ["12"], "days_of_month": ["24"]}
+    assert made.added == ({**date, "times": [{"start_time": "09:00", "end_time": "12:00"}]},)
+    assert made.muted[0]["times"] == [
+        {"start_time": "00:00", "end_time": "09:00"},
+        {"start_time": "12:00", "end_time": "24:00"},
+    ]
+
+
+def test_a_range_of_months_is_its_parts(tmp_path):
+    made, _ = found(tmp_path, "november 10 - january 5 00:00-00:00")
+
+    assert list(made.muted) == [
+        {"months": ["11"], "days_of_month": ["10:-1"]},
+        {"months": ["12"]},
+        {"months": ["1"], "days_of_month": ["1:5"]},
+    ]
+
+
+@pytest.mark.parametrize("date", ["day 1 - 15 / 5", "2026-01-01 - 2026-02-01", "monday 1 - 2"])
+def test_a_date_that_alertmanager_cannot_say_is_reported(tmp_path, date):
+    made, ledger = found(tmp_path, f"{date} 00:00-24:00")
+
+    assert made.muted == made.added == ()
+    assert [each.key for each, _ in ledger.lost_rows] == [date]
+
+
+def test_what_is_excluded_is_muted(tmp_path):
+    lunch = "define timeperiod {\ntimeperiod_name lunch\nmonday 12:00-13:00\n}\n"
+    made, _ = found(tmp_path, "monday 08:00-17:00", "exclude lunch", others=lunch)
+
+    assert made.muted[0]["weekdays"] == ["monday"]

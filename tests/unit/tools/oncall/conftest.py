@@ -1,0 +1,35 @@
+"""An oncall.yml and an alertmanager.yml from texts."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+from ros_diagnostics_tools.commands.oncall import main
+from support.oncall import with_marker
+from support.shipped_rules import ALERTMANAGER
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder: the shipped one of Alertmanager, with a route to `on-call`."""
+    shutil.copytree(ALERTMANAGER, tmp_path / "alertmanager")
+    with_marker(tmp_path / "alertmanager" / "alertmanager.yml")
+    monkeypatch.chdir(tmp_path / "alertmanager")
+    return tmp_path / "alertmanager"
+
+
+@pytest.fixture
+def run(folder: Path, capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """Runs the command on a text (indented as the test is): exit code, its two outputs."""
+
+    def run(text: str, *arguments: str, **keywords: object) -> tuple[int, str, str]:
+        (folder / "oncall.yml").write_text(dedent(text), encoding="utf-8")
+        code = main(arguments, **keywords)
+        return code, *capfd.readouterr()
+
+    return run

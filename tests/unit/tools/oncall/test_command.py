@@ -1,0 +1,264 @@
+"""The command: what it prints and writes, its exit codes."""
+
+from __future__ import annotations
+
+import json
+import stat
+import subprocess
+import sys
+from collections.abc import Callable
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
+from typing import Any
+
+import icalendar
+import pytest
+import yaml
+
+from support.shipped_rules import run_tool
+
+Run = Callable[..., tuple[int, str, str]]
+NOW = datetime(2027, 3, 22, 12, 34, 56, tzinfo=timezone.utc)  # 13:34 in Berlin
+FILE = """
+time_zone: Europe/Berlin
+people:
+  anna: {email: anna@example.org, phone: "+4915112345601"}
+  ben: {email: ben@example.org}
+teams:
+  - name: robots
+    levels:
+      first:
+        receiver: on-call
+        like: [email, sms]
+        shifts:
+          - {people: [anna, ben], since: 2027-01-04T09:00}
+      second:
+        receiver: escalation-1
+        shifts:
+          - {people: [ben, anna], since: 2027-01-04T09:00}
+"""
+
+
+def test_who_is_on_call_now(run: Run):
+    code, output, errors = run(FILE, "who", now=NOW)
+
+    assert (code, errors) == (0, "")
+    title, _, *rows = (line.split() for line in output.splitlines())
+    assert " ".join(title) == "on call at 2027-03-22 Mon 13:34 CET"
+    until = ["2027-03-29", "Mon", "09:00", "CEST"]
+    assert rows == [
+        ["robots", "first", "ben", "ben@example.org", *until, "anna"],
+        ["robots", "second", "anna", "anna@example.org", "+4915112345601", *until, "ben"],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("at", "expected"),
+    [
+        ("2027-03-29T08:59", "ben"),
+        ("2027-03-29T09:00", "anna"),  # after the clock change, at nine
+        ("2027-03-29T06:59Z", "ben"),
+        ("2027-03-29T07:00:00+00:00", "anna"),
+    ],
+)
+def test_who_is_on_call_at_a_time(run: Run, at: str, expected: str):
+    _, output, _ = run(FILE, "who", "--at", at, now=NOW)
+
+    assert output.splitlines()[2].split()[2] == expected
+
+
+def test_a_time_that_is_none(run: Run):
+    assert run(FILE, "who", "--at", "noon", now=NOW) == (
+        2,
+        "",
+        (
+            '--at: "noon" is not a date and time; write it like 2026-03-28T22:00 or '
+            "2026-03-28T22:00:00+01:00\n"
+        ),
+    )
+
+
+def test_what_was_built_is_as_readable_as_alertmanager_yml(run: Run, folder: Path):
+    """It may have a password in it, too."""
+    (folder / "alertmanager.yml").chmod(0o640)
+
+    code, output, errors = run(FILE, "build", now=NOW)
+
+    built = folder / "alertmanager-oncall.yml"
+    assert (code, errors) == (0, "")
+    assert output == "alertmanager-oncall.yml: on call until 2027-06-21 Mon 14:00 CEST\n"
+    assert stat.S_IMODE(built.stat().st_mode) == 0o640
+    assert sorted(each.name for each in folder.iterdir()) == [
+        *("alertmanager-oncall.yml", "alertmanager.yml", "examples", "oncall.yml", "templates")
+    ]
+
+
+@pytest.mark.parametrize("output", ["alertmanager.yml", "../built.yml"])
+def test_an_output_that_would_not_work(run: Run, folder: Path, output: str):
+    before = (folder / "alertmanager.yml").read_text()
+
+    code, _, errors = run(FILE, "build", "--output", output, now=NOW)
+
+    assert code == 2
+    assert errors == (
+        f"alertmanager.yml: {output} cannot be the output; name another file in the folder of "
+        "alertmanager.yml, as its templates are there\n"
+    )
+    assert (folder / "alertmanager.yml").read_text() == before
+    assert not (folder.parent / "built.yml").exists()
+
+
+def test_a_folder_that_cannot_be_written(run: Run, folder: Path):
+    code, _, errors = run(FILE, "build", "--rules", "missing/oncall.yml", now=NOW)
+
+    assert code == 2
+    assert errors.startswith("ros-diagnostics-oncall: [Errno 2] No such file or directory: ")
+
+
+CHECK = ("check", "--built", "alertmanager-oncall.yml")
+
+
+def test_check_of_what_was_just_built(run: Run):
+    run(FILE, "build", now=NOW)
+
+    code, output, errors = run(FILE, *CHECK, now=NOW)
+
+    assert (code, errors) == (0, "")
+    assert output.splitlines() == [
+        "oncall.yml: valid until 2027-06-21 Mon 14:34 CEST",
+        "alertmanager-oncall.yml: on call until 2027-06-21 Mon 14:00 CEST",
+    ]
+
+
+def test_check_warns_two_weeks_before_the_end(run: Run):
+    run(FILE, "build", "--weeks", "5", now=NOW)
+
+    assert run(FILE, *CHECK, now=NOW + timedelta(weeks=2, days=6))[0] == 0
+    code, _, errors = run(FILE, *CHECK, now=NOW + timedelta(weeks=3))
+    assert code == 1
+    assert errors == "alertmanager-oncall.yml: ends in less than 14 days; build it again\n"
+
+
+@pytest.mark.parametrize("changed", ["oncall.yml", "alertmanager.yml"])
+def test_check_warns_where_a_file_was_changed_after_the_build(run: Run, folder: Path, changed: str):
+    run(FILE, "build", now=NOW)
+    text = FILE + "\n" if changed == "oncall.yml" else FILE
+    if changed == "alertmanager.yml":
+        (folder / changed).write_text((folder / changed).read_text() + "\n")
+
+    code, _, errors = run(text, *CHECK, now=NOW)
+
+    assert code == 1
+    assert errors == (
+        "alertmanager-oncall.yml: oncall.yml or alertmanager.yml has changed since; "
+        "build it again\n"
+    )
+
+
+def test_check_of_a_file_that_was_not_built(run: Run):
+    code, output, _ = run(FILE, "check", "--built", "alertmanager.yml", now=NOW)
+
+    assert code == 1
+    assert "alertmanager.yml: was not built by ros-diagnostics-oncall" in output
+
+
+def test_check_of_a_rota_with_a_gap(run: Run):
+    code, _, errors = run(FILE.replace("2027-01-04", "2027-05-03"), "check", now=NOW)
+
+    assert code == 2
+    when = "from 2027-03-22 Mon 13:34 CET until 2027-05-03 Mon 09:00 CEST"
+    assert f"{when} nobody is on call; " in errors
+
+
+def test_the_rule_fires_two_weeks_before_the_end(run: Run, folder: Path):
+    run(FILE, "build", "--weeks", "3", "--rules", "rules.yml", now=NOW)
+    run_tool("promtool", "check", "rules", folder / "rules.yml")
+    # promtool's clock begins at 1970; a rule with the end there is the same rule.
+    end = int((NOW + timedelta(weeks=1)).replace(minute=0, second=0).timestamp())
+    rules = (folder / "rules.yml").read_text()
+    assert f"vector(time()) > {end}" in rules
+    (folder / "rules.yml").write_text(rules.replace(str(end), "600"))
+    name = "RosDiagnosticsOnCallEnds"
+    firing = {"exp_labels": {"severity": "warning"}}
+    tests = {
+        "rule_files": ["rules.yml"],
+        "evaluation_interval": "1m",
+        "tests": [
+            {
+                "alert_rule_test": [
+                    {"eval_time": "10m", "alertname": name, "exp_alerts": []},
+                    {"eval_time": "11m", "alertname": name, "exp_alerts": [firing]},
+                ]
+            }
+        ],
+    }
+    firing["exp_annotations"] = yaml.safe_load(rules)["groups"][0]["rules"][0]["annotations"]
+    (folder / "tests.yml").write_text(json.dumps(tests))
+    run_tool("promtool", "test", "rules", folder / "tests.yml")
+
+
+def events(output: str) -> list[Any]:
+    return icalendar.Calendar.from_ical(output).walk("VEVENT")
+
+
+def test_a_calendar_has_an_event_for_each_duty(run: Run):
+    code, output, errors = run(FILE, "icalendar", "--weeks", "3", now=NOW)
+
+    assert (code, errors) == (0, "")
+    found = [(str(e["summary"]), e["dtstart"].dt, e["dtend"].dt) for e in events(output)]
+    start, change, end = (
+        datetime(2027, month, day, hour, tzinfo=timezone.utc)
+        for month, day, hour in ((3, 22, 8), (3, 29, 7), (4, 5, 7))
+    )
+    assert found[:2] == [
+        ("ben is on call: robots, first", start, change),
+        ("anna is on call: robots, first", change, end),
+    ]
+    assert len({str(each["uid"]) for each in events(output)}) == len(found) == 8
+
+
+def test_a_calendar_of_one_person_has_the_same_events_a_week_later(run: Run):
+    def by_uid(now: datetime) -> dict[str, datetime]:
+        _, output, _ = run(FILE, "icalendar", "--person", "anna", now=now)
+        assert "ben is" not in output
+        return {str(each["uid"]): each["dtstart"].dt for each in events(output)}
+
+    first, later = by_uid(NOW), by_uid(NOW + timedelta(weeks=1))
+
+    assert len(first.keys() & later.keys()) == 13
+    assert all(later[uid] == first[uid] for uid in first.keys() & later.keys())
+
+
+def test_a_calendar_of_a_person_who_is_not_there(run: Run):
+    code, output, errors = run(FILE, "icalendar", "--person", "zoe", now=NOW)
+
+    assert (code, output) == (2, "")
+    assert errors == '--person: "zoe" is never on call; use one of anna, ben\n'
+
+
+WITHOUT = """
+import sys
+sys.modules["icalendar"] = None
+from ros_diagnostics_tools.commands.oncall import main
+sys.exit(main())
+"""
+
+
+def test_without_the_library_all_but_the_calendar_works(run: Run, folder: Path):
+    run(FILE.replace("2027", "2026"), "build")  # the clock is the real one
+
+    def without(*arguments: str) -> tuple[int, str]:
+        argv = [sys.executable, "-c", WITHOUT, *arguments]
+        done = subprocess.run(
+            argv, cwd=folder, capture_output=True, text=True, timeout=60, check=False
+        )
+        return done.returncode, done.stderr
+
+    assert without(*CHECK) == (0, "")
+    assert without("icalendar") == (
+        2,
+        (
+            "ros-diagnostics-oncall: the library icalendar is not installed; "
+            "pip install 'ros-diagnostics-exporter[icalendar]'\n"
+        ),
+    )

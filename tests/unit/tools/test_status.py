@@ -1,0 +1,229 @@
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from ros_diagnostics_exporter.events import Event, EventLog
+from ros_diagnostics_exporter.web import api
+from ros_diagnostics_tools.commands.status import main
+from support.web_server import broken, component, fleet, problem, robot, wait_until
+
+FLEET = fleet(
+    robot("robot_1", component("Motor 1", "OK"), component("Cam 1", "OK", group="/Camera")),
+    robot(
+        "robot_2",
+        component("Motor 1", "ERROR", message="Over\ntemperature"),
+        problems=[broken("Motor 1"), broken("Motor 1", "warning")],
+    ),
+    robot(
+        "robot_3",
+        up=False,
+        silent_reason="mute",
+        maintenance=True,
+        maintenance_until=90_000.0,
+        problems=[problem("robot", "silent", quiet="maintenance")],
+    ),
+    robot("spare", up=False, silent_reason="never_seen", last_message=None),
+)
+
+
+# A shell starts background jobs with Ctrl-C ignored, and their children inherit that.
+WATCH = """
+import signal, sys
+from ros_diagnostics_tools.commands.status import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.exit(main())
+"""
+
+
+@pytest.fixture
+def show(serve, capsys, monkeypatch):
+    """Runs the command against a server with ``FLEET``; returns its output."""
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("TZ", "UTC")
+    time.tzset()
+    server = serve(fleet_snapshot=lambda: FLEET)
+
+    def run(*arguments: str) -> str:
+        assert main([*arguments, "--url", f"http://{server.addresses[0]}"]) == 0
+        return capsys.readouterr().out
+
+    return run
+
+
+def test_the_worst_robots_come_first_with_their_faults(show):
+    text = show()
+    order = [text.index(name) for name in ("robot_3", "robot_2", "robot_1", "spare")]
+    assert order == sorted(order)
+    shown = " ".join(text.split())
+    assert (
+        "UNKNOWN robot_3 robot is silent quiet: maintenance until 1970-01-02 01:00 00:16:40, "
+        "1 min its publisher sends nothing (mute)"
+    ) in shown
+    assert ("CRITICAL robot_2 /Motor/Motor 1 confirmed 00:16:40, 1 min Over temperature") in shown
+    assert "OK robot_1 last message 0 s ago" in shown
+    assert "PENDING spare never received" in shown
+    assert "1 UNKNOWN, 1 CRITICAL, 1 OK, 1 PENDING" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "shown"),
+    [
+        (["--state", "critical,pending"], {"robot_2", "spare"}),
+        (["--robot", "robot_?"], {"robot_1", "robot_2", "robot_3"}),
+        (["--component", "motor"], {"robot_1", "robot_2"}),
+        (["--component", "/camera/"], {"robot_1"}),
+        (["--component", "motor", "--state", "ok"], {"robot_1"}),
+        (["--robot", "nobody"], set()),
+    ],
+)
+def test_filters_by_state_robot_and_component(show, arguments, shown):
+    found = json.loads(show(*arguments, "--json"))
+    assert {each["robot"] for each in found["robots"]} == shown
+    text = show(*arguments)
+    names = {each["robot"] for each in FLEET["robots"]}
+    assert {name for name in names if name in text} == shown
+
+
+def test_components_are_shown_with_message_and_values(show):
+    text = " ".join(show("--component", "motor", "--robot", "robot_2").split())
+    assert "CRITICAL robot_2 /Motor/Motor 1 confirmed 00:16:40, 1 min Over" in text
+    assert "Level=12.3 V" in text
+
+
+def test_a_robots_text_cannot_control_the_terminal(serve, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    evil = "\x1b]0;\x07\x9b[bold]x"
+    server = serve(
+        fleet_snapshot=lambda: fleet(
+            robot(
+                evil,
+                component(evil, "ERROR", message=evil, group=evil),
+                problems=[broken(evil, group=evil, quiet=evil)],
+            )
+        )
+    )
+    for more in ([], ["--component", ""], ["--json"]):
+        assert main(["--url", f"http://{server.addresses[0]}", *more]) == 0
+        text = capsys.readouterr().out
+        assert not set(text) & set("\x1b\x07\x9b")
+        assert "[bold]" in "".join(text.split())
+
+
+def test_states_are_those_of_the_recording_rules(serve, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    short = {"check": "motors", "patterns": [], "found": 1, "expected": 2}
+    stale = component("Arm", "STALE", state="CRITICAL")
+    planned = component("Pendant", "STALE", planned_stale=True)
+    missing = problem("check", "critical", check="motors")
+    robots = (
+        robot("a", stale, problems=[broken("Arm", confirmed=None)]),
+        robot("b", planned),
+        robot("c", short_checks=[short], problems=[missing]),
+    )
+    server = serve(fleet_snapshot=lambda: fleet(*robots))
+    assert main(["--url", f"http://{server.addresses[0]}"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "a /Motor/Arm not confirmed yet, 5 s left" in text
+    assert "STALE, counts as CRITICAL (was OK): Arm reports STALE" in text
+    assert "check motors not confirmed yet, 5 s left" in text
+    assert "finds 1 of 2" in text
+    assert "2 CRITICAL, 1 OK" in text
+
+
+def test_of_many_problems_of_a_robot_the_worst_are_shown(serve, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    bad = [broken(f"Motor {n}") for n in range(20)]
+    site = problem("site", "silent", site="hall", quiet="restart")
+    given = fleet(robot("a", problems=bad), robot("b"), problems=[site])
+    server = serve(fleet_snapshot=lambda: given)
+    url = f"http://{server.addresses[0]}"
+    assert main(["--url", url]) == 0
+    text = capsys.readouterr().out
+    assert text.count("/Motor/Motor") == 5
+    assert "and 15 more" in text
+    assert "site hall" in text
+    assert "quiet: the exporter has just started" in text
+    assert main(["--url", url, "--robot", "a"]) == 0
+    assert "site hall" not in capsys.readouterr().out
+
+
+def test_the_history_of_a_robot_has_relative_times_the_newest_last(serve, capsys, monkeypatch):
+    monkeypatch.setattr(api, "PAGE_BYTES", 400)  # so that it takes several pages
+    log, now = EventLog(), time.time()
+    for ago, level in ((7_300, "WARN"), (600, "ERROR"), (130, "OK")):
+        log.record(Event(now - ago, "level", "a", "/Motor", "Motor 1", "OK", level, "\x1b[hot"))
+    log.record(Event(now - 50, "robot", "b", after="silent"))
+    server = serve(find_events=log.find)
+    url = f"http://{server.addresses[0]}"
+
+    assert main(["--history", "a", "--url", url]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert text.index("10 min") < text.index("2 min")
+    assert r"/Motor/Motor 1 OK → ERROR: \x1b[hot" in text
+    assert "WARN" not in text
+    assert "silent" not in text
+    assert main(["--history", "a", "--since", "3h", "--json", "--url", url]) == 0
+    assert [each["after"] for each in json.loads(capsys.readouterr().out)] == [
+        *("OK", "ERROR", "WARN")
+    ]
+    assert main(["--history", "c", "--since", "10m", "--url", url]) == 0
+    assert "no event of robot 'c' in the last 10m" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("wrong", [["--since", "soon"], ["--watch"], ["--history"]])
+def test_a_wrong_history_is_rejected(wrong, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["--history", "a", *wrong])
+    assert ended.value.code == 2
+    assert wrong[0] in capsys.readouterr().err
+
+
+def test_an_unknown_state_is_rejected(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["--state", "bad"])
+    assert ended.value.code == 2
+    assert "BAD: not one of UNKNOWN, CRITICAL" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("flag", ["--watch", "--timeout"])
+@pytest.mark.parametrize("time", ["-3", "0", "nan", "inf", "soon"])
+def test_an_invalid_duration_is_rejected(flag, time, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([flag, time])
+    assert ended.value.code == 2
+    stderr = capsys.readouterr().err
+    assert f"argument {flag}" in stderr or f"/{flag}" in stderr
+    assert f"'{time}' is not a duration" in stderr
+
+
+def test_an_unreachable_exporter_is_an_error_with_its_address(capsys):
+    assert main(["--url", "http://127.0.0.1:1"]) == 1
+    assert "ros-diagnostics-status: http://127.0.0.1:1/" in capsys.readouterr().err
+
+
+def test_watch_continues_after_an_outage_until_ctrl_c(serve, tmp_path):
+    looks = []
+
+    def look():
+        looks.append(1)
+        if len(looks) == 2:
+            raise RuntimeError
+        return FLEET
+
+    server = serve(fleet_snapshot=look)
+    arguments = ["--watch", "1.1", "--url", f"http://{server.addresses[0]}"]
+    with subprocess.Popen([sys.executable, "-c", WATCH, *arguments], stdout=subprocess.PIPE) as it:
+        try:
+            wait_until(lambda: len(looks) >= 4)  # then the third, good again, was shown
+            it.send_signal(signal.SIGINT)
+            out, _ = it.communicate(timeout=20)
+        finally:
+            it.kill()
+    assert it.returncode == 0
+    assert b"robot_2" in out
