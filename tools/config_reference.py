@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from config_schema import schema
-from ros_diagnostics_exporter.config.models import FleetFile
+from ros_diagnostics_exporter.config.fleet import Fleet
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "configuration.md"
 _BLOCK = re.compile(r"(<!-- keys of (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -37,7 +37,7 @@ def updated(document: str) -> str:
 
 
 def _tables() -> dict[str, str]:
-    whole = schema(FleetFile)
+    whole = schema(Fleet)
     parts = [whole, *whole["definitions"].values()]
     return {part["title"]: _table(part) for part in parts}
 
@@ -58,7 +58,7 @@ def _table(part: dict[str, Any]) -> str:
 def _type(described: dict[str, Any]) -> str:
     """What kind of value a key takes, in words."""
     if "$ref" in described:
-        name = described["$ref"].rpartition("/")[2].removesuffix("Entry")
+        name = schema(Fleet)["definitions"][described["$ref"].rpartition("/")[2]]["title"]
         return f"[{name}](#{name.lower()})"
     if "enum" in described:
         return ", ".join(f"`{word}`" for word in described["enum"] if word is not None)

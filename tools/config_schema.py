@@ -7,6 +7,7 @@ entries. It is of draft 7, which yaml-language-server reads, and shipped in the 
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,14 @@ from pydantic.json_schema import DEFAULT_REF_TEMPLATE, GenerateJsonSchema, JsonS
 from pydantic_core import core_schema
 
 from ros_diagnostics_exporter import config
-from ros_diagnostics_exporter.config.models import FleetFile, MaintenanceEntry, RobotEntry
+from ros_diagnostics_exporter.config.fleet import Fleet, Maintenance, Robot
+from ros_diagnostics_exporter.durations import written
 
 # file name -> what it describes: fleet.yml, and the files of the two folders
 SCHEMAS: dict[str, Any] = {
-    "fleet.schema.json": FleetFile,
-    "robots.schema.json": RobotEntry | list[RobotEntry],
-    "maintenance.schema.json": MaintenanceEntry | list[MaintenanceEntry],
+    "fleet.schema.json": Fleet,
+    "robots.schema.json": Robot | list[Robot],
+    "maintenance.schema.json": Maintenance | list[Maintenance],
 }
 
 
@@ -37,23 +39,20 @@ class _Draft7(GenerateJsonSchema):
         return False
 
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
-        # None means "not given"; the default that then applies is in json_schema_extra.
-        if "default" in schema and schema["default"] is None:
-            return self.generate_inner(schema["schema"])
-        return super().default_schema(schema)
+        """A key that has a default may be there without a value, as if it were not."""
+        found = self.generate_inner(schema["schema"])
+        default = schema.get("default")
+        if found.get("title") == "duration" and isinstance(default, float):
+            default = written(default)
+        elif isinstance(default, float) and default.is_integer():
+            default = int(default)
+        found = _or_null(found)
+        if isinstance(default, str | int | float) and default != "":
+            return {**found, "default": default}
+        return found
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
-        """A key without a value counts as not given."""
-        inner = self.generate_inner(schema["schema"])
-        if "const" in inner:
-            inner = {"enum": [inner.pop("const")], **inner}
-        if "enum" in inner:
-            inner = {**inner, "enum": [*inner["enum"], None]}
-        if isinstance(inner.get("type"), str):
-            return {**inner, "type": [inner["type"], "null"]}
-        if "anyOf" in inner:
-            return {**inner, "anyOf": [*inner["anyOf"], {"type": "null"}]}
-        return {"anyOf": [inner, {"type": "null"}]}
+        return _or_null(self.generate_inner(schema["schema"]))
 
     def dict_schema(self, schema: core_schema.DictSchema) -> JsonSchemaValue:
         names = self.generate_inner(schema["keys_schema"])
@@ -61,6 +60,22 @@ class _Draft7(GenerateJsonSchema):
         return {"type": "object", "propertyNames": names, "additionalProperties": values}
 
 
+def _or_null(inner: JsonSchemaValue) -> JsonSchemaValue:
+    if "const" in inner:
+        inner = {"enum": [inner.pop("const")], **inner}
+    if "enum" in inner and None not in inner["enum"]:
+        inner = {**inner, "enum": [*inner["enum"], None]}
+    if isinstance(inner.get("type"), str):
+        return {**inner, "type": [inner["type"], "null"]}
+    null = {"type": "null"}
+    if null in inner.get("anyOf", []) or "null" in inner.get("type", []):
+        return inner
+    if "anyOf" in inner:
+        return {**inner, "anyOf": [*inner["anyOf"], null]}
+    return {"anyOf": [inner, null]}
+
+
+@cache
 def schema(model: Any) -> dict[str, Any]:
     """The JSON Schema of a model, with its parts under `definitions`."""
     made = TypeAdapter(model).json_schema(

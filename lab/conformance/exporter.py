@@ -10,6 +10,7 @@ from conformance.history import HOURS_CHANGE, NONE, SERVICE_CODES, History, Noti
 from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
     FaultSettings,
+    Flapping,
     Fleet,
     Maintenance,
     Profile,
@@ -183,7 +184,7 @@ def _fleet(history: History) -> Fleet:
     )
     faults = FaultSettings(confirm_after=profile.confirm_after)
     if not history.flapping:
-        faults = replace(faults, flapping_start=FLAPPING_OFF)
+        faults = replace(faults, flapping=Flapping(start=FLAPPING_OFF))
     if history.hours is not None:
         faults = replace(faults, warning_hours=WarningHours(HOURS[history.hours.begin]))
     return Fleet("f", robots, maintenance=tuple(_downtimes(history)), faults=faults)

@@ -30,6 +30,7 @@ from ros_diagnostics_exporter.config.fleet import (
     CauseSettings,
     ComponentRule,
     FaultSettings,
+    Flapping,
     Fleet,
     Profile,
     Robot,
@@ -235,7 +236,7 @@ def _fleet(histories: Sequence[History]) -> Fleet:
         ]
     # Nothing that many robots have in common here is of one cause.
     settings = replace(
-        FaultSettings(), common=MANY, site=MANY, flapping_start=2.0, restart_grace=0.0
+        FaultSettings(), common=MANY, site=MANY, flapping=Flapping(start=2.0), restart_grace=0.0
     )
     return Fleet("f", tuple(robots), faults=settings)
 

@@ -341,7 +341,7 @@ class Model:
     def _weigh(self, thing: Monitored | RobotModel, now: int) -> None:
         was, settings = thing.flapping, self.settings
         assert thing.slots is not None
-        limit = settings.flapping_stop if was else settings.flapping_start
+        limit = settings.flapping.stop if was else settings.flapping.start
         thing.flapping = thing.slots.ratio >= limit
         if thing.flapping and not was:
             thing.flapping_since = now

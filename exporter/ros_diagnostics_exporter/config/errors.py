@@ -9,11 +9,12 @@ import json
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, get_args, get_origin
+from typing import NamedTuple
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from ros_diagnostics_exporter.config.keys import Where, keys_at
 from ros_diagnostics_exporter.texts import nearest, printable
 
 LISTED = 20  # problems, or warnings, that are listed one by one
@@ -41,12 +42,16 @@ def first_error(error: ValidationError, whole: str = "it") -> str:
 
 
 class WrongValueError(ValueError):
-    """One value is not acceptable: ``what`` is wrong with it, and what would be right."""
+    """One value is not acceptable: ``what`` is wrong with it, and what would be right.
 
-    def __init__(self, what: str, remedy: str) -> None:
+    ``below`` leads from the value to the part of it that is wrong.
+    """
+
+    def __init__(self, what: str, remedy: str, below: Where = ()) -> None:
         super().__init__(f"{what}; {remedy}")
         self.what = what
         self.remedy = remedy
+        self.below = below
 
 
 class Problem(NamedTuple):
@@ -89,8 +94,6 @@ def _place(problem: Problem) -> tuple[str, int, str]:
     return (str(problem.file), problem.line or 0, str(problem))
 
 
-Where = tuple[str | int, ...]
-
 _QUOTES = "put it in quotes"
 _PLAIN = "write digits without quotes"
 _PAIRS = "write it as key: value"
@@ -103,6 +106,7 @@ _KINDS = {
     "list_type": ("a list", "start each entry with a dash"),
     "dict_type": ("a mapping", _PAIRS),
     "model_type": ("a mapping", _PAIRS),
+    "dataclass_type": ("a mapping", _PAIRS),
 }
 _LIMITS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
 
@@ -115,16 +119,16 @@ class Explanation(NamedTuple):
     remedy: str
 
 
-def explanation(error: ErrorDetails, model: type[BaseModel]) -> Explanation:
+def explanation(error: ErrorDetails, model: type) -> Explanation:
     """One error of validating against `model`, explained."""
     where = tuple(part for part in error["loc"] if part != "[key]")
     wrong = error.get("ctx", {}).get("error")
     if isinstance(wrong, WrongValueError):
-        return Explanation(where, wrong.what, wrong.remedy)
+        return Explanation((*where, *wrong.below), wrong.what, wrong.remedy)
     if error["type"] == "missing":
         return Explanation(where, "is missing", f"add {where[-1]}: ...")
-    if error["type"] == "extra_forbidden":
-        remedy = suggestion(str(where[-1]), _keys(model, where[:-1]))
+    if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        remedy = suggestion(str(where[-1]), keys_at(model, where[:-1]))
         return Explanation(where, "is not a key", remedy)
     return Explanation(where, *_about_value(error))
 
@@ -154,28 +158,3 @@ def suggestion(word: str, known: Iterable[str]) -> str:
 
 def _one_of(words: list[str]) -> str:
     return f"use {words[0]}" if len(words) == 1 else f"use one of {', '.join(words)}"
-
-
-def _keys(model: Any, where: Where) -> list[str]:
-    """The keys of the model at `where` inside `model`."""
-    for part in where:
-        model = _model(model)
-        if isinstance(model, type) and issubclass(model, BaseModel):
-            field = model.model_fields.get(str(part))
-            model = field.annotation if field else None
-        else:  # list[item], dict[key, value]
-            model = get_args(model)[-1] if get_args(model) else None
-    model = _model(model)
-    is_model = isinstance(model, type) and issubclass(model, BaseModel)
-    return list(model.model_fields) if is_model else []
-
-
-def _model(annotation: Any) -> Any:
-    """An annotation without `Annotated[...]` and `| None`."""
-    while True:
-        if get_origin(annotation) is Annotated:
-            annotation = get_args(annotation)[0]
-        elif type(None) in get_args(annotation):
-            annotation = next(arg for arg in get_args(annotation) if arg is not type(None))
-        else:
-            return annotation

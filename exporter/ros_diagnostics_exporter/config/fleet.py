@@ -1,28 +1,85 @@
-"""fleet.yml, resolved: frozen value types that the rest of the exporter reads.
+"""fleet.yml as frozen value types: its keys, what they mean, and what the exporter reads of them.
 
-Profiles are merged and patterns compiled; the other packages know neither YAML nor pydantic.
+The other packages read these types; they know neither YAML nor pydantic. A key is added here alone,
+as a field that is `described`; what loads, checks and documents it follows from that.
 """
 
-from __future__ import annotations
-
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
+from itertools import chain, pairwise
 from math import ceil
 from pathlib import Path
 from types import MappingProxyType
+from typing import Annotated, Any, Literal
+from zoneinfo import ZoneInfo
 
+from pydantic import BeforeValidator, Field
+from typing_extensions import override
+
+from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, suggestion
+from ros_diagnostics_exporter.config.keys import Entry, Written, described
+from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
+from ros_diagnostics_exporter.config.patterns import (
+    INNERMOST,
+    ROBOT,
+    Equals,
+    NameTemplate,
+    Split,
+    TopicTemplate,
+    Wildcards,
+    Words,
+    topic_pattern,
+    written,
+)
+from ros_diagnostics_exporter.config.scalars import (
+    Address,
+    CanaryInterval,
+    DomainId,
+    DomainIds,
+    Duration,
+    Folder,
+    LabelName,
+    LabelValue,
+    Moment,
+    Name,
+    Namespace,
+    PositiveDuration,
+    TaskName,
+    TimeZone,
+    Topic,
+    WeeklyTime,
+)
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.weekly import Weekly
 
-
-def _no_labels() -> Mapping[str, str]:
-    return MappingProxyType({})
-
-
 AGGREGATED = "_agg"  # the usual suffix of an aggregator's topic
+RAW_NAME = "diagnostics"
+DEFAULT = "default"  # the profile that applies where none is named
+ALL = "all"  # the check that is always there
+MAX_CONDITIONS = 10  # of one when or unless
+MESSAGE_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+_MOST_WORDS = 200  # characters of a condition as it is shown; what it matches may be longer
+_LEVELS = {"OK": 0, "WARN": 1, "ERROR": 2, "STALE": 3}
+
+Count = Annotated[int, Field(ge=1, le=10_000_000)]
+Share = Annotated[float, Field(ge=0, le=1)]
+FlapRatio = Annotated[float, Field(ge=0.01, le=1)]
+Labels = Annotated[Mapping[str, str], Written(dict[LabelName, LabelValue], MappingProxyType)]
+
+
+def _as_it_is(value: Any) -> Any:
+    return value
+
+
+def _joined(weekly: list[Weekly]) -> Weekly:
+    return tuple(chain.from_iterable(weekly))
+
+
+WeeklyTimes = Annotated[Weekly, Written(list[WeeklyTime], _joined)]
+UnixTime = Annotated[float, Written(Moment, _as_it_is)]  # of a time zone: `Maintenance.completed`
 
 
 class Source(str, Enum):
@@ -34,16 +91,229 @@ class Source(str, Enum):
     AUTO = "auto"  # the aggregate if there is one, else raw; decided once for a robot
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Limits of the state; only what is beyond them is rejected, and counted."""
+AnySource = Annotated[Source, Written(Literal["agg", "raw", "both", "auto"], Source)]
 
-    robots: int = 2000
-    components: int = 500  # of one robot
-    values: int = 200  # of one component
-    label_length: int = 256  # characters
-    series: int = 1_000_000  # of the whole exporter
-    robot_series: int = 20_000  # of one robot's values; and as many of its key-values are kept
+_SOURCE = (
+    "Where the components are read from: `agg`, the tree of the robot's "
+    "diagnostic_aggregator; `raw`, what the drivers publish; `both`, the tree from the aggregate "
+    "and changes from raw, because an aggregator hides what is shorter than its period; `auto`, "
+    "the aggregate if there is one, else raw, decided once for a robot."
+)
+_LABELS = (
+    "Labels of `robot_info`. The rules that are shipped put `site`, `robot_group`, `team`, `kind` "
+    "and `uplink` on alerts, for routing; any other is for queries of your own. Reserved names are "
+    "rejected."
+)
+
+
+class Limits(Entry):
+    """Limits of what is held in memory and served; what is beyond is rejected and counted."""
+
+    robots: Count = described("Robots.", example=500, default=2000)
+    components: Count = described("Components of one robot.", example=200, default=500)
+    values: Count = described("Key-values of one component.", example=50, default=200)
+    label_length: Annotated[int, Field(ge=16, le=4096)] = described(
+        "Characters of a label's value.", example=128, default=256
+    )
+    series: Count = described("Series of the whole exporter.", example=200_000, default=1_000_000)
+    robot_series: Count = described(
+        "Series of one robot's values (with their thresholds); also the limit of its key-values.",
+        example=5000,
+        default=20_000,
+    )
+
+
+# -- conditions --------------------------------------------------------------------------------
+
+
+def _list_of_one(value: Any) -> Any:
+    if value == []:
+        raise WrongValueError("is an empty list", "remove it or fill it in")
+    return value if isinstance(value, list) else [value]
+
+
+def _one_or_more(kind: Any, most: int | None = None) -> Any:
+    """A list in the file, or the only one of it without a list."""
+    only = BeforeValidator(_list_of_one, json_schema_input_type=kind | list[kind])
+    return Annotated[list[kind], Field(min_length=1, max_length=most), only]
+
+
+class Condition(Entry):
+    """What a component, or a value, of the same robot has to be like."""
+
+    text: str = ""  # for people
+    component: Words = described(
+        "Words, case ignored, one of which the component's name contains; one such component is "
+        "enough. Without it, the component itself.",
+        example="Charger",
+        default=(),
+    )
+    levels: Annotated[
+        tuple[int, ...],
+        Written(
+            _one_or_more(Literal["OK", "WARN", "ERROR"]),
+            lambda words: tuple(_LEVELS[each] for each in words),
+        ),
+    ] = described(
+        "The component's level, or a list of levels one of which it has. In place of `key`.",
+        example="ERROR",
+        default=(),
+        key="level",
+    )
+    key: Wildcards = described(
+        "The key of one of its values.", example="Charging state", default=()
+    )
+    texts: Equals = described(
+        "The text that the driver publishes, case ignored, `*` for anything; or a list, one of "
+        "which it is; or {regex: ...}, matched against the whole text.",
+        example="charging",
+        default=(),
+        key="equals",
+    )
+    below: float | None = described(
+        "The number is below, as it is exported: after `enum`, `scale` and `offset`.",
+        example=20,
+        default=None,
+    )
+    above: float | None = described(
+        "The number is above, as it is exported.", example=0.5, default=None
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "Condition":
+        if bool(self.levels) == bool(self.key):
+            what = "has level and key" if self.key else "has neither level nor key"
+            remedy = (
+                "give one: {component: Gripper, level: ERROR} or {key: State, equals: charging}"
+            )
+            raise WrongValueError(what, remedy)
+        if self.levels and not self.component:
+            what = "is about the component's own level"
+            raise WrongValueError(what, "name another component, or use levels to change a level")
+        is_number = self.below is not None or self.above is not None
+        if self.levels and (is_number or self.texts):
+            raise WrongValueError("compares a level with a value", "give key in place of level")
+        if self.key and is_number == bool(self.texts):
+            what = (
+                "compares a text and a number" if is_number else "compares the value with nothing"
+            )
+            raise WrongValueError(what, "give equals, or below, above or both of these")
+        if self.below is not None and self.above is not None and self.below <= self.above:
+            what = f"never holds: nothing is above {self.above:g} and below {self.below:g}"
+            raise WrongValueError(what, "give one of them, or two conditions")
+        return replace(self, text=" ".join(filter(None, self._in_words()))[:_MOST_WORDS])
+
+    def _in_words(self) -> Iterator[str]:
+        """The condition as people read it: "Charger State is charging"."""
+        yield written(self.component)
+        yield written(self.key)
+        yield "is"
+        yield " or ".join(word for word, level in _LEVELS.items() if level in self.levels)
+        yield written(self.texts)
+        bounds = (("above", self.above), ("below", self.below))
+        yield " and ".join(f"{word} {number:g}" for word, number in bounds if number is not None)
+
+
+ConditionList = Annotated[
+    tuple[Condition, ...], Written(_one_or_more(Condition, most=MAX_CONDITIONS), tuple)
+]
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """When a component's or a value's trouble is a fault: all of ``when``, none of ``unless``."""
+
+    when: tuple[Condition, ...] = ()
+    unless: tuple[Condition, ...] = ()
+
+
+class _Conditional:
+    """What has the keys ``when`` and ``unless``."""
+
+    when: tuple[Condition, ...]
+    unless: tuple[Condition, ...]
+
+    @cached_property
+    def conditions(self) -> Conditions | None:
+        """Of its faults; None = always."""
+        return Conditions(self.when, self.unless) if self.when or self.unless else None
+
+
+# -- components and values ---------------------------------------------------------------------
+
+# An entry has all the patterns of its key; `_one_each` makes of it rules that have one each.
+OneOfWords = Annotated[Pattern, Written(Words, _as_it_is)]
+OneOfWildcards = Annotated[Pattern, Written(Wildcards, _as_it_is)]
+LevelWord = Literal["OK", "WARN", "ERROR", "STALE"]
+
+
+def _one_each(entries: Any, *attributes: str) -> Any:
+    for name in attributes:
+        entries = [
+            each if getattr(each, name) is None else replace(each, **{name: pattern})
+            for each in entries
+            for pattern in getattr(each, name) or (None,)
+        ]
+    return tuple(entries)
+
+
+def _nothing() -> Mapping[Any, Any]:
+    return MappingProxyType({})
+
+
+class ComponentRule(_Conditional, Entry, title="Component"):
+    """Settings for some components; the first entry that matches applies."""
+
+    pattern: OneOfWords = described(
+        "Words, case ignored, one of which the component's name contains; or {regex: ...}.",
+        example="Laser",
+        key="match",
+    )
+    ignore: bool = described("Ignore these components.", example=True, default=False)
+    stale_after: PositiveDuration | None = described(
+        "Time without an update after which they are STALE, in place of the profile's.",
+        example="90s",
+        default=None,
+    )
+    confirm_after: Duration | None = described(
+        "Time after which a problem is confirmed, in place of the profile's.",
+        example="1m",
+        default=None,
+    )
+    levels: Annotated[
+        Mapping[int, int],
+        Written(
+            dict[LevelWord, LevelWord],
+            lambda words: MappingProxyType({_LEVELS[k]: _LEVELS[v] for k, v in words.items()}),
+        ),
+    ] = described(
+        "The level that counts in place of the published one.",
+        example={"ERROR": "WARN"},
+        default_factory=_nothing,
+    )
+    planned_stale: bool = described(
+        "Their STALE is planned (a sensor that is switched off): no notification is sent.",
+        example=True,
+        default=False,
+    )
+    when: ConditionList = described(
+        "Only where this condition holds, or all of a list, is their trouble a fault; while it is "
+        "not known, no fault begins and none ends.",
+        example={"component": "Mode", "key": "mode", "equals": "auto"},
+        default=(),
+    )
+    unless: ConditionList = described(
+        "Where this condition holds, or one of a list, their trouble is no fault.",
+        example={"component": "Charger", "key": "State", "equals": "charging"},
+        default=(),
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "ComponentRule":
+        if self.ignore and self.conditions:
+            what = "ignores these components and gives them conditions"
+            raise WrongValueError(what, "remove ignore, or when and unless")
+        return self
 
 
 @dataclass(frozen=True)
@@ -55,141 +325,432 @@ class Threshold:
     value: float
 
 
-@dataclass(frozen=True)
-class Condition:
-    """What a component, or a value, of the same robot has to be like; ``text`` is for people.
+class Bound(Entry):
+    """Thresholds for a value, in the unit in which it is exported."""
 
-    Of a value, ``texts`` or at least one of ``below`` and ``above`` is given.
-    """
-
-    text: str
-    component: tuple[Pattern, ...] = ()  # any searched in the name; () = the component itself
-    levels: tuple[int, ...] = ()  # one of these; () = it is about a value
-    key: tuple[Pattern, ...] = ()  # any, fullmatch
-    texts: tuple[Pattern, ...] = ()  # any, fullmatch on the published text
-    below: float | None = None  # of the exported number
-    above: float | None = None
+    warning: float | None = described(
+        "Beyond it the value is a WARNING.", example=11.5, default=None
+    )
+    critical: float | None = described(
+        "Beyond it the value is CRITICAL.", example=10.8, default=None
+    )
 
 
-@dataclass(frozen=True)
-class Conditions:
-    """When a component's or a value's trouble is a fault: all of ``when``, none of ``unless``."""
+class Thresholds(Entry):
+    """Thresholds for a value, exported as `component_value_threshold`."""
 
-    when: tuple[Condition, ...] = ()
-    unless: tuple[Condition, ...] = ()
+    low: Bound = described(
+        "The value should not be below.", example={"critical": 10.8}, default=Bound()
+    )
+    high: Bound = described(
+        "The value should not be above.", example={"warning": 80}, default=Bound()
+    )
 
-
-@dataclass(frozen=True)
-class ValueRule:
-    """How one key-value is read; the first rule whose patterns match applies."""
-
-    component: Pattern | None = None  # searched in the component's name; None = all
-    key: Pattern | None = None  # fullmatch on the key; None = all
-    keep: bool = True
-    unit: str | None = None  # replaces the unit found in the strings
-    enum: Mapping[str, float] | None = None  # the string (case ignored) -> number
-    scale: float = 1.0  # to the base unit of `metric`
-    offset: float = 0.0
-    # a gauge of this name in place of component_value (in addition to it with thresholds)
-    metric: str | None = None
-    thresholds: tuple[Threshold, ...] = ()
-    conditions: Conditions | None = None  # of the faults of its thresholds; None = always
-
-
-@dataclass(frozen=True)
-class ComponentRule:
-    """Settings for components whose name matches; the first match applies."""
-
-    pattern: Pattern  # searched in the component's name
-    ignore: bool = False
-    stale_after: float | None = None  # seconds
-    confirm_after: float | None = None  # seconds
-    levels: Mapping[int, int] = field(default_factory=dict)  # level published -> level counted
-    planned_stale: bool = False  # no notification when it is STALE
-    conditions: Conditions | None = None  # of its faults; None = always
+    @override
+    def completed(self, given: Mapping[str, Any]) -> tuple[Threshold, ...]:
+        in_order = [
+            Threshold(bound, severity, number)
+            for bound, severity in (
+                *(("low", "critical"), ("low", "warning")),
+                *(("high", "warning"), ("high", "critical")),
+            )
+            if (number := getattr(getattr(self, bound), severity)) is not None
+        ]
+        for below, above in pairwise(in_order):
+            if below.value > above.value:
+                raise WrongValueError(
+                    f"{below.bound} {below.severity} ({below.value:g}) is above "
+                    f"{above.bound} {above.severity} ({above.value:g})",
+                    "order them: low critical, low warning, high warning, high critical",
+                )
+        return tuple(
+            sorted(in_order, key=lambda each: (each.bound == "high", each.severity != "warning"))
+        )
 
 
-@dataclass(frozen=True)
-class Check:
-    """A named set of components, as a Nagios service was in the thesis (`-N Motor`)."""
+def _numbers(enum: dict[str, float]) -> Mapping[str, float]:
+    numbers = {word.strip().lower(): number for word, number in enum.items()}
+    if not enum or len(numbers) < len(enum):
+        what = "enum names a word twice, as case is ignored" if numbers else "enum is empty"
+        raise WrongValueError(what, "give each word one number, or remove enum")
+    return MappingProxyType(numbers)
 
-    name: str
-    patterns: tuple[Pattern, ...] = ()  # any searched in "group/component"; () = all
-    expect: int | None = None  # fewer than this many found is CRITICAL
+
+class ValueRule(_Conditional, Entry, title="Value"):
+    """How some key-values are read; the first entry that matches applies."""
+
+    component: OneOfWords | None = described(
+        "Words, case ignored, one of which the component's name contains. Without it, all.",
+        example="Battery",
+        default=None,
+    )
+    key: OneOfWildcards | None = described(
+        "The key as the driver publishes it, `*` for anything; or {regex: ...}, matched "
+        "against the whole key. A colon at the end may be omitted. Without `key`, all keys.",
+        example="Voltage (V)",
+        default=None,
+    )
+    keep: bool = described("false drops the value.", example=False, default=True)
+    unit: Unit | None = described(
+        "The unit, in place of the one found in the key or the value.", example="V", default=None
+    )
+    enum: Annotated[Mapping[str, float], Written(dict[str, float], _numbers)] | None = described(
+        "Numbers for words, case ignored.",
+        example={"None": 0, "Adapter": 1, "Dock": 2},
+        default=None,
+    )
+    scale: float = described(
+        "Factor from the value to what is exported.", example=0.01, default=1.0
+    )
+    offset: float = described("Added after `scale`.", example=-273.15, default=0.0)
+    metric: MetricName | None = described(
+        "Export the value as a metric of this name, in a base unit, in place of `component_value`; "
+        "in addition to it if there are `thresholds`.",
+        example="ros_battery_voltage_volts",
+        default=None,
+    )
+    thresholds: Annotated[tuple[Threshold, ...], Written(Thresholds, tuple)] = described(
+        "Thresholds for the exported value.",
+        example={"low": {"warning": 11.5, "critical": 10.8}},
+        default=(),
+    )
+    when: ConditionList = described(
+        "As in a [component](#component), for the faults of the thresholds.",
+        example={"component": "Dock", "key": "Docked", "equals": True},
+        default=(),
+    )
+    unless: ConditionList = described(
+        "As in a component, for the faults of the thresholds.",
+        example={"key": "Charging state", "equals": "charging"},
+        default=(),
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "ValueRule":
+        others = given.keys() - {"key", "component", "keep"}
+        if not self.keep and others:
+            what = f"drops the value (keep: false) and also sets {', '.join(sorted(others))}"
+            raise WrongValueError(what, "remove keep, or the other keys")
+        if self.conditions and "thresholds" not in given:
+            what = "has conditions and no thresholds, so there is no fault that they could prevent"
+            raise WrongValueError(what, "add thresholds, or move them to an entry of components")
+        if self.scale == 0:
+            raise WrongValueError(
+                "scale is 0, which makes every value the same", "use another factor"
+            )
+        return self
 
 
-@dataclass(frozen=True)
-class Profile:
-    """The settings for a kind of robot. Times are seconds."""
+# -- profiles ----------------------------------------------------------------------------------
 
-    name: str = "default"
-    stale_after: float = 10.0
-    confirm_after: float = 10.0
-    forget_after: float = 86_400.0
-    flap_interval: float = 15.0  # between two of the 21 states that flap detection looks at
-    stale_is_critical: bool = False
-    checks: tuple[Check, ...] = (Check("all"),)  # "all" is always the first
-    components: tuple[ComponentRule, ...] = ()
-    values: tuple[ValueRule, ...] = ()
-    # what the robot does -> components that it needs for it, any searched in the name
-    tasks: Mapping[str, tuple[Pattern, ...]] = field(default_factory=dict)
+
+class Check(Entry):
+    """A named set of components; a list of words is short for `match`."""
+
+    name: str = ""
+    patterns: Words = described(
+        "Words, case ignored: a component belongs to the check if its group and name contain "
+        'one of them. {regex: "..."} is searched in `group/component` as it is. Without it, all.',
+        example=["Motor"],
+        default=(),
+        key="match",
+    )
+    expect: Annotated[int, Field(ge=0, le=100_000)] | None = described(
+        "How many components the check should find; fewer are CRITICAL.", example=3, default=None
+    )
+
+
+def _short_check(value: Any) -> Any:
+    return {"match": value} if isinstance(value, str | list) else value
+
+
+class Profile(Entry):
+    """Settings for a kind of robot. What is not given comes from the profile that is extended."""
+
+    name: str = DEFAULT
+    extends: Name = described(
+        "The profile to start from. Checks are added to its own (one of the same name replaces it, "
+        "null removes it); its components and values are searched after this profile's own.",
+        example="wheeled",
+        default=DEFAULT,
+    )
+    stale_after: PositiveDuration = described(
+        "Time without a message after which a robot is silent.", example="5s", default=10.0
+    )
+    confirm_after: Duration = described(
+        "Time after which a problem is confirmed.", example="30s", default=10.0
+    )
+    forget_after: PositiveDuration = described(
+        "Time without an update after which a component of a silent robot is forgotten if it was "
+        "OK, and a discovered robot once it has no components left.",
+        example="24h",
+        default=86_400.0,
+    )
+    flap_interval: PositiveDuration = described(
+        "Time between two of the 21 states in which changes are counted for "
+        "`component_flap_ratio`.",
+        example="1m",
+        default=15.0,
+    )
+    stale_is_critical: bool = described(
+        "Whether STALE counts as CRITICAL; else it is a state of its own between WARNING and "
+        "CRITICAL. By default the fleet's `stale_is_critical`.",
+        example=True,
+        default=False,
+        written=None,
+    )
+    checks: Annotated[
+        tuple[Check, ...],
+        Written(
+            dict[
+                Name,
+                Annotated[
+                    Check, BeforeValidator(_short_check, json_schema_input_type=Words | Check)
+                ]
+                | None,
+            ],
+            lambda checks: tuple(
+                replace(each, name=name) for name, each in checks.items() if each is not None
+            ),
+        ),
+    ] = described(
+        "Named sets of components. The check `all` always exists and has no words.",
+        example={"motors": ["Motor"], "lasers": {"match": ["Laser"], "expect": 2}},
+        default=(Check(ALL),),
+    )
+    components: Annotated[
+        tuple[ComponentRule, ...],
+        Written(list[ComponentRule], lambda entries: _one_each(entries, "pattern")),
+    ] = described(
+        "Settings for some components; the first entry that matches applies.",
+        example=[{"match": "Laser", "stale_after": "90s"}],
+        default=(),
+    )
+    values: Annotated[
+        tuple[ValueRule, ...],
+        Written(list[ValueRule], lambda entries: _one_each(entries, "component", "key")),
+    ] = described(
+        "How key-values are read; the first entry that matches applies.",
+        example=[{"key": "PID", "keep": False}],
+        default=(),
+    )
+    tasks: Annotated[
+        Mapping[str, Words],
+        Written(
+            dict[TaskName, Words | None],
+            lambda tasks: MappingProxyType({name: each for name, each in tasks.items() if each}),
+        ),
+    ] = described(
+        "What the robot does, and words of the names of the components that it needs for it: "
+        "notifications say what it can no longer do, and what it still can.",
+        example={"drive": ["Motor", "Laser"], "lift": ["Lift"]},
+        default_factory=_nothing,
+    )
 
     @cached_property
     def has_conditions(self) -> bool:
         """Whether `when` or `unless` of any component or value asks about levels or values."""
-        return any(each.conditions for each in self.components) or any(
-            each.conditions for each in self.values
+        return any(each.conditions for each in (*self.components, *self.values))
+
+
+def _named_profile(name: str, profiles: Mapping[str, Profile] | None) -> Profile:
+    """The profile of this name; the context of the validation has all of the file."""
+    known = profiles or {}
+    if name not in known:
+        what = f"there is no profile {quoted(name)}"
+        raise WrongValueError(what, suggestion(name, sorted(known)))
+    return known[name]
+
+
+ProfileName = Annotated[Profile, Written(Name, _named_profile, in_context=True)]
+
+
+# -- robots ------------------------------------------------------------------------------------
+
+
+class Robot(Entry):
+    """A robot that is known by name, also before its first message and while it is silent."""
+
+    name: Name = described(
+        "The robot's name, unique in the fleet: its label `robot`.", example="r1"
+    )
+    domain_id: DomainId = described(
+        "The ROS_DOMAIN_ID of the robot. 102 to 214 share ports with Linux' outgoing connections "
+        "and cause a warning.",
+        example=7,
+        default=0,
+    )
+    namespace: Namespace = described(
+        "The ROS namespace in which the robot publishes `diagnostics_agg` and `diagnostics`. "
+        "Without `namespace` and `topic` the robot is the one in the root namespace of its domain.",
+        example="/robot_1",
+        default="",
+        written="/",
+    )
+    topic_agg: str | None = None  # absolute name, of namespace or topic
+    topic_raw: str | None = None
+    source: AnySource = described(_SOURCE, example="raw", default=Source.AUTO)
+    profile: ProfileName = described(
+        "The robot's profile.",
+        example="turtlebot4",
+        default_factory=Profile,
+        written=DEFAULT,
+    )
+    address: Address | None = described(
+        "Host name or IP address for checks of the host (ping, SSH, node_exporter).",
+        example="10.0.0.17",
+        default=None,
+    )
+    labels: Labels = described(_LABELS, example={"site": "hall"}, default_factory=_nothing)
+    topic: Topic | None = described(
+        "The topic in full, in place of `namespace`. With source `auto` or `both`, a name that "
+        "ends in `_agg` is the aggregate's, any other is raw, and the other topic is named after "
+        "it. If it is one of `shared`, this is one of the robots there.",
+        example="/robot_1/health/diagnostics_agg",
+        default=None,
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "Robot":
+        if "namespace" in given and "topic" in given:
+            raise WrongValueError("has both namespace and topic", "keep one of them")
+        return self.reading(self.source)
+
+    def reading(self, source: Source) -> "Robot":
+        """The robot with its topics as they are for a source."""
+        topic = self.topic or f"{self.namespace}/{RAW_NAME}"
+        if self.topic is None and source is Source.AGG:
+            topic += AGGREGATED
+        aggregate, raw = topics_of(topic, source)
+        return replace(
+            self,
+            namespace=topic.rpartition("/")[0],
+            topic_agg=aggregate,
+            topic_raw=raw,
+            source=source,
         )
 
 
-@dataclass(frozen=True)
-class Robot:
-    """One robot that fleet.yml declares, or that discovery made from a pattern."""
+class Discovery(Entry):
+    """Robots that are found by their topics, as they come and go."""
 
-    name: str
-    domain_id: int = 0
-    namespace: str = ""  # "/robot_1"; "" for a robot in the root namespace
-    topic_agg: str | None = None  # absolute name, resolved from namespace or topic
-    topic_raw: str | None = None
-    source: Source = Source.AUTO
-    profile: Profile = field(default_factory=Profile)
-    address: str | None = None  # host name or IP address for host checks
-    labels: Mapping[str, str] = field(
-        default_factory=_no_labels
-    )  # site, uplink, robot_group, team, kind, ...
+    pattern: re.Pattern[str] = INNERMOST  # fullmatch on the topic; group "robot" if `name` needs it
+    template: TopicTemplate = described(
+        "The topics to look for: `{robot}` stands for one part of the name and becomes the "
+        "robot's name, `*` stands for one part of any name.",
+        example="/{robot}/diagnostics_agg",
+        default="",
+        key="topic",
+    )
+    domain_ids: DomainIds = described(
+        "The DDS domains to look in: numbers and ranges.",
+        example=[0, "10-19"],
+        default=(0,),
+        written=[0],
+    )
+    type: Literal["diagnostic_msgs/msg/DiagnosticArray"] | None = described(
+        "In place of `topic`: every topic of this message type is a robot's, whatever its "
+        "name; the robot's name is the last part of its namespace (`/hall/r1/health` -> `r1`). "
+        "With source `agg` only topics that end in `_agg`, with `raw` only the others.",
+        example=MESSAGE_TYPE,
+        default=None,
+    )
+    name: NameTemplate = described(
+        "The robot's name, made of `{robot}` and `{domain_id}`; for robots in the root namespace "
+        "of a domain of their own: `robot_{domain_id}`.",
+        example="amr_{robot}",
+        default=ROBOT,
+    )
+    include: Wildcards = described(
+        "Only robots with these names; `*` stands for anything.", example=["amr_*"], default=()
+    )
+    exclude: Wildcards = described("No robots with these names.", example=["amr_test*"], default=())
+    source: AnySource = described(_SOURCE, example="agg", default=Source.AUTO)
+    profile: ProfileName = described(
+        "The robot's profile.",
+        example="turtlebot4",
+        default_factory=Profile,
+        written=DEFAULT,
+    )
+    address: NameTemplate | None = described(
+        "The robot's host, made of `{robot}`, the robot's name, and `{domain_id}`.",
+        example="{robot}.lan",
+        default=None,
+    )
+    labels: Labels = described(_LABELS, example={"site": "hall"}, default_factory=_nothing)
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "Discovery":
+        if bool(self.template) == bool(self.type):
+            what = "has topic and type" if self.type else "has neither topic nor type"
+            raise WrongValueError(what, 'give one, such as topic: "/{robot}/diagnostics_agg"')
+        named = self.type is not None or ROBOT in self.template
+        if not named and ROBOT in self.name:
+            raise WrongValueError(
+                "cannot distinguish robots: topic has no {robot}",
+                'put {robot} into topic, or name: "robot_{domain_id}"',
+            )
+        if named and ROBOT not in self.name:
+            raise WrongValueError("gives all robots of a domain one name", "put {robot} into name")
+        return replace(self, pattern=self._topics(), template=self.template or str(self.type))
+
+    def _topics(self) -> re.Pattern[str]:
+        """The topics to look for. If any name will do, topics of the other source are excluded."""
+        pattern = topic_pattern(self.template) if self.template else INNERMOST
+        any_name = not self.template or self.template.endswith("/*")
+        if not any_name or self.source not in (Source.AGG, Source.RAW):
+            return pattern
+        wanted = "(?<=" if self.source is Source.AGG else "(?<!"
+        return re.compile(f"{pattern.pattern}{wanted}{AGGREGATED})")
 
 
-@dataclass(frozen=True)
-class Discovery:
-    """Robots found by their topics: every topic that `pattern` matches is a robot."""
+class Shared(Entry):
+    """Several robots on one topic; each status names its robot."""
 
-    pattern: re.Pattern[str]  # fullmatch on the topic; named group "robot" if `name` needs it
-    template: str  # as written: "/{robot}/diagnostics_agg", or the message type
-    domain_ids: tuple[int, ...] = (0,)
-    source: Source = Source.AUTO
-    include: tuple[Pattern, ...] = ()  # fullmatch on the robot's name; () = all
-    exclude: tuple[Pattern, ...] = ()
-    profile: Profile = field(default_factory=Profile)
-    address: str | None = None  # "{robot}.lan", "10.0.0.{domain_id}"
-    labels: Mapping[str, str] = field(default_factory=_no_labels)
-    name: str = "{robot}"  # the robot's name, of {robot} as matched and {domain_id}
+    topic: Topic = described("The topic on which they all publish.", example="/diagnostics")
+    raw: bool = True  # partial arrays (/diagnostics) or complete ones (/diagnostics_agg)
+    domain_id: DomainId = described("Its DDS domain.", example=7, default=0)
+    source: Literal["agg", "raw"] | None = described(
+        "Whether arrays are complete (`agg`) or partial (`raw`). By default `agg` if the topic's "
+        "name ends in `_agg`, else `raw`.",
+        example="raw",
+        default=None,
+    )
+    by: Literal["hardware_id", "name"] = described(
+        "Where a status names its robot: in its `hardware_id` or in its `name`.",
+        example="hardware_id",
+        default="hardware_id",
+    )
+    pattern: Split | None = described(
+        "How to find the robot's name there: text with `{robot}` and, for names, `{component}`; "
+        'or {regex: "..."} with groups of these names, `(?P<robot>...)`. Statuses that do not '
+        "match are counted as rejected. Needed with by: name; without it the whole hardware_id is "
+        "the robot's name.",
+        example="{robot}/{component}",
+        default=None,
+    )
+    profile: ProfileName = described(
+        "The profile of these robots.",
+        example="arm",
+        default_factory=Profile,
+        written=DEFAULT,
+    )
+    labels: Labels = described(_LABELS, example={"site": "hall"}, default_factory=_nothing)
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "Shared":
+        if self.by == "name" and self.pattern is None:
+            raise WrongValueError(
+                "has by: name and no pattern", 'add pattern: "{robot}/{component}"'
+            )
+        aggregated = self.source == "agg" if self.source else self.topic.endswith(AGGREGATED)
+        return replace(self, raw=not aggregated)
 
 
-@dataclass(frozen=True)
-class Shared:
-    """One topic on which several robots publish; each status names its robot."""
-
-    topic: str
-    raw: bool  # partial arrays (/diagnostics) or complete ones (/diagnostics_agg)
-    domain_id: int = 0
-    by: str = "hardware_id"  # or "name"
-    pattern: Pattern | None = None  # named groups "robot" and, for names, "component"
-    profile: Profile = field(default_factory=Profile)
-    labels: Mapping[str, str] = field(default_factory=_no_labels)
+# -- faults ------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class CauseSettings:
+class CauseSettings(Entry):
     """From how many on several problems are one: ``number`` and ``share``, or ``absolute``."""
 
     number: int
@@ -202,62 +763,259 @@ class CauseSettings:
         needed = max(1, self.number, ceil(self.share * total - 1e-9))
         return needed if self.absolute is None else min(needed, max(1, self.absolute))
 
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "CauseSettings":
+        absolute = self.absolute
+        if absolute is not None and "absolute" not in given:
+            absolute = max(absolute, self.number)  # a number that is written down counts
+        return CauseSettings(self.number, self.share, absolute)
 
-@dataclass(frozen=True)
-class WarningHours:
+
+class Many(CauseSettings):
+    """When components of one robot that fail at once are one fault."""
+
+    number: Count = described(
+        "At least so many of its components.", example=10, default=8, key="components"
+    )
+    share: Share = described(
+        "At least this share of all that it has, too.", example=0.3, default=0.5
+    )
+    absolute: Count | None = described(
+        "Or so many components, however many it has.", example=40, default=20
+    )
+
+
+class Site(CauseSettings):
+    """When robots of one site that fall silent at once are one fault."""
+
+    number: Count = described("At least so many of its robots.", example=3, default=5, key="robots")
+    share: Share = described("At least this share of them, too.", example=0.3, default=0.5)
+    absolute: Count | None = described(
+        "Or so many robots, however large the site is.", example=50, default=20
+    )
+
+
+class Common(CauseSettings):
+    """When one component that is CRITICAL on many robots is one fault."""
+
+    number: Count = described("At least so many robots.", example=3, default=5, key="robots")
+    share: Share = described("At least this share of the fleet, too.", example=0.2, default=0.25)
+    absolute: Count | None = described(
+        "Or so many robots, however large the fleet is.", example=50, default=20
+    )
+
+
+class WarningHours(Entry):
     """The hours of the week in which faults of severity warning begin."""
 
-    weekly: Weekly
-    time_zone: str = "UTC"
+    weekly: Annotated[
+        Weekly, Written(Annotated[list[WeeklyTime], Field(min_length=1)], _joined)
+    ] = described(
+        "Times of each week, in `time_zone`, also across midnight.",
+        example=["Mon-Fri 06:00-18:00"],
+    )
+    time_zone: TimeZone = described(
+        "The IANA time zone of the times.", example="Europe/Berlin", default="UTC"
+    )
 
 
-@dataclass(frozen=True)
-class FaultSettings:
-    """How faults are judged, for the whole fleet. Times are seconds.
+class Flapping(Entry):
+    """When something changes too often: Nagios' ratio of changes between its last 21 states."""
 
-    ``confirm_after`` is that of sites and common causes; ``value_hysteresis`` the share of a
-    threshold by which a value has to come back.
-    """
+    start: FlapRatio = described("From this ratio on it is flapping.", example=0.5, default=0.4)
+    stop: FlapRatio = described("Below this ratio it no longer is.", example=0.25, default=0.2)
 
-    confirm_after: float = 10.0
-    restart_grace: float = 30.0
-    pending_after: float = 900.0
-    flapping_start: float = 0.4
-    flapping_stop: float = 0.2
-    value_hysteresis: float = 0.02
-    many: CauseSettings = CauseSettings(8, 0.5, absolute=20)
-    site: CauseSettings = CauseSettings(5, 0.5, absolute=20)
-    common: CauseSettings = CauseSettings(5, 0.25, absolute=20)
-    warning_hours: WarningHours | None = None  # None = always
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "Flapping":
+        if self.stop >= self.start:
+            what = f"stop ({self.stop:g}) is not below start ({self.start:g})"
+            raise WrongValueError(what, "use a stop below start, such as start: 0.4, stop: 0.2")
+        return self
 
 
-@dataclass(frozen=True)
-class Maintenance:
-    """A planned downtime: which robots, and when."""
+class FaultSettings(Entry, title="Faults"):
+    """How the exporter decides which problems are faults, for the whole fleet."""
 
-    name: str
-    selector: Mapping[str, tuple[Pattern, ...]]  # label -> any of these, fullmatch
-    comment: str
-    start: float | None = None  # Unix time; None = since ever
-    end: float | None = None  # exclusive; None = for ever
-    weekly: Weekly = ()  # () = all the time between start and end
-    time_zone: str = "UTC"
+    restart_grace: Duration = described(
+        "Time after a start of the exporter in which no fault begins for want of data.",
+        example="1m",
+        default=30.0,
+    )
+    pending_after: Duration = described(
+        "Time after which a declared robot that was never received is a fault.",
+        example="1h",
+        default=900.0,
+    )
+    confirm_after: Duration = described(
+        "Time after which a fault of a site, or one that is common to many robots, is confirmed; "
+        "for robots and components see the profile.",
+        example="30s",
+        default=10.0,
+    )
+    flapping: Flapping = described(
+        "When components, and robots that come and go, are flapping.",
+        example={"start": 0.5},
+        default=Flapping(),
+    )
+    value_hysteresis: Share = described(
+        "Share of a threshold by which a value has to come back before its fault ends.",
+        example=0.05,
+        default=0.02,
+    )
+    many: Annotated[CauseSettings, Written(Many, _as_it_is)] = described(
+        "When components of one robot that fail at once are one fault.",
+        example={"components": 5},
+        default=Many().completed({}),
+    )
+    site: Annotated[CauseSettings, Written(Site, _as_it_is)] = described(
+        "When robots of one site (their label `site`) that fall silent at once are one fault.",
+        example={"robots": 3, "share": 0.3},
+        default=Site().completed({}),
+    )
+    common: Annotated[CauseSettings, Written(Common, _as_it_is)] = described(
+        "When one component that is CRITICAL on many robots is one fault.",
+        example={"robots": 10, "absolute": 50},
+        default=Common().completed({}),
+    )
+    warning_hours: WarningHours | None = described(
+        "The hours of the week in which faults of severity warning begin. By default all.",
+        example={"weekly": ["Mon-Fri 06:00-18:00"], "time_zone": "Europe/Berlin"},
+        default=None,
+    )
 
 
-@dataclass(frozen=True)
-class Fleet:
-    """The content of fleet.yml and its folders."""
+# -- the file ----------------------------------------------------------------------------------
 
-    name: str
-    robots: tuple[Robot, ...] = ()
-    discoveries: tuple[Discovery, ...] = ()
-    shared: tuple[Shared, ...] = ()
-    profiles: Mapping[str, Profile] = field(default_factory=dict)
-    maintenance: tuple[Maintenance, ...] = ()
-    limits: Limits = Limits()
-    faults: FaultSettings = FaultSettings()
-    exporter: str = ""  # the label of that name; "" for none
-    canary: float | None = None  # seconds from one to the next; None = none
+
+class Maintenance(Entry):
+    """A planned downtime: which robots, when and why."""
+
+    name: Name = described("A name for people.", example="hall 2 charges")
+    selector: Annotated[
+        Mapping[str, Wildcards], Written(dict[str, Wildcards], MappingProxyType)
+    ] = described(
+        "The robots: each of these labels (`robot`, `fleet` and those of `labels`) must match one "
+        'of its texts, `*` stands for anything; or {regex: "..."}.',
+        example={"site": "hall_2", "robot": ["amr_*", "arm_1"]},
+    )
+    comment: str = described("The reason.", example="batteries, ticket 12")
+    start: UnixTime | None = described(
+        "When it begins (ISO 8601; without an offset, in `time_zone`).",
+        example="2026-03-28T22:00",
+        default=None,
+    )
+    end: UnixTime | None = described(
+        "When it ends.", example="2026-03-29T06:00:00+02:00", default=None
+    )
+    weekly: WeeklyTimes = described(
+        "Times of each week, in `time_zone`, also across midnight; only between `start` and `end` "
+        "if these are given.",
+        example=["Mon-Fri 22:00-06:00", "Sun 00:00-24:00"],
+        default=(),
+    )
+    time_zone: TimeZone = described(
+        "The IANA time zone of the times.", example="Europe/Berlin", default="UTC"
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "Maintenance":
+        if not self.selector:
+            raise WrongValueError(
+                "selects nothing", 'name a label, such as selector: {robot: "*"} for all'
+            )
+        if self.start is None and self.end is None and not self.weekly:
+            raise WrongValueError("has no time", "add start, end or weekly")
+        start, end = self._unix(self.start), self._unix(self.end)
+        if start is not None and end is not None and end <= start:
+            raise WrongValueError("is not after start", "put end after start", ("end",))
+        return replace(self, start=start, end=end)
+
+    def _unix(self, moment: Any) -> float | None:
+        """Unix time of what the file has, without an offset in the downtime's time zone."""
+        if moment is None:
+            return None
+        aware = moment if moment.tzinfo else moment.replace(tzinfo=ZoneInfo(self.time_zone))
+        unix: float = aware.timestamp()
+        return unix
+
+
+class Fleet(Entry, title="FleetFile"):
+    """The file fleet.yml."""
+
+    name: Name = described(
+        "The fleet's name: the label `fleet` of every series.", example="plant1", key="fleet"
+    )
+    robots: Annotated[tuple[Robot, ...], Written(list[Robot], tuple)] = described(
+        "Robots known by name.",
+        example=[{"name": "robot_1", "namespace": "/robot_1"}],
+        default=(),
+    )
+    discoveries: Annotated[tuple[Discovery, ...], Written(list[Discovery], tuple)] = described(
+        "Robots found by their topics.",
+        example=[{"topic": "/{robot}/diagnostics_agg"}],
+        default=(),
+        key="discovery",
+    )
+    shared: Annotated[tuple[Shared, ...], Written(list[Shared], tuple)] = described(
+        "Topics on which several robots publish.",
+        example=[{"topic": "/diagnostics", "by": "hardware_id"}],
+        default=(),
+    )
+    profiles: Annotated[
+        Mapping[str, Profile], Written(dict[Name, Profile | None], MappingProxyType)
+    ] = described(
+        "Settings for kinds of robots. `default` applies where no profile is named, and is "
+        "extended by profiles without `extends`.",
+        example={"default": {"stale_after": "5s"}},
+        default_factory=_nothing,
+    )
+    robots_folder: Folder = described(
+        "A folder, beside this file, of more robots: each `*.yml` in it has one robot or a list. "
+        "Add a file to add a robot.",
+        example="fleet/robots",
+        default="robots.d",
+    )
+    maintenance: Annotated[tuple[Maintenance, ...], Written(list[Maintenance], tuple)] = described(
+        "Planned downtimes.",
+        example=[
+            {
+                "name": "charging",
+                "selector": {"robot": "*"},
+                "comment": "every night",
+                "weekly": ["daily 22:00-23:00"],
+            }
+        ],
+        default=(),
+    )
+    maintenance_folder: Folder = described(
+        "A folder, beside this file, of more planned downtimes: each `*.yml` in it has one or a "
+        "list.",
+        example="fleet/maintenance",
+        default="maintenance.d",
+    )
+    limits: Limits = described("Limits.", example={"components": 200}, default=Limits())
+    faults: FaultSettings = described(
+        "How the exporter decides which problems are faults.",
+        example={"pending_after": "1h"},
+        default=FaultSettings(),
+    )
+    exporter: LabelValue = described(
+        "This exporter's name where several share the fleet: the label `exporter` of its faults, "
+        "robots and own metrics. Two that receive the same robots have the same name.",
+        example="berlin",
+        default="",
+    )
+    stale_is_critical: bool = described(
+        "Whether STALE counts as CRITICAL, in all profiles that do not set it.",
+        example=True,
+        default=False,
+    )
+    canary: CanaryInterval | None = described(
+        "How often a canary measures the time of a notification (docs/notifications.md), at least "
+        "1m. By default never.",
+        example="5m",
+        default=None,
+    )
     warnings: tuple[str, ...] = field(default=(), compare=False)  # allowed, but probably mistakes
     sources: tuple[Path, ...] = field(default=(), compare=False)  # see `load.sources`
 
@@ -277,8 +1035,8 @@ class Fleet:
     def domain_ids(self) -> tuple[int, ...]:
         """Every DDS domain to join, ascending."""
         found = {robot.domain_id for robot in self.robots}
-        found.update(domain for each in self.discoveries for domain in each.domain_ids)
         found.update(each.domain_id for each in self.shared)
+        found.update(domain for each in self.discoveries for domain in each.domain_ids)
         return tuple(sorted(found))
 
 

@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from ros_diagnostics_exporter.config.errors import Problem
-from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.config.fleet import Fleet, Profile
 from ros_diagnostics_exporter.config.metric_names import base_unit_for
+from ros_diagnostics_exporter.config.scalars import duration
 from ros_diagnostics_exporter.config.validate import Checked, Placed
+from ros_diagnostics_exporter.config.yaml_file import inside
 from ros_diagnostics_exporter.durations import written
 
 # A domain's ports begin at 7400 + 250 * id; Linux gives 32768 to 60999 to outgoing connections.
@@ -32,9 +34,9 @@ def lint(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
 def _ephemeral_domains(checked: Checked) -> Iterator[Problem]:
     remedy = "prefer 0 to 101 (215 to 232 work on Linux, too)"
     entries: list[tuple[Placed[Any], str, tuple[int, ...]]] = [
-        *((each, "domain_id", (each.entry.domain_id or 0,)) for each in checked.robots),
-        *((each, "domain_id", (each.entry.domain_id or 0,)) for each in checked.shared),
-        *((each, "domain_ids", each.entry.domain_ids or (0,)) for each in checked.discovery),
+        *((each, "domain_id", (each.entry.domain_id,)) for each in checked.robots),
+        *((each, "domain_id", (each.entry.domain_id,)) for each in checked.shared),
+        *((each, "domain_ids", each.entry.domain_ids) for each in checked.discovery),
     ]
     for placed, key, ids in entries:
         shared = [each for each in ids if each in EPHEMERAL_DOMAINS]
@@ -47,32 +49,37 @@ def _ephemeral_domains(checked: Checked) -> Iterator[Problem]:
 def _late(checked: Checked) -> Iterator[Problem]:
     """A number without a unit is seconds, which is easily taken for milliseconds."""
     for placed in checked.profiles:
-        own = placed.entry.stale_after
-        if own is not None and own > LATE:
-            yield _too_late(placed, own, "stale_after")
-        for at, rule in enumerate(placed.entry.components or ()):
-            if rule.stale_after is not None and rule.stale_after > LATE:
-                yield _too_late(placed, rule.stale_after, "components", at, "stale_after")
-
-
-def _too_late(placed: Placed[Any], seconds: float, *below: str | int) -> Problem:
-    what = f"is {written(seconds)}: silence is noticed only after that"
-    return placed.problem(*below, what=what, remedy="write the unit, as in 5s or 500ms")
+        places: list[tuple[str | int, ...]] = [("stale_after",)]
+        places += [("components", at, "stale_after") for at, _ in _entries(placed, "components")]
+        for place in places:
+            written_there = inside(placed.data, place)
+            seconds = 0.0 if written_there is None else duration(written_there)
+            if seconds > LATE:
+                what = f"is {written(seconds)}: silence is noticed only after that"
+                remedy = "write the unit, as in 5s or 500ms"
+                yield placed.problem(*place, what=what, remedy=remedy)
 
 
 def _units(checked: Checked) -> Iterator[Problem]:
     for placed in checked.profiles:
-        for at, value in enumerate(placed.entry.values or ()):
-            base = base_unit_for(value.metric) if value.metric else None
+        for at, value in _entries(placed, "values"):
+            metric = value.get("metric")
+            base = base_unit_for(metric) if metric else None
             if base:
-                what = f"{value.metric} is not in a base unit of Prometheus"
+                what = f"{metric} is not in a base unit of Prometheus"
                 remedy = f"call it ..._{base} and convert with scale"
                 yield placed.problem("values", at, "metric", what=what, remedy=remedy)
-            converted = value.scale is not None or value.offset is not None
-            has_unit_label = value.metric is None or value.thresholds is not None
-            if converted and has_unit_label and value.unit is None:
+            converted = {"scale", "offset"} & value.keys()
+            has_unit_label = metric is None or "thresholds" in value
+            if converted and has_unit_label and "unit" not in value:
                 what = "is converted, but its label still has the unit from before"
                 yield placed.problem("values", at, what=what, remedy="add unit: and the new one")
+
+
+def _entries(placed: Placed[Profile], key: str) -> Iterator[tuple[int, dict[str, Any]]]:
+    """What a profile's list has in the file, without keys that have no value."""
+    for at, entry in enumerate(placed.data.get(key) or ()):
+        yield at, {name: each for name, each in entry.items() if each is not None}
 
 
 def _labels_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Problem]:

@@ -9,9 +9,8 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any
 
-from pydantic import PlainValidator, WithJsonSchema
-
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted
+from ros_diagnostics_exporter.config.keys import Value
 from ros_diagnostics_exporter.config.scalars import MAX_NAME, text
 
 # Of the exporter's families, of Prometheus' client and of Prometheus itself.
@@ -73,13 +72,6 @@ def base_unit_for(metric: str) -> str | None:
 
 MetricName = Annotated[
     str,
-    PlainValidator(metric_name),
-    WithJsonSchema(
-        {"title": "metric name", "type": "string", "pattern": f"^{_METRIC}$", "maxLength": MAX_NAME}
-    ),
+    Value(metric_name, "metric name", type="string", pattern=f"^{_METRIC}$", maxLength=MAX_NAME),
 ]
-Unit = Annotated[
-    str,
-    PlainValidator(unit),
-    WithJsonSchema({"title": "unit", "type": "string", "minLength": 1, "maxLength": 16}),
-]
+Unit = Annotated[str, Value(unit, "unit", type="string", minLength=1, maxLength=16)]

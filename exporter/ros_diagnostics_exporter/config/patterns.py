@@ -10,9 +10,8 @@ import re
 from collections.abc import Iterable
 from typing import Annotated, Any
 
-from pydantic import PlainValidator, WithJsonSchema
-
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted
+from ros_diagnostics_exporter.config.keys import Value
 from ros_diagnostics_exporter.config.scalars import MAX_NAME, MAX_TOPIC, text
 from ros_diagnostics_exporter.regex import Pattern, RegexError, escape
 
@@ -94,28 +93,6 @@ def written(patterns: Iterable[Pattern]) -> str:
     return " or ".join(texts)
 
 
-def _listed(value: Any, one: Any) -> tuple[Pattern, ...]:
-    items = value if isinstance(value, list) else [value]
-    if not items:
-        raise WrongValueError("is an empty list", "remove it or fill it in")
-    return tuple(one(item) for item in items)
-
-
-def words(value: Any) -> tuple[Pattern, ...]:
-    """One word or a list of them."""
-    return _listed(value, word)
-
-
-def wildcards(value: Any) -> tuple[Pattern, ...]:
-    """One text with wildcards or a list of them."""
-    return _listed(value, wildcard)
-
-
-def equals(value: Any) -> tuple[Pattern, ...]:
-    """One text, case ignored, or a list of them."""
-    return _listed(value, equal)
-
-
 def topic_template(value: Any) -> str:
     """A topic in which one part may contain `{robot}`, and `*` is a part of any name."""
     found = text(value)
@@ -177,45 +154,33 @@ _TEXT = [*_WORD, {"type": "integer"}]
 _PUBLISHED = [*_TEXT, {"type": "boolean"}]
 
 
-def _one_or_more(one: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    return [*one, {"type": "array", "minItems": 1, "items": {"anyOf": one}}]
+def _one_or_more(one: Any, title: str, schemas: list[dict[str, Any]]) -> Value:
+    """One pattern or a list of them, each made by ``one``."""
+
+    def made(value: Any) -> tuple[Pattern, ...]:
+        items = value if isinstance(value, list) else [value]
+        if not items:
+            raise WrongValueError("is an empty list", "remove it or fill it in")
+        return tuple(one(item) for item in items)
+
+    listed = {"type": "array", "minItems": 1, "items": {"anyOf": schemas}}
+    return Value(made, title, anyOf=[*schemas, listed])
 
 
-Words = Annotated[
-    tuple[Pattern, ...],
-    PlainValidator(words),
-    WithJsonSchema({"title": "words", "anyOf": _one_or_more(_WORD)}),
-]
-Wildcards = Annotated[
-    tuple[Pattern, ...],
-    PlainValidator(wildcards),
-    WithJsonSchema({"title": "texts with *", "anyOf": _one_or_more(_TEXT)}),
-]
-Equals = Annotated[
-    tuple[Pattern, ...],
-    PlainValidator(equals),
-    WithJsonSchema({"title": "published texts", "anyOf": _one_or_more(_PUBLISHED)}),
-]
+Words = Annotated[tuple[Pattern, ...], _one_or_more(word, "words", _WORD)]
+Wildcards = Annotated[tuple[Pattern, ...], _one_or_more(wildcard, "texts with *", _TEXT)]
+Equals = Annotated[tuple[Pattern, ...], _one_or_more(equal, "published texts", _PUBLISHED)]
 TopicTemplate = Annotated[
-    str,
-    PlainValidator(topic_template),
-    WithJsonSchema({"title": "topic with {robot}", "type": "string", "pattern": f"^{_TOPIC}$"}),
+    str, Value(topic_template, "topic with {robot}", type="string", pattern=f"^{_TOPIC}$")
 ]
 NameTemplate = Annotated[
-    str,
-    PlainValidator(name_template),
-    WithJsonSchema({"title": "text with {robot}", "type": "string", "pattern": f"^{_NAME}$"}),
+    str, Value(name_template, "text with {robot}", type="string", pattern=f"^{_NAME}$")
 ]
 Split = Annotated[
     Pattern,
-    PlainValidator(split),
-    WithJsonSchema(
-        {
-            "title": "text with {robot} and {component}",
-            "anyOf": [
-                {"type": "string", "pattern": r"\{robot\}", "maxLength": MAX_PATTERN},
-                _REGEX,
-            ],
-        }
+    Value(
+        split,
+        "text with {robot} and {component}",
+        anyOf=[{"type": "string", "pattern": r"\{robot\}", "maxLength": MAX_PATTERN}, _REGEX],
     ),
 ]

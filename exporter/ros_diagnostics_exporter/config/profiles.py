@@ -2,254 +2,114 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from itertools import chain
-from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any
 
 from ros_diagnostics_exporter.config.errors import Problem, quoted, suggestion
-from ros_diagnostics_exporter.config.fleet import (
-    Check,
-    ComponentRule,
-    Condition,
-    Conditions,
-    Profile,
-    Threshold,
-    ValueRule,
-)
-from ros_diagnostics_exporter.config.models import (
-    ComponentEntry,
-    ConditionEntry,
-    ProfileEntry,
-    ValueEntry,
-)
-from ros_diagnostics_exporter.config.patterns import written
-from ros_diagnostics_exporter.config.validate import Placed
-from ros_diagnostics_exporter.regex import Pattern
+from ros_diagnostics_exporter.config.fleet import ALL, DEFAULT, Profile
+from ros_diagnostics_exporter.config.keys import validated
+from ros_diagnostics_exporter.config.validate import Placed, validate
+from ros_diagnostics_exporter.config.yaml_file import Document
 
-E = TypeVar("E")
-R = TypeVar("R")
-
-DEFAULT = "default"
-ALL = "all"  # the check that is always there
-_SETTINGS = ("stale_after", "confirm_after", "forget_after", "flap_interval", "stale_is_critical")
-_MOST_WORDS = 200  # characters of a condition as it is shown; what it matches may be longer
-_LEVELS = {"OK": 0, "WARN": 1, "ERROR": 2, "STALE": 3}
+_Content = Mapping[str, Any]  # of a profile, as it is in the file
 
 
 def resolved(
-    entries: list[Placed[ProfileEntry]],
-    named: frozenset[str],
-    *,
-    stale_is_critical: bool,
-    problems: list[Problem],
-) -> dict[str, Profile]:
-    """Every profile by name, `default` always among them.
+    document: Document, problems: list[Problem], *, stale_is_critical: bool
+) -> tuple[list[Placed[Profile]], dict[str, Profile]]:
+    """(The valid entries of the file, every profile by name, `default` always among them).
 
-    What cannot be resolved is added to `problems`. `named` are all names in the file, also those
-    of invalid profiles, for which there are problems already.
+    What cannot be resolved is added to `problems`; in its place there is the default.
     """
-    base = Profile(name=DEFAULT, stale_is_critical=stale_is_critical)
-    resolver = _Resolver({str(each.path[-1]): each for each in entries}, named, base, problems)
-    for name in resolver.entries:
-        resolver.profile(name)
-    return {DEFAULT: base, **{name: made for name, made in resolver.made.items() if made}}
+    found = document.data.get("profiles")
+    given = found if isinstance(found, dict) else {}
+    items = [(("profiles", name), {} if each is None else each) for name, each in given.items()]
+    entries = validate(document, items, Profile, problems)
+    base = {"stale_is_critical": stale_is_critical, "checks": {ALL: {}}}
+    resolver = _Resolver({str(each.path[-1]): each for each in entries}, {*given, DEFAULT}, base)
+    made = {
+        name: resolver.content(name) if name in resolver.entries else base
+        for name in dict.fromkeys((DEFAULT, *given))
+    }
+    problems.extend(resolver.problems)
+    default = Profile(stale_is_critical=stale_is_critical)
+    return entries, {
+        name: default if each is None else replace(validated(Profile, each), name=name)
+        for name, each in made.items()
+    }
 
 
 class _Resolver:
-    """Resolves profiles, each after the one that it extends."""
+    """Merges profiles, each into the one that it extends."""
 
     def __init__(
-        self,
-        entries: Mapping[str, Placed[ProfileEntry]],
-        named: frozenset[str],
-        base: Profile,
-        problems: list[Problem],
+        self, entries: Mapping[str, Placed[Profile]], known: Iterable[str], base: _Content
     ) -> None:
         self.entries = entries
-        self.made: dict[str, Profile | None] = {}  # None: invalid, with a problem
-        self._known = named | {DEFAULT}
+        self.problems: list[Problem] = []
+        self._known = sorted(known)  # also those that are invalid
         self._base = base
-        self._problems = problems
+        self._made: dict[str, _Content | None] = {}  # None: invalid, with a problem
 
-    def profile(self, name: str, above: tuple[str, ...] = ()) -> Profile | None:
-        """The resolved profile; `above` are the profiles that extend it."""
-        if name not in self.made:
-            parent = self._parent(name, self.entries[name], (*above, name))
-            self.made[name] = parent and _extended(parent, name, self.entries[name], self._problems)
-        return self.made[name]
+    def content(self, name: str, above: tuple[str, ...] = ()) -> _Content | None:
+        """The merged content of a profile; `above` are the profiles that extend it."""
+        if name not in self._made:
+            placed = self.entries[name]
+            parent = self._parent(name, placed, (*above, name))
+            self._made[name] = None if parent is None else self._merged(parent, placed)
+        return self._made[name]
 
     def _parent(
-        self, name: str, placed: Placed[ProfileEntry], above: tuple[str, ...]
-    ) -> Profile | None:
-        wanted = placed.entry.extends or DEFAULT
+        self, name: str, placed: Placed[Profile], above: tuple[str, ...]
+    ) -> _Content | None:
+        wanted = placed.entry.extends
         if name == DEFAULT:
-            if placed.entry.extends:
+            if placed.data.get("extends"):
                 what = "the profile default cannot extend another"
-                self._problem(placed, what, "remove extends")
+                self._problem(placed, "extends", what=what, remedy="remove extends")
             return self._base
         if wanted in above:
             way = " -> ".join((*above[above.index(wanted) :], wanted))
-            self._problem(placed, f"extends in a circle ({way})", "remove one extends")
+            what = f"extends in a circle ({way})"
+            self._problem(placed, "extends", what=what, remedy="remove one extends")
             return None
         if wanted in self.entries:
-            return self.profile(wanted, above)
+            return self.content(wanted, above)
         if wanted not in self._known:
-            self._problem(
-                placed,
-                f"there is no profile {quoted(wanted)}",
-                suggestion(wanted, sorted(self._known)),
-            )
+            what = f"there is no profile {quoted(wanted)}"
+            remedy = suggestion(wanted, self._known)
+            self._problem(placed, "extends", what=what, remedy=remedy)
             return None
         return self._base if wanted == DEFAULT else None
 
-    def _problem(self, placed: Placed[ProfileEntry], what: str, remedy: str) -> None:
-        self._problems.append(placed.problem("extends", what=what, remedy=remedy))
+    def _merged(self, parent: _Content, placed: Placed[Profile]) -> _Content:
+        """A profile's own content over that of the profile that it extends."""
+        own = {key: each for key, each in placed.data.items() if each is not None}
+        merged = {**parent, **own}
+        for key in ("checks", "tasks"):
+            merged[key] = self._added(key, parent.get(key, {}), own.get(key, {}), placed)
+        for key in ("components", "values"):  # the first match wins
+            merged[key] = [*own.get(key, []), *parent.get(key, [])]
+        return merged
 
-
-def _extended(
-    parent: Profile, name: str, placed: Placed[ProfileEntry], problems: list[Problem]
-) -> Profile:
-    entry = placed.entry
-    settings: dict[str, Any] = {
-        key: getattr(entry, key) for key in _SETTINGS if getattr(entry, key) is not None
-    }
-    return replace(
-        parent,
-        name=name,
-        checks=_checks(parent.checks, placed, problems),
-        # The first match wins, so the own rules come before the inherited ones.
-        components=(*_every(_components, entry.components), *parent.components),
-        values=(*_every(_values, entry.values), *parent.values),
-        tasks=_tasks(parent.tasks, placed, problems),
-        **settings,
-    )
-
-
-def _every(rules: Callable[[E], list[R]], entries: list[E] | None) -> Iterator[R]:
-    return chain.from_iterable(map(rules, entries or ()))
-
-
-def _checks(
-    inherited: tuple[Check, ...], placed: Placed[ProfileEntry], problems: list[Problem]
-) -> tuple[Check, ...]:
-    """The parent's checks with those of `placed` added, replaced and removed."""
-    checks = {check.name: check for check in inherited}
-    for name, entry in (placed.entry.checks or {}).items():
-        where = ("checks", name)
-        if name == ALL and (entry is None or entry.match is not None):
+    def _added(
+        self, key: str, inherited: _Content, own: _Content, placed: Placed[Profile]
+    ) -> _Content:
+        """The inherited ones with a profile's own added, replaced and (null) removed."""
+        both = {**inherited, **own}
+        removed = [name for name, each in own.items() if each is None]
+        for name in removed:
+            del both[name]
+            if name not in inherited:
+                what = "is removed (null), but no profile that is extended has it"
+                remedy = suggestion(name, [each for each in both if each != ALL])
+                self._problem(placed, key, name, what=what, remedy=remedy)
+        has_words = any(each.patterns for each in placed.entry.checks if each.name == ALL)
+        if key == "checks" and (ALL in removed or has_words):
             what = "cannot be removed or narrowed: the check all contains all components"
-            problems.append(placed.problem(*where, what=what, remedy="use another name"))
-        elif entry is not None:
-            checks[name] = Check(name, entry.match or (), entry.expect)
-        elif checks.pop(name, None) is None:
-            what = "is removed (null), but no profile that is extended has it"
-            remedy = suggestion(name, [each for each in checks if each != ALL])
-            problems.append(placed.problem(*where, what=what, remedy=remedy))
-    return tuple(checks.values())
+            self._problem(placed, key, ALL, what=what, remedy="use another name")
+        return both
 
-
-def _tasks(
-    inherited: Mapping[str, tuple[Pattern, ...]],
-    placed: Placed[ProfileEntry],
-    problems: list[Problem],
-) -> Mapping[str, tuple[Pattern, ...]]:
-    """The parent's tasks with those of `placed` added, replaced and removed."""
-    tasks = dict(inherited)
-    for name, patterns in (placed.entry.tasks or {}).items():
-        if patterns is not None:
-            tasks[name] = patterns
-        elif tasks.pop(name, None) is None:
-            what = "is removed (null), but no profile that is extended has it"
-            remedy = suggestion(name, list(tasks))
-            problems.append(placed.problem("tasks", name, what=what, remedy=remedy))
-    return MappingProxyType(tasks)
-
-
-def _components(entry: ComponentEntry) -> list[ComponentRule]:
-    """One rule for each of the entry's patterns."""
-    levels = {
-        _LEVELS[published]: _LEVELS[counted] for published, counted in (entry.levels or {}).items()
-    }
-    conditions = _conditions(entry)
-    return [
-        ComponentRule(
-            pattern=pattern,
-            ignore=entry.ignore or False,
-            stale_after=entry.stale_after,
-            confirm_after=entry.confirm_after,
-            levels=MappingProxyType(levels),
-            planned_stale=entry.planned_stale or False,
-            conditions=conditions,
-        )
-        for pattern in entry.match
-    ]
-
-
-def _values(entry: ValueEntry) -> list[ValueRule]:
-    """One rule for each pair of the entry's patterns for components and keys."""
-    enum = {word.strip().lower(): number for word, number in (entry.enum or {}).items()}
-    conditions = _conditions(entry)
-    return [
-        ValueRule(
-            component=component,
-            key=key,
-            keep=entry.keep is not False,
-            unit=entry.unit,
-            enum=MappingProxyType(enum) if enum else None,
-            scale=1.0 if entry.scale is None else entry.scale,
-            offset=entry.offset or 0.0,
-            metric=entry.metric,
-            thresholds=_thresholds(entry),
-            conditions=conditions,
-        )
-        for component in entry.component or (None,)
-        for key in entry.key or (None,)
-    ]
-
-
-def _thresholds(entry: ValueEntry) -> tuple[Threshold, ...]:
-    if entry.thresholds is None:
-        return ()
-    return tuple(
-        Threshold(bound, severity, value)
-        for bound in ("low", "high")
-        for severity in ("warning", "critical")
-        if (value := getattr(getattr(entry.thresholds, bound), severity, None)) is not None
-    )
-
-
-def _conditions(entry: ComponentEntry | ValueEntry) -> Conditions | None:
-    if not (entry.when or entry.unless):
-        return None
-    when, unless = (tuple(map(_condition, each or ())) for each in (entry.when, entry.unless))
-    return Conditions(when, unless)
-
-
-def _condition(entry: ConditionEntry) -> Condition:
-    levels = entry.level or ()
-    return Condition(
-        text=" ".join(filter(None, _in_words(entry)))[:_MOST_WORDS],
-        component=entry.component or (),
-        levels=tuple(_LEVELS[each] for each in levels),
-        key=entry.key or (),
-        texts=entry.equals or (),
-        below=entry.below,
-        above=entry.above,
-    )
-
-
-def _in_words(entry: ConditionEntry) -> Iterator[str]:
-    """A condition as people read it: "Charger State is charging"."""
-    if entry.component:
-        yield written(entry.component)
-    if entry.key:
-        yield written(entry.key)
-    yield "is"
-    if entry.level:
-        yield " or ".join(entry.level)
-    if entry.equals:
-        yield written(entry.equals)
-    bounds = (("above", entry.above), ("below", entry.below))
-    yield " and ".join(f"{word} {number:g}" for word, number in bounds if number is not None)
+    def _problem(self, placed: Placed[Profile], *below: str | int, what: str, remedy: str) -> None:
+        self.problems.append(placed.problem(*below, what=what, remedy=remedy))

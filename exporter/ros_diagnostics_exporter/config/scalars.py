@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 import zoneinfo
+from collections.abc import Callable
 from datetime import datetime
 from typing import Annotated, Any
 
-from pydantic import PlainValidator, WithJsonSchema
-
 from ros_diagnostics_exporter import durations
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted
+from ros_diagnostics_exporter.config.keys import Value
 from ros_diagnostics_exporter.weekly import Weekly
 
 MAX_DOMAIN_ID = 232  # above it, rclpy ends the whole process (ports would exceed 65535)
@@ -272,102 +272,57 @@ def time_zone(value: Any) -> str:
     return found
 
 
-def _schema(title: str, **more: Any) -> WithJsonSchema:
-    return WithJsonSchema({"title": title, **more})
-
-
 def _whole(regex: str) -> str:
     """The regular expression for JSON Schema, which searches."""
     return f"^(?:{regex})$"
 
 
-_SECONDS = {"type": "number", "minimum": 0}
-_ID = {"type": "integer", "minimum": 0, "maximum": MAX_DOMAIN_ID}
-_TEXT_DURATION = {"type": "string", "minLength": 2, "pattern": _whole(durations.PATTERN)}
+def _seconds(**least: float) -> list[dict[str, Any]]:
+    text = {"type": "string", "minLength": 2, "pattern": _whole(durations.PATTERN)}
+    return [{"type": "number", **least}, text]
 
-Duration = Annotated[
-    float, PlainValidator(duration), _schema("duration", anyOf=[_SECONDS, _TEXT_DURATION])
+
+_ID = {"type": "integer", "minimum": 0, "maximum": MAX_DOMAIN_ID}
+_IDS = {"anyOf": [_ID, {"type": "string", "pattern": _whole(_RANGE)}]}
+_RESERVED = [
+    {"enum": sorted(RESERVED_LABELS)},
+    {"pattern": f"^({'|'.join(RESERVED_LABEL_PREFIXES)})"},
 ]
+
+
+def _value(made: Callable[[Any], Any], title: str, pattern: str, **more: Any) -> Value:
+    return Value(made, title, type="string", pattern=pattern, **more)
+
+
+Duration = Annotated[float, Value(duration, "duration", anyOf=_seconds(minimum=0))]
 PositiveDuration = Annotated[
-    float,
-    PlainValidator(positive_duration),
-    _schema("duration", anyOf=[{"type": "number", "exclusiveMinimum": 0}, _TEXT_DURATION]),
+    float, Value(positive_duration, "duration", anyOf=_seconds(exclusiveMinimum=0))
 ]
 CanaryInterval = Annotated[
-    float,
-    PlainValidator(canary_interval),
-    _schema("duration", anyOf=[{"type": "number", "minimum": LEAST_CANARY}, _TEXT_DURATION]),
+    float, Value(canary_interval, "duration", anyOf=_seconds(minimum=LEAST_CANARY))
 ]
-DomainId = Annotated[int, PlainValidator(domain_id), _schema("DDS domain", **_ID)]
+DomainId = Annotated[int, Value(domain_id, "DDS domain", **_ID)]
 DomainIds = Annotated[
     tuple[int, ...],
-    PlainValidator(domain_ids),
-    _schema(
+    Value(
+        domain_ids,
         "list of DDS domains",
-        anyOf=[
-            _ID,
-            {
-                "type": "array",
-                "minItems": 1,
-                "items": {"anyOf": [_ID, {"type": "string", "pattern": _whole(_RANGE)}]},
-            },
-        ],
+        anyOf=[_ID, {"type": "array", "minItems": 1, "items": _IDS}],
     ),
 ]
-Topic = Annotated[
-    str, PlainValidator(topic), _schema("topic", type="string", pattern=_whole(_TOPIC))
-]
-Namespace = Annotated[
-    str,
-    PlainValidator(namespace),
-    _schema("namespace", type="string", pattern=_whole(_TOPIC + "|/")),
-]
-Name = Annotated[
-    str,
-    PlainValidator(name),
-    _schema("name", type="string", pattern="^[^/]+$", maxLength=MAX_NAME),
-]
-TaskName = Annotated[
-    str,
-    PlainValidator(task_name),
-    _schema("task", type="string", pattern="^[^;,/]+$", maxLength=40),
-]
-Address = Annotated[str, PlainValidator(address), _schema("host", type="string", minLength=1)]
-Folder = Annotated[str, PlainValidator(folder), _schema("folder", type="string", minLength=1)]
+Topic = Annotated[str, _value(topic, "topic", _whole(_TOPIC))]
+Namespace = Annotated[str, _value(namespace, "namespace", _whole(_TOPIC + "|/"))]
+Name = Annotated[str, _value(name, "name", "^[^/]+$", maxLength=MAX_NAME)]
+TaskName = Annotated[str, _value(task_name, "task", "^[^;,/]+$", maxLength=40)]
+Address = Annotated[str, Value(address, "host", type="string", minLength=1)]
+Folder = Annotated[str, Value(folder, "folder", type="string", minLength=1)]
 LabelName = Annotated[
-    str,
-    PlainValidator(label_name),
-    WithJsonSchema(
-        {
-            "title": "label name",
-            "type": "string",
-            "pattern": _whole(_LABEL),
-            "not": {
-                "anyOf": [
-                    {"enum": sorted(RESERVED_LABELS)},
-                    {"pattern": f"^({'|'.join(RESERVED_LABEL_PREFIXES)})"},
-                ]
-            },
-        }
-    ),
+    str, _value(label_name, "label name", _whole(_LABEL), **{"not": {"anyOf": _RESERVED}})
 ]
 LabelValue = Annotated[
     str,
-    PlainValidator(label_value),
-    _schema("label value", type=["string", "integer"], maxLength=MAX_LABEL_VALUE),
+    Value(label_value, "label value", type=["string", "integer"], maxLength=MAX_LABEL_VALUE),
 ]
-WeeklyTime = Annotated[
-    Weekly,
-    PlainValidator(weekly),
-    _schema("weekly time", type="string", pattern=f"^{_WEEKLY.pattern}$"),
-]
-Moment = Annotated[
-    datetime,
-    PlainValidator(moment),
-    _schema("date and time", type="string", pattern=f"^{_MOMENT}$"),
-]
-TimeZone = Annotated[
-    str,
-    PlainValidator(time_zone),
-    _schema("time zone", type="string", minLength=1),
-]
+WeeklyTime = Annotated[Weekly, _value(weekly, "weekly time", f"^{_WEEKLY.pattern}$")]
+Moment = Annotated[datetime, _value(moment, "date and time", f"^{_MOMENT}$")]
+TimeZone = Annotated[str, Value(time_zone, "time zone", type="string", minLength=1)]

@@ -75,7 +75,7 @@ class Document(NamedTuple):
         """`path` for people: `robots[robot_1].domain_id`, list entries by their name."""
         text, inner = "", self.data
         for part in path:
-            inner = _inside(inner, part)
+            inner = inside(inner, (part,))
             if isinstance(part, int):
                 text += f"[{_entry_name(inner) or part}]"
             else:
@@ -87,12 +87,15 @@ class Document(NamedTuple):
         return Problem(self.path, self.line(path), self.key(path), what, remedy)
 
 
-def _inside(data: Any, part: str | int) -> Any:
-    if isinstance(data, dict):
-        return data.get(part)
-    if isinstance(data, list) and isinstance(part, int) and part < len(data):
-        return data[part]
-    return None
+def inside(data: Any, path: KeyPath) -> Any:
+    """What is at `path` inside of plain data, or None."""
+    for part in path:
+        if isinstance(data, dict):
+            data = data.get(part)
+        else:
+            is_there = isinstance(data, list) and isinstance(part, int) and part < len(data)
+            data = data[part] if is_there else None
+    return data
 
 
 def _entry_name(entry: Any) -> str | None:

@@ -144,8 +144,8 @@ def _judge_flapping(book: Book, component: Component, flaps: FlapHistory, now: I
     settings = book.settings
     verdict = verdicts.of_flapping(
         flaps.ratio,
-        settings.flapping_start,
-        settings.flapping_stop,
+        settings.flapping.start,
+        settings.flapping.stop,
         in_trouble=component.flapping,
     )
     if problem is None and verdict is Verdict.BAD:

@@ -133,8 +133,8 @@ def _judge_flapping(book: Book, robot: Robot, history: FlapHistory, now: Instant
     was_flapping = robot.flapping
     verdict = verdicts.of_flapping(
         history.ratio,
-        settings.flapping_start,
-        settings.flapping_stop,
+        settings.flapping.start,
+        settings.flapping.stop,
         in_trouble=was_flapping,
     )
     problem = robot.problems.get(State.FLAPPING)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 from zoneinfo import ZoneInfo
 
-from pydantic import Field, PlainValidator, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, model_validator
 
 from ros_diagnostics_exporter.config.errors import (
     ConfigError,
@@ -24,7 +24,6 @@ from ros_diagnostics_exporter.config.errors import (
     quoted,
     suggestion,
 )
-from ros_diagnostics_exporter.config.models import Entry
 from ros_diagnostics_exporter.config.scalars import Moment, Name, TimeZone, WeeklyTime, text
 from ros_diagnostics_exporter.config.yaml_file import Document, KeyPath, read
 from ros_diagnostics_tools.oncall.rota import Duty, Override, Shift, Stretch, instant, stretches
@@ -68,6 +67,12 @@ def minute(value: datetime) -> datetime:
 Email = Annotated[str, PlainValidator(email)]
 Phone = Annotated[str, PlainValidator(phone)]
 Matcher = Annotated[str, PlainValidator(matcher)]
+
+
+class Entry(BaseModel):
+    """A mapping in oncall.yml: unknown keys are errors, types are not converted."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
 class PersonEntry(Entry):

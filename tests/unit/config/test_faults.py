@@ -1,7 +1,12 @@
 """The section `faults` of fleet.yml: how faults are judged, and what --config.check says of it."""
 
 from ros_diagnostics_exporter.config.check import describe
-from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, WarningHours
+from ros_diagnostics_exporter.config.fleet import (
+    CauseSettings,
+    FaultSettings,
+    Flapping,
+    WarningHours,
+)
 
 MINIMAL = "fleet: x\nrobots: [{name: r1}]\n"
 
@@ -30,8 +35,7 @@ def test_every_key_of_the_section_is_applied(fleet_of):
         confirm_after=20.0,
         restart_grace=60.0,
         pending_after=3600.0,
-        flapping_start=0.5,
-        flapping_stop=0.3,
+        flapping=Flapping(0.5, 0.3),
         value_hysteresis=0.05,
         many=CauseSettings(3, 0.4, absolute=9),
         site=CauseSettings(24, 0.6, absolute=24),
@@ -54,7 +58,7 @@ def test_every_key_of_the_section_is_applied(fleet_of):
 def test_a_part_of_an_entry_leaves_the_rest_at_its_default(fleet_of):
     found = fleet_of(MINIMAL + "faults: {many: {share: 0.1}, flapping: {stop: 0.1}}").faults
     assert found.many == CauseSettings(8, 0.1, absolute=20)
-    assert (found.flapping_start, found.flapping_stop) == (0.4, 0.1)
+    assert found.flapping == Flapping(0.4, 0.1)
 
 
 def test_the_longest_confirm_after_is_that_of_any_profile_in_use(fleet_of):

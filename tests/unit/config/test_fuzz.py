@@ -7,27 +7,26 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.errors import ConfigError
-from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.config.fleet import (
+    Check,
+    ComponentRule,
+    Discovery,
+    Fleet,
+    Limits,
+    Maintenance,
+    Profile,
+    Robot,
+    Shared,
+    Thresholds,
+    ValueRule,
+)
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.config.models import (
-    CheckEntry,
-    ComponentEntry,
-    DiscoveryEntry,
-    FleetFile,
-    LimitsEntry,
-    MaintenanceEntry,
-    ProfileEntry,
-    RobotEntry,
-    SharedEntry,
-    ThresholdsEntry,
-    ValueEntry,
-)
 
-MODELS = (
-    *(FleetFile, LimitsEntry, MaintenanceEntry, DiscoveryEntry, RobotEntry, SharedEntry),
-    *(CheckEntry, ComponentEntry, ProfileEntry, ThresholdsEntry, ValueEntry),
+ENTRIES = (
+    *(Fleet, Limits, Maintenance, Discovery, Robot, Shared),
+    *(Check, ComponentRule, Profile, Thresholds, ValueRule),
 )
-KEYS = sorted({key for model in MODELS for key in model.model_fields} | {"regex", "default"})
+KEYS = sorted({key for entry in ENTRIES for key in entry.keys} | {"regex", "default"})
 WORDS = ["/{robot}/diagnostics_agg", "/r", "5s", "Mon 22:00-06:00", "2026-03-01", "UTC", "a*", "r"]
 
 LEAVES = st.one_of(
@@ -65,7 +64,7 @@ def test_any_bytes_are_a_fleet_or_an_error(path, content):
 
 
 @settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow])
-@given(data=st.dictionaries(st.sampled_from([*FleetFile.model_fields]), DATA))
+@given(data=st.dictionaries(st.sampled_from([*Fleet.keys]), DATA))
 def test_any_values_of_known_keys_are_a_fleet_or_an_error(path, data):
     path.write_text(json.dumps({"fleet": "x", **data}), encoding="utf-8")
     outcome(path)

@@ -10,28 +10,28 @@ from jsonschema import Draft7Validator
 
 from config_schema import SCHEMAS, schema
 from ros_diagnostics_exporter.config.errors import ConfigError
+from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.config.models import FleetFile
 from ros_diagnostics_exporter.config.yaml_file import read
 
 CONFIGS = Path(__file__).parents[2] / "data/configs"
-FLEET = schema(FleetFile)
+FLEET = schema(Fleet)
 VALIDATOR = Draft7Validator(FLEET)
 
 # The required keys of each kind of entry, and its place in fleet.yml.
 PROFILE = {"default": {}, "turtlebot4": {}, "wheeled": {}, "arm": {}}
 LEVEL = {"level": "OK"}
 WHOLE = {
-    "FleetFile": lambda entry: entry,
-    "RobotEntry": lambda entry: {"robots": [{"name": "r", **entry}]},
-    "DiscoveryEntry": lambda entry: {"discovery": [entry]},
-    "SharedEntry": lambda entry: {"shared": [{"topic": "/diagnostics", **entry}]},
-    "ProfileEntry": lambda entry: {"profiles": {**PROFILE, "x": entry}},
-    "CheckEntry": lambda entry: {"profiles": {"default": {"checks": {"x": entry}}}},
-    "ComponentEntry": lambda entry: {
+    "Fleet": lambda entry: entry,
+    "Robot": lambda entry: {"robots": [{"name": "r", **entry}]},
+    "Discovery": lambda entry: {"discovery": [entry]},
+    "Shared": lambda entry: {"shared": [{"topic": "/diagnostics", **entry}]},
+    "Profile": lambda entry: {"profiles": {**PROFILE, "x": entry}},
+    "Check": lambda entry: {"profiles": {"default": {"checks": {"x": entry}}}},
+    "ComponentRule": lambda entry: {
         "profiles": {"default": {"components": [{"match": "x", **entry}]}}
     },
-    "ConditionEntry": lambda entry: {
+    "Condition": lambda entry: {
         "profiles": {
             "default": {
                 "components": [
@@ -49,7 +49,7 @@ WHOLE = {
             }
         }
     },
-    "ValueEntry": lambda entry: {
+    "ValueRule": lambda entry: {
         "profiles": {
             "default": {
                 "values": [
@@ -58,20 +58,18 @@ WHOLE = {
             }
         }
     },
-    "ThresholdsEntry": lambda entry: {"profiles": {"default": {"values": [{"thresholds": entry}]}}},
-    "BoundEntry": lambda entry: {
-        "profiles": {"default": {"values": [{"thresholds": {"low": entry}}]}}
-    },
-    "FaultsEntry": lambda entry: {"faults": entry},
-    "FlappingEntry": lambda entry: {"faults": {"flapping": entry}},
-    "ManyEntry": lambda entry: {"faults": {"many": entry}},
-    "SiteEntry": lambda entry: {"faults": {"site": entry}},
-    "CommonEntry": lambda entry: {"faults": {"common": entry}},
-    "WarningHoursEntry": lambda entry: {
+    "Thresholds": lambda entry: {"profiles": {"default": {"values": [{"thresholds": entry}]}}},
+    "Bound": lambda entry: {"profiles": {"default": {"values": [{"thresholds": {"low": entry}}]}}},
+    "FaultSettings": lambda entry: {"faults": entry},
+    "Flapping": lambda entry: {"faults": {"flapping": entry}},
+    "Many": lambda entry: {"faults": {"many": entry}},
+    "Site": lambda entry: {"faults": {"site": entry}},
+    "Common": lambda entry: {"faults": {"common": entry}},
+    "WarningHours": lambda entry: {
         "faults": {"warning_hours": {"weekly": ["daily 06:00-18:00"], **entry}}
     },
-    "LimitsEntry": lambda entry: {"limits": entry},
-    "MaintenanceEntry": lambda entry: {
+    "Limits": lambda entry: {"limits": entry},
+    "Maintenance": lambda entry: {
         "maintenance": [
             {
                 "name": "x",
@@ -83,14 +81,14 @@ WHOLE = {
         ]
     },
 }
-DEFINITIONS = {"FleetFile": FLEET, **FLEET["definitions"]}
+DEFINITIONS = {"Fleet": FLEET, **FLEET["definitions"]}
 PROPERTIES = [
     (name, key) for name, definition in DEFINITIONS.items() for key in definition["properties"]
 ]
 
 
 def whole(name, entry):
-    if name == "DiscoveryEntry" and "type" not in entry:
+    if name == "Discovery" and "type" not in entry:
         entry = {"topic": "/{robot}/diagnostics", **entry}
     made = {"fleet": "x", **WHOLE[name](entry)}
     if "profiles" not in made:

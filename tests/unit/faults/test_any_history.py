@@ -9,7 +9,12 @@ from dataclasses import replace
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, WarningHours
+from ros_diagnostics_exporter.config.fleet import (
+    CauseSettings,
+    FaultSettings,
+    Flapping,
+    WarningHours,
+)
 from ros_diagnostics_exporter.faults.model import ComponentName, ComponentReport, ValueReport
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from support.fault_histories import (
@@ -44,8 +49,7 @@ FLEETS = (
         confirm_after=4,
         restart_grace=7,
         pending_after=15,
-        flapping_start=0.2,
-        flapping_stop=0.1,
+        flapping=Flapping(0.2, 0.1),
         many=CauseSettings(3, 0.5),
         site=CauseSettings(2, 0.5),
         common=CauseSettings(3, 0.5),
@@ -54,8 +58,7 @@ FLEETS = (
         confirm_after=2,
         restart_grace=3,
         pending_after=5,
-        flapping_start=0.3,
-        flapping_stop=0.15,
+        flapping=Flapping(0.3, 0.15),
         many=CauseSettings(2, 0.3),
         site=CauseSettings(3, 0.7),
         common=CauseSettings(4, 0.9, absolute=2),

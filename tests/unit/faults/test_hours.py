@@ -4,7 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, WarningHours
+from ros_diagnostics_exporter.config.fleet import (
+    CauseSettings,
+    FaultSettings,
+    Flapping,
+    WarningHours,
+)
 from ros_diagnostics_exporter.faults.model import Reason
 from ros_diagnostics_exporter.model import Instant
 from support.fault_histories import (
@@ -163,7 +168,7 @@ def test_a_robot_that_comes_and_goes_at_night_and_stays_away_is_silent():
         (210, None, "began robot/silent r1"),
         (300, back()),
         (BEGIN, None, "began robot/flapping r1"),
-        settings=replace(SETTINGS, flapping_stop=0.01),
+        settings=replace(SETTINGS, flapping=Flapping(stop=0.01)),
     )
 
 

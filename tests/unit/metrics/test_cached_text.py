@@ -20,7 +20,6 @@ from ros_diagnostics_exporter.config.fleet import (
     Check,
     ComponentRule,
     Condition,
-    Conditions,
     Discovery,
     FaultSettings,
     Fleet,
@@ -62,9 +61,7 @@ RICH = replace(
         ComponentRule(Pattern("Laser"), levels={WARN: OK}, stale_after=3.0, planned_stale=True),
         ComponentRule(
             Pattern("Motor"),
-            conditions=Conditions(
-                unless=(Condition("Laser is ERROR", (Pattern("Laser"),), levels=(ERROR,)),)
-            ),
+            unless=(Condition("Laser is ERROR", (Pattern("Laser"),), levels=(ERROR,)),),
         ),
     ),
     values=(

@@ -9,7 +9,6 @@ import pytest
 from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
     Condition,
-    Conditions,
     Discovery,
     Fleet,
     Robot,
@@ -112,7 +111,7 @@ def test_what_was_recorded_on_a_robot_is_put_below_its_namespace(tmp_path):
 def test_a_condition_is_judged_as_by_the_running_exporter(tmp_path):
     rows = every_second(range(120), {"motor": range(40, 90), "brake": range(40, 70)})
     brake = Condition("brake is ERROR", (Pattern("brake"),), levels=(2,))
-    rule = ComponentRule(Pattern("motor"), conditions=Conditions(unless=(brake,)))
+    rule = ComponentRule(Pattern("motor"), unless=(brake,))
 
     result = judged(fleet(components=(rule,)), write_json(tmp_path / "recording.json", rows))
 
@@ -121,7 +120,7 @@ def test_a_condition_is_judged_as_by_the_running_exporter(tmp_path):
     assert (outage.begin, outage.end) == (BEGIN + 40, BEGIN + 90)
     assert outage.verdict == "notified"
 
-    always = ComponentRule(Pattern("motor"), conditions=Conditions(when=(brake,)))
+    always = ComponentRule(Pattern("motor"), when=(brake,))
     result = judged(fleet(components=(always,)), tmp_path / "recording.json")
     assert texts(result) == ["40 50 70 brake critical", "40 50 70 motor critical"]
 
@@ -129,7 +128,7 @@ def test_a_condition_is_judged_as_by_the_running_exporter(tmp_path):
 def test_what_a_condition_excuses_all_the_time_is_quiet(tmp_path):
     rows = every_second(range(120), {"motor": range(40, 90), "brake": []})
     brake = Condition("brake is OK", (Pattern("brake"),), levels=(0,))
-    rule = ComponentRule(Pattern("motor"), conditions=Conditions(unless=(brake,)))
+    rule = ComponentRule(Pattern("motor"), unless=(brake,))
 
     result = judged(fleet(components=(rule,)), write_json(tmp_path / "recording.json", rows))
 

@@ -71,8 +71,8 @@ def test_services_are_checks_with_the_times_of_nagios(fleet):
 
 
 def test_flapping_has_the_thresholds_of_services(fleet):
-    assert fleet.faults.flapping_start == 0.2
-    assert fleet.faults.flapping_stop == 0.05
+    assert fleet.faults.flapping.start == 0.2
+    assert fleet.faults.flapping.stop == 0.05
 
 
 def test_outside_of_its_check_period_a_robot_is_in_maintenance(fleet):
