@@ -18,6 +18,7 @@ from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
+from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.metrics.exposition import Exposition
@@ -40,6 +41,7 @@ class Service:
 
     TICK = 0.25  # seconds between two calls of tick
     SAVE = 0.1  # ... between two calls of save, which writes less often
+    ADOPT = 60.0  # ... between two looks at which alerts fire, once it has settled
     JOIN = 30.0  # seconds until a domain that could not be joined is tried again
     GRACE = 5.0  # seconds that a write or a reload under way is waited for at the end
     ENDED = 3600.0  # seconds after a fault ended in which it may be notified after a restart
@@ -80,7 +82,7 @@ class Service:
         self._alertmanager_thread = threading.Thread(
             target=self._read_silences, name="alertmanager", daemon=True
         )
-        self._join_at = now.mono
+        self._join_at = self._adopt_at = now.mono
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = ros.Listener(self.state, ros_arguments=ros_arguments)
         self._exporter = Exporter(
@@ -98,6 +100,7 @@ class Service:
     def start(self) -> None:
         """Join the fleet's domains and listen."""
         self._update_silences()  # a downtime is known before the first message
+        self._adopt()
         self.join()
         self._storage_thread.start()
         self._alertmanager_thread.start()
@@ -122,6 +125,7 @@ class Service:
             self._alertmanager.INTERVAL
         ):
             self._update_silences()
+            self._adopt()
             self._record_events()
             with self._recording:
                 for event in self._notifications.acknowledge(self._acknowledged()):
@@ -131,6 +135,24 @@ class Service:
         if self._alertmanager is not None:
             self._alertmanager.update(self.state.fleet.name, ros.read_clocks())
             self.state.plan(self._alertmanager.downtimes, ros.read_clocks())
+
+    def _adopt(self) -> None:
+        """Go on with the faults that fire and that nobody here knows, as without the database.
+
+        Asked often until the fleet is settled, because robots are found one by one.
+        """
+        now = ros.read_clocks()
+        if self._alertmanager is None or now.mono < self._adopt_at:
+            return
+        if self.state.settled(now):
+            self._adopt_at = now.mono + self.ADOPT
+        try:
+            firing = self._alertmanager.firing(self.state.fleet.name)
+        except UnreachableError as error:
+            log.debug("the alerts that fire are not known: %s", error)  # `update` has logged it
+            return
+        fleet = self.state.fleet
+        self.state.adopt(read_firing(firing, fleet.name, fleet.exporter), ros.read_clocks())
 
     def join(self) -> None:
         """Join the fleet's domains; one that cannot be joined is retried every half minute.
@@ -222,6 +244,8 @@ class Service:
         begin = time.perf_counter()
         pieces = self._exposition.pieces(openmetrics=openmetrics, parts=parts)
         own = self._self_metrics.render(openmetrics=openmetrics, parts=parts)
+        if Part.FAULTS in parts:
+            self.state.note_served(ros.read_clocks())
         self._exporter.scrapes += 1
         self._exporter.scrape_seconds = time.perf_counter() - begin
         return [*pieces, own, EOF if openmetrics else b""]

@@ -67,6 +67,7 @@ class _OfComponent(NamedTuple):
 class _OfCause(NamedTuple):
     active: _Moment | None
     covers_until: _Moment | None
+    adopted: bool = False  # version 0.2 had none
 
 
 class _OfProblem(NamedTuple):
@@ -76,16 +77,25 @@ class _OfProblem(NamedTuple):
     fault: _Fault | None
 
 
+class _OfEnd(NamedTuple):
+    reason: Literal["recovered", "removed"]
+    at: _Moment
+    message: _Text
+    since: _Moment
+    labels: _Labels
+
+
 _FIELDS: dict[str, TypeAdapter[Any]] = {
     "fleet": TypeAdapter(_OfFleet),
     "robot": TypeAdapter(_OfRobot),
     "component": TypeAdapter(_OfComponent),
     "cause": TypeAdapter(_OfCause),
     "problem": TypeAdapter(_OfProblem),
+    "end": TypeAdapter(_OfEnd),
 }
 _ROW: TypeAdapter[Any] = TypeAdapter(
     tuple[
-        Literal["fleet", "robot", "component", "cause", "problem"],
+        Literal["fleet", "robot", "component", "cause", "problem", "end"],
         Annotated[tuple[_Text, ...], Field(max_length=10)],
         dict[str, Any],
     ]
