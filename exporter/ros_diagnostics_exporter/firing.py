@@ -19,10 +19,7 @@ _OF_FAULT = {*IDENTITY, "alertname", "exporter"} - {"site"}  # the others are th
 
 
 def read(alerts: Iterable[Any], fleet: str, exporter: str) -> list[Fault]:
-    """The faults of a fleet that fire; of what is of no robot, those of this exporter's name.
-
-    An exporter that was given its name only now has those that bear none.
-    """
+    """The faults of a fleet that fire; of what is of no robot, those of this exporter's name."""
     found = (_one(alert, fleet, exporter) for alert in alerts)
     return [fault for fault in found if fault is not None]
 

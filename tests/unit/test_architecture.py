@@ -29,7 +29,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("ingest",),
         ("config",),
         ("alertmanager", "faults", "nagios_compare", "nagios_import", "oncall"),
-        ("ledger", "notifications"),
+        ("firing", "ledger", "notifications"),
         ("canary",),
         ("state",),
         ("metrics",),

@@ -313,7 +313,7 @@ class ProfileEntry(Entry):
     )
     forget_after: PositiveDuration | None = optional(
         "Time without an update after which a component of a silent robot is forgotten if it was "
-        "OK, and a discovered robot once it has no components left.",
+        "OK, and a discovered robot that never published.",
         example="24h",
         default="24h",
     )
