@@ -14,8 +14,8 @@ Key = tuple[str, ...]
 class Mails:
     """What was sent: PROBLEM when an alert begins to fire, RECOVERY when it has ended.
 
-    `fleet:ros_diagnostics_fault_start:held` is what is served, and what was held before, until it is
-    served that it has ended. A milder alert of the same component or value is
+    `fleet:ros_diagnostics_fault_start:held` is what is served, and what was held before,
+    until it is served that it has ended. A milder alert of the same component or value is
     inhibited by its critical one: a PROBLEM is not sent then, and no RECOVERY without a PROBLEM.
     """
 
