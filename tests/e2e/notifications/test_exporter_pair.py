@@ -171,8 +171,8 @@ def test_a_lost_database_and_a_restart_of_prometheus(site: Site, tmp_path: Path)
         until(lambda: ended in http.get(address, "/metrics"), "the end is served", 60)
         stack.prometheus.process.start()
         expected += [RECOVERY.format(3)]
-        # Before the look-back of five minutes; what is sent before Prometheus has found Alertmanager is
-        # lost, and sent again after a minute.
+        # Before the look-back of five minutes; what is sent before Prometheus has found
+        # Alertmanager is lost, and sent again after a minute.
         site.mailed(expected, within=200)
 
         orders.give([("robot_2", "resume")])
