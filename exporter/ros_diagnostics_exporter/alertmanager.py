@@ -215,6 +215,7 @@ class Alertmanager:
     TIMEOUT = 5.0  # seconds that an answer may take
     FRESH = 20.0  # seconds after which an answer is old, as when a request hangs
     SIZE = 4 * 1024 * 1024  # bytes; some thousand silences
+    FIRING_SIZE = 32 * 1024 * 1024  # bytes; some ten thousand alerts
 
     def __init__(
         self,
@@ -252,6 +253,14 @@ class Alertmanager:
         """
         labels = {"fleet": fleet, "robot": robot, "component": component}
         return self._first(lambda client: _explain(client, labels, self.SIZE))[1]
+
+    def firing(self, fleet: str) -> list[Any]:
+        """The alerts of a fleet's faults that fire, silenced and inhibited ones too.
+
+        Raises:
+            UnreachableError: No Alertmanager answers.
+        """
+        return self._first(lambda client: _faults(client, fleet, self.FIRING_SIZE))[1]
 
     def update(self, fleet: str, now: Instant) -> None:
         """Request the silences once; log when Alertmanager stops and starts to answer."""
@@ -293,6 +302,12 @@ def _ask(client: Client, fleet: str, size: int) -> tuple[list[Acknowledgement], 
     wanted = [("filter", f'alertname="{ESCALATION}"'), ("filter", f'fleet="{escape(fleet)}"')]
     silences = client.get(f"/api/v2/silences?{urlencode(wanted)}", limit=size)
     return read(silences, fleet), read_downtimes(silences, fleet)
+
+
+def _faults(client: Client, fleet: str, size: int) -> list[Any]:
+    filters = (f'fleet="{escape(fleet)}"', f'alertname!="{ESCALATION}"', 'scope!=""', 'state!=""')
+    wanted = urlencode([("filter", each) for each in filters])
+    return _listed(client.get(f"/api/v2/alerts?{wanted}", limit=size), "alerts")
 
 
 def _explain(client: Client, labels: Mapping[str, str | None], size: int) -> list[str]:

@@ -19,6 +19,7 @@ from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
+from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.http_client import UnreachableError
 from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.loops import Loop
@@ -45,6 +46,7 @@ class Service:
     SAVE = 0.1  # ... of the one that saves, which writes less often
     FOLLOW = 1.0  # ... of the one that joins domains
     UNMATCHED = 60.0  # ... of the one that looks for entries of fleet.yml that match nothing
+    ADOPT = 60.0  # ... between two looks at which alerts fire, once it has settled
     HANGING = 30.0  # seconds after which a turn of a vital loop hangs
     JOIN = 30.0  # seconds until a domain that could not be joined is tried again
     ASKED = 5.0  # seconds that Alertmanager's first answer is waited for at the start
@@ -90,7 +92,7 @@ class Service:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
         self._watched: list[Loop] = []  # that others made
-        self._join_at = now.mono
+        self._join_at = self._adopt_at = now.mono
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = ros.Listener(self.state, ros_arguments=ros_arguments)
         self._exporter = Exporter(
@@ -149,6 +151,7 @@ class Service:
             alertmanager.update(self.state.fleet.name, ros.read_clocks())
             if alertmanager.downtimes is not None:
                 self.state.plan(alertmanager.downtimes, ros.read_clocks())
+            self._adopt(alertmanager)
         finally:
             self._asked.set()
         self._record_events()
@@ -158,6 +161,24 @@ class Service:
 
     def _find_unmatched(self) -> None:
         self.state.find_unmatched(ros.read_clocks())
+
+    def _adopt(self, alertmanager: Alertmanager) -> None:
+        """Go on with the faults that fire and that nobody here knows, as without the database.
+
+        Asked often until the fleet is settled, because robots are found one by one.
+        """
+        now = ros.read_clocks()
+        if now.mono < self._adopt_at:
+            return
+        if self.state.settled(now):
+            self._adopt_at = now.mono + self.ADOPT
+        try:
+            firing = alertmanager.firing(self.state.fleet.name)
+        except UnreachableError as error:
+            log.debug("the alerts that fire are not known: %s", error)  # `update` has logged it
+            return
+        fleet = self.state.fleet
+        self.state.adopt(read_firing(firing, fleet.name, fleet.exporter), ros.read_clocks())
 
     def join(self) -> None:
         """Join the fleet's domains; one that cannot be joined is retried every half minute.
@@ -261,6 +282,8 @@ class Service:
         begin = time.perf_counter()
         pieces = self._exposition.pieces(openmetrics=openmetrics, parts=parts)
         own = self._self_metrics.render(openmetrics=openmetrics, parts=parts)
+        if Part.FAULTS in parts:
+            self.state.note_served(ros.read_clocks())
         self._exporter.scrape_seconds = time.perf_counter() - begin
         return [*pieces, own, EOF if openmetrics else b""]
 

@@ -15,7 +15,7 @@ def main() -> int:
     """Play the seeds; 1 where one of them fails."""
     options = _parser().parse_args()
     for seed in range(options.seed, options.seed + options.seeds):
-        story = generate(seed, options.robots, options.days)
+        story = generate(seed, options.robots, options.days, lose=options.lose)
         begin = time.perf_counter()
         judge = Judge(story)
         try:
@@ -52,6 +52,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seeds", type=int, default=1, help="how many of them (default: 1)")
     parser.add_argument("--robots", type=int, default=20, help="robots of the fleet (default: 20)")
     parser.add_argument("--days", type=float, default=30, help="simulated days (default: 30)")
+    parser.add_argument(
+        "--lose",
+        action="store_true",
+        help="the exporter loses its database now and then, and the clock is set by months",
+    )
     parser.add_argument(
         "--no-shrink", action="store_true", help="do not reduce a failing seed to a few events"
     )

@@ -46,6 +46,7 @@ class Judge:
         self.story = story
         self.world = World(story)
         self.mails = Mails()
+        self.world.firing = self.mails.faults
         self._larger = LargerCauses(self.world)
         self.notified = 0
         self._faults: dict[tuple[str, ...], Event] = {}
@@ -68,6 +69,11 @@ class Judge:
     def _check(self) -> None:
         world = self.world
         now = world.now
+        if world.lost and world.state is not None:
+            world.state.take_events()  # that it goes on with what fires
+            gone = [key for key, each in self._faults.items() if not self._is_adopted(each)]
+            for key in gone:
+                del self._faults[key]
         if world.state is not None:
             begun, ended = [], False
             for event in world.state.take_events():
@@ -209,6 +215,10 @@ class Judge:
 
     # -- at every tick -----------------------------------------------------------------------
 
+    def _is_adopted(self, event: Event) -> bool:
+        """Whether an exporter without its database knows the fault again."""
+        return not event.robot or self.world.is_declared(event.robot)
+
     def _limits(self) -> None:
         state = self.world.state
         if state is None:
@@ -261,7 +271,7 @@ class Judge:
             for key in self._scraped:
                 self._scraped[key] = True
             firing = len(self.mails.firing)
-            if self.world.state.settled(now) and firing != len(self._faults):
+            if self.world.now.mono - self.world.started > GRACE and firing != len(self._faults):
                 self._fail("alerts fire that are no faults", firing)
 
     # -- what should have happened -----------------------------------------------------------

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from math import inf
+
+from ros_diagnostics_exporter.faults.model import Fault
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.state.state import State
 
@@ -11,24 +14,36 @@ Key = tuple[str, ...]
 class Mails:
     """What was sent: PROBLEM when an alert begins to fire, RECOVERY when it has ended.
 
-    `fleet:ros_diagnostics_fault_start:held` is what is served, and, while the exporter does not
-    answer or is not settled, what was held before. A milder alert of the same component or value is
+    `fleet:ros_diagnostics_fault_start:held` is what is served, and what was held before,
+    until it is served that it has ended. A milder alert of the same component or value is
     inhibited by its critical one: a PROBLEM is not sent then, and no RECOVERY without a PROBLEM.
     """
 
     def __init__(self) -> None:
         self.sent: list[tuple[str, Key, float]] = []
-        self._held: set[Key] = set()
+        self._held: dict[Key, Fault] = {}
         self._notified: set[Key] = set()
 
     def scrape(self, state: State | None, now: Instant) -> None:
         """Scrape, evaluate, send."""
         if state is None:
             return
-        served = {tuple(fault.identity) for fault in state.faults()}
-        self._held = served if state.settled(now) else served | self._held
-        problems = {key for key in self._held - self._notified if not self._inhibited(key)}
-        recoveries = self._notified - self._held
+        faults, ends = state.served()
+        state.note_served(now)
+        served = {tuple(fault.identity): fault for fault in faults}
+        ended = {tuple(end.fault.identity): end.at for end in ends if end.fault is not None}
+        forgotten = {end.robot: end.at for end in ends if end.fault is None}
+
+        def lasts(key: Key, fault: Fault) -> bool:
+            at = max(ended.get(key, -inf), forgotten.get(fault.identity.robot, -inf))
+            return at < fault.since
+
+        held = {
+            key: fault for key, fault in self._held.items() if key in served or lasts(key, fault)
+        }
+        self._held = {**served, **held}
+        problems = {key for key in self._held.keys() - self._notified if not self._inhibited(key)}
+        recoveries = self._notified - self._held.keys()
         self.sent += [("PROBLEM", key, now.mono) for key in sorted(problems)]
         self.sent += [("RECOVERY", key, now.mono) for key in sorted(recoveries)]
         self._notified = (self._notified | problems) - recoveries
@@ -42,6 +57,10 @@ class Mails:
     def firing(self) -> set[Key]:
         """The alerts that fire."""
         return set(self._held)
+
+    def faults(self) -> list[Fault]:
+        """The faults of these alerts."""
+        return list(self._held.values())
 
     @property
     def notified(self) -> set[Key]:

@@ -48,8 +48,11 @@ def site_of(robot: str) -> str:
     return f"site {int(robot[1:]) % SITES}"
 
 
-def generate(seed: int, robots: int, days: float) -> Story:
-    """The history of a seed: the same for the same arguments."""
+def generate(seed: int, robots: int, days: float, *, lose: bool = False) -> Story:
+    """The history of a seed: the same for the same arguments.
+
+    With ``lose`` the exporter loses its database, too, and the wall clock is set by months.
+    """
     random = Random(seed)
     ticks = round(days * DAY)
     events: list[Event] = []
@@ -61,6 +64,10 @@ def generate(seed: int, robots: int, days: float) -> Story:
     for _ in range(round(random.expovariate(1 / (4 * days)))):
         what = random.choice(_OF_FLEET)
         events += what(random, random.randrange(ticks), robots)
+    if lose:
+        for _ in range(1 + round(random.expovariate(1 / days))):
+            events += _lose(random, random.randrange(ticks))
+            events += _set_clock(random, random.randrange(ticks))
     kept = (event for event in events if event.at < ticks)
     return Story(seed, robots, ticks, tuple(sorted(kept, key=lambda event: event.at)))
 
@@ -171,6 +178,14 @@ def _maintenance(random: Random, at: int, _robots: int) -> Iterator[Event]:
 
 def _restart(random: Random, at: int, _robots: int) -> Iterator[Event]:
     yield Event(at, "restart", "", (random.choice((0, 1, 5, 30, 100)),))
+
+
+def _lose(random: Random, at: int) -> Iterator[Event]:
+    yield Event(at, "restart", "", (random.choice((0, 5, 30, 100)), True))
+
+
+def _set_clock(random: Random, at: int) -> Iterator[Event]:
+    yield Event(at, "clock", "", (random.uniform(-2.0, 200.0) * 86_400,))
 
 
 def _clock(random: Random, at: int, _robots: int) -> Iterator[Event]:

@@ -5,6 +5,7 @@ What was delivered is noted in `Delivered`, which the checks know instead of the
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from random import Random
 
@@ -19,6 +20,7 @@ from ros_diagnostics_exporter.config.fleet import (
     ValueRule,
 )
 from ros_diagnostics_exporter.config.fleet import FaultSettings as Settings
+from ros_diagnostics_exporter.faults.model import Fault
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.state.state import State
@@ -120,6 +122,9 @@ class World:
         self.started = 0.0
         self._stopped: tuple[State, Instant] | None = None
         self._starts_at = 0
+        self._loses = False
+        self.lost = False  # the database, at this tick
+        self.firing: Callable[[], list[Fault]] = list  # what Alertmanager has
         self.removed: set[tuple[str, str]] = set()  # by a person or the config, at this tick
         # What was delivered of their robots before: a fault may begin in the tick that ends it.
         self.before_removal: dict[str, Delivered] = {}
@@ -176,6 +181,7 @@ class World:
     def advance(self, events: list[Event]) -> None:
         """One tick: what happens, then what is published, then the exporter's own tick."""
         self.tick += 1
+        self.lost = False
         self.removed.clear()
         self.before_removal.clear()
         self.shortest_confirm = self.confirm_after
@@ -204,7 +210,11 @@ class World:
     def _start(self) -> None:
         if self._stopped is not None:
             state, then = self._stopped
-            self.state = self.restarts.restart(state, self.fleet, then, self.now)
+            if self._loses:
+                self.lost = True
+                self._adopt()
+            else:
+                self.state = self.restarts.restart(state, self.fleet, then, self.now)
             self.started = self.now.mono
             self._stopped = None
             self._forget_undeclared()
@@ -281,9 +291,21 @@ class World:
     def _do_clock(self, _who: str, seconds: float) -> None:
         self.offset += seconds
 
-    def _do_restart(self, _who: str, ticks: int) -> None:
+    def _adopt(self) -> None:
+        """Start without the database, with what fires; a person forgets robots that are no more."""
+        self.restarts = Restarts()
+        self.state = _unchecked(State(self.fleet, self.now))
+        self.state.adopt(self.firing(), self.now)
+        for robot in self._undeclared:
+            self.state.forget(robot, None, self.now)
+
+    def is_declared(self, robot: str) -> bool:
+        return robot not in self._undeclared
+
+    def _do_restart(self, _who: str, ticks: int, lose: bool = False) -> None:
         if self.state is None:
             return
+        self._loses = lose
         self._stopped, self.state = (self.state, self.now), None
         self._starts_at = self.tick + ticks
         if not ticks:

@@ -115,8 +115,8 @@ def site(tmp_path: Path) -> Iterator[Site]:
         yield Site(north, south, servers)
 
 
-NORTH = ("ComponentCritical", "north", "north_1")
-SOUTH = ("ComponentCritical", "south", "south_1")
+NORTH = ("ComponentCritical", "", "north_1")
+SOUTH = ("ComponentCritical", "", "south_1")
 
 
 def test_each_exporter_judges_its_robots_and_holds_their_faults_alone(site: Site):

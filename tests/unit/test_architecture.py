@@ -31,7 +31,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("ingest",),
         ("config",),
         ("alertmanager", "faults"),
-        ("ledger", "notifications"),
+        ("firing", "ledger", "notifications"),
         ("canary",),
         ("state",),
         ("metrics",),

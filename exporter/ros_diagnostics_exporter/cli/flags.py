@@ -154,7 +154,7 @@ def _add_web(parser: argparse.ArgumentParser) -> None:
         "--web.enable-lifecycle",
         dest="lifecycle",
         action="store_true",
-        help="enable POST /-/reload and POST /-/forget, which change the state; allow only trusted "
+        help="enable POST /-/reload, and POST /-/forget for everybody; allow only trusted "
         "clients to reach the exporter then",
     )
 
@@ -167,7 +167,8 @@ def _add_alertmanager(parser: argparse.ArgumentParser) -> None:
         action="append",
         type=_url,
         metavar="URL",
-        help="read this fleet's acknowledgements and downtimes from it every few seconds; "
+        help="read this fleet's acknowledgements and downtimes from it every few seconds, and the "
+        "faults that fire, to go on with them without the database; "
         "repeatable for a cluster, the first that responds is used (default: none)",
     )
     group.add_argument(

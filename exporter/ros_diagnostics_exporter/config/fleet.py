@@ -482,7 +482,7 @@ class Profile(Entry):
     )
     forget_after: PositiveDuration = described(
         "Time without an update after which a component of a silent robot is forgotten if it was "
-        "OK, and a discovered robot once it has no components left.",
+        "OK, and a discovered robot that never published.",
         example="24h",
         default=86_400.0,
     )

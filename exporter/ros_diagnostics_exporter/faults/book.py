@@ -11,6 +11,7 @@ from ros_diagnostics_exporter.faults.model import ComponentName, Identity, Scope
 from ros_diagnostics_exporter.faults.records import (
     Cause,
     Component,
+    Ended,
     Presence,
     Problem,
     Robot,
@@ -20,7 +21,7 @@ from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSet
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.model import Instant
 
-TimerKind = Literal["confirm", "cover", "returned", "presence", "flaps", "settled", "hours"]
+TimerKind = Literal["confirm", "cover", "returned", "presence", "flaps", "settled", "hours", "ends"]
 Timer = tuple[TimerKind, "Problem | Cause | Robot | Component | None"]
 FLEET_ROW: RowKey = ("fleet", ())
 
@@ -36,6 +37,8 @@ class Book:
         self.robots: dict[str, Robot] = {}
         self.causes: dict[tuple[Scope, str], Cause] = {}  # of sites and components
         self.problems: dict[Identity, Problem] = {}
+        self.ended: dict[Identity, Ended] = {}
+        self.forgotten: dict[str, Ended] = {}  # robots of which nothing is to be held
         self.named: dict[str, dict[Component, None]] = {}  # components with a record, by name
         self.present: dict[str, set[str]] = {}  # site -> robots that causes are shares of
         self.timers: Timers[Timer] = Timers()

@@ -78,17 +78,39 @@ def drop_usual(book: Book, cause: Cause) -> None:
 def _update(book: Book, cause: Cause, now: Instant) -> None:
     needed = _settings(book, cause).needed(book.whole(cause))
     counted, fresh = _counts(book, cause, now)
+    adopted = cause.adopted and _is_adopted(book, cause, now)
     if cause.active is None and fresh >= needed:
         cause.active = now
         book.write(cause)
         _touch_excluding(book, cause)
-    elif cause.active is not None and 2 * counted < needed:
+    elif cause.active is not None and 2 * counted < needed and not adopted:
         cause.active = None
         cause.covers_until = now.mono + confirm_after(book, cause)
         book.timers.set(("cover", cause), cause.covers_until)
         book.write(cause)
     _judge(book, cause, Verdict.BAD if 2 * fresh >= needed else Verdict.HELD)
     drop_usual(book, cause)
+
+
+def _is_adopted(book: Book, cause: Cause, now: Instant) -> bool:
+    """Whether a cause of before the start lasts, because too little has been received since.
+
+    What it counted then is not known: that nothing is counted now is no end of it.
+    """
+    if cause.robot is not None:
+        is_known = cause.robot.up and now.mono >= cause.robot.returned_until
+    else:
+        needed = _settings(book, cause).needed(book.whole(cause))
+        is_known = now.mono >= book.grace_until and 2 * _received(book, cause) >= needed
+    cause.adopted = not is_known
+    book.write(cause)
+    return cause.adopted
+
+
+def _received(book: Book, cause: Cause) -> int:
+    """How many robots are received of those that the cause is about."""
+    sites = [cause.name] if cause.scope is Scope.SITE else list(book.present)
+    return sum(book.robots[name].up for site in sites for name in book.present.get(site, ()))
 
 
 def _judge(book: Book, cause: Cause, verdict: Verdict) -> None:
@@ -110,6 +132,8 @@ def _judge(book: Book, cause: Cause, verdict: Verdict) -> None:
         new = Verdict.WELL if well else min(applies, verdict)
         if cause.active is not None:
             problem.clock = cause.active.mono
+        if new is Verdict.BAD:
+            problem.restored = False
         if new is not problem.verdict:
             problem.verdict = new
             book.write(problem)
@@ -123,6 +147,8 @@ def _severities(cause: Cause) -> dict[str, Verdict]:
     """
     if cause.robot is None:
         return {"": Verdict.BAD}
+    if cause.adopted:
+        return dict.fromkeys(cause.problems, Verdict.HELD)
     critical = any(
         State.CRITICAL in each.problems and each.problems[State.CRITICAL].in_trouble
         for each in cause.robot.components.values()

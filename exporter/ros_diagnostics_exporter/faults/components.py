@@ -69,6 +69,8 @@ def _judge_level(book: Book, component: Component, now: Instant) -> None:
 
 def give_verdict(book: Book, problem: Problem, verdict: Verdict) -> None:
     """Note what is known of a problem now, and have it judged."""
+    if verdict is Verdict.BAD:
+        problem.restored = False
     if verdict is not problem.verdict:
         problem.verdict = verdict
         book.write(problem)

@@ -12,8 +12,10 @@ from math import inf
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults import (
+    adoption,
     causes,
     components,
+    ends,
     hours,
     judge,
     presence,
@@ -25,6 +27,7 @@ from ros_diagnostics_exporter.faults.model import (
     Change,
     ComponentName,
     ComponentReport,
+    End,
     Fault,
     Identity,
     ProblemView,
@@ -99,6 +102,8 @@ class Faults:
             causes.end_cover(book, record)
         elif isinstance(record, Component):
             components.decay(book, record, at)
+        elif kind == "ends":
+            ends.drop_old(book, at)
         elif kind == "hours":
             hours.follow(book, at)
         elif not isinstance(record, Robot):
@@ -260,6 +265,30 @@ class Faults:
         """
         return judge.describe(self._book, fault, evidence)
 
+    def adopt(self, fault: Fault, now: Instant) -> list[Change]:
+        """Go on with a fault whose alert fires and which this process does not know.
+
+        Nothing follows if its robot is not known, or it is known here that it has ended. What
+        the robot's parts are now is to be reported again.
+        """
+        changes = self.advance(now)
+        adopted = adoption.adopt(self._book, fault, now)
+        if adopted is not None:
+            changes.append(adopted)
+        return changes + judge.settle(self._book, now)
+
+    def describe_end(self, fault: Fault, message: str) -> None:
+        """Fix the message that ended a fault: once, at most 512 characters."""
+        ends.describe(self._book, fault, message)
+
+    def forget(self, robot: str, now: Instant) -> None:
+        """Note that nothing of a robot is to be held any more, whether it is known here or not."""
+        ends.forget(self._book, robot, now)
+
+    def note_served(self, now: Instant) -> None:
+        """Note that what ended was read by whoever holds the faults."""
+        ends.note_served(self._book, now)
+
     # -- what is asked -----------------------------------------------------------------------
 
     def faults(self) -> Iterator[Fault]:
@@ -267,6 +296,16 @@ class Faults:
         for problem in self._book.problems.values():
             if problem.fault is not None:
                 yield problem.fault
+
+    def served(self) -> Iterator[Fault]:
+        """Those that something has confirmed since the start: what a database has may be over."""
+        for problem in self._book.problems.values():
+            if problem.fault is not None and not problem.restored:
+                yield problem.fault
+
+    def ends(self) -> Iterator[End]:
+        """What ended of late, and has not begun again."""
+        return ends.find(self._book)
 
     def problems(self, now: Instant, robot: str | None = None) -> Iterator[ProblemView]:
         """All problems, soft and hard, or those of one robot and its parts."""
@@ -287,6 +326,10 @@ class Faults:
     def identities(self, robot: str) -> Iterator[Identity]:
         """Which problems a robot and its parts have."""
         return (problem.identity for problem in self._robot(robot).all_problems())
+
+    def component_names(self, robot: str) -> list[ComponentName]:
+        """Of which components of a robot something is kept."""
+        return list(self._robot(robot).components)
 
     def in_trouble(self, robot: str, name: ComponentName | None = None) -> bool:
         """Whether a component, or a robot or any part of it, has a problem: not to be forgotten."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from types import MappingProxyType
 
-from ros_diagnostics_exporter.faults import causes
+from ros_diagnostics_exporter.faults import causes, ends
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.model import Change, Fault, Verdict
 from ros_diagnostics_exporter.faults.quiet import why_not_begin, why_not_end
@@ -34,6 +34,7 @@ def _judge(book: Book, problem: Problem, now: Instant) -> Change | None:
     if problem.fault is not None:
         if problem.verdict is Verdict.WELL and why_not_end(problem) is None:
             _drop(book, problem)
+            ends.add(book, problem.fault, "recovered", now)
             return Change("recovered", problem.fault, now.wall)
         return None
     if problem.verdict is Verdict.WELL:
@@ -50,6 +51,7 @@ def _begin(book: Book, problem: Problem, now: Instant) -> Change:
     labels = {} if problem.robot is None else dict(problem.robot.settings.labels)
     fault = Fault(problem.identity, problem.since.wall, now.wall, MappingProxyType(labels))
     problem.fault = fault
+    ends.drop(book, fault.identity)
     book.write(problem)
     return Change("began", fault, now.wall)
 
@@ -59,6 +61,8 @@ def end_all(book: Book, problems: Iterable[Problem], now: Instant) -> list[Chang
     ordered = sorted(problems, key=lambda problem: problem.identity)
     for problem in ordered:
         _drop(book, problem)
+        if problem.fault is not None:
+            ends.add(book, problem.fault, "removed", now)
     return [
         Change("removed", problem.fault, now.wall)
         for problem in ordered

@@ -101,6 +101,20 @@ class Change(NamedTuple):
     at: float
 
 
+class End(NamedTuple):
+    """What ended a fault, or (``fault`` None) all that anybody may still hold of a robot.
+
+    ``at`` is Unix time, and never before the fault began, whatever the wall clock was set to.
+    ``message`` is what was received last, "" where a person ended it.
+    """
+
+    fault: Fault | None
+    robot: str
+    reason: Literal["recovered", "removed"]
+    at: float
+    message: str = ""
+
+
 class ComponentName(NamedTuple):
     """Which component of which robot."""
 

@@ -85,7 +85,10 @@ def settle(book: Book, now: Instant) -> None:
     """Judge what restart_grace kept quiet, now that it is over."""
     for robot in book.robots.values():
         _note_presence(book, robot, now)
+    for problem in book.problems.values():
+        problem.restored = False
     book.touch(book.problems.values())
+    book.touch_causes()
 
 
 def touch_all(book: Book, robot: Robot) -> None:

@@ -13,6 +13,7 @@ from math import inf
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
 from ros_diagnostics_exporter.faults.model import (
     ComponentName,
+    End,
     Fault,
     Identity,
     Scope,
@@ -39,6 +40,7 @@ class Problem:
 
     ``since`` is when this state began, ``clock`` (monotonic) when the trouble did from which
     confirm_after is counted. ``robot``, ``component`` and ``cause`` are what it belongs to.
+    ``restored``: the fault is of an earlier process, and nothing has confirmed it since.
     """
 
     __slots__ = (
@@ -47,6 +49,7 @@ class Problem:
         "component",
         "fault",
         "identity",
+        "restored",
         "robot",
         "row",
         "since",
@@ -71,6 +74,7 @@ class Problem:
         self.cause = cause
         self.verdict = Verdict.HELD
         self.fault: Fault | None = None
+        self.restored = False
 
     @property
     def in_trouble(self) -> bool:
@@ -200,10 +204,12 @@ class Cause:
     ``active``, and until ``covers_until`` (monotonic) after it, what it explains does not begin.
     ``counted`` (robot -> what of it) stay until they are received better; ``fresh`` are those of
     them whose trouble is known now. A robot's own cause counts its components instead.
+    ``adopted``: it was a fault before the start, and what it counted then is not known.
     """
 
     __slots__ = (
         "active",
+        "adopted",
         "counted",
         "covers_until",
         "fresh",
@@ -220,6 +226,7 @@ class Cause:
         self.row: RowKey = ("cause", (scope.value, name))
         self.robot = robot
         self.active: Instant | None = None
+        self.adopted = False
         self.covers_until = -inf
         self.counted: dict[str, set[str]] = {}
         self.fresh: dict[str, set[str]] = {}
@@ -243,3 +250,13 @@ class Cause:
     def is_usual(self) -> bool:
         """Whether there is nothing to keep."""
         return not (self.counted or self.problems or self.active) and self.covers_until == -inf
+
+
+class Ended:
+    """What ended a fault, kept until ``until`` (monotonic): for ever while nobody has read it."""
+
+    __slots__ = ("end", "until")
+
+    def __init__(self, end: End) -> None:
+        self.end = end
+        self.until = inf

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ros_diagnostics_exporter.faults import causes, components
+from ros_diagnostics_exporter.faults import causes, components, ends
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import Change, ComponentName, Scope, State
@@ -61,6 +61,7 @@ def move_component(
     for problem in (*moved.problems.values(), *moved.values.values()):
         book.touch((book.add_problem(problem),))
         if problem.fault is not None:
+            ends.drop(book, problem.identity)
             changes.append(Change("began", problem.fault, now.wall))
     components.wake(book, moved)
     causes.count_component(book, moved)
@@ -72,6 +73,7 @@ def _renamed(old: Problem, component: Component) -> Problem:
     identity = old.identity._replace(group=group, component=name)
     problem = Problem(identity, old.since, robot=old.robot, component=component)
     problem.clock, problem.verdict = old.clock, old.verdict
+    problem.restored = old.restored
     problem.fault = None if old.fault is None else replace(old.fault, identity=identity)
     return problem
 

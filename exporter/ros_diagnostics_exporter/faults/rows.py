@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
 from ros_diagnostics_exporter.faults.model import (
     ComponentName,
+    End,
     Fault,
     Identity,
     Row,
@@ -31,6 +32,7 @@ from ros_diagnostics_exporter.faults.model import (
 from ros_diagnostics_exporter.faults.records import (
     Cause,
     Component,
+    Ended,
     Presence,
     Problem,
     Robot,
@@ -40,7 +42,7 @@ from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSet
 from ros_diagnostics_exporter.model import Instant, Level
 
 _Fields = dict[str, Any]
-_ORDER = ("fleet", "robot", "component", "cause", "problem")  # each refers to those before
+_ORDER = ("fleet", "robot", "component", "cause", "problem", "end")  # each refers to those before
 
 
 class _Clock:
@@ -79,6 +81,7 @@ def restore(book: Book, stored: Iterable[Row], now: Instant) -> None:
         "component": _read_component,
         "cause": _read_cause,
         "problem": _read_problem,
+        "end": _read_end,
     }
     for row in sorted(stored, key=lambda row: (_ORDER.index(row.kind), row.key)):
         if row.fields is not None:
@@ -105,14 +108,14 @@ def _fields(book: Book, row: RowKey, clock: _Clock) -> _Fields | None:
     if kind == "problem":
         problem = book.problems.get(_identity(key))
         return None if problem is None else _of_problem(problem, clock)
+    if kind == "end":
+        return _of_end(book.ended.get(_identity(key)))
     if kind == "cause":
         cause = _cause(book, key)
         return None if cause is None else _of_cause(cause, clock)
     robot = book.robots.get(key[0])
-    if robot is None:
-        return None
-    if kind == "robot":
-        return _of_robot(robot, clock)
+    if robot is None or kind == "robot":
+        return None if robot is None else _of_robot(robot, clock)
     component = robot.components.get(ComponentName(*key[1:]))
     return None if component is None else _of_component(component, clock)
 
@@ -153,6 +156,20 @@ def _of_cause(cause: Cause, clock: _Clock) -> _Fields | None:
     return {
         "active": None if cause.active is None else cause.active.wall,
         "covers_until": clock.wall(cause.covers_until),
+        "adopted": cause.adopted,
+    }
+
+
+def _of_end(ended: Ended | None) -> _Fields | None:
+    if ended is None or ended.end.fault is None:
+        return None
+    end, fault = ended.end, ended.end.fault
+    return {
+        "reason": end.reason,
+        "at": end.at,
+        "message": end.message,
+        "since": fault.since,
+        "labels": dict(fault.labels),
     }
 
 
@@ -234,6 +251,7 @@ def _read_cause(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clock
     active = fields["active"]
     cause.active = None if active is None else clock.instant(active)
     cause.covers_until = clock.mono(fields["covers_until"])
+    cause.adopted = fields.get("adopted", False)  # version 0.2 had none
 
 
 def _read_problem(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
@@ -246,11 +264,20 @@ def _read_problem(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clo
         labels = MappingProxyType(fault["labels"])
         times = fault["since"], fault["confirmed"]
         problem.fault = Fault(identity, *times, labels, fault["evidence"])
-    _give_to_owner(book, problem)
+        problem.restored = True
+    give_to_owner(book, problem)
     book.add_problem(problem)
 
 
-def _give_to_owner(book: Book, problem: Problem) -> None:
+def _read_end(book: Book, key: tuple[str, ...], fields: _Fields, _clock: _Clock) -> None:
+    identity, since = _identity(key), fields["since"]
+    fault = Fault(identity, since, since, MappingProxyType(fields["labels"]))
+    end = End(fault, identity.robot, fields["reason"], fields["at"], fields["message"])
+    book.ended[identity] = Ended(end)
+
+
+def give_to_owner(book: Book, problem: Problem) -> None:
+    """Have a problem where what it is about finds it."""
     identity = problem.identity
     robot = problem.robot = book.robots[identity.robot] if identity.robot else None
     if robot is None or identity.state is State.MANY:

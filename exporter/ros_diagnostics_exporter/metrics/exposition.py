@@ -16,7 +16,7 @@ from ros_diagnostics_exporter.alertmanager import Acknowledgement
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import RobotText
 from ros_diagnostics_exporter.metrics.families import Family
-from ros_diagnostics_exporter.metrics.fault_text import FaultText
+from ros_diagnostics_exporter.metrics.fault_text import FaultText, label_pairs
 from ros_diagnostics_exporter.model import ALL_PARTS, Part
 from ros_diagnostics_exporter.notifications import Key
 from ros_diagnostics_exporter.state.rejections import OVER_LIMIT
@@ -100,14 +100,34 @@ class Exposition:
 
     def _more(self, parts: Collection[Part]) -> dict[str, bytes]:
         """What no robot's text has: samples by the family's name."""
-        fleet, faults = self._state.fleet, self._state.faults()
+        fleet, (faults, ends) = self._state.fleet, self._state.served()
         acknowledged, notified = self._acknowledged(), self._notified()
         return {
             metrics.ROBOT_SILENT_REASON.name: self._over_limit(),
             **self._faults.render(
-                fleet.name, fleet.exporter, faults, acknowledged, notified=notified, parts=parts
+                fleet.name,
+                fleet.exporter,
+                faults,
+                ends,
+                acknowledged,
+                notified=notified,
+                parts=parts,
             ),
+            metrics.SITE_RECEIVED.name: self._received(),
         }
+
+    def _received(self) -> bytes:
+        """How many robots of each site are received; a fleet without sites has one, unnamed."""
+        fleet, name = self._state.fleet, metrics.SITE_RECEIVED.name
+        received: dict[str, int] = {}
+        for text in self._texts.values():
+            site = text.robot.settings.labels.get("site", "")
+            received[site] = received.get(site, 0) + text.robot.up
+        own = label_pairs({"fleet": fleet.name, "exporter": fleet.exporter})
+        return "".join(
+            f"{name}{{{own}{site and ','}{label_pairs({'site': site})}}} {number}\n"
+            for site, number in sorted(received.items())
+        ).encode()
 
     def _over_limit(self) -> bytes:
         """Robots that are rejected by a limit have one sample: the reason why they are silent."""

@@ -43,6 +43,7 @@ ROBOT_INFO = _family(
     "Inventory: 1 for every known robot, also one declared and never seen.",
     (*ROBOT, "exporter", "ros_namespace", "domain_id", "topic", "profile", "address"),
     open=True,
+    part=Part.FAULTS,
 )
 ROBOT_UP = _family(
     "robot_up",
@@ -72,7 +73,11 @@ ROBOT_STALE_AFTER = _family(
     ROBOT,
 )
 ROBOT_STALE_IS_CRITICAL = _family(
-    "robot_stale_is_critical", "gauge", "1 where the config counts STALE as CRITICAL.", ROBOT
+    "robot_stale_is_critical",
+    "gauge",
+    "1 where the config counts STALE as CRITICAL.",
+    ROBOT,
+    part=Part.FAULTS,
 )
 ROBOT_MAINTENANCE = _family(
     "robot_maintenance",
@@ -191,6 +196,13 @@ GROUP_LEVEL = _family(
     "A parent's level as the robot's own aggregator reported it.",
     (*ROBOT, "group"),
 )
+SITE_RECEIVED = _family(
+    "site_received_robots",
+    "gauge",
+    "Robots of a site that are received; of a pair the exporter that receives most speaks for it.",
+    (*EXPORTER, "site"),
+    part=Part.FAULTS,
+)
 FLEET_FAMILIES = (
     ROBOT_INFO,
     ROBOT_UP,
@@ -262,4 +274,22 @@ FAULT_NOTIFIED = _family(
     open=True,
 )
 
-FAULT_FAMILIES = (FAULT_START, FAULT_INFO, FAULT_ACKNOWLEDGED, FAULT_NOTIFIED)
+FAULT_END = _family(
+    "fault_end_timestamp_seconds",
+    "gauge",
+    "When a fault ended (Unix time), whether it recovered or a person removed it, and the message "
+    "that ended it; until it has been served for an hour, or the same begins again. With a robot "
+    "alone: all that is held of a robot that a person forgot.",
+    (*FAULT, "reason", "evidence"),
+    open=True,
+    part=Part.FAULTS,
+)
+
+FAULT_FAMILIES = (
+    FAULT_START,
+    FAULT_INFO,
+    FAULT_END,
+    SITE_RECEIVED,
+    FAULT_ACKNOWLEDGED,
+    FAULT_NOTIFIED,
+)

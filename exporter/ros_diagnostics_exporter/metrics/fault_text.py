@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
-from ros_diagnostics_exporter.faults.model import Fault, Identity, as_texts
+from ros_diagnostics_exporter.faults.model import End, Fault, Identity, as_texts
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import number
 from ros_diagnostics_exporter.metrics.families import Family
@@ -40,6 +40,7 @@ class FaultText:
         fleet: str,
         exporter: str,
         faults: Iterable[Fault],
+        ends: Iterable[End] = (),
         acknowledgements: Iterable[Acknowledgement] = (),
         *,
         notified: Mapping[Key, Mapping[str, float]] | None = None,
@@ -51,6 +52,7 @@ class FaultText:
             fleet: The fleet's name.
             exporter: The exporter's; "" for none.
             faults: All that last.
+            ends: What ended of late.
             acknowledgements: Those in force, the newest last; of other faults, too.
             notified: Of each fault, when each receiver was last notified; None: not known.
             parts: Of the exposition.
@@ -68,6 +70,7 @@ class FaultText:
         samples: dict[Family, Iterable[str]] = {  # generators: what is not wanted is not rendered
             metrics.FAULT_START: (each.start for each in all_lines),
             metrics.FAULT_INFO: (each.info for each in all_lines),
+            metrics.FAULT_END: (_end(fleet, exporter, each) for each in ends),
             metrics.FAULT_ACKNOWLEDGED: _acknowledged(all_lines, acknowledgements),
             metrics.FAULT_NOTIFIED: _notified(all_lines, notified),
         }
@@ -78,14 +81,24 @@ class FaultText:
         }
 
 
-def _render(fleet: str, exporter: str, fault: Fault) -> _Lines:
-    identity = {
-        "fleet": fleet,
-        "exporter": exporter,
-        **as_texts(fault.identity, fault.labels),
-    }
+def _all_labels(fleet: str, exporter: str, fault: Fault) -> dict[str, str]:
+    identity = as_texts(fault.identity, fault.labels)
     own = {name: text for name, text in fault.labels.items() if name not in _RESERVED}
-    labels = _labels(identity | own)
+    return {"fleet": fleet, "exporter": exporter, **identity, **own}
+
+
+def _end(fleet: str, exporter: str, end: End) -> str:
+    if end.fault is None:
+        labels = {"fleet": fleet, "exporter": exporter, "robot": end.robot}
+    else:
+        labels = _all_labels(fleet, exporter, end.fault)
+    of_end = {"reason": end.reason, "evidence": end.message}
+    return _sample(metrics.FAULT_END, label_pairs(labels), of_end, end.at)
+
+
+def _render(fleet: str, exporter: str, fault: Fault) -> _Lines:
+    identity = _all_labels(fleet, exporter, fault)
+    labels = label_pairs(identity)
     return _Lines(
         fault,
         labels,
@@ -123,9 +136,10 @@ def _notified(
 
 
 def _sample(family: Family, labels: str, more: Mapping[str, str], value: float = 1) -> str:
-    further = _labels(more)
+    further = label_pairs(more)
     return f"{family.name}{{{labels}{further and ','}{further}}} {number(round(value, 3))}\n"
 
 
-def _labels(labels: Mapping[str, str]) -> str:
+def label_pairs(labels: Mapping[str, str]) -> str:
+    """The labels of a sample that are not empty, without braces."""
     return ",".join(f'{name}="{escape(text)}"' for name, text in labels.items() if text)

@@ -50,6 +50,21 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> str:
     return "; ".join(filter(None, parts))[:LENGTH]
 
 
+def last_received(identity: Identity, find: Find) -> str:
+    """What ended a fault, as received: a component's level and message, or its value."""
+    found = find(identity)
+    component = None if found is None else found[1]
+    if component is None or component.level < Level.OK:
+        return ""
+    if identity.scope is Scope.VALUE:
+        numbers = (each for each in component.values.all if each.key == identity.key)
+        parts = [f"{each.number:g} {_text(each.unit)}".strip() for each in numbers]
+    else:
+        level = Level(component.level)
+        parts = [_WORDS.get(level, level.name), _text(component.message)]
+    return ": ".join(filter(None, parts))[:LENGTH]
+
+
 def _work(identity: Identity, robot: Robot, component: Component | None) -> str:
     """What the robot can no longer do; nothing of one that is silent."""
     is_broken = identity.scope is Scope.VALUE and identity.state is State.CRITICAL

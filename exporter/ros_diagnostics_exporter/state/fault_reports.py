@@ -19,11 +19,13 @@ from ros_diagnostics_exporter.faults.model import (
     Change,
     ComponentName,
     ComponentReport,
+    End,
     Fault,
     Identity,
     ProblemView,
     Row,
     Scope,
+    State,
     ValueReport,
     Verdict,
     as_texts,
@@ -34,7 +36,7 @@ from ros_diagnostics_exporter.state.component import Component
 from ros_diagnostics_exporter.state.components import Components
 from ros_diagnostics_exporter.state.conditional_problems import ConditionalProblems
 from ros_diagnostics_exporter.state.conditions import Quiet, RobotConditions
-from ros_diagnostics_exporter.state.fault_evidence import evidence
+from ros_diagnostics_exporter.state.fault_evidence import evidence, last_received
 from ros_diagnostics_exporter.state.robot import Robot
 from ros_diagnostics_exporter.state.rules import component_rule, value_rule
 
@@ -149,6 +151,8 @@ class FaultReports:
                 identity = fault.identity
                 text = fault.evidence or evidence(identity, self._find, self._troubled(identity))
                 described = self._faults.describe(fault, text)
+            elif what == "recovered":
+                self._faults.describe_end(fault, last_received(fault.identity, self._find))
             self._events.append(_event(what, described, at))
 
     def _find(self, identity: Identity) -> tuple[Robot, Component | None] | None:
@@ -194,6 +198,37 @@ class FaultReports:
                 found.append(view)
         return [*found, *by_condition.values()]
 
+    def served(self) -> list[Fault]:
+        """Those that something has confirmed since the start."""
+        return list(self._faults.served())
+
+    def ends(self) -> list[End]:
+        """What ended of late, and has not begun again."""
+        return list(self._faults.ends())
+
+    def note_served(self, now: Instant) -> None:
+        """Note that what ended was read by whoever holds the faults."""
+        self._faults.note_served(self._time(now))
+
+    def adopt(self, faults: Iterable[Fault], now: Instant) -> None:
+        """Go on with faults whose alerts fire and which this process does not know."""
+        now = self._time(now)
+        for fault in faults:
+            self._record(self._faults.adopt(fault, now))
+            reports = self._robots.get(fault.identity.robot)
+            if reports is not None:
+                changes = reports.configure(self._faults, now)
+                self._record(changes + reports.update(self._faults, now))
+
+    def forget(self, robot: str, now: Instant) -> None:
+        """Note that nothing of a robot is to be held any more, whether it is known here or not."""
+        now = self._time(now)
+        self._faults.forget(robot, now)
+        reports = self._robots.get(robot)
+        for name in () if reports is None else self._faults.component_names(robot):
+            if reports is not None and reports.find(name) is None:  # adopted, never received
+                self._record(self._faults.forget_component(robot, name, now))
+
     def settled(self, now: Instant) -> bool:
         """Whether what was wrong before the start has been judged again."""
         return self._faults.settled(now)
@@ -201,11 +236,11 @@ class FaultReports:
     def keeps(self, robot: Robot, component: Component | None = None) -> bool:
         """Whether a component, or a robot without any, has a problem and is not to be forgotten.
 
-        That a discovered robot is silent, and was not when it left, keeps nothing.
+        One that was ever received is silent: only a person knows that it does not come back.
         """
         name = robot.settings.name
         if component is None:
-            return any(each.scope is Scope.CHECK for each in self._faults.identities(name))
+            return bool(robot.last_wall) and self._faults.in_trouble(name)
         known = self._robots[name].name_of(component)
         return known is not None and self._faults.in_trouble(name, known)
 
@@ -367,9 +402,12 @@ class RobotReports:
         if presence == self._presence:
             return []
         self.by_condition.clear()
-        self._presence = presence
+        is_first, self._presence = self._presence is None, presence
         self._awaited, self._awaited_next = {}, inf
         if presence == "pending":
+            known = faults.identities(robot.settings.name)
+            if is_first and any(each.state is State.SILENT for each in known):
+                return []  # an earlier process received it
             return faults.robot_pending(robot.settings.name, now)
         if presence == "silent":
             last = robot.last_mono

@@ -80,6 +80,7 @@ class _OfComponent(NamedTuple):
 class _OfCause(NamedTuple):
     active: _Moment | None
     covers_until: _Moment | None
+    adopted: bool = False  # version 0.2 had none
 
 
 class _OfProblem(NamedTuple):
@@ -87,6 +88,14 @@ class _OfProblem(NamedTuple):
     clock: _Moment
     verdict: _Number
     fault: _Fault | None
+
+
+class _OfEnd(NamedTuple):
+    reason: Literal["recovered", "removed"]
+    at: _Moment
+    message: _Text
+    since: _Moment
+    labels: _Labels
 
 
 DOWNTIMES = "downtimes"  # the kind of the one row of those that people planned
@@ -97,10 +106,11 @@ _FIELDS: dict[str, TypeAdapter[Any]] = {
     "component": TypeAdapter(_OfComponent),
     "cause": TypeAdapter(_OfCause),
     "problem": TypeAdapter(_OfProblem),
+    "end": TypeAdapter(_OfEnd),
 }
 _ROW: TypeAdapter[Any] = TypeAdapter(
     tuple[
-        Literal["downtimes", "fleet", "robot", "component", "cause", "problem"],
+        Literal["downtimes", "fleet", "robot", "component", "cause", "problem", "end"],
         Annotated[tuple[_Text, ...], Field(max_length=10)],
         dict[str, Any],
     ]

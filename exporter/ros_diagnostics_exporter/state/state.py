@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import Fault, ProblemView, Row
+from ros_diagnostics_exporter.faults.model import End, Fault, ProblemView, Row
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Instant, Topic
 from ros_diagnostics_exporter.state.discovery import SharedTopic
@@ -217,12 +217,18 @@ class State:
     def forget(self, name: str, component: str | None, now: Instant) -> int:
         """Forget a component by its name, or a robot with all of them; returns how many.
 
+        Of a robot that is not known, what others still hold of it ends.
+
         Raises:
-            LookupError: there is no such robot, or it has no such component.
+            LookupError: there is no such robot to have a component, or it has no such component.
         """
         with self._lock:
             robot = self._registry.robots.get(name)
+            if component is None:
+                self._faults.forget(name, now)
             if robot is None:
+                if component is None:
+                    return 0
                 raise LookupError(f"no robot {name!r}")
             labels = robot.components.labels()
             found = [each for each, label in labels if component in (None, label)]
@@ -235,6 +241,16 @@ class State:
             else:
                 self._faults.update(robot, now)
             return len(found)
+
+    def adopt(self, faults: Iterable[Fault], now: Instant) -> None:
+        """Go on with faults whose alerts fire and which this process does not know.
+
+        Those of robots that are not known (yet) are skipped.
+        """
+        with self._lock:
+            known = {fault.identity for fault in self._faults.all()}
+            new = [each for each in faults if each.identity not in known]
+            self._faults.adopt(new, now)
 
     def restore(self, persisted: Mapping[str, PersistedRobot], now: Instant) -> None:
         """Restore what an earlier process knew of the robots that the config still wants."""
@@ -281,6 +297,16 @@ class State:
         """All faults that last."""
         with self._lock:
             return self._faults.all()
+
+    def served(self) -> tuple[list[Fault], list[End]]:
+        """What is evidence for others: faults confirmed since the start, and what ended."""
+        with self._lock:
+            return self._faults.served(), self._faults.ends()
+
+    def note_served(self, now: Instant) -> None:
+        """Note that `served` was read by whoever holds the faults."""
+        with self._lock:
+            self._faults.note_served(now)
 
     def problems(self, now: Instant, robot: str | None = None) -> list[ProblemView]:
         """All problems of the fleet or of one robot, those not confirmed among them.

@@ -32,6 +32,12 @@ PAGE_BYTES = 4 * 1024 * 1024  # of events in one response
 LIFECYCLE_DISABLED = (
     "the lifecycle API is not enabled; start the exporter with --web.enable-lifecycle"
 )
+FORGET_DISABLED = (
+    "forget needs a login (basic_auth_users of --web.config.file), a request from the exporter's "
+    "own machine, or --web.enable-lifecycle"
+)
+LOOPBACK = {"127.0.0.1", "::/64"}  # as `client_address` names them
+FORWARDED = {"forwarded", "x-forwarded-for", "x-real-ip", "via"}  # of a proxy on this machine
 CROSS_SITE = (
     "requests from pages of another site are rejected, and so are those of a browser that uses a "
     "domain name for this host; use its address"
@@ -71,7 +77,7 @@ class Api:
         backend: What is served.
         workers: Where the backend is called.
         asking: Where it is called for what Alertmanager is asked, which may hang.
-        lifecycle: Whether reload and forget are enabled.
+        lifecycle: Whether reload is enabled, and forget for everybody.
     """
 
     def __init__(
@@ -139,7 +145,7 @@ class Api:
 
     async def forget(self, request: Request) -> Response:
         """Remove a robot or one of its components; returns the number of components removed."""
-        self._check_allowed(request)
+        self._check_may_forget(request)
         _allow_only(request, "robot", "component")
         robot = request.query_params.get("robot")
         if not robot:
@@ -192,6 +198,14 @@ class Api:
             return b"".join(chunks)
         finally:
             self._receiving -= size
+
+    def _check_may_forget(self, request: Request) -> None:
+        """Raise ApiError unless a person may end faults: on this machine, or logged in."""
+        connection = request.scope["state"]["connection"]
+        is_local = connection.address in LOOPBACK and FORWARDED.isdisjoint(request.headers)
+        if not (self._lifecycle or connection.authenticated or is_local):
+            raise ApiError(403, FORGET_DISABLED)
+        _check_site(request)
 
     def _check_allowed(self, request: Request) -> None:
         """Raise ApiError if the lifecycle API is disabled, or for a cross-site request."""

@@ -148,7 +148,7 @@ def build(
         connections: The clients'.
         web_config: Users, rate limit and headers.
         telemetry_path: Where the metrics are; first, so that it may be "/".
-        lifecycle: Whether /-/reload and /-/forget are enabled.
+        lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.
     """
     pages = Pages(backend, threads.others, telemetry_path)
     api = Api(backend, threads.others, threads.asking, lifecycle)

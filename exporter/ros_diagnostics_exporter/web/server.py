@@ -130,7 +130,7 @@ class Server:
         listen: Addresses, ``host:port``; without a host all interfaces, port 0 is any free port.
         telemetry_path: Where the metrics are.
         web_config: A file in the format of Prometheus' exporter-toolkit (TLS, basic auth).
-        lifecycle: Whether /-/reload and /-/forget are enabled.
+        lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.
         domains: The number of DDS domains, which need open files too.
 
     Raises:

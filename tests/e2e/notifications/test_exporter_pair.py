@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from e2e.rule_scenarios.stack import Orders
 from support.mailbox import settled
 from testbed import http, programs
 from testbed.mail import Inbox
@@ -38,9 +39,9 @@ class Site:
         """The mails about robots, not those about exporters."""
         return [m.subject for m in self.stack.inbox.mails() if " demo/robot_" in m.subject]
 
-    def mailed(self, expected: list[str]) -> None:
+    def mailed(self, expected: list[str], within: float = 90) -> None:
         """Wait until so many were sent, and for one too many: exactly these."""
-        assert settled(self.subjects, len(expected), within=90, pause=SETTLES) == expected
+        assert settled(self.subjects, len(expected), within=within, pause=SETTLES) == expected
 
     def holds(self, promql: str) -> None:
         """Wait until Prometheus returns something."""
@@ -134,6 +135,51 @@ def test_killed_restarted_without_its_state_and_deaf(pair: Pair):
     stack.fault("robot_3", "Motor 2", "ok")
     expected += [RECOVERY.format(3)]
     pair.mailed(expected)
+
+
+SILENT = "** PROBLEM ** demo/robot_2 is SILENT"
+BACK = "** RECOVERY ** demo/robot_2 is no longer SILENT"
+
+
+def test_a_lost_database_and_a_restart_of_prometheus(site: Site, tmp_path: Path):
+    """A robot is off when the database is lost; another is repaired while Prometheus is down."""
+    stack = site.stack
+    orders = Orders(stack.domain_id)
+    try:
+        orders.give([("robot_2", "hang")])
+        expected = [SILENT]
+        site.mailed(expected)
+
+        exporter, address = stack.exporter.process, stack.addresses.exporter
+        exporter.stop()
+        for path in tmp_path.glob("state.json*"):
+            path.unlink()
+        exporter.start()
+        until(lambda: http.answers(address, "/-/ready"), "the exporter answers", 60)
+        served = b'ros_diagnostics_exporter_settled{fleet="demo"} 1'
+        until(lambda: served in http.get(address, "/metrics"), "the exporter has settled", 120)
+        site.mailed(expected)
+        faults = http.get_json(address, "/api/v1/faults")["faults"]
+        assert [each["robot"] for each in faults] == ["robot_2"]
+
+        stack.fault("robot_3", "Motor 2", "error")
+        expected += [PROBLEM.format(3)]
+        site.mailed(expected)
+        stack.prometheus.process.stop()
+        stack.fault("robot_3", "Motor 2", "ok")
+        ended = b"ros_diagnostics_fault_end_timestamp_seconds{"
+        until(lambda: ended in http.get(address, "/metrics"), "the end is served", 60)
+        stack.prometheus.process.start()
+        expected += [RECOVERY.format(3)]
+        # Before the look-back of five minutes; what is sent before Prometheus has found
+        # Alertmanager is lost, and sent again after a minute.
+        site.mailed(expected, within=200)
+
+        orders.give([("robot_2", "resume")])
+        expected += [BACK]
+        site.mailed(expected)
+    finally:
+        orders.close()
 
 
 def test_prometheus_is_suspended_in_a_fault(site: Site):

@@ -390,6 +390,7 @@ def test_what_alerts_on_faults_need_is_a_part():
     assert {name.removeprefix(metrics.PREFIX) for name in found} == {
         *("fault_start_timestamp_seconds", "fault_info", "component_problem_level"),
         *("robot_up", "robot_silent_reason", "robot_maintenance", "exporter_settled"),
+        *("robot_info", "robot_stale_is_critical", "site_received_robots"),
         "canary_start_timestamp_seconds",
     }
 

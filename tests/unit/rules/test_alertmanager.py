@@ -679,3 +679,22 @@ def test_a_mail_has_the_colours_of_the_state_that_the_pages_have(status, labels,
     background, text = COLOURS[shown]
 
     assert f"color: {text}; background: {background}".lower() in mail
+
+
+def test_what_a_person_removed_is_no_recovery_and_a_recovery_says_what_ended_it(tmp_path):
+    ended = data("resolved", MOTOR_FAULT | {"alertname": "RosDiagnosticsComponentCritical"})
+    ended["alerts"][0]["annotations"] = ended["commonAnnotations"] = {
+        "end": "recovered",
+        "evidence": "OK: running",
+        "summary": "Motor 1 of r1 is CRITICAL.",
+    }
+    assert "(OK: running)." in render("ros_diagnostics.email.text", ended, tmp_path)
+    assert render("ros_diagnostics.sms", ended, tmp_path).startswith("RECOVERY ")
+
+    ended["commonAnnotations"].update(end="removed", evidence="")
+    subject = render("ros_diagnostics.email.subject", ended, tmp_path)
+    assert subject == "** REMOVED ** f/r1 Motor 1 is no longer monitored"
+    for kind in ("text", "html"):
+        text = render(f"ros_diagnostics.email.{kind}", ended, tmp_path)
+        assert "What ended it: a person removed it; whether it works is not known." in text
+    assert render("ros_diagnostics.sms", ended, tmp_path).startswith("REMOVED ")

@@ -38,6 +38,9 @@ INPUT = {
     f'ros_diagnostics_component_value{{{BATTERY}, key="Level", unit="%"}}': "20x420",
     f"ros_diagnostics_fault_start_timestamp_seconds{{{FAULT}}}": "_x60 600x59 stale _x119 2400x180",
     f'ros_diagnostics_fault_info{{{FAULT}, evidence="hot"}}': "_x60 1x59 stale _x119 1x180",
+    f'ros_diagnostics_fault_end_timestamp_seconds{{{FAULT}, reason="recovered"}}': (
+        "_x120 1200x119 stale"
+    ),
     f"ros_diagnostics_fault_start_timestamp_seconds{{{SILENT}}}": "_x300 3000x120",
     f'ros_diagnostics_fault_info{{{SILENT}, evidence="silent"}}': "_x300 1x120",
 }

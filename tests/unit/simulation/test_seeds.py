@@ -85,6 +85,15 @@ def test_a_seed_breaks_nothing(seed):
     assert judge.mails.sent
 
 
+@pytest.mark.parametrize("seed", [1, 2, *MANY])
+def test_nothing_ends_without_evidence_without_a_database_and_whatever_the_clock_is(seed):
+    judge = Judge(generate(seed, robots=8, days=2, lose=True))
+
+    judge.run()
+
+    assert judge.notified
+
+
 @pytest.mark.parametrize("story", STORIES.values(), ids=STORIES)
 def test_a_story_breaks_nothing(story):
     Judge(story).run()

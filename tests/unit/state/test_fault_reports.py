@@ -708,6 +708,52 @@ def test_a_discovered_robot_that_lacked_a_component_when_it_left_is_kept():
     assert faults(driver) == set()
 
 
+def without_database(driver: StateDriver) -> StateDriver:
+    """Another process that has nothing but the alerts that fire."""
+    again = StateDriver(fleet=driver.state.fleet)
+    again.now = driver.now
+    again.state.adopt(driver.state.faults(), again.now)
+    return again
+
+
+def test_without_its_database_a_process_goes_on_with_what_fires():
+    before = settled(MOTOR, LASER)
+    stand(before, 12, HOT, LASER)
+    before.at(before.now.mono + 100)
+    lost = {("component", "critical", "r", "Motor"), ("robot", "silent", "r")}
+    assert faults(before) == lost
+    after = without_database(before)
+    after.at(after.now.mono + 1_000)
+    assert faults(after) == lost  # and it is not pending
+    assert after.state.faults() == before.state.faults()
+    after.raw(HOT, LASER)
+    assert faults(after) == {("component", "critical", "r", "Motor")}
+    after.raw(MOTOR, LASER)
+    assert faults(after) == set()
+    ends = {end.fault.identity.state.value: end.message for end in after.state.served()[1]}
+    assert ends == {"silent": "", "critical": "OK"}
+
+
+def test_what_fires_of_a_robot_that_is_well_ends_as_soon_as_it_is_adopted():
+    before = settled(MOTOR)
+    stand(before, 12, HOT)
+    after = settled(MOTOR)
+    after.state.adopt(before.state.faults(), after.now)
+    assert faults(after) == set()
+    assert [end.reason for end in after.state.served()[1]] == ["recovered"]
+
+
+def test_what_was_adopted_of_a_component_that_never_comes_ends_with_the_robot():
+    before = settled(MOTOR, LASER)
+    stand(before, 12, HOT, LASER)
+    after = settled(LASER)
+    after.state.adopt(before.state.faults(), after.now)
+    stand(after, 100, LASER)
+    assert faults(after) == {("component", "critical", "r", "Motor")}
+    after.state.forget("r", None, after.now)
+    assert faults(after) == set()
+
+
 def test_a_fault_survives_a_restart_until_the_component_is_received_better():
     before = StateDriver(confirm_after=10.0)
     before.raw_every(1, SETTLED, MOTOR)

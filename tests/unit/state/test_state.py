@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
+from ros_diagnostics_exporter.faults.model import State
 from ros_diagnostics_exporter.model import Endpoint, Status, Topic
 from ros_diagnostics_exporter.state.registry import TIME_TO_PUBLISH
 from support.recordings import CASES, aggregated, raw
@@ -424,14 +425,19 @@ def test_a_discovered_robot_that_was_not_ok_stays_until_a_person_takes_it_out(st
     ],
     ids=["ok", "error counts as ok", "value", "planned stale"],
 )
-def test_a_discovered_robot_that_was_ok_is_forgotten_when_its_publisher_is_long_gone(status, rules):
+def test_a_discovered_robot_that_is_silent_stays_until_a_person_takes_it_out(status, rules):
     driver = discovered(**rules)
     driver.raw_every(1, 5, status, LASER)
-    driver.at(1_000)
-    assert not driver.robot.components  # its publisher is still there
     driver.state.update_graph(0, {}, driver.now)
-    driver.at(1_002)
+    driver.at(1_000)
+    assert not driver.robot.components
+    assert [each.identity.state for each in driver.state.faults()] == [State.SILENT]
+    driver.at(1_500)
+    assert [each.identity.state for each in driver.state.faults()] == [State.SILENT]
+
+    driver.state.forget("r", None, driver.now)
     assert not driver.state.robots
+    assert [end.reason for end in driver.state.served()[1]] == ["removed", "removed"]
 
 
 def test_what_the_network_keeps_from_us_is_not_forgotten():
@@ -458,7 +464,7 @@ def test_forget_takes_out_what_a_person_names():
     driver.raw(HOT, LASER)
 
     assert driver.state.forget("r", "Motor 1", driver.now) == 1
-    for name, component in (("r", "no such"), ("no such", None)):
+    for name, component in (("r", "no such"), ("no such", "Laser 1")):
         with pytest.raises(LookupError, match="no such"):
             driver.state.forget(name, component, driver.now)
     assert [each.name for each in driver.robot.components] == ["Laser 1"]

@@ -1,0 +1,125 @@
+"""A fault whose alert fires and of which this process knows nothing: it is judged on from here.
+
+The database was lost, or belongs to another time. That nothing of it is received yet is no evidence
+of its end, so it lasts as one of an earlier process does, until what ends a fault is received.
+"""
+
+from __future__ import annotations
+
+from ros_diagnostics_exporter.faults import causes, components, presence
+from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
+from ros_diagnostics_exporter.faults.model import (
+    Change,
+    ComponentName,
+    Fault,
+    Identity,
+    Scope,
+    State,
+    Verdict,
+)
+from ros_diagnostics_exporter.faults.records import Cause, Component, Presence, Problem, Robot
+from ros_diagnostics_exporter.faults.rows import give_to_owner
+from ros_diagnostics_exporter.faults.settings import ComponentSettings
+from ros_diagnostics_exporter.model import Instant, Level
+
+
+def adopt(book: Book, fault: Fault, now: Instant) -> Change | None:
+    """Go on with a fault, if it is one of a robot that is known, and did not end here."""
+    identity = fault.identity
+    if not _may_adopt(book, fault):
+        return None
+    since = Instant(now.mono - max(0.0, now.wall - fault.since), fault.since)
+    robot = book.robots.get(identity.robot)
+    if robot is None or identity.state is State.MANY:
+        _prepare_cause(book, identity, since, now)
+    else:
+        _prepare_robot(book, robot, identity, since, now)
+    problem = book.problems.get(identity)
+    if problem is None:
+        problem = Problem(identity, since)
+        give_to_owner(book, problem)
+        book.add_problem(problem)
+    problem.since, problem.fault = since, fault
+    problem.restored = now.mono < book.grace_until
+    if robot is not None and _is_over(robot, identity):
+        problem.verdict = Verdict.WELL
+    book.write(problem)
+    book.touch((problem,))
+    return Change("began", fault, now.wall)
+
+
+def _may_adopt(book: Book, fault: Fault) -> bool:
+    identity = fault.identity
+    of_robot = identity.scope not in (Scope.SITE, Scope.COMMON)
+    if of_robot != (identity.robot in book.robots):
+        return False
+    forgotten = book.forgotten.get(identity.robot)
+    if identity in book.ended or (forgotten is not None and forgotten.end.at >= fault.since):
+        return False
+    problem = book.problems.get(identity)
+    return problem is None or problem.fault is None
+
+
+def _is_over(robot: Robot, identity: Identity) -> bool:
+    """Whether what is received of the robot now is the end of it."""
+    if identity.state is State.PENDING:
+        return robot.presence is not Presence.NEVER
+    return identity.state is State.SILENT and robot.up
+
+
+def _prepare_robot(
+    book: Book, robot: Robot, identity: Identity, since: Instant, now: Instant
+) -> None:
+    """Have the robot, or its component, as it was when the fault was known."""
+    if identity.state is State.SILENT and not robot.up:
+        presence.fall_silent(book, robot, since, now, counts=False)
+    elif identity.scope is Scope.ROBOT and identity.state is State.FLAPPING:
+        robot.history = _restless(now, 0, 1)
+        book.timers.set(("presence", robot), now.mono + robot.settings.presence_interval)
+        book.write(robot)
+    elif identity.component:
+        component = _component(book, robot, ComponentName(identity.group, identity.component))
+        if identity.scope is Scope.COMPONENT:
+            component.since = component.since or since
+        elif identity.scope is Scope.FLAPPING and component.flaps is None:
+            component.flaps = _restless(now, Level.OK, Level.ERROR)
+            components.wake(book, component)
+        book.write(component)
+
+
+def _component(book: Book, robot: Robot, name: ComponentName) -> Component:
+    component = robot.components.get(name)
+    if component is None:
+        settings = ComponentSettings(robot.settings.confirm_after)
+        component = book.add_component(robot, name, settings)
+        component.level = Level.STALE  # until it is received
+    return component
+
+
+def _restless(now: Instant, one: int, other: int) -> FlapHistory:
+    """A history of nothing but changes: it comes to rest in time, as any other."""
+    return FlapHistory([(one, other)[number % 2] for number in range(SLOTS)], now.mono)
+
+
+def _prepare_cause(book: Book, identity: Identity, since: Instant, now: Instant) -> None:
+    """Have a cause active, which is not known to be over before enough is received."""
+    cause = _cause(book, identity)
+    cause.active = cause.active or since
+    cause.adopted = True
+    book.write(cause)
+    book.touched_causes[cause] = None
+    if identity.scope is not Scope.SITE:
+        return
+    for robot in book.robots.values():
+        if robot.settings.site == identity.site and not robot.up:
+            presence.fall_silent(book, robot, since, now, counts=False)
+            robot.counted = True
+            causes.count_robot(book, robot, now)
+
+
+def _cause(book: Book, identity: Identity) -> Cause:
+    if identity.robot:
+        return book.robots[identity.robot].many
+    of = identity.site if identity.scope is Scope.SITE else identity.component
+    return book.cause(identity.scope, of)

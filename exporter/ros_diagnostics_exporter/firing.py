@@ -1,0 +1,62 @@
+"""The faults whose alerts fire at Alertmanager, for an exporter that does not know them.
+
+The labels and annotations are those of prometheus/rules/faults.yml. Anybody who reaches
+Alertmanager may have made these alerts: what is no fault as the rules make them is skipped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+from ros_diagnostics_exporter.alertmanager import IDENTITY, NAME_LENGTH, clean, moment
+from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, severity_of
+
+EVIDENCE_LENGTH = 512
+MOST_LABELS = 100
+_OF_FAULT = {*IDENTITY, "alertname", "exporter"} - {"site"}  # the others are the robot's own
+
+
+def read(alerts: Iterable[Any], fleet: str, exporter: str) -> list[Fault]:
+    """The faults of a fleet that fire; of what is of no robot, those of this exporter's name."""
+    found = (_one(alert, fleet, exporter) for alert in alerts)
+    return [fault for fault in found if fault is not None]
+
+
+def _one(alert: Any, fleet: str, exporter: str) -> Fault | None:
+    try:
+        labels, notes = _texts(alert["labels"]), _texts(alert["annotations"])
+        identity = _identity(labels)
+        of_robot = bool(identity.robot)
+        is_ours = of_robot or labels.get("exporter", "") == exporter
+        is_wrong = severity_of(identity) != labels["severity"] or notes.get("end")
+        if labels["fleet"] != fleet or not is_ours or is_wrong:
+            return None
+        since, confirmed = moment(notes["since"]), moment(alert["startsAt"])
+        own = {name: text for name, text in labels.items() if name not in _OF_FAULT}
+        evidence = clean(notes.get("evidence", ""), EVIDENCE_LENGTH)
+        labels_of_robot = MappingProxyType(own if of_robot else {})
+        return Fault(identity, since, confirmed, labels_of_robot, evidence)
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
+        return None  # no alert as the rules make them
+
+
+def _texts(found: Mapping[str, Any]) -> dict[str, str]:
+    if len(found) > MOST_LABELS:
+        raise ValueError("it has too many")
+    texts = {str(name): str(text)[: 4 * NAME_LENGTH] for name, text in found.items()}
+    for text in texts.values():
+        text.encode()  # lone surrogates raise an error
+    return texts
+
+
+def _identity(labels: Mapping[str, str]) -> Identity:
+    scope, state = Scope(labels["scope"]), State(labels["state"])
+    parts = ("robot", "group", "component", "check", "key", "bound")
+    named = {name: labels.get(name, "") for name in parts}
+    site = labels.get("site", "") if scope is Scope.SITE else ""
+    severity = labels["severity"] if state is State.MANY else ""
+    if (scope in (Scope.SITE, Scope.COMMON)) is bool(named["robot"]):
+        raise ValueError("a fault of a robot names one, and no other does")
+    return Identity(scope, state, site=site, severity=severity, **named)

@@ -1,0 +1,68 @@
+"""Alertmanager's alerts as faults: those that the shipped rules make, and no others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
+from ros_diagnostics_exporter.firing import read
+
+MOTOR = {
+    "alertname": "RosDiagnosticsComponentCritical",
+    "fleet": "f",
+    "scope": "component",
+    "state": "critical",
+    "severity": "critical",
+    "site": "hall",
+    "team": "arms",
+    "robot": "r1",
+    "group": "/Motor",
+    "component": "Motor 1",
+}
+NOTES = {"since": "2026-01-01 10:00:00.5 +0000 UTC", "evidence": "over current", "end": ""}
+SITE = {"fleet": "f", "scope": "site", "state": "silent", "severity": "critical", "site": "hall"}
+
+
+def alert(labels: dict[str, str], **notes: str) -> dict[str, Any]:
+    annotations = {**NOTES, **notes}
+    return {"labels": labels, "annotations": annotations, "startsAt": "2026-01-01T10:00:12.5Z"}
+
+
+def test_an_alert_is_the_fault_that_it_was_made_of():
+    identity = Identity(
+        Scope.COMPONENT, State.CRITICAL, robot="r1", group="/Motor", component="Motor 1"
+    )
+    labels = {"site": "hall", "team": "arms"}
+    expected = Fault(identity, 1767261600.5, 1767261612.5, labels, "over current")
+    assert read([alert(MOTOR)], "f", "north") == [expected]
+
+
+def test_a_fault_of_no_robot_is_that_of_the_exporter_of_its_name():
+    (found,) = read([alert(SITE)], "f", "")
+    assert (found.identity, dict(found.labels)) == (
+        Identity(Scope.SITE, State.SILENT, site="hall"),
+        {},
+    )
+    assert read([alert({**SITE, "exporter": "south"}), alert(SITE)], "f", "north") == []
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        alert({**MOTOR, "fleet": "g"}),
+        alert({**MOTOR, "scope": "host"}),
+        alert({**MOTOR, "severity": "warning"}),
+        alert({**MOTOR, "robot": ""}),
+        alert({**SITE, "robot": "r1"}),
+        alert({**MOTOR, "robot": "\ud800"}),
+        alert({**MOTOR, **{f"l{number}": "x" for number in range(100)}}),
+        alert(MOTOR, since="yesterday"),
+        alert(MOTOR, end="recovered"),  # on its way to resolve
+        {"labels": MOTOR},
+        None,
+    ],
+)
+def test_what_the_rules_do_not_make_is_skipped(wrong):
+    assert read([wrong], "f", "") == []
