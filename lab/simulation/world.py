@@ -294,12 +294,13 @@ class World:
     def _adopt(self) -> None:
         """Start without the database, with what fires; a person forgets robots that are no more."""
         self.restarts = Restarts()
-        self.state = _unchecked(State(self.fleet, self.now))
+        self.state = State(self.fleet, self.now)
         self.state.adopt(self.firing(), self.now)
         for robot in self._undeclared:
             self.state.forget(robot, None, self.now)
 
     def is_declared(self, robot: str) -> bool:
+        """Whether fleet.yml has the robot now."""
         return robot not in self._undeclared
 
     def _do_restart(self, _who: str, ticks: int, lose: bool = False) -> None:
