@@ -37,7 +37,7 @@ class Status(NamedTuple):
     """One diagnostic_msgs/DiagnosticStatus.
 
     ``level`` is the byte as received (0..255, not validated); ``values`` are the key-values in
-    their order, duplicate keys included, perhaps decoded anew at each reading (`ingest.cdr`). All
+    their order, duplicate keys included, perhaps decoded anew at each reading (`decode.cdr`). All
     strings are valid Unicode (ROS replaces bad UTF-8).
     """
 

@@ -13,23 +13,22 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ros_diagnostics_exporter import ledger
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
+from ros_diagnostics_exporter.api import ledger, snapshot
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
 from ros_diagnostics_exporter.firing import read as read_firing
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.http_client import UnreachableError
-from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import Part
 from ros_diagnostics_exporter.notifications import Notifications, parse
-from ros_diagnostics_exporter.state import snapshot
-from ros_diagnostics_exporter.state.state import State
-from ros_diagnostics_exporter.state.storage import Storage
+from ros_diagnostics_exporter.sources import dds as ros
+from ros_diagnostics_exporter.storage.storage import Storage
 
 log = logging.getLogger(__name__)
 

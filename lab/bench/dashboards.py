@@ -21,8 +21,8 @@ from typing import NamedTuple
 from bench import month
 from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Instant, Topic
-from ros_diagnostics_exporter.state.state import State
 from support import prometheus_site
 from support.committed_dashboards import Query, filled, queries
 from support.served_fleet import ServedFleet, serving

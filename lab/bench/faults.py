@@ -18,8 +18,8 @@ from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import ComponentName, ComponentReport
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
-from ros_diagnostics_exporter.ingest.ros import decode
 from ros_diagnostics_exporter.model import Instant, Level
+from ros_diagnostics_exporter.sources.dds import decode
 from support.ros_publisher import message
 
 ROBOTS = [f"robot_{number}" for number in range(1000)]

@@ -12,9 +12,10 @@ from rclpy.serialization import serialize_message
 
 from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
-from ros_diagnostics_exporter.ingest import cdr, ros
+from ros_diagnostics_exporter.decode import cdr
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Array, Instant, Topic
-from ros_diagnostics_exporter.state.state import State
+from ros_diagnostics_exporter.sources import dds as ros
 from support.ros_publisher import message
 
 ROUNDS = 5_000

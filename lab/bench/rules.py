@@ -38,9 +38,9 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Instant, Part, Topic
-from ros_diagnostics_exporter.state.state import State
 from support.served_fleet import serving
 from testbed.polling import until
 from testbed.ports import free_port

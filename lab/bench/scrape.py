@@ -18,9 +18,9 @@ from prometheus_client.registry import Collector
 
 from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Instant, Topic
-from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.web.scrape import compress
 
 

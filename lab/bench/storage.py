@@ -16,9 +16,9 @@ from typing import NamedTuple
 from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Robot, Source
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Instant, Topic
-from ros_diagnostics_exporter.state.state import State
-from ros_diagnostics_exporter.state.storage import Storage
+from ros_diagnostics_exporter.storage.storage import Storage
 
 ROBOTS, SECONDS = 1000, 60
 WALL = 1.7e9

@@ -20,9 +20,9 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.faults.model import Fault, Row
 from ros_diagnostics_exporter.faults.model import State as FaultState
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
-from ros_diagnostics_exporter.state.state import State
 
 # Seconds; slightly below the minute that is one state of a robot that comes and goes: a change is
 # then one state, as it is one result for Nagios.

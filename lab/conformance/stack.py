@@ -36,9 +36,9 @@ from ros_diagnostics_exporter.config.fleet import (
     Robot,
     Source,
 )
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
-from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_tools.main import main
 from support import short_clocks
 from support.loopback import answering

@@ -21,7 +21,7 @@ from cosmic_ray.work_item import MutationSpec, TestOutcome, WorkerOutcome, WorkR
 
 from support.planted import copied_checkout
 
-PACKAGES = ("config", "faults", "ingest", "metrics", "state", "web")
+PACKAGES = ("config", "decode", "faults", "fleet", "metrics", "robots", "storage", "web")
 CODE = "exporter/ros_diagnostics_exporter"
 # "|" is nearly always in a type annotation, which nothing evaluates.
 LEFT_OUT = "core/ReplaceBinaryOperator_BitOr_"

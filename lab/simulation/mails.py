@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import inf
 
 from ros_diagnostics_exporter.faults.model import Fault
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Instant
-from ros_diagnostics_exporter.state.state import State
 
 Key = tuple[str, ...]
 

@@ -21,9 +21,9 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.config.fleet import FaultSettings as Settings
 from ros_diagnostics_exporter.faults.model import Fault
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
-from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_tools.backtest.replay import Restarts
 from simulation.story import (
     COMPONENTS,

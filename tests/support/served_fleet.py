@@ -17,11 +17,11 @@ from urllib.parse import urlsplit
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import ALL_PARTS, Instant, Part
 from ros_diagnostics_exporter.notifications import Notifications, parse
-from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.web.scrape import wanted_parts
 from support.loopback import answering
 

@@ -9,10 +9,10 @@ from prometheus_client.parser import text_string_to_metric_families
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.faults.model import Row
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
-from ros_diagnostics_exporter.state.state import State
-from ros_diagnostics_exporter.state.storage import Storage
+from ros_diagnostics_exporter.storage.storage import Storage
 
 OK, WARN, ERROR, STALE = range(4)
 WALL = 1_700_000_000.0

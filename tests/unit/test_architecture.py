@@ -28,13 +28,18 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
         ("model", "durations", "file_watcher", "files", "loops", "regex", "texts", "weekly"),
         ("events", "http_client", "logs", "severity"),
-        ("ingest",),
         ("config",),
+        ("decode",),
+        ("sources",),
         ("alertmanager", "faults"),
-        ("firing", "ledger", "notifications"),
+        ("firing",),
+        ("notifications",),
         ("canary",),
-        ("state",),
+        ("robots",),
+        ("fleet",),
+        ("storage",),
         ("metrics",),
+        ("api",),
         ("web",),
         ("service",),
         ("cli",),
@@ -70,14 +75,14 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
 # All others meet as users do, and the exporter imports none of them.
 MAY_KNOW = {"demo": {"testbed"}, TOOLS: {EXPORTER}}
 # The others of the exporter's packages are its process: the tools reach that by HTTP.
-TOOLS_DO_NOT_KNOW = {"canary", "ledger", "logs", "notifications", "web", "service", "cli"}
+TOOLS_DO_NOT_KNOW = {"canary", "logs", "notifications", "web", "service", "cli"}
 # What the web shows it is given by its Backend; of the config it knows how YAML is read.
 WEB_KNOWS = {
     *("web", "model", "durations", "events", "file_watcher", "files", "loops", "severity", "texts"),
 }
 WEB_READS_BY = f"{EXPORTER}.config.yaml_file"
 KNOW_ROS = {
-    f"{EXPORTER}.ingest.ros",
+    f"{EXPORTER}.sources.dds",
     "virtual_robots.ros.contexts",
     "virtual_robots.ros.transport",
     "virtual_robots.ros.control",
@@ -85,10 +90,10 @@ KNOW_ROS = {
 }
 ROS_PACKAGES = {"rclpy", "rcl_interfaces", "diagnostic_msgs", "builtin_interfaces", "std_msgs"}
 NO_CLOCK = {
-    EXPORTER: {"model", "config", "state", "faults", "canary", "ledger", "notifications"},
+    EXPORTER: {"model", "config", "robots", "fleet", "faults", "api", "canary", "notifications"},
     TOOLS: {"backtest", "nagios", "oncall"},
 }
-READS_CLOCK = {f"{EXPORTER}.config.reloader", f"{EXPORTER}.state.storage"}
+READS_CLOCK = {f"{EXPORTER}.config.reloader", f"{EXPORTER}.storage.storage"}
 CLOCKS = {"time.time", "time.monotonic", "time.perf_counter", "datetime.now", "datetime.utcnow"}
 
 FILES = sorted(

@@ -17,12 +17,12 @@ from ros_diagnostics_exporter.cli import flags, systemd
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.fleet.unmatched import find_unmatched, known_from_json
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
-from ros_diagnostics_exporter.ingest import ros
 from ros_diagnostics_exporter.service import Service
-from ros_diagnostics_exporter.state.database import InUseError, VersionError
-from ros_diagnostics_exporter.state.storage import Retention, Storage
-from ros_diagnostics_exporter.state.unmatched import find_unmatched, known_from_json
+from ros_diagnostics_exporter.sources import dds as ros
+from ros_diagnostics_exporter.storage.database import InUseError, VersionError
+from ros_diagnostics_exporter.storage.storage import Retention, Storage
 from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server, parse_address
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
 

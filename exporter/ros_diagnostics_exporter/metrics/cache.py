@@ -10,9 +10,9 @@ from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import Level
-from ros_diagnostics_exporter.state.component import Component, Value
-from ros_diagnostics_exporter.state.robot import Robot
-from ros_diagnostics_exporter.state.versions import Versions
+from ros_diagnostics_exporter.robots.component import Component, Value
+from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.versions import Versions
 from ros_diagnostics_exporter.texts import escape
 
 _VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_MONITORED_VALUE.name}

@@ -13,15 +13,15 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import RobotText
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.metrics.fault_text import FaultText, label_pairs
 from ros_diagnostics_exporter.model import ALL_PARTS, Part
 from ros_diagnostics_exporter.notifications import Key
-from ros_diagnostics_exporter.state.rejections import OVER_LIMIT
-from ros_diagnostics_exporter.state.robot import Robot
-from ros_diagnostics_exporter.state.state import State
+from ros_diagnostics_exporter.robots.rejections import OVER_LIMIT
+from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_exporter.texts import escape
 
 

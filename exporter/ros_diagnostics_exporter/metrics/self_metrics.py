@@ -25,7 +25,7 @@ from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.canary import BUCKETS, Canary
 from ros_diagnostics_exporter.config.reloader import Reloader
-from ros_diagnostics_exporter.ingest.ros import Listener, read_clocks
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.families import (
@@ -36,8 +36,8 @@ from ros_diagnostics_exporter.metrics.families import (
     Family,
 )
 from ros_diagnostics_exporter.model import ALL_PARTS, Part
-from ros_diagnostics_exporter.state.state import State
-from ros_diagnostics_exporter.state.storage import Storage
+from ros_diagnostics_exporter.sources.dds import Listener, read_clocks
+from ros_diagnostics_exporter.storage.storage import Storage
 
 EOF = b"# EOF\n"  # of OpenMetrics
 Label = TypeVar("Label", str, int)

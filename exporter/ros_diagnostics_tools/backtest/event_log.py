@@ -22,10 +22,10 @@ from pydantic import TypeAdapter, ValidationError
 from ros_diagnostics_exporter.config.fleet import Fleet, Source
 from ros_diagnostics_exporter.config.fleet import Robot as RobotSettings
 from ros_diagnostics_exporter.events import Event, Wanted
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Array, Instant, Level, Status, Topic
-from ros_diagnostics_exporter.state.database import APPLICATION, VERSION, find_events, reading
-from ros_diagnostics_exporter.state.state import State
-from ros_diagnostics_exporter.state.storage import PersistedRobot
+from ros_diagnostics_exporter.robots.persisted import PersistedRobot
+from ros_diagnostics_exporter.storage.database import APPLICATION, VERSION, find_events, reading
 
 HEARTBEAT = 1.0  # seconds between two arrays of a robot
 _ROBOT = TypeAdapter(PersistedRobot)

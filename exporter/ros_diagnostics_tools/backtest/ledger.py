@@ -7,7 +7,7 @@ from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.state.state import State
+from ros_diagnostics_exporter.fleet.state import State
 
 IDENTITY = (
     *("scope", "state", "site", "robot", "group", "component", "check", "key", "bound"),

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TextIO
 
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Instant
-from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_exporter.texts import escape
 
 END = "# EOF\n"

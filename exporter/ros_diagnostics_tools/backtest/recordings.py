@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.config.fleet import Fleet
-from ros_diagnostics_exporter.ingest import cdr
+from ros_diagnostics_exporter.decode import cdr
 from ros_diagnostics_exporter.model import Array, Status, Topic
 from ros_diagnostics_tools.backtest.event_log import EventLog, EventLogError, is_event_log
 

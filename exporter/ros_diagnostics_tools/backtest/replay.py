@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.fleet import Robot as RobotSettings
 from ros_diagnostics_exporter.faults.model import Row
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Endpoint, Instant, Topic
-from ros_diagnostics_exporter.state.state import State
 from ros_diagnostics_tools.backtest.ledger import Ledger, Notification, Outage
 from ros_diagnostics_tools.backtest.recordings import Message, Recordings
 

@@ -20,10 +20,10 @@ from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.durations import written
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Instant, Level
-from ros_diagnostics_exporter.state.component import Component, Value
-from ros_diagnostics_exporter.state.robot import Robot
-from ros_diagnostics_exporter.state.state import State
+from ros_diagnostics_exporter.robots.component import Component, Value
+from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_tools.backtest import words
 from ros_diagnostics_tools.backtest.ledger import confirm_after
 from ros_diagnostics_tools.backtest.replay import Result

@@ -9,7 +9,7 @@ import click
 
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.state.unmatched import find_unmatched, known_from_json
+from ros_diagnostics_exporter.fleet.unmatched import find_unmatched, known_from_json
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import print_json, with_output
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
-from ros_diagnostics_exporter.state.state import State
 from support.served_fleet import ServedFleet
 from support.state_driver import ERROR, tree
 

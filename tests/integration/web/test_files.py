@@ -207,7 +207,7 @@ def test_state_faults_and_events_are_there_after_a_restart(site, ends, database)
 HANGING = """
 import sys, threading
 from ros_diagnostics_exporter.cli import main as cli
-from ros_diagnostics_exporter.state import database
+from ros_diagnostics_exporter.storage import database
 
 write = database.Database.write
 def write_or_hang(self, *arguments, **more):

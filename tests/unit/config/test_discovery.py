@@ -4,7 +4,7 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import Source
 from ros_diagnostics_exporter.config.scalars import topic as checked_topic
-from ros_diagnostics_exporter.state.discovery import found_robot, shared_identity
+from ros_diagnostics_exporter.fleet.discovery import found_robot, shared_identity
 
 
 def discovery(fleet_of, keys):

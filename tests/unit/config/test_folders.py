@@ -2,7 +2,7 @@
 
 from ros_diagnostics_exporter.config import yaml_file
 from ros_diagnostics_exporter.config.load import load, sources
-from ros_diagnostics_exporter.state.maintenance import in_maintenance
+from ros_diagnostics_exporter.robots.maintenance import in_maintenance
 
 A = "fleet: demo\nrobots: [{name: a, domain_id: 1}]\n"
 

@@ -3,7 +3,7 @@
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from ros_diagnostics_exporter.state.rules import check_matches, component_rule, value_rule
+from ros_diagnostics_exporter.robots.rules import check_matches, component_rule, value_rule
 
 FAMILY = """
     fleet: demo

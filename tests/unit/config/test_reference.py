@@ -8,7 +8,7 @@ from config_reference import PAGE as DOCUMENT
 from config_reference import updated
 from ros_diagnostics_exporter.config import patterns, scalars, yaml_file
 from ros_diagnostics_exporter.config.scalars import RESERVED_LABEL_PREFIXES, RESERVED_LABELS
-from ros_diagnostics_exporter.state.rules import SEARCHED
+from ros_diagnostics_exporter.robots.rules import SEARCHED
 
 
 def test_document_without_a_table_is_rejected():

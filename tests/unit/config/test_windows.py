@@ -6,7 +6,7 @@ from zoneinfo import ZoneInfo
 import pytest
 
 from ros_diagnostics_exporter.model import Downtime
-from ros_diagnostics_exporter.state.maintenance import in_maintenance, maintenance_until
+from ros_diagnostics_exporter.robots.maintenance import in_maintenance, maintenance_until
 
 BERLIN = ZoneInfo("Europe/Berlin")
 

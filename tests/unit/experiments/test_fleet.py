@@ -21,7 +21,7 @@ def test_faults_are_spread_over_robots_and_components():
 def test_an_array_has_groups_components_values_and_its_number():
     pytest.importorskip("rclpy")
     from experiments.fleet import array
-    from ros_diagnostics_exporter.ingest.ros import decode
+    from ros_diagnostics_exporter.sources.dds import decode
 
     statuses = decode(array(7, components=6, values=3, faulty=frozenset({5}))).statuses
 

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python 3.11")
 
 from fleet_dashboards.lib import palette
-from ros_diagnostics_exporter.ingest.units import _SPELLINGS
+from ros_diagnostics_exporter.robots.units import _SPELLINGS
 from ros_diagnostics_exporter.severity import COLOURS
 
 # Matrices for linear RGB: Machado, Oliveira, Fernandes 2009, severity 1.0.

@@ -33,6 +33,7 @@ from ros_diagnostics_exporter.config.fleet import (
     ValueRule,
 )
 from ros_diagnostics_exporter.events import EventLog
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import (
     ALL_PARTS,
@@ -45,8 +46,8 @@ from ros_diagnostics_exporter.model import (
     Topic,
 )
 from ros_diagnostics_exporter.regex import Pattern
-from ros_diagnostics_exporter.state.state import State
-from ros_diagnostics_exporter.state.storage import PersistedComponent, PersistedRobot, Storage
+from ros_diagnostics_exporter.robots.persisted import PersistedComponent, PersistedRobot
+from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, tree
 
 FAULTS = FaultSettings(restart_grace=4.0, pending_after=8.0, confirm_after=2.0)

@@ -37,7 +37,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import (
     SelfMetrics,
 )
 from ros_diagnostics_exporter.model import Endpoint, Instant, Part, Status
-from ros_diagnostics_exporter.state.rejections import REASONS, FleetRejectionReason
+from ros_diagnostics_exporter.robots.rejections import REASONS, FleetRejectionReason
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
 HOSTILE = [

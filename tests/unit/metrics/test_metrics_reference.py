@@ -11,7 +11,7 @@ from metrics_reference import PAGE as DOCUMENT
 from metrics_reference import updated
 from ros_diagnostics_exporter.metrics.families import ROBOT_SILENT_REASON
 from ros_diagnostics_exporter.metrics.self_metrics import ALL_FAMILIES
-from ros_diagnostics_exporter.state.rejections import (
+from ros_diagnostics_exporter.robots.rejections import (
     OVER_LIMIT,
     FleetRejectionReason,
     RejectionReason,

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.ledger import LATE, Window, entries, standings, window
+from ros_diagnostics_exporter.api.ledger import LATE, Window, entries, standings, window
 from support.web_server import broken, downtime, problem, robot
 
 MOTOR = {"scope": "component", "state": "critical", "severity": "critical", "group": "/M"}

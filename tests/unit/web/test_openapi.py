@@ -12,9 +12,9 @@ from schemathesis import GenerationMode
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.faults.model import Reason, Scope, State
 from ros_diagnostics_exporter.notifications import parse
+from ros_diagnostics_exporter.robots.rejections import SilentReason
 from ros_diagnostics_exporter.severity import QUIET
 from ros_diagnostics_exporter.severity import SILENT as SILENT_WORDS
-from ros_diagnostics_exporter.state.rejections import SilentReason
 from ros_diagnostics_exporter.web.app import openapi
 from ros_diagnostics_exporter.web.server import Server
 from support.web_server import (

@@ -12,7 +12,7 @@ import pytest
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_exporter.state.database import Changes, Database
+from ros_diagnostics_exporter.storage.database import Changes, Database
 from ros_diagnostics_tools.backtest.recordings import (
     RecordingError,
     Recordings,

@@ -1,0 +1,267 @@
+"""State -> the JSON of /api/v1/fleet, /api/v1/faults and of Prometheus' HTTP service discovery."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.config.fleet import Robot as Settings
+from ros_diagnostics_exporter.config.fleet import ValueRule
+from ros_diagnostics_exporter.faults.model import ProblemView, as_texts
+from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.model import Instant, Level
+from ros_diagnostics_exporter.notifications import Key, key_of
+from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.maintenance import maintenance_until
+from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.work import work
+from ros_diagnostics_exporter.severity import component_state
+
+# job -> the port of a robot with an address; None where the query has to name it
+PORTS = {"node": 9100, "ssh": 22, "http": 80, "tcp": None}
+PING = "ping"  # has no port
+
+Notified = Mapping[Key, Mapping[str, float]]  # of each fault, when receivers were last notified
+
+
+def fleet_snapshot(state: State, now: Instant, notified: Notified | None = None) -> dict[str, Any]:
+    """The whole fleet; times are Unix time.
+
+    The problems of a robot and its parts are with the robot, those of sites and of many robots with
+    the fleet. ``notified`` is None where it is not known.
+    """
+    fleet = state.fleet
+    problems: dict[str, list[dict[str, Any]]] = {}
+    for view in state.problems(now):
+        problems.setdefault(view.identity.robot, []).append(_problem(view, notified))
+    return {
+        "fleet": fleet.name,
+        "time": now.wall,
+        "version": __version__,
+        "problems": problems.get("", []),
+        "unmatched": [asdict(each) for each in state.unmatched.entries],
+        "robots": [
+            {
+                **robot,
+                **_maintenance(state, robot, now),
+                "problems": problems.get(robot["robot"], []),
+            }
+            for robot in state.visit(_robot)
+        ],
+    }
+
+
+def robot_snapshot(
+    state: State, name: str, now: Instant, notified: Notified | None
+) -> dict[str, Any]:
+    """A robot's labels, problems and end of maintenance as in ``fleet_snapshot``.
+
+    Raises:
+        LookupError: there is no such robot.
+    """
+    views = state.problems(now, name)
+    robot = state.robots[name]
+    known = {
+        "robot": name,
+        "labels": dict(robot.settings.labels),
+        "maintenance": robot.maintenance,
+        "problems": [_problem(view, notified) for view in views],
+    }
+    return {**known, **_maintenance(state, known, now)}
+
+
+def faults(state: State, now: Instant, notified: Notified | None = None) -> dict[str, Any]:
+    """All faults that last, the oldest first; times are Unix time, ``notified`` as above."""
+    lasting = sorted(state.faults(), key=lambda fault: (fault.since, fault.identity))
+    return {
+        "fleet": state.fleet.name,
+        "time": now.wall,
+        "faults": [
+            {
+                **(identity := as_texts(fault.identity, fault.labels)),
+                "since": fault.since,
+                "confirmed": fault.confirmed,
+                "evidence": fault.evidence,
+                "labels": dict(fault.labels),
+                "notified": _notified(identity, notified),
+            }
+            for fault in lasting
+        ],
+    }
+
+
+def _problem(view: ProblemView, notified: Notified | None) -> dict[str, Any]:
+    fault = view.fault
+    identity = as_texts(view.identity, {} if fault is None else fault.labels)
+    return {
+        **identity,
+        "since": view.since if fault is None else fault.since,
+        "confirmed": None if fault is None else fault.confirmed,
+        "due": view.due,
+        "quiet": None if view.quiet is None else view.quiet.value,
+        "because": view.because,
+        "well": view.well,
+        "evidence": "" if fault is None else fault.evidence,
+        "notified": {} if fault is None else _notified(identity, notified),
+    }
+
+
+def _notified(identity: dict[str, str], notified: Notified | None) -> dict[str, float] | None:
+    return None if notified is None else dict(notified.get(key_of(identity), {}))
+
+
+def _maintenance(state: State, robot: dict[str, Any], now: Instant) -> dict[str, Any]:
+    """Until when it is in maintenance, and the downtimes that people planned and that hold."""
+    fleet, planned = state.fleet, state.downtimes(robot["robot"])
+    labels = {**robot["labels"], "fleet": fleet.name, "robot": robot["robot"]}
+    until = maintenance_until(fleet, labels, now.wall, planned) if robot["maintenance"] else None
+    return {
+        "maintenance_until": until,
+        "downtimes": [
+            {
+                "component": each.component,
+                "until": each.end,
+                "author": each.author,
+                "comment": each.comment,
+            }
+            for each in planned
+            if each.holds(now.wall)
+        ],
+    }
+
+
+def targets(state: State, job: str, port: int | None) -> list[dict[str, Any]]:
+    """Prometheus' http_sd list of the robots that have an address, at ``port`` or the job's own.
+
+    Raises:
+        LookupError: there is no such job.
+        ValueError: the job needs a port, or has none.
+    """
+    end = _end(job, port)
+    return [
+        {
+            "targets": [_host(settings.address) + end],
+            "labels": {
+                **settings.labels,
+                "fleet": state.fleet.name,
+                "robot": settings.name,
+            },
+        }
+        for settings in state.visit(lambda robot: robot.settings)
+        if settings.address is not None
+    ]
+
+
+def _end(job: str, port: int | None) -> str:
+    if job == PING:
+        if port is not None:
+            raise ValueError("a ping has no port")
+        return ""
+    if job not in PORTS:
+        raise LookupError(f"no job {job!r}; there are {', '.join(sorted([*PORTS, PING]))}")
+    port = port or PORTS[job]
+    if port is None:
+        raise ValueError(f"which port? /sd/{job}?port=NUMBER")
+    return f":{port}"
+
+
+def _host(address: str | None) -> str:
+    address = address or ""
+    return f"[{address}]" if address.count(":") > 1 and not address.startswith("[") else address
+
+
+def _robot(robot: Robot) -> dict[str, Any]:
+    settings: Settings = robot.settings
+    return {
+        "robot": settings.name,
+        "up": robot.up,
+        "silent_reason": robot.silent_reason,
+        "last_message": robot.last_wall or None,
+        "labels": dict(settings.labels),
+        "address": settings.address,
+        "domain_id": settings.domain_id,
+        "namespace": settings.namespace,
+        "topic": settings.topic_agg or settings.topic_raw,
+        "profile": settings.profile.name,
+        "maintenance": robot.maintenance,
+        "work": work(robot),
+        "short_checks": list(_short_checks(robot)) if robot.up else [],
+        "groups": [
+            {"group": path, "level": Level(level).name, "message": message}
+            for path, (level, message) in robot.groups.items()
+        ],
+        "components": [
+            _component(component, name, stale_is_critical=settings.profile.stale_is_critical)
+            for component, name in robot.components.labels()
+            if component.level >= 0
+        ],
+    }
+
+
+def _short_checks(robot: Robot) -> Iterator[dict[str, Any]]:
+    """The checks that find fewer components than fleet.yml expects."""
+    checks = {check.name: check for check in robot.settings.profile.checks}
+    for name, counts in robot.components.count_checks():
+        least = checks[name].expect
+        if least is not None and sum(counts) < least:
+            yield {
+                "check": name,
+                "patterns": [pattern.pattern for pattern in checks[name].patterns],
+                "found": sum(counts),
+                "expected": least,
+            }
+
+
+def _component(component: Component, name: str, *, stale_is_critical: bool) -> dict[str, Any]:
+    level = Level(component.level).name
+    before = None if component.before_stale is None else Level(component.before_stale).name
+    planned = component.rule is not None and component.rule.planned_stale
+    return {
+        "component": name,
+        "group": component.group,
+        "hardware_id": component.hardware_id,
+        "level": level,
+        "reported_level": Level(component.reported).name,
+        "level_before_stale": before,
+        "state": component_state(
+            level, before, stale_is_critical=stale_is_critical and not planned
+        ),
+        "planned_stale": planned,
+        "quiet_because": component.quiet_because,
+        "message": component.message,
+        "level_since": component.since,
+        "changes": component.changes,
+        "flap_ratio": 0.0 if component.flaps is None else component.flaps.ratio,
+        "values": list(_values(component)),
+    }
+
+
+def _values(component: Component) -> Iterator[dict[str, Any]]:
+    """The key-values as published; a key that is repeated, and is a number, as it is exported."""
+    pairs = component.last.values if component.last is not None else ()
+    for (key, text), numbers in zip(pairs, component.values.exported(pairs), strict=True):
+        value = numbers[0] if len(numbers) == 1 else None  # a list has no number of its own
+        as_published = value is None or value.key == key.strip().rstrip(":").rstrip()
+        shown: dict[str, Any] = {
+            "key": key if as_published or value is None else value.key,
+            "value": text,
+            "number": None if value is None else _finite(value.number),
+            "unit": "" if value is None else value.unit,
+        }
+        if value is not None and value.rule is not None and value.rule.thresholds:
+            shown["thresholds"] = _thresholds(value.rule)
+        yield shown
+
+
+def _thresholds(rule: ValueRule) -> list[dict[str, Any]]:
+    return [
+        {"bound": each.bound, "severity": each.severity, "value": each.value}
+        for each in rule.thresholds
+    ]
+
+
+def _finite(number: float) -> float | None:
+    """JSON has no NaN and no infinity; the string is in the JSON, too."""
+    return number if abs(number) < float("inf") else None

@@ -1,0 +1,1 @@
+"""The lock and what it protects: the robot registry, and what connects robots to faults."""

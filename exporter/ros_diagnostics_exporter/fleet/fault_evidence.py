@@ -1,0 +1,135 @@
+"""What was known of a fault when it began, in one line of text for people.
+
+The templates of notifications break the line before `values:`, `robots:`, `components:` and
+`also faulty:`, and put what is after `work:` into the first line of a mail.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from ros_diagnostics_exporter.faults.model import Identity, Scope, State
+from ros_diagnostics_exporter.model import Level
+from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.work import work
+from ros_diagnostics_exporter.severity import SILENT
+from ros_diagnostics_exporter.texts import one_line
+
+WORK = "work: "
+_PARTS = (WORK, "values: ", "robots: ", "components: ", "also faulty: ")
+LENGTH = 512  # characters of the whole
+_TEXT_LENGTH = 160  # of one text of a robot
+_WORK_LENGTH = 240
+_MOST_NAMED = 5  # of values, components or robots
+
+_WORDS = {Level.WARN: "WARNING", Level.ERROR: "CRITICAL"}  # as alerts name them
+
+Find = Callable[[Identity], "tuple[Robot, Component | None] | None"]
+
+
+def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> str:
+    """The evidence of a fault, printable and at most `LENGTH` characters.
+
+    Args:
+        identity: Which fault it is.
+        find: The robot and the component that a fault is about, if they are known.
+        robots: Those that a site's or a common fault counts.
+    """
+    found = find(identity)
+    if identity.scope in (Scope.SITE, Scope.COMMON):
+        parts = [_listed("robots", robots)]
+    elif found is None:
+        parts = []
+    elif found[1] is not None:
+        parts = list(_of_component(identity, found[1], found[0]))
+    else:
+        parts = list(_of_robot(identity, found[0]))
+    if found is not None and (text := _work(identity, *found)):
+        parts.insert(0, f"{WORK}{text[:_WORK_LENGTH]}".replace(";", ","))
+    return "; ".join(filter(None, parts))[:LENGTH]
+
+
+def last_received(identity: Identity, find: Find) -> str:
+    """What ended a fault, as received: a component's level and message, or its value."""
+    found = find(identity)
+    component = None if found is None else found[1]
+    if component is None or component.level < Level.OK:
+        return ""
+    if identity.scope is Scope.VALUE:
+        numbers = (each for each in component.values.all if each.key == identity.key)
+        parts = [f"{each.number:g} {_text(each.unit)}".strip() for each in numbers]
+    else:
+        level = Level(component.level)
+        parts = [_WORDS.get(level, level.name), _text(component.message)]
+    return ": ".join(filter(None, parts))[:LENGTH]
+
+
+def _work(identity: Identity, robot: Robot, component: Component | None) -> str:
+    """What the robot can no longer do; nothing of one that is silent."""
+    is_broken = identity.scope is Scope.VALUE and identity.state is State.CRITICAL
+    return work(robot, component if is_broken else None)
+
+
+def _of_component(identity: Identity, component: Component, robot: Robot) -> Iterator[str]:
+    if identity.scope is Scope.VALUE:
+        yield from _monitored(identity, component)
+    yield _message(component.message)
+    if component.last is not None and identity.scope is not Scope.VALUE:
+        pairs = (f"{_text(key)}: {_text(text)}" for key, text in component.last.values)
+        yield _listed("values", pairs)
+    others = (each for each in _troubled(robot) if each is not component)
+    yield _listed("also faulty", map(_with_level, others))
+
+
+def _monitored(identity: Identity, component: Component) -> Iterator[str]:
+    """The number and the threshold that it is beyond."""
+    for value in component.values.all:
+        if value.key == identity.key and value.rule is not None:
+            for each in value.rule.thresholds:
+                if (each.bound, each.severity) == (identity.bound, identity.state.value):
+                    unit = f" {_text(value.unit)}" if value.unit else ""
+                    beyond = "below" if each.bound == "low" else "above"
+                    yield f"{value.number:g}{unit}, {beyond} the threshold of {each.value:g}{unit}"
+
+
+def _of_robot(identity: Identity, robot: Robot) -> Iterator[str]:
+    if identity.scope is Scope.CHECK:
+        expected = {check.name: check.expect for check in robot.settings.profile.checks}
+        found = {name: sum(counts) for name, counts in robot.components.count_checks()}
+        if identity.check in found:
+            yield f"{found[identity.check]} of {expected[identity.check]} components report"
+    elif identity.state is State.MANY:
+        yield _listed("components", map(_with_level, _troubled(robot)))
+    elif robot.silent_reason is not None:
+        yield SILENT[robot.silent_reason]
+
+
+def _troubled(robot: Robot) -> Iterator[Component]:
+    return (each for each in robot.components if each.level > Level.OK and not each.quiet_because)
+
+
+def _with_level(component: Component) -> str:
+    level = Level(component.level)
+    return f"{_text(component.name)} {_WORDS.get(level, level.name)}"
+
+
+def _listed(what: str, texts: Iterable[str]) -> str:
+    """The first few of them, and how many more there are."""
+    found = list(texts)
+    if not found:
+        return ""
+    more = len(found) - _MOST_NAMED
+    rest = f" and {more} more" if more > 0 else ""
+    return f"{what}: {', '.join(found[:_MOST_NAMED])}{rest}"
+
+
+def _text(text: str) -> str:
+    """A robot's text, in which nothing separates parts."""
+    return one_line(text[:_TEXT_LENGTH]).replace(";", ",")
+
+
+def _message(text: str) -> str:
+    """A robot's message, which is not taken for a part of another kind."""
+    message = _text(text)
+    return f"message: {message}" if message.startswith(_PARTS) else message

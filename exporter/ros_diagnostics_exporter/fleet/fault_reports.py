@@ -1,0 +1,649 @@
+"""What the state reports to the judgement of faults: what changed since it last did.
+
+Nothing here is called back from. The state calls `update` after each array and tick of a robot,
+which compares the robot with what was reported of it; every call is made under the state's lock.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from math import inf, nextafter
+from typing import Literal
+
+from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Source, Threshold, ValueRule
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.faults.engine import Faults
+from ros_diagnostics_exporter.faults.model import (
+    Change,
+    ComponentName,
+    ComponentReport,
+    End,
+    Fault,
+    Identity,
+    ProblemView,
+    Row,
+    Scope,
+    State,
+    ValueReport,
+    Verdict,
+    as_texts,
+)
+from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
+from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
+from ros_diagnostics_exporter.fleet.fault_evidence import evidence, last_received
+from ros_diagnostics_exporter.model import Instant, Level
+from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.components import Components
+from ros_diagnostics_exporter.robots.conditions import Quiet, RobotConditions
+from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.rules import component_rule, value_rule
+
+_Presence = Literal["up", "silent", "pending"]
+_LEVELS = tuple(Level)
+_NUMBERED = re.compile(r"(#[0-9]+|\[[0-9]+\])+")  # what a key is given beside the published one
+
+
+class FaultReports:
+    """The faults of the fleet, and of each robot what was reported of it.
+
+    Faults that begin and end are appended to ``events``.
+    Called only under the lock of the State that holds it. ``now`` of a call may be earlier than
+    that of the one before, as arrays and ticks come from several threads: time does not go back.
+    """
+
+    def __init__(self, fleet: Fleet, now: Instant, events: deque[Event]) -> None:
+        self._fleet = fleet
+        self._now = now
+        self._events = events
+        self._robots: dict[str, RobotReports] = {}
+        self._faults = Faults(fleet.faults)
+        self._faults.started(now, fleet.longest_confirm_after)
+
+    # -- reported ----------------------------------------------------------------------------
+
+    def add(self, robot: Robot, now: Instant) -> None:
+        """Judge a new robot from now on."""
+        reports = self._robots[robot.settings.name] = RobotReports(robot, self._events)
+        self._record(reports.configure(self._faults, self._time(now)))
+
+    def remove(self, robot: Robot, now: Instant) -> None:
+        """End all that is wrong with a robot that is no longer wanted."""
+        del self._robots[robot.settings.name]
+        self._record(self._faults.forget_robot(robot.settings.name, self._time(now)))
+
+    def update(self, robot: Robot, now: Instant) -> None:
+        """Report what changed of a robot; cheap where nothing did."""
+        reports = self._robots[robot.settings.name]
+        if reports.needs_update(now):
+            self._record(reports.update(self._faults, self._time(now)))
+
+    def configure(self, fleet: Fleet, now: Instant) -> None:
+        """Follow another config, after the state did."""
+        now = self._time(now)
+        if fleet.faults != self._fleet.faults:
+            self._record(self._faults.configure(fleet.faults, now))
+        self._fleet = fleet
+        for reports in self._robots.values():
+            changes = []
+            if reports.has_other_settings:
+                changes = reports.configure(self._faults, now)
+            self._record(changes + reports.update(self._faults, now))
+
+    def _report_maintenance(self, now: Instant) -> None:
+        """Report which robots' planned downtimes began or ended, all of them at one time."""
+        planned = {
+            name: reports.robot.maintenance
+            for name, reports in self._robots.items()
+            if reports.robot.maintenance != reports.maintenance
+        }
+        for name, is_planned in planned.items():
+            self._robots[name].maintenance = is_planned
+        if planned:
+            self._record(self._faults.maintenance(planned, now))
+        for name, reports in self._robots.items():
+            if reports.robot.maintained != reports.maintained:
+                reports.maintained = reports.robot.maintained
+                self._record(self._faults.components_in_maintenance(name, reports.maintained, now))
+
+    def tick(self, now: Instant, *, slow: bool) -> None:
+        """Let time pass; to be called a few times a second, once a second with ``slow``."""
+        now = self._time(now)
+        if slow:
+            self._report_maintenance(now)
+        self._record(self._faults.advance(now))
+
+    def restore(self, rows: Iterable[Row], now: Instant) -> None:
+        """Go on from the rows of an earlier process; nothing is received yet.
+
+        Raises:
+            LookupError: the rows refer to what is not among them; nothing is restored.
+            TypeError, ValueError: they are not rows of faults; nothing is restored.
+        """
+        now, rows = self._time(now), list(rows)
+        faults = Faults(self._fleet.faults)
+        faults.restore(rows, now)
+        faults.started(now, self._fleet.longest_confirm_after)
+        self._faults = faults
+        for kind, key, fields in rows:
+            if kind == "robot" and fields is not None and key[0] not in self._robots:
+                self._record(faults.forget_robot(key[0], now))
+        for reports in self._robots.values():
+            self._record(reports.start_over(faults, now))
+        planned = {name: each.maintenance for name, each in self._robots.items()}
+        self._record(faults.maintenance(planned, now))
+
+    def take_rows(self, now: Instant) -> list[Row]:
+        """The rows that changed since they were last taken, of all what `restore` needs."""
+        return self._faults.take_rows(self._time(now))
+
+    def _time(self, now: Instant) -> Instant:
+        if now.mono >= self._now.mono:
+            self._now = now
+        return self._now
+
+    def _record(self, changes: Iterable[Change]) -> None:
+        """Write the evidence of the faults that began, and append all changes to the events."""
+        for what, fault, at in changes:
+            described = fault
+            if what == "began":
+                identity = fault.identity
+                text = fault.evidence or evidence(identity, self._find, self._troubled(identity))
+                described = self._faults.describe(fault, text)
+            elif what == "recovered":
+                self._faults.describe_end(fault, last_received(fault.identity, self._find))
+            self._events.append(_event(what, described, at))
+
+    def _find(self, identity: Identity) -> tuple[Robot, Component | None] | None:
+        """The robot, and the component if it is of one, that a fault is about."""
+        reports = self._robots.get(identity.robot)
+        if reports is None:
+            return None
+        return reports.robot, reports.find(ComponentName(identity.group, identity.component))
+
+    def _troubled(self, identity: Identity) -> Iterator[str]:
+        """The robots that a site's or a common cause counts."""
+        for name, reports in self._robots.items():
+            if identity.scope is Scope.SITE:
+                site = reports.robot.settings.labels.get("site", "")
+                if site == identity.site and not reports.robot.up:
+                    yield name
+            elif identity.scope is Scope.COMMON and reports.has_error(identity.component):
+                yield name
+
+    # -- asked -------------------------------------------------------------------------------
+
+    def all(self) -> list[Fault]:
+        """All faults that last."""
+        return list(self._faults.faults())
+
+    def problems(self, now: Instant, robot: str | None = None) -> list[ProblemView]:
+        """All problems, confirmed or not, of the fleet or of one robot.
+
+        Raises:
+            LookupError: there is no such robot.
+        """
+        by_condition = {
+            view.identity: view
+            for name, reports in self._robots.items()
+            if robot in (None, name)
+            for view in reports.by_condition.views()
+        }
+        found = []
+        for view in self._faults.problems(now, robot):
+            if view.fault is not None:  # it goes on under its condition, and is shown as it is
+                by_condition.pop(view.identity, None)
+            if view.identity not in by_condition:
+                found.append(view)
+        return [*found, *by_condition.values()]
+
+    def served(self) -> list[Fault]:
+        """Those that something has confirmed since the start."""
+        return list(self._faults.served())
+
+    def ends(self) -> list[End]:
+        """What ended of late, and has not begun again."""
+        return list(self._faults.ends())
+
+    def note_served(self, now: Instant) -> None:
+        """Note that what ended was read by whoever holds the faults."""
+        self._faults.note_served(self._time(now))
+
+    def adopt(self, faults: Iterable[Fault], now: Instant) -> None:
+        """Go on with faults whose alerts fire and which this process does not know."""
+        now = self._time(now)
+        for fault in faults:
+            self._record(self._faults.adopt(fault, now))
+            reports = self._robots.get(fault.identity.robot)
+            if reports is not None:
+                changes = reports.configure(self._faults, now)
+                self._record(changes + reports.update(self._faults, now))
+
+    def forget(self, robot: str, now: Instant) -> None:
+        """Note that nothing of a robot is to be held any more, whether it is known here or not."""
+        now = self._time(now)
+        self._faults.forget(robot, now)
+        reports = self._robots.get(robot)
+        for name in () if reports is None else self._faults.component_names(robot):
+            if reports is not None and reports.find(name) is None:  # adopted, never received
+                self._record(self._faults.forget_component(robot, name, now))
+
+    def settled(self, now: Instant) -> bool:
+        """Whether what was wrong before the start has been judged again."""
+        return self._faults.settled(now)
+
+    def keeps(self, robot: Robot, component: Component | None = None) -> bool:
+        """Whether a component, or a robot without any, has a problem and is not to be forgotten.
+
+        One that was ever received is silent: only a person knows that it does not come back.
+        """
+        name = robot.settings.name
+        if component is None:
+            return bool(robot.last_wall) and self._faults.in_trouble(name)
+        known = self._robots[name].name_of(component)
+        return known is not None and self._faults.in_trouble(name, known)
+
+
+class RobotReports:
+    """One robot, and what was reported of it.
+
+    ``maintenance`` and ``maintained`` are as last reported. ``_awaited`` are components of which
+    nothing is received, and from when on (monotonic) an array of the robot shows that they are
+    absent: if none comes it is the robot that is silent, and before that a slow driver is no stale
+    component.
+    """
+
+    def __init__(self, robot: Robot, events: deque[Event]) -> None:
+        self.robot = robot
+        self._events = events
+        self.maintenance = False
+        self.maintained: frozenset[str] = frozenset()
+        self._settings = robot.settings
+        self._limits = robot.limits
+        self._declared = robot.declared
+        self._presence: _Presence | None = None
+        self._announced: float | None = None  # when a publisher of it was first seen, monotonic
+        self._names: dict[Component, ComponentName] = {}
+        self._names_version = -1
+        self._everything = True  # is to be reported, because none of it was, or by other settings
+        self._awaited: dict[Component, float] = {}
+        self._awaited_next = inf
+        self._conditions = RobotConditions(robot)
+        self.by_condition = ConditionalProblems()
+
+    # -- config ------------------------------------------------------------------------------
+
+    @property
+    def has_other_settings(self) -> bool:
+        """Whether the robot follows another config than was reported."""
+        robot = self.robot
+        same = robot.settings is self._settings and robot.limits is self._limits
+        return not same or robot.declared != self._declared
+
+    def configure(self, faults: Faults, now: Instant) -> list[Change]:
+        """Report by which config the robot is judged; its parts are reported anew after it."""
+        robot = self.robot
+        name, profile = robot.settings.name, robot.settings.profile
+        self._settings, self._limits = robot.settings, robot.limits
+        self._declared, self._everything = robot.declared, True
+        settings = RobotSettings(
+            robot.settings.labels, profile.confirm_after, profile.flap_interval
+        )
+        changes = faults.configure_robot(name, settings, now, declared=robot.declared)
+        expected = _expected(profile)
+        for identity in list(faults.identities(name)):
+            if identity.scope is Scope.CHECK and identity.check not in expected:
+                changes += faults.check_changed(name, identity.check, 0, None, now)
+        if robot.maintenance != self.maintenance:
+            self.maintenance = robot.maintenance
+            changes += faults.maintenance({name: robot.maintenance}, now)
+        if robot.maintained != self.maintained:
+            self.maintained = robot.maintained
+            changes += faults.components_in_maintenance(name, robot.maintained, now)
+        return changes
+
+    def start_over(self, faults: Faults, now: Instant) -> list[Change]:
+        """Report all of it to another engine, but its downtime."""
+        self._presence, self.maintenance = None, self.robot.maintenance
+        self.maintained = frozenset()
+        components = self.robot.components
+        self._names, self._names_version = _names(components), components.names_version
+        return self.configure(faults, now) + self._forget_ignored(faults, now)
+
+    def _forget_ignored(self, faults: Faults, now: Instant) -> list[Change]:
+        """End what is wrong with components that the config of before the start did not ignore."""
+        robot, changes = self.robot.settings, list[Change]()
+        known = {
+            ComponentName(identity.group, identity.component)
+            for identity in faults.identities(robot.name)
+            if identity.component
+        }
+        for name in sorted(known.difference(self._names.values())):
+            rule = component_rule(robot.profile, name.component)
+            if rule is not None and rule.ignore:
+                changes += faults.forget_component(robot.name, name, now)
+        return changes
+
+    # -- what changed ------------------------------------------------------------------------
+
+    def needs_update(self, now: Instant) -> bool:
+        """Whether there is anything to report."""
+        components = self.robot.components
+        if components.level_changes or components.value_changes:
+            return True
+        if components.names_version != self._names_version:
+            return True
+        if self._awaited and self.robot.up and self._has_found_awaited:
+            return True
+        return self._presence_at(now) != self._presence
+
+    def update(self, faults: Faults, now: Instant) -> list[Change]:
+        """Report it."""
+        components = self.robot.components
+        changes = self._report_presence(faults, now)
+        renamed = components.names_version != self._names_version
+        if renamed:
+            changes += self._follow_names(faults, now)
+        self._apply_conditions(now)
+        if self.robot.up:
+            self._find_awaited()
+            changes += self._report_levels(faults, now, renamed=renamed)
+            changes += self._report_values(faults, now)
+            if renamed or self._everything:
+                changes += self._report_checks(faults, now)
+            self._everything = False
+        components.level_changes.clear()
+        components.value_changes.clear()
+        return changes
+
+    def _apply_conditions(self, now: Instant) -> None:
+        """Have what depends on what changed reported, where its conditions say something else."""
+        components = self.robot.components
+        changed = {**components.level_changes, **components.value_changes}
+        for component, differs in self._conditions.update(
+            changed, everything=self._everything
+        ).items():
+            name = self._names.get(component)
+            quiet = None if name is None else self._quiet(component)
+            is_known = self.robot.up and quiet is not None and quiet.known
+            components.set_quiet(component, quiet.because if quiet and is_known else "")
+            if differs:
+                components.level_changes[component] = None
+                components.value_changes[component] = None
+            if name is not None and self.robot.up:
+                of = self.robot.settings.name, name
+                self._events.extend(self.by_condition.update(component, of, self._conditions, now))
+
+    def _quiet(self, component: Component) -> Quiet | None:
+        """Why the component's trouble is no fault, if it is none."""
+        rule = component.rule
+        return None if rule is None else self._conditions.find(component, rule.conditions)
+
+    # -- presence ----------------------------------------------------------------------------
+
+    def _presence_at(self, now: Instant) -> _Presence:
+        robot = self.robot
+        if robot.up:
+            return "up"
+        if robot.last_mono is not None:
+            return "silent"
+        if robot.silent_reason == "never_seen":
+            self._announced = None
+            return "pending"
+        if self._announced is None:
+            self._announced = now.mono
+        # What has just begun to publish has its stale_after to be received.
+        late = now.mono - self._announced > robot.settings.profile.stale_after
+        return "silent" if late else "pending"
+
+    def _report_presence(self, faults: Faults, now: Instant) -> list[Change]:
+        presence, robot = self._presence_at(now), self.robot
+        if presence == self._presence:
+            return []
+        self.by_condition.clear()
+        is_first, self._presence = self._presence is None, presence
+        self._awaited, self._awaited_next = {}, inf
+        if presence == "pending":
+            known = faults.identities(robot.settings.name)
+            if is_first and any(each.state is State.SILENT for each in known):
+                return []  # an earlier process received it
+            return faults.robot_pending(robot.settings.name, now)
+        if presence == "silent":
+            last = robot.last_mono
+            since = now if last is None else Instant(last, robot.last_wall)
+            return faults.robot_silent(robot.settings.name, since, now)
+        self._everything = True
+        self._await_raw()
+        return faults.robot_back(robot.settings.name, now)
+
+    @property
+    def _last(self) -> float:
+        """When the last array was received, monotonic."""
+        return self.robot.last_mono or 0.0
+
+    def _await_raw(self) -> None:
+        """Wait for the raw components that the array which brought the robot back lacks."""
+        default = self.robot.settings.profile.stale_after
+        for component in self.robot.components:
+            if self._is_raw(component) and component.is_stale and component.listed < self._last:
+                self._await(component, self._last + component.stale_after(default, raw=True))
+
+    def _await_late(self, changed: Iterable[Component]) -> None:
+        """Wait for an array that lacks the components that turned STALE because none came."""
+        default = self.robot.settings.profile.stale_after
+        for component in changed:
+            if not component.is_stale or self._is_reported_stale(component):
+                continue
+            # An aggregator's next array: those since that lacked it were of one that just started.
+            absent = nextafter(self._last, inf)
+            if self._is_raw(component):
+                absent = component.listed + component.stale_after(default, raw=True)
+            if absent > self._last:
+                self._await(component, absent)
+
+    def _await(self, component: Component, absent: float) -> None:
+        self._awaited.setdefault(component, absent)
+        self._awaited_next = min(self._awaited_next, absent)
+
+    def _is_raw(self, component: Component) -> bool:
+        return self.robot.source is Source.RAW or component.raw_received is not None
+
+    def _is_reported_stale(self, component: Component) -> bool:
+        """Whether the last array has the component as STALE, or is an aggregator's without it."""
+        if component.missing:
+            return True
+        last = component.last
+        return last is not None and last.level == Level.STALE and component.listed >= self._last
+
+    @property
+    def _has_found_awaited(self) -> bool:
+        """Whether the last array shows one of them to be absent, or has it as STALE.
+
+        That is no change of its level, which was STALE before for want of anything received.
+        """
+        return self._last >= self._awaited_next or any(map(self._is_reported_stale, self._awaited))
+
+    def _find_awaited(self) -> None:
+        """Have those reported that are received now, or that an array shows to be absent."""
+        changed = self.robot.components.level_changes
+        for component, absent in list(self._awaited.items()):
+            is_known = not component.is_stale or self._is_reported_stale(component)
+            if is_known or self._last >= absent:
+                del self._awaited[component]
+                changed[component] = None
+                self.robot.components.value_changes[component] = None
+        self._awaited_next = min(self._awaited.values(), default=inf)
+        self._await_late(changed)
+
+    # -- components --------------------------------------------------------------------------
+
+    def find(self, name: ComponentName) -> Component | None:
+        """The component that was reported by this name."""
+        return next((each for each, known in self._names.items() if known == name), None)
+
+    def name_of(self, component: Component) -> ComponentName | None:
+        """The name by which a component was reported."""
+        return self._names.get(component)
+
+    def has_error(self, name: str) -> bool:
+        """Whether a component of this name is, or was when last received, ERROR."""
+        return any(
+            Level.ERROR in (each.level, each.before_stale)
+            for each, known in self._names.items()
+            if known.component == name and not each.quiet_because
+        )
+
+    def _follow_names(self, faults: Faults, now: Instant) -> list[Change]:
+        """Report the components that have gone, and those that have another name."""
+        robot, components = self.robot.settings.name, self.robot.components
+        names = _names(components)
+        changes: list[Change] = []
+        for component, old in self._names.items():
+            if component not in names:
+                changes += faults.forget_component(robot, old, now)
+                self._awaited.pop(component, None)
+        for component, new in names.items():
+            former = self._names.get(component)
+            if former is not None and former != new:
+                changes += faults.component_moved(robot, former, new, now)
+                components.level_changes[component] = None
+                components.value_changes[component] = None
+        self.by_condition.clear()  # the conditions are evaluated anew
+        self._names, self._names_version = names, components.names_version
+        return changes
+
+    def _report_levels(self, faults: Faults, now: Instant, *, renamed: bool) -> list[Change]:
+        reported = {
+            component: self._component_report(component, name)
+            for component, name in self._to_report(self.robot.components.level_changes)
+            if component not in self._awaited
+        }
+        if not reported and not renamed:
+            return []
+        robot, total = self.robot.settings.name, len(self.robot.components)
+        changes = faults.components_changed(robot, reported.values(), total, now)
+        for component, report in reported.items():
+            since = faults.trouble_since(robot, report.name)
+            if since is not None:  # a robot's silence is no trouble of its components
+                self.robot.components.set_problem_since(component, since)
+        return changes
+
+    def _to_report(self, changed: Iterable[Component]) -> Iterator[tuple[Component, ComponentName]]:
+        for component in self._names if self._everything else changed:
+            name = self._names.get(component)
+            if name is not None and component.level >= 0:  # received at least once
+                yield component, name
+
+    def _component_report(self, component: Component, name: ComponentName) -> ComponentReport:
+        """The component as it is judged: well, or not known, where its condition says so."""
+        level, settings = _LEVELS[component.level], self._component_settings(component)
+        quiet = self._quiet(component)
+        if quiet is None or level is Level.OK:
+            return ComponentReport(name, level, settings)
+        if quiet.known and level is not Level.STALE:
+            return ComponentReport(name, Level.OK, settings)
+        # As a STALE that is planned: nothing begins, and nothing ends.
+        settings = ComponentSettings(settings.confirm_after, planned_stale=True)
+        return ComponentReport(name, Level.STALE, settings)
+
+    def _component_settings(self, component: Component) -> ComponentSettings:
+        profile, rule = self._settings.profile, component.rule
+        own = None if rule is None else rule.confirm_after
+        planned = rule is not None and rule.planned_stale
+        return ComponentSettings(
+            profile.confirm_after if own is None else own,
+            planned,
+            profile.stale_is_critical and not planned,
+        )
+
+    # -- values and checks -------------------------------------------------------------------
+
+    def _report_values(self, faults: Faults, now: Instant) -> list[Change]:
+        monitors = any(rule.thresholds for rule in self._settings.profile.values)
+        if not (monitors or self._everything):
+            return []
+        robot = self.robot.settings.name
+        troubled: dict[ComponentName, list[Identity]] = {}
+        for identity in faults.identities(robot):
+            if identity.scope is Scope.VALUE:
+                name = ComponentName(identity.group, identity.component)
+                troubled.setdefault(name, []).append(identity)
+        changes: list[Change] = []
+        for component, name in self._to_report(self.robot.components.value_changes):
+            reports = self._value_reports(component, troubled.get(name, ()))
+            if reports:
+                settings = self._component_settings(component)
+                changes += faults.values_changed(robot, name, settings, reports, now)
+        return changes
+
+    def _value_reports(
+        self, component: Component, troubled: Iterable[Identity]
+    ) -> list[ValueReport]:
+        """Its values with thresholds, and those that had one and are no longer published."""
+        stale = component.is_stale
+        found = {
+            value.key: ValueReport(
+                value.key,
+                None if stale else value.number,
+                value.rule.thresholds,
+                Verdict.BAD if stale else self._most(component, value.rule),
+            )
+            for value in component.values.all
+            if value.rule is not None and value.rule.thresholds
+        }
+        missing: dict[str, list[Threshold]] = {}
+        for each in troubled:
+            if each.key not in found:
+                # Without a number it does not matter which one the threshold has.
+                threshold = Threshold(each.bound, each.state.value, 0.0)
+                missing.setdefault(each.key, []).append(threshold)
+        for key, thresholds in missing.items():
+            wanted = not self._everything or _is_monitored(self._settings.profile, component, key)
+            found[key] = ValueReport(key, None, tuple(thresholds) if wanted else ())
+        return list(found.values())
+
+    def _most(self, component: Component, rule: ValueRule) -> Verdict:
+        """The worst that a value's conditions let it be."""
+        quiet = self._conditions.find(component, rule.conditions)
+        if quiet is None:
+            return Verdict.BAD
+        return Verdict.WELL if quiet.known else Verdict.HELD
+
+    def _report_checks(self, faults: Faults, now: Instant) -> list[Change]:
+        expected = _expected(self._settings.profile)
+        if not expected:
+            return []
+        robot = self.robot.settings.name
+        changes: list[Change] = []
+        for check, counts in self.robot.components.count_checks():
+            if check in expected:
+                changes += faults.check_changed(robot, check, sum(counts), expected[check], now)
+        return changes
+
+
+def _event(what: str, fault: Fault, at: float) -> Event:
+    return Event(
+        time=at,
+        kind="fault_began" if what == "began" else "fault_ended",
+        **as_texts(fault.identity, fault.labels),
+        message=fault.evidence,
+        since=fault.since,
+        reason="" if what == "began" else what,
+    )
+
+
+def _expected(profile: Profile) -> Mapping[str, int]:
+    return {check.name: check.expect for check in profile.checks if check.expect is not None}
+
+
+def _names(components: Components) -> dict[Component, ComponentName]:
+    """The names of a robot's components as their series have them: no two are the same."""
+    return {each: ComponentName(each.group, name) for each, name in components.labels()}
+
+
+def _is_monitored(profile: Profile, component: Component, key: str) -> bool:
+    """Whether the config has a threshold for a value that is not published now."""
+    name = component.identity[0]
+    rules = (value_rule(profile, name, each) for each in (key, _NUMBERED.sub("", key)))
+    return any(rule is not None and rule.thresholds for rule in rules)

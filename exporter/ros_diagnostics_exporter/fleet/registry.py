@@ -1,0 +1,287 @@
+"""Which robots are known, and which topic carries whose arrays.
+
+Robots are added by the config, by discovery and by topics that they share; they are dropped by the
+config and after a time. Protected by the lock of the State that holds it.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from collections.abc import Iterator, Mapping
+
+from ros_diagnostics_exporter.config import fleet as config
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.fleet.discovery import SharedTopic, found_robot, robot_name
+from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
+from ros_diagnostics_exporter.model import Downtime, Endpoint, Instant, Topic
+from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
+from ros_diagnostics_exporter.robots.persisted import PersistedRobot
+from ros_diagnostics_exporter.robots.rejections import FleetRejectionReason, FleetRejections
+from ros_diagnostics_exporter.robots.robot import Robot, accepts
+
+SERIES_OF_ROBOT = 24  # at least: robot_*, check_components of the check "all"
+# Seconds that a discovered robot has to publish something before it may be replaced by another:
+# monitors that publish once a minute exist (Autoware).
+TIME_TO_PUBLISH = 90.0
+MAX_REPLACED = 10_000  # topics of replaced robots, so that these are tried again last
+
+
+class RobotRegistry:
+    """The robots by name, and their topics. What happens to them is appended to ``events``."""
+
+    def __init__(
+        self, fleet: config.Fleet, now: Instant, events: deque[Event], faults: FaultReports
+    ) -> None:
+        self.robots: dict[str, Robot] = {}
+        self.bindings: dict[Topic, list[tuple[Robot, bool]]] = {}  # robot, is the topic raw
+        self.shared_topics: dict[Topic, SharedTopic] = {}
+        self.series = SeriesLimit(fleet.limits.series)
+        self._fleet = fleet
+        self._events = events
+        self._faults = faults
+        self.rejections = FleetRejections()
+        # Discovered, and nothing received from them yet; the longest known first.
+        self._not_publishing: OrderedDict[str, Robot] = OrderedDict()
+        self._replaced: OrderedDict[Topic, float] = OrderedDict()  # when, monotonic
+        self.downtimes: dict[str, tuple[Downtime, ...]] = {}  # that people planned, by robot
+        self.configure(fleet, now)
+
+    def configure(self, fleet: config.Fleet, now: Instant) -> None:
+        """Apply another config: what it leaves unchanged is not touched."""
+        self._fleet = fleet
+        self.series.limit = fleet.limits.series
+        self.rejections.reset()
+        self.shared_topics = {
+            Topic(each.domain_id, each.topic): SharedTopic(each) for each in fleet.shared
+        }
+        declared = {settings.name: settings for settings in fleet.robots}
+        for name, robot in list(self.robots.items()):
+            settings = declared.pop(name, None)
+            is_declared = settings is not None
+            settings = settings or self._rediscovered(name, robot)
+            if settings is None:
+                self.drop(robot, now)
+                continue
+            robot.become(declared=is_declared, shared=self._is_shared(settings))
+            if is_declared:
+                self._not_publishing.pop(name, None)
+            if (settings, fleet.limits) != (robot.settings, robot.limits):
+                self._unbind(robot)
+                robot.configure(settings, fleet.limits, now)
+                self._bind(robot)
+        for settings in fleet.robots:
+            self._drop_found(settings, now)
+        for settings in declared.values():
+            self.add(settings, now, declared=True)
+
+    def _drop_found(self, settings: config.Robot, now: Instant) -> None:
+        """Drop what was discovered, by another name, on a topic of a robot that is declared."""
+        for topic in _topics(settings):
+            for robot, _raw in list(self.bindings.get(topic, ())):
+                if not (robot.declared or topic in self.shared_topics):
+                    self.drop(robot, now)
+
+    def _rediscovered(self, name: str, robot: Robot) -> config.Robot | None:
+        """The settings of a robot that the config does not declare; None if it is not wanted.
+
+        One that it declared before is taken out by that, unless somebody publishes as it.
+        """
+        old = robot.settings
+        if robot.declared and not (robot.up or robot.network.publishers):
+            return None
+        for topic in (old.topic_agg, old.topic_raw):
+            if topic is not None:
+                at = Topic(old.domain_id, topic)
+                settings = self._settings_by_topic(name, at, shared=robot.shared)
+                if settings is not None:
+                    return settings
+        return None
+
+    def _settings_by_topic(self, name: str, topic: Topic, *, shared: bool) -> config.Robot | None:
+        """The settings of a robot on a topic; ``shared``: a status on a shared topic named it."""
+        if topic in self.shared_topics:
+            return self.shared_topics[topic].robot(name) if shared else None
+        for discovery in self._fleet.discoveries:
+            if robot_name(discovery, topic.name, topic.domain_id) == name:
+                return found_robot(discovery, name, topic.name, topic.domain_id)
+        return None
+
+    def _is_shared(self, settings: config.Robot) -> bool:
+        return any(topic in self.shared_topics for topic in _topics(settings))
+
+    # -- added and dropped -------------------------------------------------------------------
+
+    def add(self, settings: config.Robot, now: Instant, *, declared: bool) -> Robot | None:
+        """A new robot; None where a limit rejects it."""
+        limit = self._limit()
+        if limit is not None and self._replace_one(now, at_once=declared):
+            limit = self._limit()
+        if limit is not None:
+            self._reject(settings, limit, now)
+            return None
+        self.series.add(SERIES_OF_ROBOT)
+        robot = Robot(
+            settings, self._fleet.limits, self.series, self._events, now, declared=declared
+        )
+        robot.shared = self._is_shared(settings)
+        self.robots[settings.name] = robot
+        if not declared:
+            self._not_publishing[settings.name] = robot
+        self.rejections.accept_robot(_topics(settings), settings.name)
+        self._bind(robot)
+        robot.downtimes = self.downtimes.get(settings.name, ())
+        robot.update_maintenance(self._fleet, now)  # no scrape may show it without its downtime
+        robot.record("known", now)
+        self._faults.add(robot, now)
+        return robot
+
+    def drop(self, robot: Robot, now: Instant) -> None:
+        """Remove a robot, with all that is known about it."""
+        robot.record("forgotten", now)
+        self._faults.remove(robot, now)
+        self._unbind(robot)
+        robot.components.remove_all()
+        self.series.remove(SERIES_OF_ROBOT)
+        self._not_publishing.pop(robot.settings.name, None)
+        del self.robots[robot.settings.name]
+
+    def forget_absent(self, robot: Robot, now: Instant) -> None:
+        """Forget what is long absent, was OK and has no problem: components, then the robot."""
+        robot.forget_absent_components(now, lambda each: self._faults.keeps(robot, each))
+        if robot.is_forgettable(now) and not self._faults.keeps(robot):
+            self.drop(robot, now)
+
+    def mark_publishing(self, robot: Robot) -> None:
+        """Note that a robot publishes: no other replaces it any more."""
+        self._not_publishing.pop(robot.settings.name, None)
+
+    def _limit(self) -> FleetRejectionReason | None:
+        """The limit that rejects one more robot, if there is one."""
+        if len(self.robots) >= self._fleet.limits.robots:
+            return "robot_limit"
+        return "series_limit" if self.series.exceeded_by(SERIES_OF_ROBOT) else None
+
+    def _replace_one(self, now: Instant, *, at_once: bool) -> bool:
+        """Drop the robot that has had the longest time to publish and never did, if there is one.
+
+        Topics on which nobody ever publishes must not block robots for ever.
+        """
+        robot = next(iter(self._not_publishing.values()), None)
+        if robot is None or not (at_once or now.mono - robot.found_mono >= TIME_TO_PUBLISH):
+            return False
+        for topic in _topics(robot.settings):
+            self._replaced.pop(topic, None)
+            self._replaced[topic] = now.mono
+        while len(self._replaced) > MAX_REPLACED:
+            self._replaced.popitem(last=False)
+        self.drop(robot, now)
+        return True
+
+    def discover(self, domain_id: int, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
+        """Add the robots whose topics a domain's graph shows and the config wants.
+
+        Those that were replaced before come last.
+        """
+        topics = (Topic(domain_id, name) for name, each in endpoints.items() if each.publishers)
+        new = [
+            each for each in topics if each not in self.bindings and each not in self.shared_topics
+        ]
+        new.sort(key=lambda topic: self._replaced.get(topic, 0.0))
+        for discovery in self._fleet.discoveries:
+            for topic in new:
+                if topic not in self.bindings:
+                    self._discover(discovery, topic, now)
+
+    def _discover(self, discovery: config.Discovery, topic: Topic, now: Instant) -> None:
+        name = robot_name(discovery, topic.name, topic.domain_id)
+        if name is None:
+            return
+        if name in self.robots:
+            self.rejections.reject_robot(topic, name, "duplicate_robot", now)
+        else:
+            found = found_robot(discovery, name, topic.name, topic.domain_id)
+            self.add(found, now, declared=False)
+
+    def find_again(self, name: str, known: PersistedRobot, now: Instant) -> Robot | None:
+        """A robot that an earlier process knew, if the config still wants it.
+
+        One that never published anything is skipped; it would be discovered again.
+        """
+        robot = self.robots.get(name)
+        if robot is None and known.last_seen:
+            settings = self._settings_of(name, known)
+            robot = None if settings is None else self.add(settings, now, declared=False)
+            if robot is not None:
+                self.mark_publishing(robot)
+        return robot
+
+    def _settings_of(self, name: str, known: PersistedRobot) -> config.Robot | None:
+        """Those of a robot that is not declared.
+
+        One that was is taken out by that, and discovered again if anybody publishes as it.
+        """
+        if known.origin == "declared":
+            return None
+        shared = known.origin in ("shared", None)
+        # By which of its two topics it was discovered is not persisted.
+        for topic in (known.topic, *config.topics_of(known.topic, config.Source.AUTO)):
+            at = Topic(known.domain_id, topic or "")
+            settings = self._settings_by_topic(name, at, shared=shared)
+            if settings is not None:
+                is_free = shared or not self.bindings.keys() & _topics(settings).keys()
+                return settings if is_free else None
+        return None
+
+    def on_shared_topic(self, topic: Topic, name: str, now: Instant) -> Robot | None:
+        """The robot that a status on a shared topic names, added if it is new."""
+        name = truncate(name, self._fleet.limits.label_length)
+        robot = self.robots.get(name)
+        if robot is None:
+            return self.add(self.shared_topics[topic].robot(name), now, declared=False)
+        if topic not in _topics(robot.settings):
+            self.rejections.reject_robot(topic, name, "duplicate_robot", now)
+            return None
+        return robot
+
+    def reject_long_text(self, topic: Topic) -> None:
+        """Count an array with truncated texts."""
+        if topic in self.shared_topics:  # the truncated text might have named the robot
+            self.rejections.reject_long_text(topic)
+        else:
+            for robot, _raw in self.bindings.get(topic, ()):
+                robot.reject("label_length", topic.name)
+
+    def _reject(self, settings: config.Robot, limit: FleetRejectionReason, now: Instant) -> None:
+        topic = Topic(settings.domain_id, settings.topic_agg or settings.topic_raw or "")
+        self.rejections.reject_robot(topic, settings.name, limit, now)
+
+    # -- topics ------------------------------------------------------------------------------
+
+    def _bind(self, robot: Robot) -> None:
+        for topic, raw in _topics(robot.settings).items():
+            self.bindings.setdefault(topic, []).append((robot, raw))
+
+    def _unbind(self, robot: Robot) -> None:
+        for name in (robot.settings.topic_agg, robot.settings.topic_raw):
+            topic = Topic(robot.settings.domain_id, name or "")
+            bound = self.bindings.get(topic, [])
+            bound[:] = [entry for entry in bound if entry[0] is not robot]
+            if topic in self.bindings and not bound:
+                del self.bindings[topic]
+
+    def wanted_topics(self, domain_id: int) -> Iterator[tuple[str, bool]]:
+        """(name, whether robots share it) of a domain's topics to be subscribed."""
+        for topic, bound in self.bindings.items():
+            own = topic.domain_id == domain_id and topic not in self.shared_topics
+            if own and any(accepts(robot.source, raw=raw) for robot, raw in bound):
+                yield topic.name, False
+        yield from ((each.name, True) for each in self.shared_topics if each.domain_id == domain_id)
+
+
+def _topics(settings: config.Robot) -> dict[Topic, bool]:
+    """The topics whose arrays are, or may be, the robot's, and whether they are raw."""
+    return {
+        Topic(settings.domain_id, topic): raw
+        for topic, raw in ((settings.topic_agg, False), (settings.topic_raw, True))
+        if topic is not None and accepts(settings.source, raw=raw)
+    }

@@ -1,0 +1,364 @@
+"""Every robot of the fleet, behind one lock. All methods may be called from any thread."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, TypeVar
+
+from ros_diagnostics_exporter.config import fleet as config
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.faults.model import End, Fault, ProblemView, Row
+from ros_diagnostics_exporter.faults.timers import Timers
+from ros_diagnostics_exporter.fleet.discovery import SharedTopic
+from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
+from ros_diagnostics_exporter.fleet.registry import RobotRegistry
+from ros_diagnostics_exporter.fleet.unmatched import UnmatchedWatch, find_unmatched, known_robot
+from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Instant, Topic
+from ros_diagnostics_exporter.robots.limits import truncate_array
+from ros_diagnostics_exporter.robots.maintenance import holds
+from ros_diagnostics_exporter.robots.persisted import PersistedRobot
+from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.storage.fault_rows import DOWNTIMES
+
+log = logging.getLogger(__name__)
+
+Result = TypeVar("Result")
+
+SLOW_TICK = 1.0  # seconds between two updates of what changes slowly: maintenance, forgetting
+PASS_ON = 16  # robots that are visited before a thread that waits for the lock gets its turn
+MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
+
+
+class State:
+    """All that is known about the fleet."""
+
+    def __init__(self, fleet: config.Fleet, now: Instant) -> None:
+        self.fleet = fleet
+        self._lock = threading.RLock()
+        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
+        self._slow_tick_at = now.mono
+        self._ticks: Timers[Robot] = Timers()  # when robots have to be looked at again
+        self._holding: tuple[bool, ...] | None = None  # which downtimes do; None: not known
+        self._downtimes: tuple[Downtime, ...] = ()  # that people planned
+        self._downtimes_changed = False  # since their row was taken
+        self.unmatched = UnmatchedWatch()  # entries of the config that match nothing
+        self._faults = FaultReports(fleet, now, self._events)
+        self._registry = RobotRegistry(fleet, now, self._events, self._faults)
+
+    # -- from ROS: what `sources.dds.Receiver` asks for ----------------------------------------
+
+    def receive(self, topic: Topic, array: Array, now: Instant) -> None:
+        """Update the robots whose array this is; ``topic`` is one of `wanted_topics`."""
+        original, array = array, truncate_array(array)  # without the lock: it looks at every text
+        with self._lock:
+            if array is not original:
+                self._registry.reject_long_text(topic)
+            shared = self._registry.shared_topics.get(topic)
+            if shared is not None:
+                self._receive_shared(topic, shared, array, now)
+                return
+            for robot, raw in self._registry.bindings.get(topic, ()):
+                if robot.accepts(now, raw=raw):
+                    self._receive(robot, array, now, raw=raw)
+
+    def _receive(self, robot: Robot, array: Array, now: Instant, *, raw: bool) -> None:
+        if not robot.up:
+            self._registry.mark_publishing(robot)
+        robot.receive(array, now, raw=raw)
+        self._faults.update(robot, now)
+        self._ticks.set_at_latest(robot, robot.next_tick)
+
+    def _receive_shared(
+        self, topic: Topic, shared: SharedTopic, array: Array, now: Instant
+    ) -> None:
+        parts, unknown = shared.split(array.statuses)
+        if unknown:
+            self._registry.rejections.reject_statuses(topic, unknown)
+        for name, statuses in parts.items():
+            robot = self._registry.on_shared_topic(topic, name, now)
+            if robot is not None:
+                size = array.size * len(statuses) // max(1, len(array.statuses))
+                part = Array(array.stamp, tuple(statuses), size)
+                self._receive(robot, part, now, raw=shared.settings.raw)
+
+    def reject_undecodable(self, topic: Topic, error: str, now: Instant) -> None:
+        """Count a message on a wanted topic that could not be decoded."""
+        with self._lock:
+            for robot, _raw in self._registry.bindings.get(topic, ()):
+                robot.reject_undecodable()
+                log.debug("robot %s: undecodable at %f: %s", robot.settings.name, now.wall, error)
+
+    def reject_dropped(self, topic: Topic, count: int) -> None:
+        """Count messages on a wanted topic that were dropped because too many are published."""
+        with self._lock:
+            if topic in self._registry.shared_topics:  # undecoded, so nobody knows whose they were
+                self._registry.rejections.counts["rate"] += count
+                return
+            for robot, _raw in self._registry.bindings.get(topic, ()):
+                robot.count_rejected("rate", count)
+
+    def update_graph(self, domain_id: int, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
+        """Discover robots in one domain's graph, and update which topics have publishers."""
+        with self._lock:
+            self._registry.discover(domain_id, endpoints, now)
+            for topic, bound in self._registry.bindings.items():
+                if topic.domain_id == domain_id:
+                    for robot, _raw in bound:
+                        robot.update_endpoint(topic.name, endpoints.get(topic.name), now)
+
+    def wanted_topics(self, domain_id: int) -> dict[str, bool]:
+        """The topics to be subscribed in a domain: name -> whether robots share it."""
+        with self._lock:
+            return dict(self._registry.wanted_topics(domain_id))
+
+    def domain_joined(self, domain_id: int) -> None:
+        """Note that a domain was joined."""
+        self._set_domain_up(domain_id, up=True)
+
+    def domain_failed(self, domain_id: int, error: str, now: Instant) -> None:
+        """Note that a domain could not be joined."""
+        self._set_domain_up(domain_id, up=False)
+        with self._lock:
+            self._events.append(Event(now.wall, "config", message=f"domain {domain_id}: {error}"))
+
+    def _set_domain_up(self, domain_id: int, *, up: bool) -> None:
+        with self._lock:
+            for robot in self._registry.robots.values():
+                if robot.settings.domain_id == domain_id and robot.network.domain_up != up:
+                    robot.network.domain_up = up
+                    robot.versions.receipt += 1
+
+    # -- from time and people ----------------------------------------------------------------
+
+    def tick(self, now: Instant) -> None:
+        """Let time pass; to be called a few times a second.
+
+        Looks at the robots that are due, and once a second at all of them. The lock is held for
+        one robot at a time.
+        """
+        for robot in self._due(now):
+            with self._lock:
+                if not self._is_known(robot):
+                    continue  # dropped: it is not silent
+                robot.tick(now)
+                self._ticks.set_at_latest(robot, robot.next_tick)
+                self._faults.update(robot, now)
+        slow = now.mono - self._slow_tick_at >= SLOW_TICK
+        if slow:
+            self._slow_tick_at = now.mono
+            self._tick_slowly(now)
+        with self._lock:
+            self._faults.tick(now, slow=slow)
+
+    def _due(self, now: Instant) -> list[Robot]:
+        due: list[Robot] = []
+        with self._lock:
+            while self._ticks.next < now.mono:
+                due += self._ticks.pop()
+        return due
+
+    def _tick_slowly(self, now: Instant) -> None:
+        """Look at what changes slowly: maintenance, publishers of silent robots, absence."""
+        holding = (
+            *(holds(each, now.wall) for each in self.fleet.maintenance),
+            *(each.holds(now.wall) for each in self._downtimes),
+        )
+        changed = holding != self._holding
+        self._holding = holding
+        for robot in self._sorted_robots():
+            with self._lock:
+                if not self._is_known(robot):
+                    continue  # dropped meanwhile
+                if not robot.up:
+                    self._faults.update(robot, now)
+                if changed:
+                    robot.update_maintenance(self.fleet, now)
+                self._registry.forget_absent(robot, now)
+
+    def find_unmatched(self, now: Instant) -> None:
+        """Look for entries of the config that match nothing; takes long, and holds no lock."""
+        found = find_unmatched(self.fleet, self.visit(known_robot), now.wall)
+        self.unmatched.update(found, now)
+
+    def _is_known(self, robot: Robot) -> bool:
+        return self._registry.robots.get(robot.settings.name) is robot
+
+    def configure(self, fleet: config.Fleet, now: Instant) -> None:
+        """Apply another config; robots that it leaves unchanged keep all that is known."""
+        with self._lock:
+            self.fleet = fleet
+            self._registry.configure(fleet, now)
+            self._faults.configure(fleet, now)
+            self._slow_tick_at = float("-inf")
+            self._holding = None
+            for robot in self._registry.robots.values():
+                self._ticks.set_at_latest(robot, robot.next_tick)
+
+    def plan(self, downtimes: Iterable[Downtime], now: Instant) -> None:
+        """Follow the downtimes that people have planned, all of them."""
+        planned = tuple(sorted(downtimes))
+        if planned == self._downtimes:
+            return
+        with self._lock:
+            self._downtimes, self._downtimes_changed = planned, True
+            by_robot: dict[str, tuple[Downtime, ...]] = {}
+            for each in planned:
+                by_robot[each.robot] = (*by_robot.get(each.robot, ()), each)
+            self._registry.downtimes = by_robot
+            for name, robot in self._registry.robots.items():
+                robot.downtimes = by_robot.get(name, ())
+                robot.update_maintenance(self.fleet, now)
+            self._faults.tick(now, slow=True)
+
+    def forget(self, name: str, component: str | None, now: Instant) -> int:
+        """Forget a component by its name, or a robot with all of them; returns how many.
+
+        Of a robot that is not known, what others still hold of it ends.
+
+        Raises:
+            LookupError: there is no such robot to have a component, or it has no such component.
+        """
+        with self._lock:
+            robot = self._registry.robots.get(name)
+            if component is None:
+                self._faults.forget(name, now)
+            if robot is None:
+                if component is None:
+                    return 0
+                raise LookupError(f"no robot {name!r}")
+            labels = robot.components.labels()
+            found = [each for each, label in labels if component in (None, label)]
+            if component is not None and not found:
+                raise LookupError(f"robot {name!r} has no component {component!r}")
+            for each in found:
+                robot.forget(each, now)
+            if component is None and not robot.declared:
+                self._registry.drop(robot, now)
+            else:
+                self._faults.update(robot, now)
+            return len(found)
+
+    def adopt(self, faults: Iterable[Fault], now: Instant) -> None:
+        """Go on with faults whose alerts fire and which this process does not know.
+
+        Those of robots that are not known (yet) are skipped.
+        """
+        with self._lock:
+            known = {fault.identity for fault in self._faults.all()}
+            new = [each for each in faults if each.identity not in known]
+            self._faults.adopt(new, now)
+
+    def restore(self, persisted: Mapping[str, PersistedRobot], now: Instant) -> None:
+        """Restore what an earlier process knew of the robots that the config still wants."""
+        with self._lock:
+            for name, known in persisted.items():
+                robot = self._registry.find_again(name, known, now)
+                if robot is not None:
+                    robot.restore(known, now)
+
+    def restore_faults(self, rows: Iterable[Row], now: Instant) -> None:
+        """Go on from the rows of an earlier process; to be called after `restore`.
+
+        Raises:
+            LookupError: the rows refer to what is not among them; nothing is restored.
+            TypeError, ValueError: they are not rows of faults; nothing is restored.
+        """
+        rows = list(rows)
+        for row in rows:
+            if row.kind == DOWNTIMES and row.fields is not None:
+                planned: Any = row.fields["planned"]
+                self.plan([Downtime(*each) for each in planned], now)
+        with self._lock:
+            self._faults.restore([row for row in rows if row.kind != DOWNTIMES], now)
+
+    # -- queries -----------------------------------------------------------------------------
+
+    def visit(self, function: Callable[[Robot], Result]) -> Iterator[Result]:
+        """``function`` of every robot, in the order of names.
+
+        The lock is held for one robot at a time, and not while the caller uses a result.
+        """
+        for number, robot in enumerate(self._sorted_robots()):
+            with self._lock:
+                result = function(robot)
+            if number % PASS_ON == 0:
+                time.sleep(0)  # else this thread takes the lock again before another wakes up
+            yield result
+
+    def _sorted_robots(self) -> list[Robot]:
+        with self._lock:
+            return [robot for _name, robot in sorted(self._registry.robots.items())]
+
+    def faults(self) -> list[Fault]:
+        """All faults that last."""
+        with self._lock:
+            return self._faults.all()
+
+    def served(self) -> tuple[list[Fault], list[End]]:
+        """What is evidence for others: faults confirmed since the start, and what ended."""
+        with self._lock:
+            return self._faults.served(), self._faults.ends()
+
+    def note_served(self, now: Instant) -> None:
+        """Note that `served` was read by whoever holds the faults."""
+        with self._lock:
+            self._faults.note_served(now)
+
+    def problems(self, now: Instant, robot: str | None = None) -> list[ProblemView]:
+        """All problems of the fleet or of one robot, those not confirmed among them.
+
+        Raises:
+            LookupError: there is no such robot.
+        """
+        with self._lock:
+            return self._faults.problems(now, robot)
+
+    def downtimes(self, robot: str) -> tuple[Downtime, ...]:
+        """The downtimes of a robot and its components that people planned; some may lie ahead."""
+        with self._lock:
+            return self._registry.downtimes.get(robot, ())
+
+    def take_fault_rows(self, now: Instant) -> list[Row]:
+        """The rows that changed since the last call, downtimes' too; `restore_faults` needs all.
+
+        To be called now and then, also where nobody needs them.
+        """
+        with self._lock:
+            rows = self._faults.take_rows(now)
+            if self._downtimes_changed:
+                self._downtimes_changed = False
+                planned: dict[str, object] = {"planned": list(map(list, self._downtimes))}
+                rows.append(Row(DOWNTIMES, (), planned if self._downtimes else None))
+            return rows
+
+    def settled(self, now: Instant) -> bool:
+        """Whether what was wrong before the start has been judged again."""
+        with self._lock:
+            return self._faults.settled(now)
+
+    def take_events(self) -> list[Event]:
+        """The events since the last call, in the order in which they happened."""
+        with self._lock:
+            events = list(self._events)
+            self._events.clear()
+            return events
+
+    @property
+    def robots(self) -> Mapping[str, Robot]:
+        """The robots by name; other threads change them: read them with `visit`."""
+        return self._registry.robots
+
+    @property
+    def rejected(self) -> Mapping[str, int]:
+        """How often something that belongs to no known robot was rejected, by reason."""
+        return self._registry.rejections.counts
+
+    @property
+    def robots_over_limit(self) -> list[str]:
+        """The names of the robots that are rejected by a limit, sorted."""
+        with self._lock:
+            return sorted(self._registry.rejections.over_limit)

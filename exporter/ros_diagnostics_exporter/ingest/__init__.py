@@ -1,1 +1,0 @@
-"""ROS messages to model types: decoding, the aggregator's tree, numbers with units."""

@@ -1,0 +1,1 @@
+"""What was received: robots, components, values, staleness, conditions. No I/O and no lock."""

@@ -1,0 +1,369 @@
+"""The components of one robot: added, updated, late, counted, removed.
+
+Every change of a level passes here, whether an array, silence or the config causes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from math import inf
+
+from ros_diagnostics_exporter.config import fleet as config
+from ros_diagnostics_exporter.model import Instant, Status
+from ros_diagnostics_exporter.robots.component import (
+    ERROR,
+    OK,
+    STALE,
+    Component,
+    ComponentValues,
+    Identity,
+)
+from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
+from ros_diagnostics_exporter.robots.rejections import Reject
+from ros_diagnostics_exporter.robots.rules import (
+    check_matches,
+    component_rule,
+    selects_component,
+    value_rule,
+)
+from ros_diagnostics_exporter.robots.versions import Versions
+
+# How many series a component has at least: level, since, changes, info, problem since, message.
+SERIES_OF_COMPONENT = 6
+
+
+class Components:
+    """The components of one robot by their identity.
+
+    ``reject`` is called with the reason and name of what is rejected, ``changed`` with (component,
+    level before, now) at every change of a level.
+    """
+
+    def __init__(
+        self,
+        profile: config.Profile,
+        limits: config.Limits,
+        *,
+        series: SeriesLimit,
+        versions: Versions,
+        reject: Reject,
+        changed: Callable[[Component, int, Instant], None],
+    ) -> None:
+        self.by_identity: dict[Identity, Component] = {}
+        self.removals = 0  # how many components were ever removed
+        self._profile = profile
+        self._limits = limits
+        self._series = series
+        # Of values alone: whatever a robot sends, its components' levels are not rejected for it.
+        self._value_series = SeriesLimit(limits.robot_series, series)
+        self._key_values = 0  # of all components
+        self._versions = versions
+        self._reject = reject
+        self._changed = changed
+        # What the judgement of faults has yet to take: emptied by it.
+        self.level_changes: dict[Component, None] = {}
+        self.value_changes: dict[Component, None] = {}
+        self.names_version = 0  # raised when a component is added, removed or has another label
+        self._flapping: set[Identity] = set()
+        self._deadline = inf  # when the next component may be late, monotonic
+        self._checked: list[tuple[str, list[Component]]] = []
+        self._checked_at = -1  # the version of the structure of `_checked`
+
+    def __iter__(self) -> Iterator[Component]:
+        """All components, in the order in which they were added."""
+        return iter(self.by_identity.values())
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.by_identity)
+
+    def labels(self) -> Iterator[tuple[Component, str]]:
+        """Each with its name as its series have it: no two of a group are the same."""
+        taken: dict[str, dict[str, int]] = {}  # by group
+        for each in self:
+            yield each, unique_name(each.name, taken.setdefault(each.group, {}), "~")
+
+    # -- added and removed -------------------------------------------------------------------
+
+    def get_or_add(self, identity: Identity, group: str, now: Instant) -> Component | None:
+        """The component of this identity; None where a limit or the config rejects it."""
+        known = self.by_identity.get(identity)
+        if known is not None:
+            return known
+        rule = component_rule(self._profile, identity[0])
+        if rule is not None and rule.ignore:
+            return None
+        if len(self) >= self._limits.components:
+            self._reject("component_limit", identity[0])
+            return None
+        limit = self._series.add(SERIES_OF_COMPONENT)
+        if limit is not None:
+            self._reject(limit, identity[0])
+            return None
+        if len(identity[0]) > self._limits.label_length:
+            self._reject("label_length", identity[0])
+        values = self._values(identity[0])
+        component = Component(identity, self._label(identity), rule, values, now)
+        self.by_identity[identity] = component
+        self._versions.structure += 1
+        self.names_version += 1
+        self.regroup(component, group)
+        return component
+
+    def _values(self, name: str) -> ComponentValues:
+        profile = self._profile
+        has_rules = any(selects_component(rule, name) for rule in profile.values)
+        return ComponentValues(
+            (lambda key: value_rule(profile, name, key)) if has_rules else None,
+            (self._limits.values, self._limits.label_length),
+            self._value_series,
+            self._reject,
+            self._versions,
+            judged=has_rules or profile.has_conditions,
+        )
+
+    def _label(self, identity: Identity) -> str:
+        name, _group, hardware_id = identity
+        label = f"{name} [{hardware_id}]" if hardware_id else name
+        return truncate(label or "(unnamed)", self._limits.label_length)
+
+    def regroup(self, component: Component, group: str) -> None:
+        """Move a component into another group."""
+        label = truncate(group, self._limits.label_length)
+        if component.group != label:
+            component.group = label
+            self._versions.structure += 1
+            self.names_version += 1
+
+    def split_by_hardware_id(self, name: str) -> None:
+        """Add its hardware_id to the identity of a component whose name is not unique."""
+        component = self.by_identity.pop((name, "", ""), None)
+        if component is not None:
+            component.identity = (name, "", component.hardware_id)
+            component.name = self._label(component.identity)
+            self.by_identity[component.identity] = component
+            self._versions.structure += 1
+            self.names_version += 1
+
+    def remove(self, component: Component) -> None:
+        """Remove one component, with all that is known about it."""
+        component.values.clear()
+        self._count_key_values(component, 0)
+        self._series.remove(SERIES_OF_COMPONENT)
+        del self.by_identity[component.identity]
+        self._flapping.discard(component.identity)
+        self.removals += 1
+        self.names_version += 1
+        self._versions.structure += 1
+        self._versions.levels += 1
+
+    def remove_all(self) -> None:
+        """Remove all components."""
+        for component in list(self.by_identity.values()):
+            self.remove(component)
+
+    def configure(self, profile: config.Profile, limits: config.Limits, now: Instant) -> None:
+        """Apply another profile to every component."""
+        self._profile, self._limits = profile, limits
+        self._value_series.limit = limits.robot_series
+        for component in list(self.by_identity.values()):
+            name = component.identity[0]
+            component.rule = component_rule(profile, name)
+            if component.rule is not None and component.rule.ignore:
+                self.remove(component)
+                continue
+            component.values.clear()
+            component.values = self._values(name)
+            self._count_key_values(component, 0)  # counted again with the next status
+            if component.last is not None and component.last.level != STALE:
+                component.values.update(component.last.values)
+            if component.level >= OK:
+                self._set_level(component, component.reported, now)
+
+    def parse_values(self) -> None:
+        """Parse the numbers that were not yet read; see `ComponentValues`."""
+        for component in self.by_identity.values():
+            component.values.parse()
+
+    # -- levels ------------------------------------------------------------------------------
+
+    def update(self, component: Component, status: Status, now: Instant) -> None:
+        """Update one component from its status."""
+        component.listed = now.mono
+        component.missing = False
+        if len(status.values) > component.key_values:
+            status = self._within_limits(component, status)
+        last = component.last
+        if last is not None and component.reported == status.level:
+            if status is last:
+                if status.level != STALE:
+                    component.received = now.mono
+                return
+            if status[:4] == last[:4]:
+                self._update_values(component, status, now)
+                return
+        reported = status.level
+        if reported > STALE:
+            self._reject("bad_level", component.name)
+            reported = ERROR  # as diagnostic_aggregator reads it (status_item.hpp, valToLevel)
+        if status.hardware_id and status.hardware_id != component.hardware_id:
+            component.hardware_id = status.hardware_id
+            self._versions.structure += 1
+        before = component.last_recorded
+        changed = self._set_level(component, reported, now, notify=False)
+        if component.set_message(status.message, always=changed) and component.level != OK:
+            self._versions.levels += 1
+        self._record(component, before, now)  # after the message was set, which the event shows
+        self._update_values(component, status, now)
+
+    def _update_values(self, component: Component, status: Status, now: Instant) -> None:
+        """Take the key-values of a status whose level and message are taken already."""
+        component.last = status
+        self._count_key_values(component, len(status.values))
+        if component.is_stale:
+            return
+        component.received = now.mono
+        if component.values.update(status.values):
+            self.value_changes[component] = None
+
+    def _within_limits(self, component: Component, status: Status) -> Status:
+        """The status with no more key-values than one component, and one robot, may have."""
+        limit = self._limits.values
+        free = max(0, self._limits.robot_series - self._key_values + component.key_values)
+        if len(status.values) > min(limit, free):
+            self._reject("robot_series_limit" if free < limit else "value_limit", component.name)
+            limit = min(limit, free)
+            status = status._replace(values=status.values[:limit])
+        self._count_key_values(component, len(status.values))
+        return status
+
+    def _count_key_values(self, component: Component, count: int) -> None:
+        self._key_values += count - component.key_values
+        component.key_values = count
+
+    def update_raw(self, component: Component, status: Status, now: Instant) -> None:
+        """Update one component from its own topic, where the gaps decide when it is late."""
+        component.note_raw(now.mono, self._stale_after(component))
+        self.update(component, status, now)
+        self._expect(component, now)
+
+    def set_problem_since(self, component: Component, since: float) -> None:
+        """Set when the trouble of a component began, where the judgement of faults dates it."""
+        if component.problem_since != since:
+            component.problem_since = since
+            self._versions.levels += 1
+
+    def set_quiet(self, component: Component, because: str) -> None:
+        """Set by which condition of the config the trouble of a component is no fault; "": none."""
+        if component.quiet_because != because:
+            component.quiet_because = because
+            self._versions.levels += 1
+
+    def mark_missing(self, component: Component, now: Instant) -> None:
+        """Make a component STALE, because its aggregator's array does not have it."""
+        component.missing = True
+        self._set_level(component, STALE, now)
+
+    def mark_all_stale(self, now: Instant) -> None:
+        """Make all of them STALE, because the robot is silent."""
+        for component in self.by_identity.values():
+            self._set_level(component, STALE, now)
+
+    def _set_level(
+        self, component: Component, reported: int, now: Instant, *, notify: bool = True
+    ) -> bool:
+        was_stale, before = component.is_stale, component.last_recorded
+        changed = component.set_reported(reported, now, self._profile.flap_interval)
+        if was_stale != component.is_stale:  # the numbers of a stale component are not exported
+            self._versions.structure += 1
+            self.value_changes[component] = None
+            self._expect(component, now)
+        if changed:
+            self._versions.levels += 1
+            self.level_changes[component] = None
+            if component.flaps is not None and component.flaps.ratio > 0:
+                self._flapping.add(component.identity)
+        if notify:
+            self._record(component, before, now)
+        return changed
+
+    def _record(self, component: Component, before: int, now: Instant) -> None:
+        """Record what changed since the last event, also where a restart was in between."""
+        if component.level != before:
+            self._changed(component, before, now)
+
+    # -- time --------------------------------------------------------------------------------
+
+    def decay_flapping(self, now: Instant) -> None:
+        """Let the flap ratios fall with time."""
+        for identity in list(self._flapping):
+            component = self.by_identity.get(identity)
+            flaps = None if component is None else component.flaps
+            if flaps is None:
+                self._flapping.discard(identity)
+            elif flaps.decay(now.mono, self._profile.flap_interval):
+                self._versions.levels += 1
+                if flaps.ratio == 0.0:
+                    self._flapping.discard(identity)
+
+    @property
+    def next_decay(self) -> float:
+        """When the next flap ratio falls, monotonic; infinite where all components are at rest."""
+        known = (self.by_identity.get(identity) for identity in self._flapping)
+        found = [each.flaps.last for each in known if each is not None and each.flaps is not None]
+        return min(found) + self._profile.flap_interval if found else inf
+
+    @property
+    def next_late(self) -> float:
+        """Until when no component of a robot that is up can be late, monotonic."""
+        return self._deadline
+
+    def mark_late_stale(self, now: Instant) -> None:
+        """Make the components that are late STALE; cheap as long as none can be."""
+        if now.mono <= self._deadline:
+            return
+        self._deadline = inf
+        for component in self.by_identity.values():
+            if component.is_stale or component.received is None:
+                continue
+            due = component.received + self._stale_after(component)
+            if now.mono > due:
+                self._set_level(component, STALE, now)
+            else:
+                self._deadline = min(self._deadline, due)
+
+    def _stale_after(self, component: Component) -> float:
+        raw = component.raw_received is not None
+        return component.stale_after(self._profile.stale_after, raw=raw)
+
+    def _expect(self, component: Component, now: Instant) -> None:
+        """Check for late ones no later than when this one, received now, would be late."""
+        self._deadline = min(self._deadline, now.mono + self._stale_after(component))
+
+    def forgettable(self, now: Instant) -> Iterable[Component]:
+        """Components long absent that were OK when last received: absence never ends a problem."""
+        after = self._profile.forget_after
+        for component in self.by_identity.values():
+            absent = now.mono - component.listed > after and component.is_stale
+            if absent and component.was_ok:
+                yield component
+
+    # -- checks ------------------------------------------------------------------------------
+
+    def count_checks(self) -> Iterator[tuple[str, list[int]]]:
+        """For each check of the profile how many of its components have each level."""
+        if self._checked_at != self._versions.structure:
+            self._checked_at = self._versions.structure
+            self._checked = [
+                (
+                    check.name,
+                    [each for each in self if check_matches(check, each.group, each.name)],
+                )
+                for check in self._profile.checks
+            ]
+        for name, components in self._checked:
+            counts = [0, 0, 0, 0]
+            for component in components:
+                if component.level >= OK:
+                    counts[component.level] += 1
+            yield name, counts

@@ -1,0 +1,211 @@
+"""Whose trouble fleet.yml's `when` and `unless` say is no fault now, for one robot.
+
+A condition holds, does not hold, or is not known, because what it asks about was never received or
+is STALE. What is not known keeps nothing quiet that `unless` names, and lets neither begin nor end
+what `when` names. Conditions read levels and values, never faults, so that there are no circles.
+
+What is evaluated is what changed: a condition keeps which of its components meet it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from math import isnan
+from typing import NamedTuple
+
+from ros_diagnostics_exporter.config.fleet import Condition, Conditions, Profile
+from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.rules import SEARCHED, key_matches
+
+
+class Quiet(NamedTuple):
+    """Why trouble is no fault; ``known`` is False where a condition of `when` is not known."""
+
+    because: str
+    known: bool
+
+
+class RobotConditions:
+    """The conditions of one robot's components and values."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._profile: Profile | None = None
+        self._names_version = -1
+        self._watches: dict[tuple[Component | None, Condition], _Watch] = {}
+        self._watched: dict[Component, list[_Watch]] = {}  # by a component that they ask about
+        self._conditional: dict[Component, tuple[Conditions, ...]] = {}
+        self._quiet: dict[tuple[Component, Conditions], Quiet] = {}
+
+    def find(self, component: Component, conditions: Conditions | None) -> Quiet | None:
+        """Why the trouble of a component, or a value of it, is no fault now; None: it is one."""
+        return None if conditions is None else self._quiet.get((component, conditions))
+
+    def update(self, changed: Iterable[Component], *, everything: bool) -> dict[Component, bool]:
+        """Take the components that changed, or all of them.
+
+        Returns those with conditions that changed or depend on what did, and whether the conditions
+        say something else of them than before.
+        """
+        profile, components = self._robot.settings.profile, self._robot.components
+        if everything or profile is not self._profile:
+            self._profile, self._names_version = profile, -1
+        if not (profile.has_conditions or self._conditional):
+            return {}
+        if components.names_version != self._names_version:
+            self._names_version = components.names_version
+            return self._start_over(profile)
+        touched: dict[Component, None] = {}
+        for component in changed:
+            if component in self._conditional:
+                touched[component] = None
+            for watch in self._watched.get(component, ()):
+                if watch.update(component):
+                    touched.update(dict.fromkeys(watch.dependents))
+        return {component: self._judge(component) for component in touched}
+
+    def _start_over(self, profile: Profile) -> dict[Component, bool]:
+        """Find what depends on what, and evaluate all of it."""
+        former = self._conditional
+        self._watches, self._watched, self._conditional, self._quiet = {}, {}, {}, {}
+        for component in self._robot.components:
+            found = tuple(dict.fromkeys(_conditions_of(component, profile)))
+            if found:
+                self._conditional[component] = found
+                for conditions in found:
+                    for condition in (*conditions.when, *conditions.unless):
+                        self._watch(component, condition).dependents.append(component)
+        for component in self._conditional:
+            self._judge(component)
+        return dict.fromkeys((*former, *self._conditional), True)
+
+    def _watch(self, component: Component, condition: Condition) -> _Watch:
+        key = (None if condition.component else component, condition)
+        watch = self._watches.get(key)
+        if watch is None:
+            watch = self._watches[key] = _Watch(condition)
+            for each in [component] if key[0] is not None else self._named(condition):
+                self._watched.setdefault(each, []).append(watch)
+                watch.update(each)
+        return watch
+
+    def _named(self, condition: Condition) -> Iterator[Component]:
+        for each in self._robot.components:
+            name = each.identity[0][:SEARCHED]
+            if any(pattern.search(name) for pattern in condition.component):
+                yield each
+
+    def _judge(self, component: Component) -> bool:
+        differs = False
+        for conditions in self._conditional[component]:
+            quiet = self._why_quiet(component, conditions)
+            before = self._quiet.pop((component, conditions), None)
+            if quiet is not None:
+                self._quiet[component, conditions] = quiet
+            differs = differs or quiet != before
+        return differs
+
+    def _why_quiet(self, component: Component, conditions: Conditions) -> Quiet | None:
+        for condition in conditions.unless:
+            if self._holds(component, condition):
+                return Quiet(f"unless {condition.text}", known=True)
+        unknown = None
+        for condition in conditions.when:
+            if component.is_stale and not condition.component:
+                continue  # its own values say nothing about why it is STALE
+            holds = self._holds(component, condition)
+            if holds is False:
+                return Quiet(f"only when {condition.text}", known=True)
+            if holds is None and unknown is None:
+                unknown = Quiet(f"only when {condition.text}, which is not known", known=False)
+        return unknown
+
+    def _holds(self, component: Component, condition: Condition) -> bool | None:
+        return self._watches[None if condition.component else component, condition].holds
+
+
+class _Watch:
+    """One condition, and what each of the components that it asks about says."""
+
+    __slots__ = ("condition", "dependents", "met", "unknown", "unmet")
+
+    def __init__(self, condition: Condition) -> None:
+        self.condition = condition
+        self.dependents: list[Component] = []
+        self.met: set[Component] = set()
+        self.unmet: set[Component] = set()
+        self.unknown: set[Component] = set()
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether any component meets it; None where none does and one is not known."""
+        if self.met:
+            return True
+        return None if self.unknown or not self.unmet else False
+
+    def update(self, component: Component) -> bool:
+        """Take what a component is like now; whether that makes a difference."""
+        before = self.holds
+        for each in (self.met, self.unmet, self.unknown):
+            each.discard(component)
+        if _is_asked(self.condition, component):
+            meets = None if component.is_stale else _meets(self.condition, component)
+            of = {True: self.met, False: self.unmet, None: self.unknown}
+            of[meets].add(component)
+        return self.holds is not before
+
+
+def _is_asked(condition: Condition, component: Component) -> bool:
+    """Whether the component has what the condition is about, as far as it is known."""
+    if condition.levels:
+        return component.level >= 0
+    last = component.last
+    return component.is_stale if last is None else any(_pairs(condition, component))
+
+
+def _meets(condition: Condition, component: Component) -> bool | None:
+    """Whether it is like that; None where a number is asked for and there is none."""
+    if condition.levels:
+        return component.level in condition.levels
+    if condition.texts:
+        return any(
+            pattern.fullmatch(text.strip()[:SEARCHED])
+            for _row, text in _pairs(condition, component)
+            for pattern in condition.texts
+        )
+    pairs = component.last.values if component.last is not None else ()
+    exported = component.values.exported(pairs)
+    numbers = [
+        value.number
+        for row, _text in _pairs(condition, component)
+        for value in exported[row]
+        if not isnan(value.number)
+    ]
+    return _is_between(condition, numbers) if numbers else None
+
+
+def _is_between(condition: Condition, numbers: Iterable[float]) -> bool:
+    return any(
+        (condition.below is None or number < condition.below)
+        and (condition.above is None or number > condition.above)
+        for number in numbers
+    )
+
+
+def _pairs(condition: Condition, component: Component) -> Iterator[tuple[int, str]]:
+    """Number and text of each key-value that the condition is about."""
+    pairs = component.last.values if component.last is not None else ()
+    for row, (key, text) in enumerate(pairs):
+        if any(key_matches(pattern, key) for pattern in condition.key):
+            yield row, text
+
+
+def _conditions_of(component: Component, profile: Profile) -> Iterator[Conditions]:
+    """Those of the component's faults and of its values'."""
+    if component.rule is not None and component.rule.conditions is not None:
+        yield component.rule.conditions
+    name = component.identity[0][:SEARCHED]
+    for rule in profile.values:
+        if rule.conditions is not None and (rule.component is None or rule.component.search(name)):
+            yield rule.conditions

@@ -1,0 +1,40 @@
+"""The publishers of one robot's topics, and why nothing can be received from them."""
+
+from __future__ import annotations
+
+from ros_diagnostics_exporter.model import Endpoint
+from ros_diagnostics_exporter.robots.rejections import SilentReason
+
+_NO_PUBLISHER = Endpoint(0)
+
+
+class Network:
+    """The endpoints of one robot's topics as the ROS graph last showed them."""
+
+    __slots__ = ("_endpoints", "domain_up")
+
+    def __init__(self, *, domain_up: bool = True) -> None:
+        self.domain_up = domain_up
+        self._endpoints: dict[str, Endpoint] = {}
+
+    def update(self, topic: str, endpoint: Endpoint | None) -> bool:
+        """Set a topic's endpoint; True if publishers or type changed."""
+        endpoint = endpoint or _NO_PUBLISHER
+        if self._endpoints.get(topic, _NO_PUBLISHER)[:2] == endpoint[:2]:
+            return False
+        self._endpoints[topic] = endpoint
+        return True
+
+    @property
+    def publishers(self) -> int:
+        """Matched publishers on all of the robot's topics."""
+        return sum(endpoint.publishers for endpoint in self._endpoints.values())
+
+    @property
+    def obstacle(self) -> SilentReason | None:
+        """The reason, if the graph shows why nothing can be received."""
+        if not self.domain_up:
+            return "domain_unreachable"
+        if any(endpoint.wrong_type for endpoint in self._endpoints.values()):
+            return "wrong_type"
+        return None

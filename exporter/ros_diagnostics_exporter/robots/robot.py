@@ -1,0 +1,492 @@
+"""One robot: whether it is up, why not, and how its arrays update its components."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
+
+from ros_diagnostics_exporter.config import fleet as config
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Instant, Level, Status
+from ros_diagnostics_exporter.robots.component import STALE, Component
+from ros_diagnostics_exporter.robots.components import Components
+from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
+from ros_diagnostics_exporter.robots.maintenance import (
+    components_in_maintenance,
+    in_maintenance,
+)
+from ros_diagnostics_exporter.robots.network import Network
+from ros_diagnostics_exporter.robots.persisted import Origin, PersistedRobot
+from ros_diagnostics_exporter.robots.rejections import (
+    LOG_TEXTS,
+    REASONS,
+    Reject,
+    RejectionReason,
+    SilentReason,
+)
+from ros_diagnostics_exporter.robots.tree import Structure, TreeReader
+from ros_diagnostics_exporter.robots.versions import Versions
+
+log = logging.getLogger(__name__)
+
+# Statuses of an array that are read, for each component that a robot may have: an aggregator lists
+# its groups, too, and a component in each of its groups.
+ROWS_OF_COMPONENT = 4
+_LEVEL_NAMES = tuple(level.name for level in Level)
+TIME_TO_RETURN = 600.0  # seconds after a start in which nothing is forgotten for its absence
+AUTO_WAIT = 5.0  # seconds that a raw array waits for an aggregated one before raw is the source
+MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
+
+
+class Robot:
+    """One robot, protected by the lock of its State.
+
+    ``declared``: fleet.yml names it; ``shared``: its topic is one that robots share.
+    ``found_mono`` is when it was added, ``seen_mono`` when the publishers of its topics last
+    changed; ``last_mono`` and ``last_wall`` are when the last array was received, ``clock_offset``
+    is its receipt minus its stamp in seconds.
+    """
+
+    def __init__(
+        self,
+        settings: config.Robot,
+        limits: config.Limits,
+        series: SeriesLimit,
+        events: deque[Event],
+        now: Instant,
+        *,
+        declared: bool,
+    ) -> None:
+        self.settings = settings
+        self.declared = declared
+        self.shared = False
+        self.found_mono = self.seen_mono = now.mono
+        self.limits = limits
+        self.up = False
+        self.source = settings.source
+        self.last_mono: float | None = None
+        self.last_wall = 0.0
+        self.messages = 0
+        self.bytes = 0
+        self.clock_offset: float | None = None
+        self.undecodable = False
+        self.network = Network()
+        self.maintenance = False
+        self.downtimes: tuple[Downtime, ...] = ()  # that people planned
+        self.maintained: frozenset[str] = frozenset()  # names of components in one of their own
+        self.rejected = Counter[str](dict.fromkeys(REASONS, 0))
+        self._logged: set[RejectionReason] = set()
+        self._events = events
+        self._first_raw: float | None = None
+        self.versions = Versions()
+        self.components = Components(
+            settings.profile,
+            limits,
+            series=series,
+            versions=self.versions,
+            reject=self.reject,
+            changed=self._record_change,
+        )
+        self._aggregated = AggregatedUpdates(self.components, self.versions, limits, self.reject)
+        self._raw = RawUpdates(self.components, self.reject)
+
+    @property
+    def groups(self) -> Mapping[str, tuple[int, str]]:
+        """The robot's own groups: path -> (level, message) as its aggregator reported them."""
+        return self._aggregated.groups
+
+    def become(self, *, declared: bool, shared: bool) -> None:
+        """Set how the config comes to have it."""
+        if (declared, shared) != (self.declared, self.shared):
+            self.declared, self.shared = declared, shared
+            self.versions.structure += 1  # it is written anew
+
+    def configure(self, settings: config.Robot, limits: config.Limits, now: Instant) -> None:
+        """Apply another config; what is known stays, as far as it is still wanted."""
+        if settings.source is not self.settings.source:
+            self.source = settings.source
+        if _topics_of(settings) != _topics_of(self.settings):
+            is_same_domain = settings.domain_id == self.settings.domain_id
+            self.network = Network(domain_up=self.network.domain_up or not is_same_domain)
+            self.versions.receipt += 1
+        rules_changed = (settings.profile, limits) != (self.settings.profile, self.limits)
+        self.settings, self.limits = settings, limits
+        self.versions.inventory += 1
+        self.versions.structure += 1
+        if rules_changed:
+            self._aggregated.reset(limits)
+            self._logged.clear()
+            self.components.configure(settings.profile, limits, now)
+
+    # -- messages ----------------------------------------------------------------------------
+
+    def accepts(self, now: Instant, *, raw: bool) -> bool:
+        """Whether arrays of this kind of topic count; the source ``auto`` is decided here, once."""
+        if self.source is not config.Source.AUTO:
+            return accepts(self.source, raw=raw)
+        if not raw:
+            self.source = config.Source.AGG
+            return True
+        if self._first_raw is None:
+            self._first_raw = now.mono
+        if now.mono - self._first_raw < AUTO_WAIT:
+            return False
+        self.source = config.Source.RAW
+        return True
+
+    def receive(self, array: Array, now: Instant, *, raw: bool) -> None:
+        """Update the robot and its components from an array of the raw or aggregated topic."""
+        if not self.up:
+            self.record("heard", now)
+        self.up = True
+        self.undecodable = False
+        self.last_mono, self.last_wall = now
+        self.messages += 1
+        self.bytes += array.size
+        if array.stamp > 0:
+            self.clock_offset = now.wall - array.stamp
+        self.versions.receipt += 1
+        statuses = array.statuses
+        limit = ROWS_OF_COMPONENT * self.limits.components
+        if len(statuses) > limit:
+            self.reject("component_limit", statuses[limit].name)
+            statuses = statuses[:limit]
+        updates = self._raw if raw else self._aggregated
+        updates.apply(statuses, now)
+
+    def count_rejected(self, reason: RejectionReason, count: int = 1) -> None:
+        """Count something that was rejected."""
+        self.rejected[reason] += count
+        self.versions.rejections += 1
+
+    def reject_undecodable(self) -> None:
+        """Count a message that could not be decoded: why the robot is silent, if it is."""
+        self.count_rejected("undecodable")
+        if not self.undecodable:
+            self.undecodable = True
+            self.versions.receipt += 1
+
+    def reject(self, reason: RejectionReason, example: str) -> None:
+        """Count it, and log it the first time; ``example`` is a text that the robot sent."""
+        self.count_rejected(reason)
+        if reason not in self._logged:
+            self._logged.add(reason)
+            log.warning(
+                "robot %r: %s, for example %.80r; logged once, counted in robot_rejected_total "
+                "as %s",
+                self.settings.name,
+                LOG_TEXTS[reason],
+                example,
+                reason,
+            )
+
+    @property
+    def silent_reason(self) -> SilentReason | None:
+        """Why nothing is received; None while the robot is up."""
+        if self.up:
+            return None
+        if self.network.domain_up and self.undecodable:
+            return "undecodable"
+        if self.network.obstacle is not None:
+            return self.network.obstacle
+        if self.network.publishers:
+            return "mute"
+        return "publisher_gone" if self.last_wall else "never_seen"
+
+    # -- time --------------------------------------------------------------------------------
+
+    def tick(self, now: Instant) -> None:
+        """Let time pass: silence, late components, flapping."""
+        self.components.decay_flapping(now)
+        if not self.up or self.last_mono is None:
+            return
+        if now.mono - self.last_mono > self.settings.profile.stale_after:
+            self.up = False
+            self.versions.receipt += 1
+            self.components.mark_all_stale(now)
+            self.record("silent", now)
+        else:
+            self.components.mark_late_stale(now)
+
+    @property
+    def next_tick(self) -> float:
+        """After which time, monotonic, `tick` may have something to do; receiving changes it."""
+        due = self.components.next_decay
+        if self.up and self.last_mono is not None:
+            silent = self.last_mono + self.settings.profile.stale_after
+            due = min(due, silent, self.components.next_late)
+        return due
+
+    def update_maintenance(self, fleet: config.Fleet, now: Instant) -> None:
+        """Set whether planned downtimes of it and of its components hold now."""
+        labels = {**self.settings.labels, "fleet": fleet.name, "robot": self.settings.name}
+        planned = in_maintenance(fleet, labels, now.wall, self.downtimes)
+        self.maintained = components_in_maintenance(self.downtimes, now.wall)
+        if planned != self.maintenance:
+            self.maintenance = planned
+            self.versions.inventory += 1
+
+    def forget(self, component: Component, now: Instant) -> None:
+        """Remove a component with all that is known about it."""
+        self._record_level(component, component.level, "forgotten", now)
+        self.components.remove(component)
+
+    def forget_absent_components(
+        self, now: Instant, has_problem: Callable[[Component], bool]
+    ) -> None:
+        """Remove the components that are long absent, were OK and have no problem."""
+        if not self._had_time(now):
+            return
+        for component in list(self.components.forgettable(now)):
+            if not has_problem(component):
+                self.forget(component, now)
+
+    def is_forgettable(self, now: Instant) -> bool:
+        """Whether it was discovered, is long absent, and nothing of it was not OK.
+
+        A component that was not OK when it was last received is still known, and keeps its robot.
+        """
+        network = self.network
+        if self.declared or self.up or self.components or not self._had_time(now):
+            return False
+        if network.publishers or network.obstacle is not None:
+            return False
+        last = self.seen_mono if self.last_mono is None else self.last_mono
+        return now.mono - last > self.settings.profile.forget_after
+
+    def _had_time(self, now: Instant) -> bool:
+        """Whether it is known for long enough to have been received, after a start too.
+
+        For how long nothing was received before the start, only the wall clock says, which may
+        have been set meanwhile.
+        """
+        enough = min(TIME_TO_RETURN, self.settings.profile.forget_after)
+        return now.mono - self.found_mono > enough
+
+    def update_endpoint(self, topic: str, endpoint: Endpoint | None, now: Instant) -> None:
+        """Set what the graph shows of one of its topics."""
+        if self.network.update(topic, endpoint):
+            self.seen_mono = now.mono
+            self.versions.receipt += 1
+
+    # -- events ------------------------------------------------------------------------------
+
+    def record(self, after: str, now: Instant) -> None:
+        """Record an event of the whole robot."""
+        self._events.append(Event(now.wall, "robot", self.settings.name, after=after))
+
+    def _record_change(self, component: Component, before: int, now: Instant) -> None:
+        if before >= 0:
+            self._record_level(component, before, _LEVEL_NAMES[component.level], now)
+
+    def _record_level(self, component: Component, before: int, after: str, now: Instant) -> None:
+        self._events.append(
+            Event(
+                time=now.wall,
+                kind="level",
+                robot=self.settings.name,
+                group=component.group,
+                component=component.name,
+                before=_LEVEL_NAMES[before],
+                after=after,
+                message=component.message,
+            )
+        )
+
+    # -- persistence -------------------------------------------------------------------------
+
+    def persist(self, now: Instant) -> PersistedRobot:
+        """What a later process should know."""
+        settings = self.settings
+        return PersistedRobot(
+            domain_id=settings.domain_id,
+            topic=settings.topic_agg or settings.topic_raw or "",
+            source=self.source.value,
+            last_seen=self.last_wall,
+            components=[each.persist(now) for each in self.components if each.level >= 0],
+            origin=self._origin,
+        )
+
+    @property
+    def _origin(self) -> Origin:
+        if self.declared:
+            return "declared"
+        return "shared" if self.shared else "discovered"
+
+    def restore(self, persisted: PersistedRobot, now: Instant) -> None:
+        """Restore what an earlier process knew: all of it STALE until it is received."""
+        if self.settings.source is config.Source.AUTO:
+            self.source = config.Source(persisted.source)
+        persisted = persisted.not_after(now.wall)
+        self.last_wall = persisted.last_seen
+        if persisted.last_seen:
+            self.last_mono = now.mono - (now.wall - persisted.last_seen)
+        for each in persisted.components:
+            name, _group, hardware_id = each.identity
+            if hardware_id:
+                self._raw.split_by_hardware_id(name)
+            component = self.components.get_or_add(each.identity, each.group, now)
+            if component is not None:
+                component.restore(each, now)
+        self.versions.levels += 1
+        self.versions.receipt += 1
+
+
+def accepts(source: config.Source, *, raw: bool) -> bool:
+    """Whether arrays of this kind of topic count, or with ``auto`` may count."""
+    return source is not (config.Source.AGG if raw else config.Source.RAW)
+
+
+def _topics_of(settings: config.Robot) -> tuple[int, str | None, str | None]:
+    return settings.domain_id, settings.topic_agg, settings.topic_raw
+
+
+class AggregatedUpdates:
+    """Applies the arrays of one robot's aggregator: complete, so a missing component is STALE."""
+
+    def __init__(
+        self, components: Components, versions: Versions, limits: config.Limits, reject: Reject
+    ) -> None:
+        self.groups: dict[str, tuple[int, str]] = {}  # path -> (level, message) as reported
+        self._components = components
+        self._versions = versions
+        self._limits = limits
+        self._reject = reject
+        self._reader = TreeReader()
+        self._structure: Structure | None = None
+        self._removals = 0  # of the components, when the plan was made
+        self._plan: list[tuple[Component, tuple[int, ...]]] = []
+        self._missing: list[Component] = []
+
+    def apply(self, statuses: Sequence[Status], now: Instant) -> None:
+        """Update the components from one array."""
+        structure = self._reader.read(statuses)
+        if structure is not self._structure or self._removals != self._components.removals:
+            self._plan_updates(structure, now)
+        self._update_groups(statuses, structure)
+        for component, rows in self._plan:
+            status = statuses[rows[0]]
+            if len(rows) > 1:
+                status = max((statuses[row] for row in rows), key=_level)
+            if component.raw_received is not None and status.level != STALE:
+                component.listed = now.mono  # received at its source: this is an older copy
+            else:
+                self._components.update(component, status, now)
+        for component in self._missing:
+            self._components.mark_missing(component, now)
+
+    def reset(self, limits: config.Limits) -> None:
+        """Look the components up again at the next array: the config may want others."""
+        self._limits = limits
+        self._structure = None
+
+    def _plan_updates(self, structure: Structure, now: Instant) -> None:
+        """Find the components of a changed structure, and those that are missing in it."""
+        components = self._components
+        self._structure = structure
+        self._remove_groups(structure)
+        self._plan = []
+        for leaf in structure.leaves:
+            identity = (leaf.component, "" if leaf.exact else leaf.group, "")
+            component = components.get_or_add(identity, leaf.group, now)
+            if component is not None:
+                components.regroup(component, leaf.group)
+                self._plan.append((component, leaf.rows))
+        self._removals = components.removals
+        listed = {component.identity for component, _rows in self._plan}
+        # An aggregator that has just started lists no component yet: none is missing because of
+        # that. They become STALE after their own time.
+        self._missing = [
+            component
+            for identity, component in components.by_identity.items()
+            if structure.leaves and identity not in listed and component.raw_received is None
+        ]
+
+    def _remove_groups(self, structure: Structure) -> None:
+        """Remove, without an event, components that prove to be groups."""
+        paths = {path for _row, path in structure.groups}
+        for (name, group, _id), component in list(self._components.by_identity.items()):
+            if group and f"{group}/{name}" in paths:
+                self._components.remove(component)
+
+    def _update_groups(self, statuses: Sequence[Status], structure: Structure) -> None:
+        groups: dict[str, tuple[int, str]] = {}
+        for row, path in structure.groups:
+            level = min(statuses[row].level, STALE)
+            label = truncate(path, self._limits.label_length)
+            if label not in groups and len(groups) >= self._limits.components:
+                self._reject("component_limit", path)
+                break
+            if label not in groups or level > groups[label][0]:
+                groups[label] = (level, statuses[row].message)
+        if groups != self.groups:
+            self.groups = groups
+            self._versions.groups += 1
+
+
+class RawUpdates:
+    """Applies the arrays of a robot's drivers: partial, so only a late component is STALE."""
+
+    def __init__(self, components: Components, reject: Reject) -> None:
+        self._components = components
+        self._reject = reject
+        self._split_names: set[str] = set()  # names that several components have
+
+    def apply(self, statuses: Sequence[Status], now: Instant) -> None:
+        """Update the components from one array."""
+        if len({status.name for status in statuses}) != len(statuses):
+            statuses = self._worst_of_each(statuses)
+        for status in statuses:
+            hardware_id = status.hardware_id if status.name in self._split_names else ""
+            identity = (status.name, "", hardware_id)
+            component = self._components.by_identity.get(identity)
+            if component is None:
+                component = self._components.get_or_add(identity, _node_of(status.name), now)
+            if component is not None:
+                self._components.update_raw(component, status, now)
+
+    def split_by_hardware_id(self, name: str) -> None:
+        """Make a component of each name and hardware_id from now on."""
+        if name not in self._split_names and len(self._split_names) < MAX_SPLIT_NAMES:
+            self._split_names.add(name)
+            self._components.split_by_hardware_id(name)
+
+    def _worst_of_each(self, statuses: Sequence[Status]) -> list[Status]:
+        """The worst status of each component, for an array that has a name more than once.
+
+        One name with two hardware_ids are two components, from then on.
+        """
+        ids: dict[str, set[str]] = {}
+        for status in statuses:
+            if status.hardware_id:
+                ids.setdefault(status.name, set()).add(status.hardware_id)
+        for name, found in ids.items():
+            if len(found) > 1:
+                self.split_by_hardware_id(name)
+        worst: dict[tuple[str, str], Status] = {}
+        for status in statuses:
+            hardware_id = status.hardware_id if status.name in self._split_names else ""
+            key = status.name, hardware_id
+            if key in worst:
+                self._reject("duplicate_component", status.name)
+                status = max(status, worst[key], key=_severity)  # noqa: PLW2901
+            worst[key] = status
+        return list(worst.values())
+
+
+def _severity(status: Status) -> int:
+    """By the rank of its state, in which ERROR, and what counts as it, is worse than STALE."""
+    return {0: 0, 1: 1, STALE: 2}.get(status.level, 3)
+
+
+def _level(status: Status) -> int:
+    # For one component in several groups STALE comes first: a group that has lost the component
+    # knows more than one that waits longer for it.
+    return min(status.level, STALE)
+
+
+def _node_of(name: str) -> str:
+    """The node that publishes a raw status: updaters write "node: task"."""
+    node, colon, _task = name.partition(": ")
+    return node if colon else ""

@@ -1,0 +1,1 @@
+"""Where arrays of statuses come from. Only ``dds`` imports rclpy."""

@@ -1,0 +1,1 @@
+"""What outlives the process: SQLite, written in small transactions by one loop."""

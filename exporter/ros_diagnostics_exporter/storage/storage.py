@@ -1,0 +1,534 @@
+"""What is known about the robots outlives the process: what changed is written once a second.
+
+Everything is in one SQLite file, see `database`. The exporter starts and runs without it: a damaged
+file is kept aside, one that cannot be read is left alone, and a failed write is retried.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import sqlite3
+import threading
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pydantic_core
+from pydantic import TypeAdapter, ValidationError
+
+from ros_diagnostics_exporter.config.errors import first_error
+from ros_diagnostics_exporter.events import EventLog, Numbered, Wanted
+from ros_diagnostics_exporter.faults.model import Row
+from ros_diagnostics_exporter.files import read_regular
+from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.robots.persisted import Moment, PersistedRobot
+from ros_diagnostics_exporter.storage import fault_rows, version_0_1
+from ros_diagnostics_exporter.storage.database import (
+    MAGIC,
+    Changes,
+    DamagedError,
+    Database,
+    InUseError,
+    Lock,
+    VersionError,
+    find_events,
+    is_damage,
+    rename_database,
+)
+
+if TYPE_CHECKING:  # these import the types below
+    from ros_diagnostics_exporter.fleet.state import State
+    from ros_diagnostics_exporter.robots.robot import Robot
+
+INTERVAL = 0.6  # seconds between two writes at least: a write included, a second at most is lost
+SEEN_INTERVAL = 10.0  # when nothing but "last received" has changed
+WHOLE_INTERVAL = 3600.0  # after which a robot is written again, for what changes slowly in it
+LOG_INTERVAL = 60.0
+HANGING = 5.0  # seconds after which a write that goes on counts as failed
+LOADING = 30.0  # seconds that the start waits for the disk
+CHECKING = 5.0  # seconds of these for looking for damage
+MAX_ASIDE = 10  # damaged files that are kept
+MAX_SALVAGED = 10_000  # events of a damaged file
+MAX_NAME = 1024  # characters of a robot's name
+MIGRATED = ".migrated"  # what the names of files of version 0.1 end with afterwards
+ITSELF = ""  # in the place of a robot's name: the exporter, by its `AgeClock` at its last write
+
+log = logging.getLogger(__name__)
+
+_Key = tuple[int, int, int, int]
+_ROBOT = TypeAdapter(PersistedRobot)
+_SEEN = TypeAdapter(Moment | None)
+
+
+@dataclass(frozen=True)
+class Retention:
+    """Events are kept for ``seconds``, and while the database has at most ``size`` bytes."""
+
+    seconds: float = 90 * 86_400.0
+    size: int = 256 * 1024 * 1024
+
+
+class AgeClock:
+    """The wall clock by which events become old, which follows one that was set ahead slowly.
+
+    So an hour in which the clock is 200 days ahead costs some hours of the oldest events, not all.
+    """
+
+    FASTEST = 4  # seconds a second: an exporter that is off for most of the day keeps up
+
+    def __init__(self) -> None:
+        self._last: Instant | None = None
+
+    def set(self, wall: float | None, now: Instant) -> None:
+        """Go on from what it was in an earlier process, None: from now."""
+        self._last = now if wall is None else Instant(now.mono, wall)
+
+    def time(self, now: Instant) -> float:
+        """Unix time, never ahead of the wall clock."""
+        last = self._last or now
+        most = last.wall + self.FASTEST * max(0.0, now.mono - last.mono)
+        self._last = Instant(now.mono, max(last.wall, min(now.wall, most)))
+        return min(self._last.wall, now.wall)
+
+    @property
+    def wall(self) -> float:
+        """What a later process goes on from."""
+        return 0.0 if self._last is None else self._last.wall
+
+
+@dataclass
+class _Found:
+    """What an earlier process left.
+
+    ``path`` is the file that was read, ``damage`` what is wrong with it, or ""; ``is_old``: it and
+    ``old_events`` are of version 0.1. ``obstacle`` is why nothing could be read, or "".
+    """
+
+    path: Path
+    is_old: bool = False
+    old_events: list[Path] = field(default_factory=list)
+    robots: dict[str, PersistedRobot] = field(default_factory=dict)
+    rows: list[Row] = field(default_factory=list)
+    last_event: int = 0
+    written_at: float | None = None  # by its `AgeClock`
+    damage: str = ""
+    obstacle: str = ""
+    restored: str = ""  # what of a damaged file is restored, for the log
+    salvaged: list[Numbered] = field(default_factory=list)
+
+    def add_damage(self, what: str) -> None:
+        """Note what is wrong; nothing where ``what`` is ""."""
+        self.damage = "; ".join(filter(None, (self.damage, what)))
+
+    def add_robots(self, found: Iterable[tuple[str, Any, Any]]) -> None:
+        """Keep the valid ones of these: name, fields, and when last received if that is apart."""
+        wrong: list[str] = []
+        for name, fields, seen in found:
+            robot = _robot(name, fields, seen)
+            if isinstance(robot, PersistedRobot):
+                self.robots[name] = robot
+            else:
+                wrong.append(f"robot {name!r:.60}: {robot}")
+        more = f", and {len(wrong) - 1} more robots" if len(wrong) > 1 else ""
+        self.add_damage(f"{wrong[0]}{more}" if wrong else "")
+
+    def add_rows(self, found: Any) -> None:
+        """Keep the valid rows of the faults."""
+        self.rows, wrong = fault_rows.parse(found)
+        self.add_damage(wrong)
+
+
+class Storage:
+    """Reads the database at the start and writes it from then on.
+
+    ``written_at`` is the Unix time of the last write that succeeded (0 before the first).
+
+    Args:
+        path: The database; its folder is made if the one above it is there.
+        retention: Which events are kept.
+        old_events: The event log of version 0.1, if it is not ``events.jsonl`` beside ``path``.
+    """
+
+    def __init__(
+        self, path: Path, retention: Retention | None = None, old_events: Path | None = None
+    ) -> None:
+        self._path = path
+        self._retention = retention or Retention()
+        self._old_events = old_events or path.with_name(version_0_1.EVENTS_NAME)
+        self._found: _Found | None = None  # until the first write
+        self._lock: Lock | None = None
+        self._database: Database | None = None
+        self._successful = True
+        self.written_at = 0.0
+        self._blocked = False  # by a file that could not be read, and so is not overwritten
+        self._tried_at = self._logged_at = self._seen_at = float("-inf")
+        self._writing_since: float | None = None
+        self._everything = True  # is to be written: at the first time, and after a failure
+        self._keys: dict[str, _Key] = {}  # of the robots as written
+        self._seen: dict[str, float] = {}  # when the robots were last received, as written
+        self._rows: dict[tuple[str, str], str] = {}  # all rows of the faults, as JSON
+        self._changed_rows: dict[tuple[str, str], None] = {}
+        self._last_event = 0  # that is written
+        self._age = AgeClock()
+
+    @property
+    def successful(self) -> bool:
+        """Whether the last write succeeded, none hangs, and no file that is there prevents it."""
+        return self._successful and not self._hangs
+
+    @property
+    def _hangs(self) -> bool:
+        since = self._writing_since
+        return since is not None and time.monotonic() - since > HANGING
+
+    # -- at the start ------------------------------------------------------------------------
+
+    def load(self, state: State, now: Instant) -> int:
+        """Restore what an earlier process knew, and return the id of its last event.
+
+        What is valid in a damaged file is restored, and the first write renames it to the first
+        free of ``<path>.damaged-1`` to ``-10``. One that cannot be read is left alone, and nothing
+        is saved until it is moved away.
+
+        Raises:
+            InUseError: another exporter has the database open.
+            VersionError: it is of another version; it is left as it is.
+        """
+        found = self._found = self._read_in_time()
+        if found.obstacle:
+            self._block(f"cannot be read ({found.obstacle}): starting without it")
+            return 0
+        self._age.set(found.written_at, now)
+        state.restore(found.robots, now)
+        try:
+            state.restore_faults(found.rows, now)
+        except (LookupError, TypeError, ValueError) as error:
+            found.add_damage(f"its faults do not belong together: {error!r:.80}; none is restored")
+        else:
+            self._rows = {key: text for key, text in map(_row_as_json, found.rows) if text}
+        found.restored = f", {len(found.robots)} robots of it are restored"
+        return found.last_event
+
+    def _read_in_time(self) -> _Found:
+        """What is in the file; read in a thread, because a disk may hang."""
+        ended: list[_Found | InUseError | VersionError] = []
+        thread = threading.Thread(target=lambda: ended.append(self._read()), daemon=True)
+        thread.start()
+        thread.join(LOADING)
+        if not ended:
+            return _Found(self._path, obstacle=f"no answer of the disk in {LOADING:.0f} s")
+        if isinstance(ended[0], Exception):
+            raise ended[0]
+        return ended[0]
+
+    def _read(self) -> _Found | InUseError | VersionError:
+        try:
+            return self._read_file()
+        except (InUseError, VersionError) as error:
+            return error
+        except OSError as error:
+            return _Found(self._path, obstacle=str(error.strerror))
+        except sqlite3.Error as error:
+            return _Found(self._path, obstacle=str(error))
+
+    def _read_file(self) -> _Found:
+        try:
+            header = read_regular(self._path, len(MAGIC), follow=False)
+        except FileNotFoundError:
+            return self._read_version_0_1(version_0_1.state_beside(self._path))
+        self._lock = Lock(self._path)
+        if version_0_1.is_state(header):
+            return self._read_version_0_1(self._path)
+        found = _Found(self._path)
+        try:
+            self._database = Database(self._path)
+            self._read_database(self._database, found)
+        except (sqlite3.Error, DamagedError) as error:
+            if not is_damage(error):
+                raise
+            found.add_damage(str(error))
+        return found
+
+    def _read_database(self, database: Database, found: _Found) -> None:
+        """Read what is valid, up to where the file is damaged.
+
+        Raises:
+            sqlite3.Error: it cannot be read further.
+        """
+        found.add_damage(database.check(CHECKING))
+        found.last_event = self._last_event = database.last_event()
+        found.written_at = database.written_at()
+        found.add_robots((name, _decoded(text), seen) for name, text, seen in database.robots())
+        found.add_rows([[row[0], *map(_decoded, row[1:])] for row in database.faults()])
+
+    def _read_version_0_1(self, state: Path | None) -> _Found:
+        found = _Found(state or self._path, is_old=state is not None)
+        found.old_events = version_0_1.event_files(self._old_events)
+        if state is not None:
+            robots, rows, wrong = version_0_1.read_state(state)
+            found.add_damage(wrong)
+            found.add_robots((name, fields, None) for name, fields in robots.items())
+            found.add_rows(rows)
+        found.last_event = version_0_1.count_lines(found.old_events)
+        return found
+
+    def _block(self, what: str) -> None:
+        self._blocked, self._successful = True, False
+        log.error(
+            "database %s %s; nothing is saved until it is moved away, "
+            "or is mended and the exporter restarted",
+            self._path,
+            what,
+        )
+
+    # -- from then on ------------------------------------------------------------------------
+
+    def save(self, state: State, events: EventLog, now: Instant, *, at_once: bool = False) -> None:
+        """Write what changed, if a second has passed since the last write.
+
+        Never raises: a failure is logged at most once a minute, and the next call retries.
+        """
+        if not at_once and now.mono - self._tried_at < INTERVAL:
+            return
+        self._tried_at = now.mono
+        self._writing_since = time.monotonic()
+        try:
+            self._take_rows(state, now)
+            self._blocked = self._blocked and os.path.lexists(self._path)
+            if not self._blocked:
+                self._save(state, events, now, at_once=at_once)
+        except (OSError, sqlite3.Error, InUseError, VersionError, DamagedError) as error:
+            self._failed(now, error)
+        except Exception as error:  # noqa: BLE001 - our own fault must not end the thread unseen
+            self._failed(now, error, exc_info=True)
+        finally:
+            self._writing_since = None
+
+    def _failed(self, now: Instant, error: Exception, *, exc_info: bool = False) -> None:
+        self._successful = False
+        self._close_database()
+        if is_damage(error) and self._found is None:
+            # The next write sets it aside.
+            self._found = _Found(self._path, damage=str(error), last_event=self._last_event)
+        self._log(now, f"cannot be written: {error}", exc_info=exc_info)
+
+    def _log(self, now: Instant, what: str, *, exc_info: bool = False) -> None:
+        if now.mono - self._logged_at >= LOG_INTERVAL:
+            self._logged_at = now.mono
+            log.error("database %s %s", self._path, what, exc_info=exc_info)
+
+    def close(self) -> None:
+        """Close the database, and let another process have it."""
+        self._close_database()
+        if self._lock is not None:
+            self._lock.close()
+        self._lock = None
+
+    def _close_database(self) -> None:
+        """Close it; the next write opens it and writes everything."""
+        self._everything, self._keys, self._seen = True, {}, {}
+        database, self._database = self._database, None
+        if database is not None:
+            database.close()
+
+    # -- one write ---------------------------------------------------------------------------
+
+    def _save(self, state: State, events: EventLog, now: Instant, *, at_once: bool) -> None:
+        old_events = self._make_way()
+        if self._blocked:
+            return
+        database = self._open()
+        keys, seen, robots = self._encode(state, now)
+        since = now.wall - self._seen_at
+        is_due = at_once or not 0 <= since < SEEN_INTERVAL
+        rows = self._rows if self._everything else self._changed_rows
+        new = events.after(self._last_event)
+        changes = Changes(
+            everything=self._everything,
+            robots=robots,
+            gone=list(self._keys.keys() - keys.keys()),
+            seen=self._newly_seen(seen, now) if is_due else [],
+            faults={key: self._rows.get(key) for key in rows},
+            events=chain(old_events, new),
+        )
+        if not (robots or rows or new or is_due or self._everything or changes.gone):
+            return
+        retention = self._retention
+        oldest = self._age.time(now) - retention.seconds
+        database.write(changes, oldest=oldest, newest=now.wall, most=retention.size)
+        self._keys, self._everything, self._changed_rows = keys, False, {}
+        if is_due:
+            self._seen, self._seen_at = seen, now.wall
+        self._note_events(new, now)
+        self._successful, self.written_at = True, now.wall
+        self._end_migration()
+
+    def _note_events(self, written: list[Numbered], now: Instant) -> None:
+        if not written:
+            return
+        lost = written[0][0] - self._last_event - 1
+        if self._last_event and lost > 0:
+            self._log(now, f"was written too slowly: {lost} events are lost")
+        self._last_event = written[-1][0]
+
+    def _encode(
+        self, state: State, now: Instant
+    ) -> tuple[dict[str, _Key], dict[str, float], list[tuple[str, str]]]:
+        """Of all robots their version and when last received; of those that changed the JSON."""
+        keys: dict[str, _Key] = {}
+        seen: dict[str, float] = {}
+        changed: list[tuple[str, str]] = []
+        for name, key, last, persisted in state.visit(lambda robot: self._visit(robot, now)):
+            keys[name], seen[name] = key, last
+            if persisted is not None:
+                changed.append((name, persisted.as_json()))
+        return keys, seen, changed
+
+    def _visit(self, robot: Robot, now: Instant) -> tuple[str, _Key, float, PersistedRobot | None]:
+        """(its name, its version, when it was last received, what to write of it if anything)."""
+        name, key = robot.settings.name, _key(robot)
+        is_written = self._keys.get(name) == key
+        return name, key, robot.last_wall, None if is_written else robot.persist(now)
+
+    def _newly_seen(self, seen: dict[str, float], now: Instant) -> list[tuple[str, float]]:
+        newer = [(name, at) for name, at in seen.items() if self._seen.get(name) != at]
+        self._age.time(now)
+        return [(ITSELF, self._age.wall), *newer]
+
+    def _take_rows(self, state: State, now: Instant) -> None:
+        for row in state.take_fault_rows(now):
+            key, text = _row_as_json(row)
+            self._changed_rows[key] = None
+            if text is None:
+                self._rows.pop(key, None)
+            else:
+                self._rows[key] = text
+        if self._everything:
+            self._changed_rows = {}  # they may become many while nothing can be written
+
+    # -- the file ----------------------------------------------------------------------------
+
+    def _open(self) -> Database:
+        """The open database, made if none is there or it was moved away."""
+        if self._database is not None and self._database.is_moved:
+            self._close_database()
+        if self._database is None:
+            self._path.parent.mkdir(mode=0o700, exist_ok=True)
+            self._lock = self._lock or Lock(self._path)
+            self._database = Database(self._path)
+            if self._database.last_event() == 0:
+                self._last_event = 0  # it is new: all that is in memory is written
+        return self._database
+
+    def _make_way(self) -> Iterable[Numbered]:
+        """Rename what is at the path if it is damaged or old; the events to be taken over."""
+        found = self._found
+        if found is None:
+            return ()
+        if found.damage:
+            self._set_aside(found)
+        elif found.is_old and found.path == self._path:
+            found.path = found.path.rename(_migrated(found.path))
+        return chain(found.salvaged, enumerate(version_0_1.read_events(found.old_events), 1))
+
+    def _set_aside(self, found: _Found) -> None:
+        """Rename a damaged file, which may be one of version 0.1; or block all writes."""
+        self._close_database()
+        what = f"is damaged ({found.damage}){found.restored}"
+        names = (f"{found.path.name}.damaged-{number}" for number in range(1, MAX_ASIDE + 1))
+        free = (found.path.with_name(name) for name in names)
+        aside = next((path for path in free if not os.path.lexists(path)), None)
+        if aside is None:
+            self._block(f"{what} and cannot be kept aside: {MAX_ASIDE} such files are there")
+            return
+        try:
+            rename_database(found.path, aside)
+        except OSError as error:
+            self._block(f"{what} and cannot be kept aside ({error.strerror})")
+            return
+        log.error("database %s %s; it is kept as %s", found.path, what, aside)
+        if found.last_event and not found.is_old:
+            found.salvaged = _salvage(aside, found.last_event)
+        found.damage, found.is_old = "", False
+
+    def _end_migration(self) -> None:
+        """Rename the files of version 0.1 that are in the database now."""
+        found, self._found = self._found, None
+        if found is None or not (found.is_old or found.old_events):
+            return
+        old = [found.path] if found.is_old and found.path.suffix != MIGRATED else []
+        try:
+            for path in [*old, *found.old_events]:
+                path.rename(_migrated(path))
+        except OSError as error:
+            log.warning("%s is in the database now and cannot be renamed: %s", path, error.strerror)
+        log.info(
+            "database %s has what was in the files of version 0.1: %d robots, %d lines of events; "
+            "they are renamed to end with %s",
+            self._path,
+            len(found.robots),
+            found.last_event,
+            MIGRATED,
+        )
+
+    def find_events(self, wanted: Wanted) -> Iterator[Numbered]:
+        """The written events that match, newest first; none while the disk hangs. From any thread.
+
+        Those that cannot be read are left out, and logged.
+        """
+        if self._hangs or self._database is None:
+            return
+        try:
+            yield from find_events(self._path, wanted)
+        except sqlite3.Error as error:
+            log.error("database %s: its events cannot be read: %s", self._path, error)
+
+
+def _key(robot: Robot) -> _Key:
+    """Differs when the robot has to be written anew."""
+    hour = int((robot.last_wall + id(robot) % WHOLE_INTERVAL) // WHOLE_INTERVAL)
+    return id(robot), robot.versions.structure, robot.versions.levels, hour
+
+
+def _row_as_json(row: Row) -> tuple[tuple[str, str], str | None]:
+    kind, key, fields = row
+    text = None if fields is None else json.dumps(fields, ensure_ascii=False)
+    return (kind, json.dumps(key, ensure_ascii=False)), text
+
+
+def _decoded(text: Any) -> Any:
+    """The content of a column with JSON; None if it has none."""
+    try:
+        return pydantic_core.from_json(text, allow_inf_nan=False)
+    except (TypeError, ValueError):
+        return None
+
+
+def _robot(name: Any, fields: Any, seen: Any) -> PersistedRobot | str:
+    """One robot, or what is wrong with it."""
+    if not (isinstance(name, str) and name.isprintable() and 1 <= len(name) <= MAX_NAME):
+        return "its name is not one of a robot"
+    try:
+        robot, last_seen = _ROBOT.validate_python(fields), _SEEN.validate_python(seen)
+    except ValidationError as error:
+        return first_error(error)
+    return robot if last_seen is None else robot.seen_at(last_seen)
+
+
+def _salvage(aside: Path, last: int) -> list[Numbered]:
+    """The newest events of a damaged file, as far as they can be read, oldest first."""
+    found: list[Numbered] = []
+    try:
+        found.extend(find_events(aside, Wanted(before=last + 1, limit=MAX_SALVAGED)))
+    except sqlite3.Error as error:
+        log.warning("%s: %d events of it are taken over: %s", aside, len(found), error)
+    return found[::-1]
+
+
+def _migrated(path: Path) -> Path:
+    return path.with_name(path.name + MIGRATED)

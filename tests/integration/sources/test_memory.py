@@ -1,0 +1,76 @@
+"""Memory that a subscribed topic takes before anything arrives, and that of the sockets."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from ros_diagnostics_exporter.sources.dds import use_profiles
+from testbed import domains
+
+TOPICS = 200
+SUBSCRIBE = """
+import re, sys
+from pathlib import Path
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+
+def kilobytes():
+    return int(re.search(r"VmRSS:\\s+(\\d+)", Path("/proc/self/status").read_text())[1])
+
+rclpy.init()
+node = rclpy.create_node("subscriber")
+before = kilobytes()
+kept = [
+    node.create_subscription(DiagnosticArray, f"/r{n}/diagnostics", lambda _: None, 1000)
+    for n in range(int(sys.argv[1]))
+]
+print(kilobytes() - before)
+"""
+
+
+JOIN = """
+import os, socket
+import rclpy
+
+rclpy.init()
+node = rclpy.create_node("subscriber")
+sizes = [0]
+for fd in os.listdir("/proc/self/fd"):
+    try:
+        copy = socket.socket(fileno=os.dup(int(fd)))
+    except OSError:  # no socket
+        continue
+    sizes.append(copy.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF))
+print(max(sizes))
+"""
+
+
+def kilobytes_of_topics(environment: dict[str, str]) -> int:
+    return printed(environment, SUBSCRIBE, str(TOPICS))
+
+
+def printed(environment: dict[str, str], *program: str) -> int:
+    argv = [sys.executable, "-c", *program]
+    run = subprocess.run(argv, env=environment, capture_output=True, text=True, check=True)
+    assert not run.stderr
+    return int(run.stdout)
+
+
+def test_fast_dds_allocates_less_with_our_profiles(tmp_path):
+    with domains.lease() as domain_id:
+        theirs = domains.environment(domain_id)
+        ours = dict(theirs)
+        use_profiles(ours, tmp_path)
+
+        assert kilobytes_of_topics(ours) < kilobytes_of_topics(theirs) / 2
+
+
+def test_the_socket_has_room_for_the_bursts_of_a_large_fleet(tmp_path):
+    most = int(Path("/proc/sys/net/core/rmem_max").read_text())
+    with domains.lease() as domain_id:
+        ours = domains.environment(domain_id) | domains.BETWEEN_MACHINES
+        use_profiles(ours, tmp_path)
+
+        assert printed(ours, JOIN) == 2 * min(8 << 20, most)  # the kernel doubles what is asked for

@@ -1,0 +1,182 @@
+"""What the API shows of the state, and in which words."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from ros_diagnostics_exporter.api.snapshot import faults, fleet_snapshot
+from ros_diagnostics_exporter.config.fleet import (
+    Check,
+    ComponentRule,
+    Fleet,
+    Maintenance,
+    Robot,
+    Source,
+    Threshold,
+    ValueRule,
+)
+from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.regex import Pattern
+from ros_diagnostics_tools.check_nagios import check
+from support.state_driver import ERROR, OK, STALE, WALL, StateDriver
+
+PENDANT = ComponentRule(re.compile("Pendant"), planned_stale=True)
+
+
+def robot(driver: StateDriver) -> dict:
+    (shown,) = fleet_snapshot(driver.state, driver.now)["robots"]
+    return shown
+
+
+@pytest.mark.parametrize(
+    ("stale_is_critical", "states"),
+    [
+        (False, {"Arm": "STALE", "Motor": "CRITICAL", "Pendant": "STALE"}),
+        (True, {"Arm": "CRITICAL", "Motor": "CRITICAL", "Pendant": "STALE"}),
+    ],
+)
+def test_a_state_is_what_the_rules_make_of_the_level(stale_is_critical, states):
+    driver = StateDriver(stale_is_critical=stale_is_critical, components=(PENDANT,))
+    driver.raw(Status(STALE, "Arm"), Status(STALE, "Pendant"), Status(ERROR, "Motor"))
+    driver.at(1)
+    driver.raw(Status(STALE, "Motor"))
+
+    shown = robot(driver)["components"]
+    assert {each["component"]: each["state"] for each in shown} == states
+    assert {each["component"] for each in shown if each["planned_stale"]} == {"Pendant"}
+
+
+def test_a_check_is_short_until_it_finds_what_is_expected():
+    motors = Check("motors", (re.compile("Motor"),), expect=2)
+    driver = StateDriver(checks=(Check("all"), motors))
+    assert robot(driver)["short_checks"] == []  # nothing is expected of a robot that is silent
+    driver.raw(Status(OK, "Motor 1"))
+    short = {"check": "motors", "patterns": ["Motor"], "found": 1, "expected": 2}
+    assert robot(driver)["short_checks"] == [short]
+    driver.raw(Status(ERROR, "Motor 2"))
+    assert robot(driver)["short_checks"] == []
+
+
+REPEATED = (
+    ("Error", "1"),
+    ("Error: ", "2 V"),
+    ("Error", "none"),
+    ("Error", "[3, 4]"),
+    ("a: ", "5"),
+)
+
+
+def test_each_repeated_key_has_its_own_number_as_it_is_exported():
+    driver = StateDriver()
+    driver.raw(Status(OK, "Arm", values=REPEATED))
+
+    (arm,) = robot(driver)["components"]
+    assert [(each["key"], each["number"], each["unit"]) for each in arm["values"]] == [
+        ("Error", 1.0, ""),
+        ("Error#2", 2.0, "V"),
+        ("Error", None, ""),
+        ("Error", None, ""),
+        ("a: ", 5.0, ""),
+    ]
+    exported = {
+        dict(each)["key"]: value for each, value in driver.samples()["component_value"].items()
+    }
+    assert exported == {"Error": 1, "Error#2": 2, "Error[0]": 3, "Error[1]": 4, "a": 5}
+
+
+def test_performance_data_have_each_repeated_key_with_its_own_number():
+    driver = StateDriver()
+    driver.raw(Status(OK, "Arm", values=REPEATED))
+
+    _code, line = check(fleet_snapshot(driver.state, driver.now), "r", "")
+    assert (
+        line.partition(" | ")[2]
+        .split("=0;;;0 ")[-1]
+        .endswith("'Arm Error'=1 'Arm Error#2 [V]'=2 'Arm a: '=5")
+    )
+
+
+def test_a_number_is_that_of_the_text_beside_it():
+    """A STALE status is not read: it may have other texts than the one that was."""
+    driver = StateDriver()
+    driver.raw(Status(OK, "Arm", values=(("Error", "1"),)))
+    driver.raw(Status(STALE, "Arm", values=(("Error", "2"),)))
+
+    (arm,) = robot(driver)["components"]
+    assert [(each["value"], each["number"]) for each in arm["values"]] == [("2", None)]
+
+
+HOT = Status(ERROR, "Motor", "Hot")
+
+
+def test_a_problem_is_soft_until_it_is_confirmed_and_keeps_its_since():
+    driver = StateDriver()
+    driver.raw_every(1, 40, Status(OK, "Motor"))
+    driver.raw_every(1, 45, HOT)
+    (soft,) = robot(driver)["problems"]
+    assert soft["confirmed"] is soft["quiet"] is None
+    assert (soft["scope"], soft["state"], soft["severity"]) == ("component", "critical", "critical")
+    assert (soft["component"], soft["since"], soft["due"]) == ("Motor", WALL + 40, WALL + 50)
+    assert faults(driver.state, driver.now)["faults"] == []
+
+    driver.raw_every(1, 60, HOT)
+    (hard,) = robot(driver)["problems"]
+    assert (hard["since"], hard["confirmed"]) == (WALL + 40, WALL + 50)
+    assert hard["evidence"] == "Hot"
+    assert driver.sample("fault_start_timestamp_seconds", state="critical") == hard["since"]
+    (fault,) = faults(driver.state, driver.now)["faults"]
+    same = fault.keys() & hard.keys()
+    assert {key: fault[key] for key in same} == {key: hard[key] for key in same}
+
+
+def test_a_silent_robot_has_the_problem_since_its_last_message():
+    driver = StateDriver()
+    driver.raw_every(1, 40, Status(OK, "Motor"))
+    driver.at(100)
+    (silent,) = (each for each in robot(driver)["problems"] if each["scope"] == "robot")
+    assert (silent["state"], silent["since"]) == ("silent", robot(driver)["last_message"])
+    assert silent["confirmed"] is not None
+
+
+def test_a_problem_in_maintenance_is_quiet_until_the_end_that_is_shown():
+    downtime = Maintenance("m", {"robot": (Pattern("r"),)}, "service", end=WALL + 7200)
+    made = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW, labels={"site": "hall"})
+    driver = StateDriver(fleet=Fleet("f", (made,), maintenance=(downtime,)))
+    driver.raw_every(1, 60, HOT)
+    shown = robot(driver)
+    assert shown["maintenance_until"] == WALL + 7200
+    assert [each["quiet"] for each in shown["problems"]] == ["maintenance"]
+
+
+def test_a_problem_of_many_robots_is_the_fleets():
+    made = [
+        Robot(f"r{n}", topic_raw=f"/r{n}/diagnostics", source=Source.RAW, labels={"site": "hall"})
+        for n in range(6)
+    ]
+    driver = StateDriver(fleet=Fleet("f", tuple(made)))
+    for second in range(60):
+        for each in made:
+            if second < 40:
+                driver._receive(each.topic_raw, (Status(OK, "Motor"),), 0.0)
+        driver.at(second + 1)
+    fleet = fleet_snapshot(driver.state, driver.now)
+    assert [(each["scope"], each["site"]) for each in fleet["problems"]] == [("site", "hall")]
+    shown = [each for each_robot in fleet["robots"] for each in each_robot["problems"]]
+    assert {(each["state"], each["quiet"]) for each in shown} == {("silent", "site")}
+    (fault,) = faults(driver.state, driver.now)["faults"]
+    assert (fault["scope"], fault["site"], fault["robot"]) == ("site", "hall", "")
+
+
+def test_a_value_has_its_thresholds_and_a_problem_beyond_them():
+    low = Threshold("low", "critical", 10.0)
+    rule = ValueRule(key=Pattern("Voltage"), thresholds=(low,))
+    driver = StateDriver(values=(rule,))
+    driver.raw(Status(OK, "Battery", values=(("Voltage", "9 V"), ("Cells", "7"))))
+    shown = robot(driver)
+    voltage, cells = shown["components"][0]["values"]
+    assert voltage["thresholds"] == [{"bound": "low", "severity": "critical", "value": 10.0}]
+    assert "thresholds" not in cells
+    (beyond,) = shown["problems"]
+    assert (beyond["scope"], beyond["key"], beyond["bound"]) == ("value", "Voltage", "low")

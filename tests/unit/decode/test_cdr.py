@@ -1,0 +1,116 @@
+"""Serialized arrays are decoded without ROS as rclpy decodes them."""
+
+from __future__ import annotations
+
+import struct
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ros_diagnostics_exporter.decode.cdr import Decoder, decode
+from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.sources import dds as ros
+from virtual_robots.model import Status as SentStatus
+from virtual_robots.recording.cdr import encode_array
+
+texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12)
+statuses = st.lists(
+    st.builds(
+        Status,
+        st.integers(0, 255),
+        texts,
+        texts,
+        texts,
+        st.lists(st.tuples(texts, texts), max_size=4).map(tuple),
+    ),
+    max_size=5,
+)
+
+
+@given(statuses)
+def test_what_was_encoded_is_decoded(sent):
+    data = encode_array([SentStatus(*each) for each in sent], 12.5, "frame")
+
+    found = decode(data)
+
+    assert found == (12.5, tuple(sent), len(data))
+
+
+@given(statuses, st.data())
+def test_a_message_that_ends_early_is_an_error(sent, data):
+    encoded = encode_array([SentStatus(*each) for each in sent], 12.5, "frame")
+    end = data.draw(st.integers(0, len(encoded) - 1))
+
+    with pytest.raises(ValueError, match=r"ends within|does not begin"):
+        decode(encoded[:end])
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_an_array_or_an_error(content):
+    found = None
+    with suppress(ValueError):  # and nothing else
+        found = decode(b"\0\1\0\0" + content)
+
+    assert found is None or found.size == len(content) + 4
+
+
+def test_the_other_order_of_bytes_is_read():
+    seconds, nanoseconds, length_of_frame, statuses = (3, 0, 1, 0)
+    content = [struct.pack(">I", each) for each in (seconds, nanoseconds, length_of_frame)]
+
+    found = decode(b"\0\0\0\0" + b"".join(content) + b"\0\0\0\0" + struct.pack(">I", statuses))
+
+    assert (found.stamp, found.statuses) == (3.0, ())
+
+
+def test_text_that_is_no_utf8_is_replaced():
+    data = encode_array([SentStatus(0, "aXb", "", "", ())], 0.0).replace(b"aXb", b"a\xffb")
+
+    assert decode(data).statuses[0].name == "a\ufffdb"
+
+
+def encoded(sent: list[Status], stamp: float = 12.5) -> bytes:
+    return bytes(encode_array([SentStatus(*each) for each in sent], stamp))
+
+
+@given(statuses, st.binary(min_size=1, max_size=3), st.data())
+def test_rclpy_decodes_the_same_also_where_bytes_of_a_text_are_damaged(sent, bad, data):
+    message = encoded([Status(1, "a name", "X" * len(bad), "", (("key", "value"),)), *sent])
+    message = message.replace(b"X" * len(bad), bad, 1)
+
+    assert decode(message) == ros.decode(message)
+
+
+@given(st.lists(statuses, min_size=2, max_size=6), st.booleans())
+def test_the_messages_before_change_nothing(arrays, shift):
+    """Whatever came before, at the same or another place of the message."""
+    decoder = Decoder()
+    for number, sent in enumerate(arrays):
+        more = [Status(0, "x" * number)] if shift else []
+        message = encoded([*more, *arrays[0], *sent])
+
+        assert decoder.decode(message) == decode(message)
+
+
+def test_a_status_that_did_not_change_is_not_decoded_again():
+    decoder = Decoder()
+    same, before, now = (Status(0, name, "message", "id", (("k", "v"),)) for name in "abc")
+
+    first = decoder.decode(encoded([before, same])).statuses
+    second = decoder.decode(encoded([now, same], stamp=13.5)).statuses
+
+    assert second == (now, same)
+    assert second[1] is first[1]
+
+
+def test_after_a_damaged_message_the_next_is_decoded():
+    decoder = Decoder()
+    message = encoded([Status(0, "a"), Status(1, "b")])
+
+    decoder.decode(message)
+    with pytest.raises(ValueError, match="ends within"):
+        decoder.decode(message[:-3])
+
+    assert decoder.decode(message) == decode(message)

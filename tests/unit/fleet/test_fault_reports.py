@@ -1,0 +1,929 @@
+"""What the state receives becomes faults: arrays, silence, time and config in, faults out."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
+from ros_diagnostics_exporter.config.fleet import (
+    CauseSettings,
+    Check,
+    ComponentRule,
+    Discovery,
+    FaultSettings,
+    Fleet,
+    Maintenance,
+    Profile,
+    Robot,
+    Source,
+    Threshold,
+    ValueRule,
+)
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.faults.engine import Faults
+from ros_diagnostics_exporter.faults.model import Reason, Row
+from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Status, Topic
+from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
+
+MOTOR, LASER = Status(OK, "Motor"), Status(OK, "Laser")
+HOT, WARM = Status(ERROR, "Motor", "Hot"), Status(WARN, "Motor", "Warm")
+SETTLED = 40.0  # restart_grace is over
+
+
+def faults(driver: StateDriver) -> set[tuple[str, ...]]:
+    """Scope, state and what it is about of each fault."""
+    return {
+        (each.identity.scope.value, each.identity.state.value, *filter(None, each.identity[2:]))
+        for each in driver.state.faults()
+    }
+
+
+def settled(*statuses: Status, **profile) -> StateDriver:
+    """A robot that is received once a second, with these statuses, until restart_grace is over."""
+    driver = StateDriver(**profile)
+    driver.raw_every(1, SETTLED, *statuses)
+    return driver
+
+
+def stand(driver: StateDriver, seconds: float, *statuses: Status) -> None:
+    """Send these once a second for some seconds."""
+    driver.raw_every(1, driver.now.mono + seconds, *statuses)
+
+
+def reloaded(driver: StateDriver, **profile) -> None:
+    (robot,) = driver.state.fleet.robots
+    robot = replace(robot, profile=replace(robot.profile, **profile))
+    driver.state.configure(replace(driver.state.fleet, robots=(robot,)), driver.now)
+
+
+def restarted(driver: StateDriver, rows: list[Row]) -> StateDriver:
+    """Another process, from the rows and the robots that the one before wrote."""
+    again = StateDriver(fleet=driver.state.fleet)
+    again.now = driver.now
+    written = {name: robot.persist(driver.now) for name, robot in driver.state.robots.items()}
+    again.state.restore(written, again.now)
+    stored = json.loads(json.dumps(rows))
+    again.restore_faults([Row(kind, tuple(key), fields) for kind, key, fields in stored])
+    return again
+
+
+# -- components ----------------------------------------------------------------------------------
+
+
+def test_an_error_is_a_fault_after_confirm_after_and_ends_with_ok():
+    driver = settled(MOTOR)
+    began = driver.now.wall
+    stand(driver, 9, HOT)
+    assert faults(driver) == set()
+    stand(driver, 3, HOT)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+    (fault,) = driver.state.faults()
+    assert (fault.since, fault.confirmed) == (began, began + 10)
+
+    driver.raw(MOTOR)
+    assert faults(driver) == set()
+
+
+def test_a_confirmed_warning_that_gets_worse_is_critical_at_once_and_goes_on():
+    driver = settled(MOTOR)
+    stand(driver, 12, WARM)
+    assert faults(driver) == {("component", "warning", "r", "Motor")}
+    driver.raw(HOT)
+    assert faults(driver) == {
+        ("component", "warning", "r", "Motor"),
+        ("component", "critical", "r", "Motor"),
+    }
+    driver.raw(WARM)
+    assert faults(driver) == {("component", "warning", "r", "Motor")}
+
+
+def test_a_component_that_the_aggregator_lost_is_stale():
+    driver = StateDriver(Source.AGG)
+    for second in range(60):
+        driver.at(second)
+        driver.agg(*tree(Parts=[MOTOR, LASER] if second < SETTLED else [LASER]))
+    assert faults(driver) == {("component", "stale", "r", "/Parts", "Motor")}
+
+
+@pytest.mark.parametrize(("level", "critical"), [(STALE, True), (WARN, False)])
+def test_config_says_when_stale_is_critical_and_what_a_level_counts_as(level, critical):
+    rules = (ComponentRule(re.compile("Motor"), levels={WARN: OK}),)
+    driver = settled(MOTOR, stale_is_critical=True, components=rules)
+    stand(driver, 12, MOTOR._replace(level=level))
+    states = {state for _scope, state, *_about in faults(driver)}
+    assert states == ({"stale", "critical"} if critical else set())
+
+
+def test_a_component_has_its_own_confirm_after_and_follows_a_reload():
+    rule = ComponentRule(re.compile("Motor"), confirm_after=3.0)
+    driver = settled(MOTOR, components=(rule,))
+    stand(driver, 5, HOT)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+    driver.raw(MOTOR)
+    reloaded(driver, components=(replace(rule, confirm_after=60.0),))
+    stand(driver, 50, HOT)
+    assert faults(driver) == set()
+    reloaded(driver, components=(rule,))
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+
+
+def test_a_warning_is_dated_from_when_it_left_ok_and_a_critical_from_when_it_turned_critical():
+    driver = settled(MOTOR)
+    left_ok = driver.now.wall
+    stand(driver, 20, WARM)
+    turned = driver.now.wall
+    stand(driver, 20, HOT)
+    since = {each.identity.state: each.since for each in driver.state.faults()}
+    assert since == {"warning": left_ok, "critical": turned}
+    assert driver.component("Motor").problem_since == left_ok
+
+
+def test_silence_is_no_trouble_of_a_component_that_was_ok_before():
+    driver = settled(MOTOR, LASER)
+    driver.at(driver.now.mono + 100)
+    back = driver.now.wall
+    stand(driver, 12, WARM, LASER)
+    (fault,) = driver.state.faults()
+    assert fault.since == driver.component("Motor").problem_since == back
+
+
+steps = st.lists(
+    st.tuples(
+        st.sampled_from([1, 1, 1, 3, 8, 30]),
+        st.lists(st.sampled_from([OK, WARN, ERROR, STALE, None]), min_size=2, max_size=2),
+        st.booleans(),
+    ),
+    min_size=1,
+    max_size=25,
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(steps)
+def test_the_since_of_a_fault_is_that_of_its_component_whatever_happened(history):
+    driver = settled(MOTOR, LASER, confirm_after=2.0)
+    for seconds, levels, restarts in history:
+        parts = list(zip((MOTOR, LASER), levels, strict=True))
+        for _ in range(2):
+            driver.raw(*(each._replace(level=to) for each, to in parts if to is not None))
+        driver.at(driver.now.mono + seconds)
+        if restarts and seconds == 30:
+            driver = restarted(driver, driver.fault_rows())
+            driver.raw(MOTOR)
+        for fault in driver.state.faults():
+            if fault.identity.state in ("warning", "stale") and fault.identity.component:
+                found = driver.component(fault.identity.component)
+                assert found.problem_since == fault.since
+
+
+def test_a_component_that_the_config_ignores_has_no_fault():
+    driver = settled(MOTOR)
+    stand(driver, 12, HOT)
+    reloaded(driver, components=(ComponentRule(re.compile("Motor"), ignore=True),))
+    assert faults(driver) == set()
+
+
+def test_a_component_in_another_group_takes_its_fault_along():
+    driver = StateDriver(Source.AGG)
+    for second in range(60):
+        driver.at(second)
+        driver.agg(*tree(Old=[HOT, LASER]))
+    (before,) = driver.state.faults()
+    driver.agg(*tree(New=[HOT, LASER]))
+    assert faults(driver) == {("component", "critical", "r", "/New", "Motor")}
+    (after,) = driver.state.faults()
+    assert (after.since, after.confirmed) == (before.since, before.confirmed)
+
+
+def test_two_components_that_look_alike_have_a_fault_each():
+    driver = settled(MOTOR)
+    first, second = (HOT._replace(hardware_id=each) for each in "ab")
+    for _ in range(13):
+        driver.raw(first, second)
+        driver.at(driver.now.mono + 1)
+    assert faults(driver) == {
+        ("component", "critical", "r", "Motor [a]"),
+        ("component", "critical", "r", "Motor [b]"),
+    }
+    driver.raw(first, second._replace(level=OK))
+    assert faults(driver) == {("component", "critical", "r", "Motor [a]")}
+
+
+def test_a_component_that_changes_all_the_time_is_flapping_and_nothing_else():
+    driver = settled(MOTOR)
+    for _ in range(12):
+        stand(driver, 1, HOT)
+        stand(driver, 1, MOTOR)
+    assert faults(driver) == {("flapping", "flapping", "r", "Motor")}
+    stand(driver, 400, MOTOR)
+    assert faults(driver) == set()
+
+
+def test_many_components_that_fail_at_once_are_one_fault():
+    parts = [Status(OK, f"Part {number}") for number in range(10)]
+    driver = settled(*parts)
+    stand(driver, 12, *(each._replace(level=ERROR) for each in parts))
+    assert faults(driver) == {("robot", "many", "r", "critical")}
+
+
+def test_the_evidence_says_what_was_known_when_the_fault_began():
+    hot = HOT._replace(message="Hot\n\u202eagain", values=(("Temperature", "91 C"),))
+    driver = settled(MOTOR, LASER)
+    stand(driver, 12, hot, LASER._replace(level=WARN))
+    evidence = {each.identity.component: each.evidence for each in driver.state.faults()}
+    assert evidence == {
+        "Motor": "Hot \\u202eagain; values: Temperature: 91 C; also faulty: Laser WARNING",
+        "Laser": "also faulty: Motor CRITICAL",
+    }
+
+
+def test_the_evidence_is_bounded_and_printable_whatever_a_robot_sends():
+    values = tuple((f"key {number}" * 50, "\x1b" * 5_000) for number in range(100))
+    loud = HOT._replace(message="\n" * 50_000, values=values)
+    driver = settled(MOTOR)
+    stand(driver, 12, loud)
+    (fault,) = driver.state.faults()
+    assert len(fault.evidence) <= 512
+    assert fault.evidence.isprintable()
+
+
+# -- events --------------------------------------------------------------------------------------
+
+
+def fault_events(driver: StateDriver) -> list[Event]:
+    return [each for each in driver.events if each.kind in ("fault_began", "fault_ended")]
+
+
+def test_a_fault_that_begins_and_one_that_ends_are_events_with_its_labels():
+    driver = settled(MOTOR)
+    since = driver.now.wall
+    stand(driver, 12, HOT)
+    driver.raw(MOTOR)
+    began, ended = fault_events(driver)
+    assert began == Event(
+        time=since + 10,
+        kind="fault_began",
+        robot="r",
+        component="Motor",
+        message="Hot",
+        scope="component",
+        state="critical",
+        severity="critical",
+        since=since,
+    )
+    assert ended == replace(began, time=driver.now.wall, kind="fault_ended", reason="recovered")
+
+
+def test_what_a_person_removes_ends_as_removed_and_is_of_its_site():
+    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW, labels={"site": "hall"})
+    driver = StateDriver(fleet=Fleet("f", (robot,)))
+    driver.raw_every(1, SETTLED, MOTOR)
+    stand(driver, 12, WARM)
+    driver.state.forget("r", "Motor", driver.now)
+    found = [(each.kind, each.severity, each.site, each.reason) for each in fault_events(driver)]
+    assert found == [
+        ("fault_began", "warning", "hall", ""),
+        ("fault_ended", "warning", "hall", "removed"),
+    ]
+
+
+def test_a_restart_is_no_event_but_a_robot_that_the_config_no_longer_has_is():
+    before = StateDriver()
+    before.raw_every(1, SETTLED, HOT)
+    rows = before.fault_rows()
+    assert fault_events(restarted(before, rows)) == []
+    before.state.fleet = Fleet("f")
+    (ended,) = fault_events(restarted(before, rows))
+    assert (ended.kind, ended.component, ended.reason) == ("fault_ended", "Motor", "removed")
+
+
+# -- robots --------------------------------------------------------------------------------------
+
+
+def test_a_silent_robot_is_one_fault_and_its_components_keep_theirs():
+    driver = StateDriver(Source.AGG)
+    for second in range(60):
+        driver.at(second)
+        driver.agg(*tree(Parts=[HOT if second >= SETTLED else MOTOR, LASER]))
+    last = driver.now.wall
+    driver.at(driver.now.mono + 30)
+    critical = ("component", "critical", "r", "/Parts", "Motor")
+    assert faults(driver) == {("robot", "silent", "r"), critical}
+    (silent,) = (each for each in driver.state.faults() if each.identity.state == "silent")
+    assert silent.since == last
+    assert silent.evidence == "nobody publishes on its topics"
+
+    driver.agg(*tree(Parts=[HOT, LASER]))
+    assert faults(driver) == {critical}
+    driver.agg(*tree(Parts=[MOTOR, LASER]))
+    assert faults(driver) == set()
+
+
+def test_a_declared_robot_that_is_never_received_is_pending():
+    driver = StateDriver()
+    driver.at(899)
+    assert faults(driver) == set()
+    driver.at(901)
+    assert faults(driver) == {("robot", "pending", "r")}
+    driver.raw(MOTOR)
+    assert faults(driver) == set()
+
+
+def test_a_robot_that_publishes_and_is_never_received_is_silent_after_its_stale_after():
+    driver = StateDriver(stale_after=20.0)
+    driver.at(SETTLED)
+    driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
+    driver.at(SETTLED + 29)
+    assert faults(driver) == set()
+    driver.at(SETTLED + 32)
+    assert faults(driver) == {("robot", "silent", "r")}
+    driver.state.update_graph(0, {}, driver.now)
+    driver.at(SETTLED + 40)
+    (problem,) = (p for p in driver.state.problems(driver.now) if p.fault is not None)
+    assert problem.identity.state == "silent"  # a person, or a message, ends it
+
+
+def test_a_slow_driver_is_no_stale_component_after_its_robots_return():
+    driver = StateDriver()
+    slow = Status(OK, "Slow")
+    for second in range(120):
+        driver.at(second)
+        driver.raw(MOTOR, *([slow] if second % 30 == 0 else []))
+    driver.at(180)
+    assert faults(driver) == {("robot", "silent", "r")}
+    stand(driver, 60, MOTOR)
+    assert faults(driver) == set()
+    stand(driver, 60, MOTOR)
+    assert faults(driver) == {("component", "stale", "r", "Slow")}
+    driver.raw(slow)
+    assert faults(driver) == set()
+
+
+def test_a_raw_robot_that_falls_silent_has_no_stale_component_before():
+    """A component is late after 5 s, its robot silent after 20 s."""
+    driver = settled(MOTOR, LASER, stale_after=20.0, confirm_after=3.0)
+    stand(driver, 10, HOT, LASER)
+    critical = ("component", "critical", "r", "Motor")
+    assert faults(driver) == {critical}
+    last = driver.now.mono - 1
+    driver.at(last + 10)
+    assert (driver.level("Motor"), driver.level("Laser")) == (STALE, STALE)
+    driver.at(last + 22)
+    assert faults(driver) == {critical}
+    driver.at(last + 24)
+    assert faults(driver) == {critical, ("robot", "silent", "r")}
+
+
+def test_a_raw_component_that_is_late_is_stale_once_another_is_received_after_that():
+    driver = settled(MOTOR, LASER, stale_after=60.0, confirm_after=3.0)
+    last = driver.now.mono - 1
+    driver.at(last + 30)
+    assert faults(driver) == set()
+    driver.raw(LASER)
+    driver.at(last + 32)
+    assert driver.level("Motor") == STALE
+    assert faults(driver) == set()  # its confirm_after
+    driver.at(last + 34)
+    assert faults(driver) == {("component", "stale", "r", "Motor")}
+
+
+def test_a_component_with_a_short_time_of_its_own_is_not_stale_because_the_robot_is_silent():
+    rule = ComponentRule(re.compile("Motor"), stale_after=3.0, confirm_after=0.0)
+    driver = StateDriver(Source.AGG, components=(rule,))
+    for second in range(int(SETTLED)):
+        driver.at(second)
+        driver.agg(*tree(Parts=[MOTOR, LASER]))
+    driver.at(SETTLED + 8)
+    assert driver.level("Motor") == STALE
+    assert faults(driver) == set()
+    driver.agg(*tree(Parts=[LASER]))
+    assert faults(driver) == {("component", "stale", "r", "/Parts", "Motor")}
+
+
+def test_a_component_that_reports_stale_after_the_robots_return_is_stale():
+    driver = settled(MOTOR, LASER)
+    driver.at(driver.now.mono + 60)
+    stand(driver, 1, LASER)
+    stand(driver, 25, MOTOR._replace(level=STALE), LASER)
+    assert faults(driver) == {("component", "stale", "r", "Motor")}
+
+
+@pytest.mark.parametrize("before", [OK, STALE])
+def test_what_reports_stale_after_the_robots_return_is_in_trouble_from_that_array_on(before):
+    driver = StateDriver(stale_after=20.0)
+    driver.raw_every(10, SETTLED, MOTOR._replace(level=before), LASER)
+    driver.at(driver.now.mono + 60)
+    driver.raw(LASER)
+    driver.at(driver.now.mono + 2)
+    driver.raw(MOTOR._replace(level=STALE), LASER)
+
+    problems = driver.state.problems(driver.now)
+
+    (stale,) = (each for each in problems if each.identity.component == "Motor")
+    assert stale.identity.state.value == "stale"
+    assert stale.since == (WALL if before == STALE else driver.now.wall)
+    driver.raw_every(10, driver.now.mono + 11, MOTOR._replace(level=STALE), LASER)
+    assert faults(driver) == {("component", "stale", "r", "Motor")}
+
+
+def test_a_component_that_the_second_of_two_arrays_at_one_moment_lacks_is_in_trouble():
+    driver = StateDriver(Source.AGG)
+    driver.agg(*tree(Parts=[MOTOR, LASER]))
+    driver.agg(*tree(Parts=[LASER]))
+
+    (stale,) = driver.state.problems(driver.now)
+
+    assert (stale.identity.component, stale.identity.state.value) == ("Motor", "stale")
+
+
+def test_an_aggregator_that_starts_before_its_robot_falls_silent_shows_nothing_to_be_stale():
+    driver = StateDriver(Source.AGG, stale_after=5.0, confirm_after=3.0)
+    driver.agg(*tree(Parts=[MOTOR]))
+    driver.at(1)
+    driver.agg(Status(STALE, "/Parts", "Stale"))
+    driver.at(7)  # the component is late, and then the robot is silent
+
+    assert driver.level("Motor") == STALE
+    assert [each.identity.state.value for each in driver.state.problems(driver.now)] == ["silent"]
+    driver.agg(Status(STALE, "/Parts", "Stale"))
+    problems = {each.identity.state.value: each for each in driver.state.problems(driver.now)}
+    assert problems["stale"].since == driver.now.wall
+
+
+def in_maintenance(begin: float, end: float) -> Fleet:
+    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
+    selector = {"robot": (re.compile("r"),)}
+    window = Maintenance("night", selector, "", start=WALL + begin, end=WALL + end)
+    return Fleet("f", (robot,), maintenance=(window,))
+
+
+def test_nothing_begins_in_maintenance_and_what_is_still_wrong_after_it_does():
+    driver = StateDriver(fleet=in_maintenance(50, 150))
+    driver.raw_every(1, 60, MOTOR)
+    driver.raw_every(1, 100, HOT)
+    assert faults(driver) == set()
+    (problem,) = driver.state.problems(driver.now, "r")
+    assert problem.quiet is Reason.MAINTENANCE
+    driver.at(140)  # switched off
+    assert faults(driver) == set()
+    driver.raw_every(1, 155, HOT)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+
+
+def planned(component: str = "", begin: float = 50, end: float = 150) -> Downtime:
+    return Downtime("r", component, WALL + begin, WALL + end, "ann", "new gears")
+
+
+@pytest.mark.parametrize("component", ["", "Motor"])
+def test_in_a_downtime_that_a_person_planned_nothing_begins(component):
+    driver = StateDriver()
+    driver.state.plan([planned(component)], driver.now)
+    driver.raw_every(1, 60, MOTOR, LASER)
+    driver.raw_every(1, 149, HOT, LASER)
+    assert faults(driver) == set()
+    (problem,) = driver.state.problems(driver.now, "r")
+    assert problem.quiet is Reason.MAINTENANCE
+    driver.raw_every(1, 152, HOT, LASER)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+
+
+def test_other_components_are_judged_in_a_components_downtime():
+    driver = StateDriver()
+    driver.state.plan([planned("Laser")], driver.now)
+    driver.raw_every(1, 60, MOTOR, LASER)
+    driver.raw_every(1, 100, HOT, LASER._replace(level=ERROR))
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+
+
+@pytest.mark.parametrize("component", ["", "Motor"])
+def test_a_downtime_is_in_force_after_a_restart_before_anybody_repeats_it(component, tmp_path):
+    before = StateDriver()
+    before.state.plan([planned(component, 0)], before.now)
+    before.raw_every(1, 5, MOTOR, LASER)
+    before.keep(tmp_path / "exporter.db")
+    after = before.restart(tmp_path / "exporter.db")
+
+    after.raw_every(1, 149, HOT, LASER)
+    assert faults(after) == set()
+    after.raw_every(1, 152, HOT, LASER)
+    assert faults(after) == {("component", "critical", "r", "Motor")}
+
+
+def test_a_downtime_that_was_cancelled_is_not_restored(tmp_path):
+    before = StateDriver()
+    before.state.plan([planned("", 0, 1_000)], before.now)
+    before.raw_every(1, 10, MOTOR, LASER)
+    before.keep(tmp_path / "exporter.db")
+    before.state.plan([], before.now)
+    before.keep(tmp_path / "exporter.db")
+
+    assert before.restart(tmp_path / "exporter.db").state.downtimes("r") == ()
+
+
+@pytest.mark.parametrize("component", ["", "Motor"])
+def test_what_is_repaired_in_a_downtime_ends_with_it(component):
+    driver = StateDriver()
+    driver.raw_every(1, 60, MOTOR, LASER)
+    driver.raw_every(1, 100, HOT, LASER)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+    driver.state.plan([planned(component, 100, 1_000)], driver.now)
+    driver.raw_every(1, 140, MOTOR, LASER)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+    driver.state.plan([], driver.now)  # cancelled
+    assert faults(driver) == set()
+
+
+def test_a_downtime_goes_on_after_a_reload_and_for_a_robot_that_comes_later():
+    driver = StateDriver()
+    driver.state.plan([planned("Motor", 0, 1_000)], driver.now)
+    driver.raw_every(1, 60, MOTOR, LASER)
+    fleet = driver.state.fleet
+    driver.state.configure(replace(fleet, robots=()), driver.now)
+    driver.state.configure(
+        replace(fleet, faults=replace(fleet.faults, restart_grace=1)), driver.now
+    )
+    driver.raw_every(1, 100, HOT, LASER)
+    assert faults(driver) == set()
+
+
+def test_a_robot_that_is_found_in_maintenance_is_quiet_from_the_start():
+    driver = StateDriver(fleet=in_maintenance(0, 1_000))
+    driver.at(950)
+    assert faults(driver) == set()
+    driver.at(1_002)
+    assert faults(driver) == {("robot", "pending", "r")}
+
+
+def test_silence_of_a_whole_site_is_one_fault_and_names_its_robots():
+    robots = tuple(
+        Robot(
+            f"r{number}",
+            topic_raw=f"/r{number}/diagnostics",
+            source=Source.RAW,
+            labels={"site": "hall"},
+        )
+        for number in range(6)
+    )
+    other = Robot("q", topic_raw="/q/diagnostics", source=Source.RAW, labels={"site": "yard"})
+    driver = StateDriver(fleet=Fleet("f", (other, *robots)))
+    for second in range(int(SETTLED)):
+        driver.at(second)
+        for robot in (other, *robots):
+            topic = Topic(0, robot.topic_raw)
+            driver.state.receive(topic, Array(0.0, (MOTOR,), 100), driver.now)
+    driver.at(SETTLED + 30)
+    assert faults(driver) == {("site", "silent", "hall"), ("robot", "silent", "q")}
+    (evidence,) = (each.evidence for each in driver.state.faults() if each.identity.site)
+    assert evidence == "robots: r0, r1, r2, r3, r4 and 1 more"
+
+
+# -- values and checks ---------------------------------------------------------------------------
+
+LOW = ValueRule(key=re.compile("Volt"), thresholds=(Threshold("low", "critical", 10.0),))
+
+
+def volt(number: str) -> Status:
+    return MOTOR._replace(values=(("Volt", number),))
+
+
+BELOW = ("value", "critical", "r", "Motor", "Volt", "low")
+
+
+def test_a_value_beyond_its_threshold_is_a_fault_until_it_is_back_beyond_the_hysteresis():
+    driver = settled(volt("12"), values=(LOW,))
+    stand(driver, 9, volt("9.5"))
+    assert faults(driver) == set()
+    stand(driver, 3, volt("9.4"))
+    assert faults(driver) == {BELOW}
+    (fault,) = driver.state.faults()
+    assert fault.evidence == "9.4, below the threshold of 10"
+    stand(driver, 3, volt("10.1"))
+    assert faults(driver) == {BELOW}
+    stand(driver, 1, volt("10.3"))
+    assert faults(driver) == set()
+
+
+@pytest.mark.parametrize(
+    "status",
+    [MOTOR, volt("unknown"), volt("12")._replace(level=STALE)],
+    ids=["missing", "no number", "stale"],
+)
+def test_a_value_that_is_no_longer_known_goes_on(status):
+    driver = settled(volt("12"), values=(LOW,))
+    stand(driver, 12, volt("9"))
+    stand(driver, 60, status)
+    assert BELOW in faults(driver)
+    stand(driver, 1, volt("12"))
+    assert faults(driver) == set()
+
+
+def test_a_value_that_goes_missing_before_it_is_confirmed_does_not_begin():
+    driver = settled(volt("12"), values=(LOW,))
+    stand(driver, 5, volt("9"))
+    stand(driver, 60, MOTOR)
+    assert faults(driver) == set()
+
+
+def test_a_stale_component_that_counts_as_ok_confirms_no_value():
+    rule = ComponentRule(re.compile("Motor"), levels={STALE: OK})
+    driver = settled(volt("12"), values=(LOW,), components=(rule,))
+    stand(driver, 5, volt("9"))
+    stand(driver, 60, volt("9")._replace(level=STALE))
+    assert faults(driver) == set()
+
+
+@pytest.mark.parametrize("last", [volt("9"), MOTOR], ids=["published", "missing"])
+def test_a_fault_goes_with_its_threshold(last):
+    driver = settled(volt("12"), values=(LOW,))
+    stand(driver, 12, volt("9"))
+    stand(driver, 1, last)
+    reloaded(driver, stale_after=11.0)
+    assert faults(driver) == {BELOW}
+    reloaded(driver, values=())
+    assert faults(driver) == set()
+
+
+def test_an_expected_component_that_is_missing_is_a_fault_of_its_check():
+    motors = Check("motors", (re.compile("Motor"),), expect=2)
+    driver = settled(MOTOR, checks=(Check("all"), motors))
+    assert faults(driver) == {("check", "critical", "r", "motors")}
+    (fault,) = driver.state.faults()
+    assert fault.evidence == "1 of 2 components report"
+    driver.raw(MOTOR, Status(OK, "Motor 2"))
+    assert faults(driver) == set()
+
+    driver.state.forget("r", "Motor 2", driver.now)
+    stand(driver, 12, MOTOR)
+    assert faults(driver) == {("check", "critical", "r", "motors")}
+    reloaded(driver, checks=(Check("all"),))
+    assert faults(driver) == set()
+
+
+# -- people, config, restarts ----------------------------------------------------------------------
+
+
+def test_what_a_person_takes_out_is_no_fault_any_more():
+    driver = settled(MOTOR, LASER)
+    stand(driver, 12, HOT, LASER)
+    driver.state.forget("r", "Motor", driver.now)
+    assert faults(driver) == set()
+
+
+def test_a_robot_that_the_config_no_longer_has_has_no_faults():
+    driver = settled(MOTOR)
+    stand(driver, 12, HOT)
+    driver.state.configure(Fleet("f"), driver.now)
+    assert faults(driver) == set()
+    with pytest.raises(LookupError):
+        driver.state.problems(driver.now, "r")
+
+
+def test_time_forgets_no_component_with_a_problem():
+    """It is missing on a robot that is there: STALE, until a person takes it out."""
+    driver = StateDriver(Source.AGG, forget_after=100.0)
+    for second in range(400):
+        driver.at(second)
+        driver.agg(*tree(Parts=[MOTOR, LASER] if second < SETTLED else [LASER]))
+    assert faults(driver) == {("component", "stale", "r", "/Parts", "Motor")}
+
+
+def test_a_discovered_robot_that_lacked_a_component_when_it_left_is_kept():
+    motors = Check("motors", (re.compile("Motor"),), expect=2)
+    pattern = re.compile(r"/(?P<robot>[^/]+)/diagnostics")
+    profile = Profile(forget_after=100.0, checks=(Check("all"), motors))
+    found = Discovery(pattern, "/{robot}/diagnostics", source=Source.RAW, profile=profile)
+    driver = StateDriver(fleet=Fleet("f", discoveries=(found,)))
+    driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
+    driver.raw_every(1, SETTLED, MOTOR)
+    driver.state.update_graph(0, {}, driver.now)
+    driver.at(500)
+    assert ("check", "critical", "r", "motors") in faults(driver)
+    driver.state.forget("r", None, driver.now)
+    assert faults(driver) == set()
+
+
+def without_database(driver: StateDriver) -> StateDriver:
+    """Another process that has nothing but the alerts that fire."""
+    again = StateDriver(fleet=driver.state.fleet)
+    again.now = driver.now
+    again.state.adopt(driver.state.faults(), again.now)
+    return again
+
+
+def test_without_its_database_a_process_goes_on_with_what_fires():
+    before = settled(MOTOR, LASER)
+    stand(before, 12, HOT, LASER)
+    before.at(before.now.mono + 100)
+    lost = {("component", "critical", "r", "Motor"), ("robot", "silent", "r")}
+    assert faults(before) == lost
+    after = without_database(before)
+    after.at(after.now.mono + 1_000)
+    assert faults(after) == lost  # and it is not pending
+    assert after.state.faults() == before.state.faults()
+    after.raw(HOT, LASER)
+    assert faults(after) == {("component", "critical", "r", "Motor")}
+    after.raw(MOTOR, LASER)
+    assert faults(after) == set()
+    ends = {end.fault.identity.state.value: end.message for end in after.state.served()[1]}
+    assert ends == {"silent": "", "critical": "OK"}
+
+
+def test_what_fires_of_a_robot_that_is_well_ends_as_soon_as_it_is_adopted():
+    before = settled(MOTOR)
+    stand(before, 12, HOT)
+    after = settled(MOTOR)
+    after.state.adopt(before.state.faults(), after.now)
+    assert faults(after) == set()
+    assert [end.reason for end in after.state.served()[1]] == ["recovered"]
+
+
+def test_what_was_adopted_of_a_component_that_never_comes_ends_with_the_robot():
+    before = settled(MOTOR, LASER)
+    stand(before, 12, HOT, LASER)
+    after = settled(LASER)
+    after.state.adopt(before.state.faults(), after.now)
+    stand(after, 100, LASER)
+    assert faults(after) == {("component", "critical", "r", "Motor")}
+    after.state.forget("r", None, after.now)
+    assert faults(after) == set()
+
+
+def test_a_fault_survives_a_restart_until_the_component_is_received_better():
+    before = StateDriver(confirm_after=10.0)
+    before.raw_every(1, SETTLED, MOTOR)
+    stand(before, 12, HOT)
+    after = restarted(before, before.fault_rows())
+    critical = {("component", "critical", "r", "Motor")}
+    assert faults(after) == critical
+    assert after.state.faults() == before.state.faults()
+    assert not after.state.settled(after.now)
+    after.at(after.now.mono + 20)
+    assert faults(after) == critical  # nothing received yet, within restart_grace
+    stand(after, 20, HOT)
+    assert faults(after) == critical
+    assert after.state.settled(after.now)
+    after.raw(MOTOR)
+    assert faults(after) == set()
+
+
+def test_an_exporter_pair_gives_the_same_faults_whenever_each_started_and_was_deaf():
+    halves = []
+    for starts, deaf in ((0, range(0)), (25, range(100, 130))):
+        half = StateDriver(Source.AGG)
+        for second in range(200):
+            half.at(second)
+            hot = HOT if 60 <= second < 90 or second >= 110 else MOTOR
+            if second >= starts and second not in deaf:
+                half.agg(*tree(Parts=[hot, LASER._replace(level=WARN)]))
+        halves.append(
+            {(each.identity, *sorted(each.labels.items())) for each in half.state.faults()}
+        )
+    first, second = halves
+    assert first == second
+    assert len(first) == 2
+
+
+def test_a_component_that_never_returns_after_a_restart_is_stale():
+    before = StateDriver()
+    before.raw_every(1, SETTLED, MOTOR, LASER)
+    after = restarted(before, before.fault_rows())
+    stand(after, 60, LASER)
+    assert faults(after) == set()  # its driver may be slow
+    stand(after, 60, LASER)
+    assert faults(after) == {("component", "stale", "r", "Motor")}
+
+
+def test_a_restart_without_rows_finds_the_fault_again_before_it_is_settled():
+    before = StateDriver(confirm_after=60.0)
+    before.raw_every(1, SETTLED, MOTOR)
+    stand(before, 70, HOT)
+    after = restarted(before, [])
+    after.at(after.now.mono + 20)  # until the robot is received
+    while not faults(after):
+        assert not after.state.settled(after.now)
+        stand(after, 1, HOT)
+    assert faults(after) == {("component", "critical", "r", "Motor")}
+    stand(after, 20, HOT)
+    assert after.state.settled(after.now)
+
+
+def test_a_second_restart_while_faults_are_judged_anew_does_not_settle_earlier():
+    before = restarted(settled(MOTOR, confirm_after=60.0), [])
+    start = before.now.mono
+    before.at(start + 20)
+    after = restarted(before, before.fault_rows())
+    after.at(start + 89)
+    assert not after.state.settled(after.now)
+    after.at(start + 90)
+    assert after.state.settled(after.now)
+
+
+def test_a_reload_applies_other_settings_of_faults():
+    driver = settled(MOTOR)
+    fleet = driver.state.fleet
+    stand(driver, 1, *(HOT._replace(name=f"Part {number}") for number in range(3)), MOTOR)
+    many = replace(fleet.faults, many=CauseSettings(3, 0.1))
+    driver.state.configure(replace(fleet, faults=many), driver.now)
+    stand(driver, 20, *(HOT._replace(name=f"Part {number}") for number in range(3)), MOTOR)
+    assert faults(driver) == {("robot", "many", "r", "critical")}
+
+
+def test_a_start_follows_the_settings_of_faults():
+    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
+    fleet = Fleet("f", (robot,), faults=FaultSettings(pending_after=100.0))
+    driver = restarted(StateDriver(fleet=fleet), [])
+    driver.at(99)
+    assert faults(driver) == set()
+    driver.at(101)
+    assert faults(driver) == {("robot", "pending", "r")}
+
+
+def test_rows_of_a_robot_that_is_no_longer_wanted_are_dropped():
+    before = StateDriver()
+    before.raw_every(1, SETTLED, HOT)
+    before.state.fleet = Fleet("f")
+    assert faults(restarted(before, before.fault_rows())) == set()
+
+
+def test_a_fault_follows_its_component_that_is_in_another_group_after_a_start():
+    before = StateDriver(Source.AGG)
+    for second in range(1, 60):
+        before.agg(*tree(Old=[HOT]))
+        before.at(second)
+    driver = restarted(before, before.fault_rows())
+    assert faults(driver) == {("component", "critical", "r", "/Old", "Motor")}
+    driver.agg(*tree(New=[MOTOR]))
+    assert faults(driver) == set()
+
+
+def test_a_fault_of_a_component_that_the_config_ignores_after_a_start_ends():
+    before = settled(MOTOR)
+    stand(before, 12, HOT)
+    ignoring = Profile(components=(ComponentRule(re.compile("Motor"), ignore=True),))
+    (robot,) = before.state.fleet.robots
+    before.state.fleet = replace(before.state.fleet, robots=(replace(robot, profile=ignoring),))
+    driver = restarted(before, before.fault_rows())
+    assert faults(driver) == set()
+    assert [(each.kind, each.reason) for each in driver.events if each.kind == "fault_ended"] == [
+        ("fault_ended", "removed")
+    ]
+
+
+def test_what_a_driver_writes_is_no_part_that_the_exporter_wrote():
+    driver = settled(MOTOR)
+    trick = Status(ERROR, "Motor", "work: can still drive; values: none", "", (("a; robots", "b"),))
+    stand(driver, 12, trick)
+    (fault,) = driver.state.faults()
+    assert fault.evidence == "message: work: can still drive, values: none; values: a, robots: b"
+
+
+def test_a_robot_that_is_removed_is_not_silent_afterwards():
+    driver = settled(MOTOR)
+    driver.state.configure(Fleet("f"), driver.now)
+    driver.at(driver.now.mono + 30)
+    assert [each.after for each in driver.events if each.kind == "robot"][-1] == "forgotten"
+
+
+def test_a_name_that_is_numbered_is_that_of_the_api_too(monkeypatch):
+    long, other = "Motor " + "x" * 300, "Motor " + "x" * 299
+    monkeypatch.setattr(
+        "ros_diagnostics_exporter.robots.components.truncate", lambda text, _length: text[:5]
+    )
+    driver = settled(Status(ERROR, long), Status(OK, other))
+    snapshot = fleet_snapshot(driver.state, driver.now)["robots"][0]
+    assert [each["component"] for each in snapshot["components"]] == ["Motor", "Motor~2"]
+    assert driver.state.forget("r", "Motor~2", driver.now) == 1
+    assert [each.level for each in driver.robot.components] == [ERROR]
+
+
+@pytest.mark.parametrize("levels", [(ERROR, OK), (OK, ERROR), (7, STALE), (STALE, WARN)])
+def test_of_one_name_twice_in_an_array_the_worse_counts_and_it_is_reported(levels):
+    driver = StateDriver()
+    driver.raw(*(Status(level, "Motor", hardware_id="m") for level in levels))
+    assert driver.level("Motor") == {ERROR: ERROR, 7: ERROR, STALE: STALE}[max(levels)]
+    assert driver.sample("robot_rejected_total", reason="duplicate_component") == 1
+
+
+def test_rows_that_cannot_be_read_change_nothing():
+    driver = settled(MOTOR)
+    stand(driver, 12, HOT)
+    with pytest.raises(LookupError):
+        driver.state.restore_faults([Row("problem", ("component", "critical"), {})], driver.now)
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+
+
+def test_an_array_in_which_nothing_changed_reports_nothing(monkeypatch):
+    driver = settled(HOT, LASER)
+    reported = []
+    for name in ("components_changed", "values_changed", "check_changed", "robot_back"):
+        monkeypatch.setattr(Faults, name, lambda _self, *args: reported.append(args) or [])
+    driver.raw(HOT, LASER)
+    assert reported == []
+    driver.raw(MOTOR, LASER)
+    assert [robot for robot, *_more in reported] == ["r"]

@@ -1,0 +1,148 @@
+"""Entries of fleet.yml that match nothing that was received."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
+from ros_diagnostics_exporter.cli.main import main
+from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.fleet.unmatched import GRACE, KINDS
+from ros_diagnostics_exporter.model import Status
+from support.state_driver import OK, StateDriver
+from support.web_server import serve as serve  # noqa: PLC0414 - a fixture
+
+MOTOR = Status(OK, "Motor 1", "OK", "", (("Level", "3"), ("Temperature (°C)", "41")))
+MATCHING = """
+fleet: f
+profiles:
+  default:
+    checks: {motors: {match: [Motor], expect: 1}}
+    components:
+      - {match: Motor, stale_after: 9s, unless: {component: motor, key: Temp*, above: 90}}
+      - {match: Nothing, ignore: true}
+    tasks: {drive: [Motor, Wheel]}
+    values:
+      - component: Motor
+        key: Level
+        unit: V
+        thresholds: {low: {warning: 1}}
+        when: [{key: Level, above: 0}, {component: Motor 1, level: OK}]
+robots: [{name: r, topic: /r/diagnostics, source: raw, labels: {site: hall}}]
+discovery: [{topic: "/{robot}/diagnostics", include: ["r*"]}]
+maintenance:
+  - {name: one, comment: c, selector: {robot: r}, start: 2026-01-01}
+  - {name: past, comment: c, selector: {robot: gone}, start: 2020-01-01, end: 2020-01-02}
+"""
+EMPTY = dict.fromkeys(KINDS, 0)
+
+
+def driver_of(tmp_path: Path, text: str) -> StateDriver:
+    (tmp_path / "fleet.yml").write_text(text)
+    return StateDriver(fleet=load(tmp_path / "fleet.yml"))
+
+
+def received(driver: StateDriver, seconds: float) -> list[dict[str, str]]:
+    """Receive the motor until then, every half minute; what is reported."""
+    for at in range(int(driver.now.mono) + 30, int(seconds) + 1, 30):
+        driver.at(at)
+        driver.raw(MOTOR)
+        driver.state.tick(driver.now)
+    return list(fleet_snapshot(driver.state, driver.now)["unmatched"])
+
+
+def test_what_matches_is_not_reported(tmp_path):
+    driver = driver_of(tmp_path, MATCHING)
+
+    assert received(driver, 2 * GRACE) == []
+    assert driver.state.unmatched.counts() == EMPTY
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "line"),
+    [
+        ("match: [Motor]", "match: [Mottor]", "check motors: Mottor|Motor 1"),
+        ("{match: Motor,", "{match: Motr 1,", "component Motr 1|Motor 1"),
+        ("[Motor, Wheel]", "Moter 1", "task drive: Moter 1|Motor 1"),
+        ("t: Motor\n", "t: Mtor 1\n", "value component Mtor 1, key Level|Motor 1"),
+        ("key: Level\n", "key: Leval\n", "value component Motor, key Leval|Level"),
+        ("t: motor, key", "t: Mtor 1, key", "condition Mtor 1 Temp* is above 90|Motor 1"),
+        (
+            "key: Temp*",
+            "key: Temperatur",
+            "condition motor Temperatur is above 90|Temperature (°C)",
+        ),
+        ("{key: Level,", "{key: Levels,", "condition Levels is above 0|Level"),
+        ("t: Motor 1, l", "t: Motor 2, l", "condition Motor 2 is OK|Motor 1"),
+        ("selector: {robot: r}", "selector: {site: hal}", "maintenance one: site=hal|hall"),
+        ('["r*"]', '["x*"]', "discovery /{robot}/diagnostics include x*|"),
+    ],
+)
+def test_what_matches_nothing_is_reported_after_five_minutes(tmp_path, caplog, right, wrong, line):
+    assert right in MATCHING
+    driver = driver_of(tmp_path, MATCHING.replace(right, wrong))
+
+    assert received(driver, GRACE) == []
+    reported, nearest = line.split("|")
+    what, _, entry = reported.partition(" ")
+    expected = {"what": what, "entry": entry, "nearest": nearest}
+    assert received(driver, 2 * GRACE) == [expected]
+    assert driver.state.unmatched.counts() == EMPTY | {what: 1}
+    near = f"; the nearest is {nearest!r}" if nearest else ""
+    lines = [each.getMessage() for each in caplog.records]
+    assert lines == [f"fleet.yml: {reported} matches nothing{near}"]
+
+
+def test_nothing_is_reported_until_something_was_received(tmp_path):
+    driver = driver_of(tmp_path, MATCHING.replace("match: [Motor]", "match: [Mottor]"))
+    driver.at(3 * GRACE)
+    driver.state.tick(driver.now)
+
+    assert driver.state.unmatched.entries == ()
+
+
+def test_what_matches_later_is_reported_no_more(tmp_path):
+    driver = driver_of(tmp_path, MATCHING.replace("key: Level\n", "key: Leval\n"))
+    received(driver, 2 * GRACE)
+    assert driver.state.unmatched.counts()["value"] == 1
+
+    driver.raw(MOTOR._replace(values=(("Leval", "3"),)))
+    driver.at(2 * GRACE + 61)
+    driver.state.tick(driver.now)
+
+    assert driver.state.unmatched.counts() == EMPTY
+
+
+def test_a_rule_of_the_default_profile_may_match_in_another(tmp_path):
+    """One that a profile inherits is listed once, and only where it matches in none."""
+    text = MATCHING.replace("profiles:", "profiles:\n  other: {stale_after: 5s}")
+    text = text.replace("name: r,", "name: r, profile: other,")
+    driver = driver_of(tmp_path, text.replace("match: [Motor]", "match: [Mottor]"))
+
+    assert [each["what"] for each in received(driver, 2 * GRACE)] == ["check"]
+
+
+def test_a_file_is_checked_against_a_running_exporter(tmp_path, capsys, serve):
+    driver = driver_of(tmp_path, MATCHING)
+    driver.raw(MOTOR)
+    snapshot = json.loads(json.dumps(fleet_snapshot(driver.state, driver.now)))
+    server = serve(fleet_snapshot=lambda: snapshot)
+    (tmp_path / "fleet.yml").write_text(MATCHING.replace("key: Level\n", "key: Leval\n"))
+
+    check = ["--config.check", f"--config.file={tmp_path / 'fleet.yml'}"]
+    assert main([*check, f"--live=http://{server.addresses[0]}"]) == 0
+    assert capsys.readouterr().out.endswith(
+        "unmatched (1):\n"
+        "  value component Motor, key Leval matches nothing; the nearest is 'Level'\n"
+    )
+
+
+def test_an_exporter_that_does_not_answer_is_an_error(tmp_path, capsys, free_port):
+    (tmp_path / "fleet.yml").write_text(MATCHING)
+
+    check = ["--config.check", f"--config.file={tmp_path / 'fleet.yml'}"]
+    assert main([*check, f"--live=http://127.0.0.1:{free_port()}"]) == 1
+    assert "Connection refused" in capsys.readouterr().err

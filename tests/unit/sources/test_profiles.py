@@ -1,0 +1,56 @@
+"""What ROS gets by the environment: profiles of Fast DDS, and a folder for logs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from ros_diagnostics_exporter.sources.dds import use_log_folder, use_profiles
+
+VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+
+
+def test_the_file_that_is_installed_is_used(tmp_path):
+    environment: dict[str, str] = {}
+    use_profiles(environment, tmp_path)
+
+    text = Path(environment[VARIABLE]).read_text()
+    assert re.search("<allocated_samples>1<", text)
+
+
+def test_a_file_that_the_user_names_stays(tmp_path):
+    environment = {VARIABLE: "/etc/dds.xml"}
+    use_profiles(environment, tmp_path)
+
+    assert environment == {VARIABLE: "/etc/dds.xml"}
+
+
+def test_the_user_s_file_in_the_working_directory_stays(tmp_path):
+    (tmp_path / "DEFAULT_FASTRTPS_PROFILES.xml").touch()
+    environment: dict[str, str] = {}
+    use_profiles(environment, tmp_path)
+
+    assert not environment
+
+
+def test_a_log_folder_that_can_be_made_is_left_to_ros(tmp_path):
+    environment = {"HOME": str(tmp_path)}
+
+    assert use_log_folder(environment) is None
+    assert environment == {"HOME": str(tmp_path)}
+    assert list((tmp_path / ".ros" / "log").iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["HOME", "ROS_HOME", "ROS_LOG_DIR", ""])
+def test_where_ros_cannot_log_it_logs_to_a_temporary_folder(tmp_path, caplog, name):
+    (tmp_path / "file").touch()
+    environment = {name: str(tmp_path / "file")} if name else {}
+    folder = use_log_folder(environment)
+
+    assert folder is not None
+    assert environment["ROS_LOG_DIR"] == folder.name
+    assert Path(folder.name).is_dir()
+    assert f"ROS logs to {folder.name}, because its own folder cannot be used: " in caplog.text
+    folder.cleanup()
