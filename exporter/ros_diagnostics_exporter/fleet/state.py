@@ -22,7 +22,6 @@ from ros_diagnostics_exporter.robots.limits import truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.robot import Robot
-from ros_diagnostics_exporter.storage.fault_rows import DOWNTIMES
 
 log = logging.getLogger(__name__)
 
@@ -30,6 +29,7 @@ Result = TypeVar("Result")
 
 SLOW_TICK = 1.0  # seconds between two updates of what changes slowly: maintenance, forgetting
 PASS_ON = 16  # robots that are visited before a thread that waits for the lock gets its turn
+DOWNTIMES = "downtimes"  # the kind of the one row of those that people planned
 MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
 
 

@@ -9,6 +9,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from ros_diagnostics_exporter.config.errors import first_error
 from ros_diagnostics_exporter.faults.flapping import SLOTS
 from ros_diagnostics_exporter.faults.model import Row
+from ros_diagnostics_exporter.fleet.state import DOWNTIMES
 
 # Limits for what is read from the file: whatever passes them can be restored and served.
 _Moment = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
@@ -98,7 +99,6 @@ class _OfEnd(NamedTuple):
     labels: _Labels
 
 
-DOWNTIMES = "downtimes"  # the kind of the one row of those that people planned
 _FIELDS: dict[str, TypeAdapter[Any]] = {
     DOWNTIMES: TypeAdapter(_Downtimes),
     "fleet": TypeAdapter(_OfFleet),
