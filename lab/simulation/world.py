@@ -100,7 +100,7 @@ class World:
     def __init__(self, story: Story) -> None:
         self.story = story
         self.tick = 0
-        self.offset = WALL
+        self.offset = self._offset_before = WALL  # now, and when this tick began
         self.confirm_after = CONFIRM_AFTER
         self.shortest_confirm = CONFIRM_AFTER  # that held since the last tick
         self.robots = [robot_name(number) for number in range(story.robots)]
@@ -135,8 +135,12 @@ class World:
         return Instant(float(self.tick * TICK), self.tick * TICK + self.offset)
 
     def mono(self, wall: float) -> float:
-        """Return the monotonic time of a wall time."""
-        return wall - self.offset
+        """Return the monotonic time of an event's wall time in this tick.
+
+        Where the clock was set in it, the event may be from before that.
+        """
+        found = (wall - self.offset, wall - self._offset_before)
+        return min(found, key=lambda at: abs(self.now.mono - at))
 
     def declared(self) -> list[Delivered]:
         """What was delivered of the robots that the config has."""
@@ -181,6 +185,7 @@ class World:
     def advance(self, events: list[Event]) -> None:
         """One tick: what happens, then what is published, then the exporter's own tick."""
         self.tick += 1
+        self._offset_before = self.offset
         self.lost = False
         self.removed.clear()
         self.before_removal.clear()
