@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import End, Fault, ProblemView, Row
+from ros_diagnostics_exporter.faults.model import DOWNTIMES, End, Fault, ProblemView, Row
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
@@ -29,7 +29,6 @@ Result = TypeVar("Result")
 
 SLOW_TICK = 1.0  # seconds between two updates of what changes slowly: maintenance, forgetting
 PASS_ON = 16  # robots that are visited before a thread that waits for the lock gets its turn
-DOWNTIMES = "downtimes"  # the kind of the one row of those that people planned
 MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
 
 
