@@ -112,6 +112,7 @@ class World:
         self._muted: dict[str, set[str]] = {name: set() for name in self.robots}
         self._off: set[str] = set()
         self._undeclared: set[str] = set()
+        self.resized: dict[str, float] = {}  # site -> when the config last had other robots of it
         self._cut: set[str] = set()
         self._network: dict[str, set[str]] = {"lose": set(), "repeat": set(), "swap": set()}
         self._late: dict[str, tuple[Status, ...]] = {}
@@ -261,7 +262,7 @@ class World:
 
     def _do_declared(self, robot: str, declared: bool) -> None:
         (self._undeclared.discard if declared else self._undeclared.add)(robot)
-        self.delivered[robot].quiet = self.now.mono
+        self.delivered[robot].quiet = self.resized[site_of(robot)] = self.now.mono
         if self.state is not None:
             self._forget_undeclared()
         self._configure()
