@@ -80,16 +80,17 @@ class FaultReports:
             self._record(reports.update(self._faults, self._time(now)))
 
     def configure(self, fleet: Fleet, now: Instant) -> None:
-        """Follow another config, after the state did."""
-        now = self._time(now)
+        """Follow another config in what is not of a robot."""
         if fleet.faults != self._fleet.faults:
-            self._record(self._faults.configure(fleet.faults, now))
+            self._record(self._faults.configure(fleet.faults, self._time(now)))
         self._fleet = fleet
-        for reports in self._robots.values():
-            changes = []
-            if reports.has_other_settings:
-                changes = reports.configure(self._faults, now)
-            self._record(changes + reports.update(self._faults, now))
+
+    def configure_robot(self, robot: Robot, now: Instant) -> None:
+        """Follow a robot's config, after the robot did."""
+        now, reports, changes = self._time(now), self._robots[robot.settings.name], list[Change]()
+        if reports.has_other_settings:
+            changes = reports.configure(self._faults, now)
+        self._record(changes + reports.update(self._faults, now))
 
     def _report_maintenance(self, now: Instant) -> None:
         """Report which robots' planned downtimes began or ended, all of them at one time."""
