@@ -1161,7 +1161,9 @@ def test_what_was_known_is_not_forgotten_before_it_can_be_received(tmp_path):
     for second in range(590, 610):
         after.now = Instant(float(second), after.now.wall + 1)
         after.state.tick(after.now)
-    assert not after.robot.components  # its robot is silent, which only a person forgets
+    [robot] = after.state.robots.values()
+    assert not robot.components  # the robot itself was received: it is silent until removed
+    assert [each.identity.state.value for each in after.state.faults()] == ["silent"]
     after.close()
 
 
