@@ -132,6 +132,7 @@ class FaultReports:
                 self._record(faults.forget_robot(key[0], now))
         for reports in self._robots.values():
             self._record(reports.start_over(faults, now))
+            reports.robot.versions.levels += 1  # the former engine's flap ratios are gone
         planned = {name: each.maintenance for name, each in self._robots.items()}
         self._record(faults.maintenance(planned, now))
 
@@ -155,6 +156,9 @@ class FaultReports:
             elif what == "recovered":
                 self._faults.describe_end(fault, last_received(fault.identity, self._find))
             self._events.append(_event(what, described, at))
+        for name in self._faults.take_flapped():
+            if name in self._robots:
+                self._robots[name].robot.versions.levels += 1
 
     def _find(self, identity: Identity) -> tuple[Robot, Component | None] | None:
         """The robot, and the component if it is of one, that a fault is about."""
@@ -229,6 +233,10 @@ class FaultReports:
         for name in () if reports is None else self._faults.component_names(robot):
             if reports is not None and reports.find(name) is None:  # adopted, never received
                 self._record(self._faults.forget_component(robot, name, now))
+
+    def flap_ratios(self, robot: Robot) -> dict[ComponentName, float]:
+        """How often the components of a robot changed of late (0..1), of those that did."""
+        return self._faults.flap_ratios(robot.settings.name)
 
     def settled(self, now: Instant) -> bool:
         """Whether what was wrong before the start has been judged again."""
@@ -640,7 +648,7 @@ def _expected(profile: Profile) -> Mapping[str, int]:
 
 def _names(components: Components) -> dict[Component, ComponentName]:
     """The names of a robot's components as their series have them: no two are the same."""
-    return {each: ComponentName(each.group, name) for each, name in components.labels()}
+    return {each: ComponentName(each.group, each.label) for each in components}
 
 
 def _is_monitored(profile: Profile, component: Component, key: str) -> bool:

@@ -12,7 +12,14 @@ from typing import Any, TypeVar
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import DOWNTIMES, End, Fault, ProblemView, Row
+from ros_diagnostics_exporter.faults.model import (
+    DOWNTIMES,
+    ComponentName,
+    End,
+    Fault,
+    ProblemView,
+    Row,
+)
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
@@ -252,8 +259,7 @@ class State:
                 if component is None:
                     return 0
                 raise LookupError(f"no robot {name!r}")
-            labels = robot.components.labels()
-            found = [each for each, label in labels if component in (None, label)]
+            found = [each for each in robot.components if component in (None, each.label)]
             if component is not None and not found:
                 raise LookupError(f"robot {name!r} has no component {component!r}")
             for each in found:
@@ -338,6 +344,10 @@ class State:
         """
         with self._lock:
             return self._faults.problems(now, robot)
+
+    def flap_ratios(self, robot: Robot) -> dict[ComponentName, float]:
+        """How often the components of a robot that is visited changed of late (0..1)."""
+        return self._faults.flap_ratios(robot)
 
     def downtimes(self, robot: str) -> tuple[Downtime, ...]:
         """The downtimes of a robot and its components that people planned; some may lie ahead."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
+from math import inf
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
@@ -197,8 +198,7 @@ class Robot:
     # -- time --------------------------------------------------------------------------------
 
     def tick(self, now: Instant) -> None:
-        """Let time pass: silence, late components, flapping."""
-        self.components.decay_flapping(now)
+        """Let time pass: silence, late components."""
         if not self.up or self.last_mono is None:
             return
         if now.mono - self.last_mono > self.settings.profile.stale_after:
@@ -212,11 +212,10 @@ class Robot:
     @property
     def next_tick(self) -> float:
         """After which time, monotonic, `tick` may have something to do; receiving changes it."""
-        due = self.components.next_decay
-        if self.up and self.last_mono is not None:
-            silent = self.last_mono + self.settings.profile.stale_after
-            due = min(due, silent, self.components.next_late)
-        return due
+        if not self.up or self.last_mono is None:
+            return inf
+        silent = self.last_mono + self.settings.profile.stale_after
+        return min(silent, self.components.next_late)
 
     def update_maintenance(self, fleet: config.Fleet, now: Instant) -> None:
         """Set whether planned downtimes of it and of its components hold now."""
@@ -287,7 +286,7 @@ class Robot:
                 kind="level",
                 robot=self.settings.name,
                 group=component.group,
-                component=component.name,
+                component=component.label,
                 before=_LEVEL_NAMES[before],
                 after=after,
                 message=component.message,
