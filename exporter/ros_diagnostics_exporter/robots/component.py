@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule, Threshold, ValueRule
 from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
-from ros_diagnostics_exporter.model import Instant, Level, Status
+from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.robots.persisted import PersistedComponent
 from ros_diagnostics_exporter.robots.rejections import Reject, RejectionReason
@@ -52,6 +52,7 @@ class Component:
         "_was_ok",
         "before_stale",
         "changes",
+        "feed",
         "flaps",
         "gaps",
         "group",
@@ -86,6 +87,7 @@ class Component:
         self.name = name  # as in the label: truncated, with its hardware_id where needed
         self.group = ""
         self.rule = rule
+        self.feed: Feed | None = None  # None: the robot's own topics
         self.values = values
         self.hardware_id = ""
         self.level = -1  # nothing received yet
@@ -244,6 +246,8 @@ class Component:
         """Seconds without a fresh status after which the component is STALE."""
         if self.rule is not None and self.rule.stale_after is not None:
             return self.rule.stale_after
+        if self.feed is not None:
+            return self.feed.stale_after
         if not raw:
             return default
         if len(self.gaps) < GAPS_KEPT and sum(self.gaps) < LEAST_STALE_AFTER:
