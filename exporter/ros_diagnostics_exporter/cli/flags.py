@@ -119,14 +119,6 @@ def _add_storage(parser: argparse.ArgumentParser) -> None:
         help="size of the database above which the oldest events are deleted; units B, KB, MB, "
         "GB (default: %(default)s)",
     )
-    group.add_argument(
-        "--events.path",
-        dest="events_path",
-        type=Path,
-        metavar="FILE",
-        help="the event log of version 0.1, whose events are moved to the database once (default: "
-        "events.jsonl beside the database)",
-    )
 
 
 def _add_web(parser: argparse.ArgumentParser) -> None:

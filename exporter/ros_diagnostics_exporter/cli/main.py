@@ -107,7 +107,7 @@ def _storage(options: argparse.Namespace) -> Storage | None:
     if options.storage_path is None:
         return None
     retention = Retention(options.storage_retention_time, options.storage_retention_size)
-    return Storage(options.storage_path, retention, options.events_path)
+    return Storage(options.storage_path, retention)
 
 
 def _alertmanager(options: argparse.Namespace) -> Alertmanager | None:

@@ -184,6 +184,9 @@ class ProblemView(NamedTuple):
     because: str = ""
 
 
+DOWNTIMES = "downtimes"  # the kind of the one row of those that people planned
+
+
 class Row(NamedTuple):
     """One row of what outlives the process; ``fields`` is None where the row is to be deleted.
 

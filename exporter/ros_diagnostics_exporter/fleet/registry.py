@@ -222,7 +222,7 @@ class RobotRegistry:
         """
         if known.origin == "declared":
             return None
-        shared = known.origin in ("shared", None)
+        shared = known.origin == "shared"
         # By which of its two topics it was discovered is not persisted.
         for topic in (known.topic, *config.topics_of(known.topic, config.Source.AUTO)):
             at = Topic(known.domain_id, topic or "")

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import End, Fault, ProblemView, Row
+from ros_diagnostics_exporter.faults.model import DOWNTIMES, End, Fault, ProblemView, Row
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
@@ -22,7 +22,6 @@ from ros_diagnostics_exporter.robots.limits import truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.robot import Robot
-from ros_diagnostics_exporter.storage.fault_rows import DOWNTIMES
 
 log = logging.getLogger(__name__)
 

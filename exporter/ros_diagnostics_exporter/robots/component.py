@@ -215,7 +215,7 @@ class Component:
         self.hardware_id = persisted.hardware_id
         self.listed = now.mono - (now.wall - persisted.listed)
         self.message = persisted.message
-        self._was_ok = before in (None, OK) if persisted.was_ok is None else persisted.was_ok
+        self._was_ok = persisted.was_ok
         self.reported = STALE
         self.level = self.effective_level(STALE)
         self.before_stale = before if self.level == STALE else None

@@ -29,7 +29,7 @@ class PersistedComponent(NamedTuple):
     message: Text
     slots: Annotated[tuple[Level, ...], Field(min_length=SLOTS, max_length=SLOTS)]
     listed: Moment
-    was_ok: bool | None = None  # when last received; None: written by an earlier version
+    was_ok: bool  # when last received
 
     def not_after(self, wall: float) -> PersistedComponent:
         """It, with nothing in the future."""
@@ -49,7 +49,7 @@ class PersistedRobot(NamedTuple):
     source: Literal["agg", "raw", "both", "auto"]
     last_seen: Moment
     components: list[PersistedComponent]
-    origin: Origin | None = None  # None: written by an earlier version
+    origin: Origin
 
     def as_json(self) -> str:
         """The fields by name, those of the components, too."""

@@ -161,7 +161,9 @@ def test_a_fault_is_acknowledged_by_the_newest_acknowledgement():
         Acknowledgement(named, 1.0, author, "mine", at, 100.0)
         for author, at in (("ann", 5.0), ("bob", 7.0))
     ]
-    rendered = FaultText().render("f", "", [fault], made)[metrics.FAULT_ACKNOWLEDGED.name]
+    rendered = FaultText().render("f", "", [fault], acknowledgements=made)[
+        metrics.FAULT_ACKNOWLEDGED.name
+    ]
 
     [line] = rendered.decode().splitlines()
     assert 'author="bob"' in line
