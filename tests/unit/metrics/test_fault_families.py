@@ -57,7 +57,8 @@ def test_a_fault_of_a_robot_has_one_id_and_that_of_a_site_one_for_each_name_of_a
         Identity(Scope.SITE, State.SILENT, site="hall"),
     ]
     unnamed, north, south = (
-        [fault_id("f", name, identity) for identity in identities] for name in ("", "north", "south")
+        [fault_id("f", name, identity) for identity in identities]
+        for name in ("", "north", "south")
     )
 
     assert unnamed[:3] == north[:3]
@@ -178,7 +179,9 @@ def test_a_fault_is_acknowledged_by_the_newest_acknowledgement():
         Acknowledgement(named, 1.0, author, "mine", at, 100.0)
         for author, at in (("ann", 5.0), ("bob", 7.0))
     ]
-    rendered = FaultText().render("f", "", [fault], acknowledgements=made)[metrics.FAULT_ACKNOWLEDGED.name]
+    rendered = FaultText().render("f", "", [fault], acknowledgements=made)[
+        metrics.FAULT_ACKNOWLEDGED.name
+    ]
 
     [line] = rendered.decode().splitlines()
     assert 'author="bob"' in line
