@@ -95,8 +95,8 @@ class Fault:
     trouble of a component that is WARNING or STALE began when it left OK, the same time as in
     `component_problem_since_timestamp_seconds`; that of a CRITICAL one when it turned CRITICAL; of
     a silent robot with its last message; of many, a site or a common cause when there were enough.
-    ``labels`` are the robot's own at that moment, ``evidence`` lines that the caller wrote about it,
-    ``work`` what the robot can no longer do, and what it still can.
+    ``labels`` are the robot's own at that moment, ``evidence`` lines that the caller wrote about
+    it, ``work`` what the robot can no longer do, and what it still can.
     """
 
     identity: Identity
@@ -196,6 +196,9 @@ class ProblemView(NamedTuple):
     quiet: Reason | None
     well: bool
     because: str = ""
+
+
+DOWNTIMES = "downtimes"  # the kind of the one row of those that people planned
 
 
 class Row(NamedTuple):

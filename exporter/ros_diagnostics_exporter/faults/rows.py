@@ -211,7 +211,7 @@ def _of_history(history: FlapHistory | None, clock: _Clock) -> _Fields | None:
 
 
 def _read_fleet(book: Book, _key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
-    book.grace_until = clock.mono(fields.get("grace_until"))  # version 0.1 had none
+    book.grace_until = clock.mono(fields["grace_until"])
     book.settled_at = clock.mono(fields["settled_at"])
 
 
@@ -252,7 +252,7 @@ def _read_cause(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clock
     active = fields["active"]
     cause.active = None if active is None else clock.instant(active)
     cause.covers_until = clock.mono(fields["covers_until"])
-    cause.adopted = fields.get("adopted", False)  # version 0.2 had none
+    cause.adopted = fields["adopted"]
 
 
 def _read_problem(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:

@@ -7,7 +7,6 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from ros_diagnostics_exporter.faults.flapping import SLOTS
 from ros_diagnostics_exporter.robots.limits import MAX_TEXT
 
 # Limits for what is read from the file: whatever passes them can be restored and shown.
@@ -27,9 +26,8 @@ class PersistedComponent(NamedTuple):
     since: Moment
     problem_since: Moment | None
     message: Text
-    slots: Annotated[tuple[Level, ...], Field(min_length=SLOTS, max_length=SLOTS)]
     listed: Moment
-    was_ok: bool | None = None  # when last received; None: written by an earlier version
+    was_ok: bool  # when last received
 
     def not_after(self, wall: float) -> PersistedComponent:
         """It, with nothing in the future."""
@@ -49,7 +47,7 @@ class PersistedRobot(NamedTuple):
     source: Literal["agg", "raw", "both", "auto"]
     last_seen: Moment
     components: list[PersistedComponent]
-    origin: Origin | None = None  # None: written by an earlier version
+    origin: Origin
 
     def as_json(self) -> str:
         """The fields by name, those of the components, too."""

@@ -8,7 +8,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from ros_diagnostics_exporter.config.errors import first_error
 from ros_diagnostics_exporter.faults.flapping import SLOTS
-from ros_diagnostics_exporter.faults.model import Row
+from ros_diagnostics_exporter.faults.model import DOWNTIMES, Row
 
 # Limits for what is read from the file: whatever passes them can be restored and served.
 _Moment = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
@@ -53,7 +53,7 @@ class _Downtimes(NamedTuple):
 
 class _OfFleet(NamedTuple):
     settled_at: _Moment | None
-    grace_until: _Moment | None = None  # version 0.1 had none
+    grace_until: _Moment | None
 
 
 class _OfRobot(NamedTuple):
@@ -81,7 +81,7 @@ class _OfComponent(NamedTuple):
 class _OfCause(NamedTuple):
     active: _Moment | None
     covers_until: _Moment | None
-    adopted: bool = False  # version 0.2 had none
+    adopted: bool
 
 
 class _OfProblem(NamedTuple):
@@ -99,7 +99,6 @@ class _OfEnd(NamedTuple):
     labels: _Labels
 
 
-DOWNTIMES = "downtimes"  # the kind of the one row of those that people planned
 _FIELDS: dict[str, TypeAdapter[Any]] = {
     DOWNTIMES: TypeAdapter(_Downtimes),
     "fleet": TypeAdapter(_OfFleet),

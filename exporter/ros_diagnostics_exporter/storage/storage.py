@@ -27,9 +27,8 @@ from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.robots.persisted import Moment, PersistedRobot
-from ros_diagnostics_exporter.storage import fault_rows, version_0_1
+from ros_diagnostics_exporter.storage import fault_rows
 from ros_diagnostics_exporter.storage.database import (
-    MAGIC,
     Changes,
     DamagedError,
     Database,
@@ -55,7 +54,6 @@ CHECKING = 5.0  # seconds of these for looking for damage
 MAX_ASIDE = 10  # damaged files that are kept
 MAX_SALVAGED = 10_000  # events of a damaged file
 MAX_NAME = 1024  # characters of a robot's name
-MIGRATED = ".migrated"  # what the names of files of version 0.1 end with afterwards
 ITSELF = ""  # in the place of a robot's name: the exporter, by its `AgeClock` at its last write
 
 log = logging.getLogger(__name__)
@@ -105,13 +103,9 @@ class AgeClock:
 class _Found:
     """What an earlier process left.
 
-    ``path`` is the file that was read, ``damage`` what is wrong with it, or ""; ``is_old``: it and
-    ``old_events`` are of version 0.1. ``obstacle`` is why nothing could be read, or "".
+    ``damage`` is what is wrong with the file, ``obstacle`` why nothing could be read, or "".
     """
 
-    path: Path
-    is_old: bool = False
-    old_events: list[Path] = field(default_factory=list)
     robots: dict[str, PersistedRobot] = field(default_factory=dict)
     rows: list[Row] = field(default_factory=list)
     last_event: int = 0
@@ -126,7 +120,7 @@ class _Found:
         self.damage = "; ".join(filter(None, (self.damage, what)))
 
     def add_robots(self, found: Iterable[tuple[str, Any, Any]]) -> None:
-        """Keep the valid ones of these: name, fields, and when last received if that is apart."""
+        """Keep the valid ones of these: name, fields, and when last received, if later."""
         wrong: list[str] = []
         for name, fields, seen in found:
             robot = _robot(name, fields, seen)
@@ -151,15 +145,11 @@ class Storage:
     Args:
         path: The database; its folder is made if the one above it is there.
         retention: Which events are kept.
-        old_events: The event log of version 0.1, if it is not ``events.jsonl`` beside ``path``.
     """
 
-    def __init__(
-        self, path: Path, retention: Retention | None = None, old_events: Path | None = None
-    ) -> None:
+    def __init__(self, path: Path, retention: Retention | None = None) -> None:
         self._path = path
         self._retention = retention or Retention()
-        self._old_events = old_events or path.with_name(version_0_1.EVENTS_NAME)
         self._found: _Found | None = None  # until the first write
         self._lock: Lock | None = None
         self._database: Database | None = None
@@ -221,7 +211,7 @@ class Storage:
         thread.start()
         thread.join(LOADING)
         if not ended:
-            return _Found(self._path, obstacle=f"no answer of the disk in {LOADING:.0f} s")
+            return _Found(obstacle=f"no answer of the disk in {LOADING:.0f} s")
         if isinstance(ended[0], Exception):
             raise ended[0]
         return ended[0]
@@ -232,19 +222,17 @@ class Storage:
         except (InUseError, VersionError) as error:
             return error
         except OSError as error:
-            return _Found(self._path, obstacle=str(error.strerror))
+            return _Found(obstacle=str(error.strerror))
         except sqlite3.Error as error:
-            return _Found(self._path, obstacle=str(error))
+            return _Found(obstacle=str(error))
 
     def _read_file(self) -> _Found:
         try:
-            header = read_regular(self._path, len(MAGIC), follow=False)
+            read_regular(self._path, 1, follow=False)
         except FileNotFoundError:
-            return self._read_version_0_1(version_0_1.state_beside(self._path))
+            return _Found()
         self._lock = Lock(self._path)
-        if version_0_1.is_state(header):
-            return self._read_version_0_1(self._path)
-        found = _Found(self._path)
+        found = _Found()
         try:
             self._database = Database(self._path)
             self._read_database(self._database, found)
@@ -265,17 +253,6 @@ class Storage:
         found.written_at = database.written_at()
         found.add_robots((name, _decoded(text), seen) for name, text, seen in database.robots())
         found.add_rows([[row[0], *map(_decoded, row[1:])] for row in database.faults()])
-
-    def _read_version_0_1(self, state: Path | None) -> _Found:
-        found = _Found(state or self._path, is_old=state is not None)
-        found.old_events = version_0_1.event_files(self._old_events)
-        if state is not None:
-            robots, rows, wrong = version_0_1.read_state(state)
-            found.add_damage(wrong)
-            found.add_robots((name, fields, None) for name, fields in robots.items())
-            found.add_rows(rows)
-        found.last_event = version_0_1.count_lines(found.old_events)
-        return found
 
     def _block(self, what: str) -> None:
         self._blocked, self._successful = True, False
@@ -314,7 +291,7 @@ class Storage:
         self._close_database()
         if is_damage(error) and self._found is None:
             # The next write sets it aside.
-            self._found = _Found(self._path, damage=str(error), last_event=self._last_event)
+            self._found = _Found(damage=str(error), last_event=self._last_event)
         self._log(now, f"cannot be written: {error}", exc_info=exc_info)
 
     def _log(self, now: Instant, what: str, *, exc_info: bool = False) -> None:
@@ -339,7 +316,7 @@ class Storage:
     # -- one write ---------------------------------------------------------------------------
 
     def _save(self, state: State, events: EventLog, now: Instant, *, at_once: bool) -> None:
-        old_events = self._make_way()
+        salvaged = self._make_way()
         if self._blocked:
             return
         database = self._open()
@@ -354,7 +331,7 @@ class Storage:
             gone=list(self._keys.keys() - keys.keys()),
             seen=self._newly_seen(seen, now) if is_due else [],
             faults={key: self._rows.get(key) for key in rows},
-            events=chain(old_events, new),
+            events=chain(salvaged, new),
         )
         if not (robots or rows or new or is_due or self._everything or changes.gone):
             return
@@ -366,7 +343,7 @@ class Storage:
             self._seen, self._seen_at = seen, now.wall
         self._note_events(new, now)
         self._successful, self.written_at = True, now.wall
-        self._end_migration()
+        self._found = None
 
     def _note_events(self, written: list[Numbered], now: Instant) -> None:
         if not written:
@@ -426,55 +403,33 @@ class Storage:
         return self._database
 
     def _make_way(self) -> Iterable[Numbered]:
-        """Rename what is at the path if it is damaged or old; the events to be taken over."""
+        """Rename what is at the path if it is damaged; the events to be taken over."""
         found = self._found
         if found is None:
             return ()
         if found.damage:
             self._set_aside(found)
-        elif found.is_old and found.path == self._path:
-            found.path = found.path.rename(_migrated(found.path))
-        return chain(found.salvaged, enumerate(version_0_1.read_events(found.old_events), 1))
+        return found.salvaged
 
     def _set_aside(self, found: _Found) -> None:
-        """Rename a damaged file, which may be one of version 0.1; or block all writes."""
+        """Rename a damaged file, or block all writes."""
         self._close_database()
         what = f"is damaged ({found.damage}){found.restored}"
-        names = (f"{found.path.name}.damaged-{number}" for number in range(1, MAX_ASIDE + 1))
-        free = (found.path.with_name(name) for name in names)
+        names = (f"{self._path.name}.damaged-{number}" for number in range(1, MAX_ASIDE + 1))
+        free = (self._path.with_name(name) for name in names)
         aside = next((path for path in free if not os.path.lexists(path)), None)
         if aside is None:
             self._block(f"{what} and cannot be kept aside: {MAX_ASIDE} such files are there")
             return
         try:
-            rename_database(found.path, aside)
+            rename_database(self._path, aside)
         except OSError as error:
             self._block(f"{what} and cannot be kept aside ({error.strerror})")
             return
-        log.error("database %s %s; it is kept as %s", found.path, what, aside)
-        if found.last_event and not found.is_old:
+        log.error("database %s %s; it is kept as %s", self._path, what, aside)
+        if found.last_event:
             found.salvaged = _salvage(aside, found.last_event)
-        found.damage, found.is_old = "", False
-
-    def _end_migration(self) -> None:
-        """Rename the files of version 0.1 that are in the database now."""
-        found, self._found = self._found, None
-        if found is None or not (found.is_old or found.old_events):
-            return
-        old = [found.path] if found.is_old and found.path.suffix != MIGRATED else []
-        try:
-            for path in [*old, *found.old_events]:
-                path.rename(_migrated(path))
-        except OSError as error:
-            log.warning("%s is in the database now and cannot be renamed: %s", path, error.strerror)
-        log.info(
-            "database %s has what was in the files of version 0.1: %d robots, %d lines of events; "
-            "they are renamed to end with %s",
-            self._path,
-            len(found.robots),
-            found.last_event,
-            MIGRATED,
-        )
+        found.damage = ""
 
     def find_events(self, wanted: Wanted) -> Iterator[Numbered]:
         """The written events that match, newest first; none while the disk hangs. From any thread.
@@ -528,7 +483,3 @@ def _salvage(aside: Path, last: int) -> list[Numbered]:
     except sqlite3.Error as error:
         log.warning("%s: %d events of it are taken over: %s", aside, len(found), error)
     return found[::-1]
-
-
-def _migrated(path: Path) -> Path:
-    return path.with_name(path.name + MIGRATED)

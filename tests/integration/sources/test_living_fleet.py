@@ -32,7 +32,7 @@ def discovering(domain_id: int, **more) -> Fleet:
     return Fleet("f", discoveries=(found,), **more)
 
 
-def test_a_robot_appears_and_leaves_and_one_in_fault_is_kept(ros_domain, robots, run_exporter):
+def test_a_robot_that_leaves_is_silent_until_a_person_forgets_it(ros_domain, robots, run_exporter):
     running = run_exporter(discovering(ros_domain))
     for name in ("well", "faulty"):
         robots.offer(f"/{name}/diagnostics_agg")
@@ -46,8 +46,12 @@ def test_a_robot_appears_and_leaves_and_one_in_fault_is_kept(ros_domain, robots,
         robots.withdraw(f"/{name}/diagnostics_agg")
 
     running.wait_for("robot_silent_reason", 1, robot="faulty", reason="publisher_gone")
-    running.wait_for("robot_up", None, robot="well")
+    running.wait_for("component_level", None, robot="well")
+    assert running.sample("robot_up", robot="well") == 0
     assert running.sample("component_problem_since_timestamp_seconds", robot="faulty")
+
+    running.service.state.forget("well", None, read_clocks())
+    running.wait_for("robot_up", None, robot="well")
 
 
 def test_a_robot_that_returns_under_another_topic_goes_on_with_its_fault(

@@ -37,7 +37,7 @@ from ros_diagnostics_exporter.robots.rejections import (
 from ros_diagnostics_exporter.robots.values import _MAX_CACHED_KEY, _describe, parse_numbers
 from support.state_driver import ERROR, OK, StateDriver, tree
 
-STATE = Path(ros_diagnostics_exporter.__file__).parent / "state"
+EXPORTER = Path(ros_diagnostics_exporter.__file__).parent
 RUNBOOKS = Path(__file__).parents[3] / "docs" / "alerts"
 LONG = "x" * 1_000_000
 SLASHES = "/" * 1_000_000
@@ -216,7 +216,8 @@ def test_the_runbooks_find_in_the_log_what_is_said_there(page):
     runbook = (RUNBOOKS / f"RosDiagnostics{page}.md").read_text()
     (words,) = re.findall(r'grep (?:-E )?"([^"]+)"', runbook)
     source = "\n".join(
-        path.read_text() for path in (*STATE.glob("r*.py"), STATE.parent / "sources/dds.py")
+        path.read_text()
+        for path in (*(EXPORTER / "robots").glob("r*.py"), EXPORTER / "sources/dds.py")
     )
     assert all(word in source for word in words.split("|"))
 

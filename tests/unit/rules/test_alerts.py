@@ -119,7 +119,7 @@ def test_only_the_hold_reads_what_it_records():
 
 def read_from_exporters() -> list[Any]:
     """The alerts that an exporter's own metrics are for, not those about its absence."""
-    absence = {"RosDiagnosticsExporterDown", "RosDiagnosticsExporterAbsent"}
+    absence = {f"RosDiagnosticsExporter{what}" for what in ("Down", "Absent", "NeverAnswered")}
     return [
         pytest.param(rule["alert"], rule["expr"], id=rule["alert"])
         for name in ("monitoring.yml", "robots.yml")

@@ -1,0 +1,42 @@
+"""What a message and a scrape cost in calls and files does not grow unnoticed."""
+
+from __future__ import annotations
+
+import pytest
+
+import call_traces
+
+# Calls and files at most: as it is today. Lower them with the code; raise them with a reason only.
+LIMITS = {
+    "unchanged": (28, 10),
+    "breaking": (160, 22),
+    "scrape": (320, 32),
+    "restart": (584, 55),
+}
+
+
+@pytest.fixture(scope="module")
+def traces():
+    return call_traces.traces()
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_no_path_grows(traces, name):
+    calls, files = LIMITS[name]
+
+    assert sum(traces[name].values()) <= calls, traces[name]
+    assert len(traces[name]) <= files, traces[name]
+
+
+def test_the_traces_are_of_what_they_say(traces):
+    """Else one that ends early would be within all limits."""
+    assert "robots/components.py" in traces["unchanged"]
+    assert "faults/engine.py" not in traces["unchanged"]
+    assert "faults/engine.py" in traces["breaking"]
+    assert {"web/connections.py", "metrics/exposition.py"} <= traces["scrape"].keys()
+    assert {"storage/storage.py", "faults/rows.py"} <= traces["restart"].keys()
+
+
+def test_a_document_without_a_place_for_a_trace_is_an_error():
+    with pytest.raises(ValueError, match="0 places for the trace 'scrape'"):
+        call_traces.updated("# Architecture", {"scrape": {}})
