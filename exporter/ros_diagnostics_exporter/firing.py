@@ -15,7 +15,9 @@ from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State,
 
 EVIDENCE_LENGTH = 512
 MOST_LABELS = 100
-_OF_FAULT = {*IDENTITY, "alertname", "exporter", "fault"} - {"site"}  # the others are the robot's own
+_OF_FAULT = {*IDENTITY, "alertname", "exporter", "fault"} - {
+    "site"
+}  # the others are the robot's own
 
 
 def read(alerts: Iterable[Any], fleet: str, exporter: str) -> list[Fault]:
@@ -35,9 +37,10 @@ def _one(alert: Any, fleet: str, exporter: str) -> Fault | None:
             return None
         since, confirmed = moment(notes["since"]), moment(alert["startsAt"])
         own = {name: text for name, text in labels.items() if name not in _OF_FAULT}
-        evidence = clean(notes.get("evidence", ""), EVIDENCE_LENGTH)
+        lines = (clean(each, EVIDENCE_LENGTH) for each in notes.get("evidence", "").split("\n"))
+        known = "\n".join(lines)[:EVIDENCE_LENGTH], clean(notes.get("work", ""), EVIDENCE_LENGTH)
         labels_of_robot = MappingProxyType(own if of_robot else {})
-        return Fault(identity, since, confirmed, labels_of_robot, evidence)
+        return Fault(identity, since, confirmed, labels_of_robot, *known)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         return None  # no alert as the rules make them
 

@@ -99,6 +99,7 @@ def faults(state: State, now: Instant, notified: Notified | None = None) -> dict
                 "since": fault.since,
                 "confirmed": fault.confirmed,
                 "evidence": fault.evidence,
+                "work": fault.work,
                 "labels": dict(fault.labels),
                 "notified": _notified(identity, notified),
             }
@@ -119,6 +120,7 @@ def _problem(view: ProblemView, notified: Notified | None) -> dict[str, Any]:
         "because": view.because,
         "well": view.well,
         "evidence": "" if fault is None else fault.evidence,
+        "work": "" if fault is None else fault.work,
         "notified": {} if fault is None else _notified(identity, notified),
     }
 

@@ -258,12 +258,12 @@ class Faults:
             components.report_check(self._book, known, check, (found, expected), now)
         return changes + judge.settle(self._book, now)
 
-    def describe(self, fault: Fault, evidence: str) -> Fault:
+    def describe(self, fault: Fault, evidence: str, work: str = "") -> Fault:
         """Fix the evidence of a fault that began: once, for its life, at most 4,096 characters.
 
         Returns the fault with it.
         """
-        return judge.describe(self._book, fault, evidence)
+        return judge.describe(self._book, fault, evidence, work)
 
     def adopt(self, fault: Fault, now: Instant) -> list[Change]:
         """Go on with a fault whose alert fires and which this process does not know.

@@ -70,11 +70,11 @@ def end_all(book: Book, problems: Iterable[Problem], now: Instant) -> list[Chang
     ]
 
 
-def describe(book: Book, fault: Fault, evidence: str) -> Fault:
+def describe(book: Book, fault: Fault, evidence: str, work: str) -> Fault:
     """Fix a fault's evidence, for its life; the fault with it."""
     if fault.evidence:
         return fault
-    described = replace(fault, evidence=evidence[:EVIDENCE_LENGTH])
+    described = replace(fault, evidence=evidence[:EVIDENCE_LENGTH], work=work[:EVIDENCE_LENGTH])
     problem = book.problems.get(fault.identity)
     if problem is not None and problem.fault is fault:  # it still lasts
         problem.fault = described

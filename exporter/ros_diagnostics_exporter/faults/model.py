@@ -95,7 +95,8 @@ class Fault:
     trouble of a component that is WARNING or STALE began when it left OK, the same time as in
     `component_problem_since_timestamp_seconds`; that of a CRITICAL one when it turned CRITICAL; of
     a silent robot with its last message; of many, a site or a common cause when there were enough.
-    ``labels`` are the robot's own at that moment, ``evidence`` what the caller wrote about it.
+    ``labels`` are the robot's own at that moment, ``evidence`` lines that the caller wrote about
+    it, ``work`` what the robot can no longer do, and what it still can.
     """
 
     identity: Identity
@@ -103,6 +104,7 @@ class Fault:
     confirmed: float
     labels: Mapping[str, str]
     evidence: str = ""
+    work: str = ""
 
 
 class Change(NamedTuple):

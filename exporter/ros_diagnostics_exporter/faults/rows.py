@@ -146,6 +146,7 @@ def _of_problem(problem: Problem, clock: _Clock) -> _Fields:
             "confirmed": fault.confirmed,
             "labels": dict(fault.labels),
             "evidence": fault.evidence,
+            "work": fault.work,
         },
     }
 
@@ -263,7 +264,7 @@ def _read_problem(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clo
     if fault is not None:
         labels = MappingProxyType(fault["labels"])
         times = fault["since"], fault["confirmed"]
-        problem.fault = Fault(identity, *times, labels, fault["evidence"])
+        problem.fault = Fault(identity, *times, labels, fault["evidence"], fault.get("work", ""))
         problem.restored = True
     give_to_owner(book, problem)
     book.add_problem(problem)

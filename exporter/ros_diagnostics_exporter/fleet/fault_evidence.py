@@ -1,7 +1,6 @@
-"""What was known of a fault when it began, in one line of text for people.
+"""What was known of a fault when it began: lines of text for people.
 
-The templates of notifications break the line before `values:`, `robots:`, `components:` and
-`also faulty:`, and put what is after `work:` into the first line of a mail.
+All but the last end with a semicolon, so that it reads well on one line, too.
 """
 
 from __future__ import annotations
@@ -16,8 +15,6 @@ from ros_diagnostics_exporter.robots.work import work
 from ros_diagnostics_exporter.severity import SILENT
 from ros_diagnostics_exporter.texts import one_line
 
-WORK = "work: "
-_PARTS = (WORK, "values: ", "robots: ", "components: ", "also faulty: ")
 LENGTH = 512  # characters of the whole
 _TEXT_LENGTH = 160  # of one text of a robot
 _WORK_LENGTH = 240
@@ -29,7 +26,7 @@ Find = Callable[[Identity], "tuple[Robot, Component | None] | None"]
 
 
 def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> str:
-    """The evidence of a fault, printable and at most `LENGTH` characters.
+    """The evidence of a fault, printable lines of at most `LENGTH` characters in all.
 
     Args:
         identity: Which fault it is.
@@ -45,9 +42,17 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> str:
         parts = list(_of_component(identity, found[1], found[0]))
     else:
         parts = list(_of_robot(identity, found[0]))
-    if found is not None and (text := _work(identity, *found)):
-        parts.insert(0, f"{WORK}{text[:_WORK_LENGTH]}".replace(";", ","))
-    return "; ".join(filter(None, parts))[:LENGTH]
+    return ";\n".join(filter(None, parts))[:LENGTH]
+
+
+def lost_work(identity: Identity, find: Find) -> str:
+    """What the robot can no longer do; nothing of one that is silent."""
+    found = find(identity)
+    if found is None:
+        return ""
+    robot, component = found
+    is_broken = identity.scope is Scope.VALUE and identity.state is State.CRITICAL
+    return work(robot, component if is_broken else None)[:_WORK_LENGTH]
 
 
 def last_received(identity: Identity, find: Find) -> str:
@@ -65,16 +70,10 @@ def last_received(identity: Identity, find: Find) -> str:
     return ": ".join(filter(None, parts))[:LENGTH]
 
 
-def _work(identity: Identity, robot: Robot, component: Component | None) -> str:
-    """What the robot can no longer do; nothing of one that is silent."""
-    is_broken = identity.scope is Scope.VALUE and identity.state is State.CRITICAL
-    return work(robot, component if is_broken else None)
-
-
 def _of_component(identity: Identity, component: Component, robot: Robot) -> Iterator[str]:
     if identity.scope is Scope.VALUE:
         yield from _monitored(identity, component)
-    yield _message(component.message)
+    yield _text(component.message)
     if component.last is not None and identity.scope is not Scope.VALUE:
         pairs = (f"{_text(key)}: {_text(text)}" for key, text in component.last.values)
         yield _listed("values", pairs)
@@ -125,11 +124,5 @@ def _listed(what: str, texts: Iterable[str]) -> str:
 
 
 def _text(text: str) -> str:
-    """A robot's text, in which nothing separates parts."""
-    return one_line(text[:_TEXT_LENGTH]).replace(";", ",")
-
-
-def _message(text: str) -> str:
-    """A robot's message, which is not taken for a part of another kind."""
-    message = _text(text)
-    return f"message: {message}" if message.startswith(_PARTS) else message
+    """A robot's text, on one line."""
+    return one_line(text[:_TEXT_LENGTH])

@@ -32,7 +32,7 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
-from ros_diagnostics_exporter.fleet.fault_evidence import evidence, last_received
+from ros_diagnostics_exporter.fleet.fault_evidence import evidence, last_received, lost_work
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.components import Components
@@ -153,7 +153,8 @@ class FaultReports:
             if what == "began":
                 identity = fault.identity
                 text = fault.evidence or evidence(identity, self._find, self._troubled(identity))
-                described = self._faults.describe(fault, text)
+                work = fault.work or lost_work(identity, self._find)
+                described = self._faults.describe(fault, text, work)
             elif what == "recovered":
                 self._faults.describe_end(fault, last_received(fault.identity, self._find))
             self._events.append(_event(what, described, at))

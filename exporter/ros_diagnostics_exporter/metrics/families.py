@@ -249,8 +249,9 @@ FAULT_START = _family(
 FAULT_INFO = _family(
     "fault_info",
     "gauge",
-    "1 for every fault, with what was known when it was confirmed, at most 512 characters.",
-    (*FAULT, "evidence"),
+    "1 for every fault, with what was known when it was confirmed, in lines of at most 512 "
+    "characters together, and what the robot can no longer do.",
+    (*FAULT, "evidence", "work"),
     open=True,
     part=Part.FAULTS,
 )

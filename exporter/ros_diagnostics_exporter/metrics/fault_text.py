@@ -105,7 +105,7 @@ def _render(fleet: str, exporter: str, fault: Fault) -> _Lines:
         labels,
         tuple(encodable(text) for text in identity_of(identity)),
         start=_sample(metrics.FAULT_START, labels, {}, fault.since),
-        info=_sample(metrics.FAULT_INFO, labels, {"evidence": fault.evidence}),
+        info=_sample(metrics.FAULT_INFO, labels, {"evidence": fault.evidence, "work": fault.work}),
     )
 
 

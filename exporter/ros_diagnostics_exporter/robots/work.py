@@ -1,6 +1,6 @@
 """What a robot can no longer do, and what it still can, by the components that its tasks need.
 
-The evidence of a fault begins with it; the templates of notifications take it from there.
+A fault keeps it from when it began; notifications begin with it.
 """
 
 from __future__ import annotations

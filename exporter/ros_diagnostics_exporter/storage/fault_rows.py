@@ -35,6 +35,7 @@ class _Fault(NamedTuple):
     confirmed: _Moment
     labels: _Labels
     evidence: _Text
+    work: _Text = ""
 
 
 class _Downtime(NamedTuple):

@@ -72,7 +72,7 @@ def _ranked(kind: _Kind, matchers: str) -> str:
         found = f'label_join({found}, "message", ": ", "{kind.named_by}", "evidence")'
     else:
         text = f"{kind.text}: $1" if kind.text else "$1"
-        found = label(found, "message", text, "evidence", "(.*)")
+        found = label(found, "message", text, "evidence", "(?s:(.*))")
     return label(found, "confirmed", _CONFIRMED)
 
 

@@ -274,7 +274,7 @@ def test_the_evidence_says_what_was_known_when_the_fault_began():
     stand(driver, 12, hot, LASER._replace(level=WARN))
     evidence = {each.identity.component: each.evidence for each in driver.state.faults()}
     assert evidence == {
-        "Motor": "Hot \\u202eagain; values: Temperature: 91 C; also faulty: Laser WARNING",
+        "Motor": "Hot \\u202eagain;\nvalues: Temperature: 91 C;\nalso faulty: Laser WARNING",
         "Laser": "also faulty: Motor CRITICAL",
     }
 
@@ -286,7 +286,7 @@ def test_the_evidence_is_bounded_and_printable_whatever_a_robot_sends():
     stand(driver, 12, loud)
     (fault,) = driver.state.faults()
     assert len(fault.evidence) <= 512
-    assert fault.evidence.isprintable()
+    assert all(each.isprintable() for each in fault.evidence.split("\n"))
 
 
 # -- events --------------------------------------------------------------------------------------
@@ -913,10 +913,11 @@ def test_a_fault_of_a_component_that_the_config_ignores_after_a_start_ends():
 
 def test_what_a_driver_writes_is_no_part_that_the_exporter_wrote():
     driver = settled(MOTOR)
-    trick = Status(ERROR, "Motor", "work: can still drive; values: none", "", (("a; robots", "b"),))
+    trick = Status(ERROR, "Motor", "work: can drive;\nvalues: none", "", (("a;\nrobots", "b"),))
     stand(driver, 12, trick)
     (fault,) = driver.state.faults()
-    assert fault.evidence == "message: work: can still drive, values: none; values: a, robots: b"
+    assert fault.evidence == "work: can drive; values: none;\nvalues: a; robots: b"
+    assert fault.work == ""
 
 
 def test_a_robot_that_is_removed_is_not_silent_afterwards():

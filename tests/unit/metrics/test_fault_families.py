@@ -57,7 +57,8 @@ def test_a_fault_of_a_robot_has_one_id_and_that_of_a_site_one_for_each_name_of_a
         Identity(Scope.SITE, State.SILENT, site="hall"),
     ]
     unnamed, north, south = (
-        [fault_id("f", name, identity) for identity in identities] for name in ("", "north", "south")
+        [fault_id("f", name, identity) for identity in identities]
+        for name in ("", "north", "south")
     )
 
     assert unnamed[:3] == north[:3]

@@ -1,4 +1,4 @@
-"""What a robot can no longer do, by the tasks of fleet.yml: in evidence, snapshot and page."""
+"""What a robot can no longer do, by the tasks of fleet.yml: in faults, snapshot and page."""
 
 from __future__ import annotations
 
@@ -70,15 +70,19 @@ def test_a_task_needs_all_its_components(driver, changed, expected):
     assert work(driver.robot) == expected
 
 
-def test_the_evidence_of_a_fault_begins_with_it_and_stays_as_it_was(driver):
+def test_a_fault_has_it_and_it_stays_as_it_was(driver):
     publish(driver, Status(ERROR, "Motor", "Hot"))
-    evidence = "work: cannot drive but can still lift and charge; Hot"
-    assert [each.evidence for each in driver.state.faults()] == [evidence]
+    first = ("Hot", "cannot drive but can still lift and charge")
+    assert [(each.evidence, each.work) for each in driver.state.faults()] == [first]
     publish(driver, Status(ERROR, "Motor", "Hot"), Status(ERROR, "Lift", "Stuck"))
-    assert sorted(each.evidence for each in driver.state.faults()) == [
-        evidence,
-        "work: cannot drive or lift but can still charge; Stuck; also faulty: Motor CRITICAL",
+    assert sorted((each.evidence, each.work) for each in driver.state.faults()) == [
+        first,
+        ("Stuck;\nalso faulty: Motor CRITICAL", "cannot drive or lift but can still charge"),
     ]
+    shown = driver.samples()["fault_info"]
+    assert {dict(labels)["work"] for labels in shown} == {
+        each.work for each in driver.state.faults()
+    }
 
 
 @pytest.mark.parametrize(
@@ -88,12 +92,13 @@ def test_the_evidence_of_a_fault_begins_with_it_and_stays_as_it_was(driver):
 def test_a_value_that_is_critical_takes_the_task_of_its_component(driver, charge, begin):
     publish(driver, Status(OK, "Battery", "", "", (("Charge", charge),)))
     worst = max(driver.state.faults(), key=lambda fault: fault.identity.state == "critical")
-    assert worst.evidence.startswith(f"work: {begin}")
+    assert worst.work.startswith(begin)
 
 
 def test_nothing_is_said_of_a_silent_robot(driver):
     driver.at(driver.now.mono + 60)
     assert [each.evidence for each in driver.state.faults()] == ["nobody publishes on its topics"]
+    assert [each.work for each in driver.state.faults()] == [""]
     assert work(driver.robot) == ""
 
 

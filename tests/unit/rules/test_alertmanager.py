@@ -260,7 +260,8 @@ def test_mail_has_fault_evidence_links_and_commands(part: str, tmp_path: Path):
         "firing",
         {**labels, "site": "hall"},
         description="What it means.",
-        evidence="over <current>; values: Current: 12 A",
+        evidence="over <current>;\nvalues: Current: 12 A",
+        work="cannot drive; values: none",
         since="2026-01-01 10:00:00.123 +0000 UTC",
     )
 
@@ -270,7 +271,8 @@ def test_mail_has_fault_evidence_links_and_commands(part: str, tmp_path: Path):
         "Motor 1 of r1 (fleet f, site hall) is CRITICAL since 2026-01-01 10:00:00 UTC. Act now.",
         "2026-01-01 10:00:00 UTC",
         "over &lt;current&gt;" if part == "html" else "over <current>",
-        "values: Current: 12 A",
+        "\n  values: Current: 12 A",
+        "The robot cannot drive; values: none.",
         "What it means.",
         "hall",
         "http://localhost:9090/user/alerts/RosDiagnosticsComponentCritical.md",
