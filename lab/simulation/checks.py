@@ -70,13 +70,14 @@ class Judge:
         world = self.world
         now = world.now
         if world.lost and world.state is not None:
-            world.state.take_events()  # that it goes on with what fires
             gone = [key for key, each in self._faults.items() if not self._is_adopted(each)]
             for key in gone:
                 del self._faults[key]
         if world.state is not None:
             begun, ended = [], False
             for event in world.state.take_events():
+                if event.kind == "fault_began" and world.lost and identity(event) in self._faults:
+                    continue  # it goes on with what fires
                 if event.kind == "fault_began":
                     self._began(event)
                     begun.append(event)

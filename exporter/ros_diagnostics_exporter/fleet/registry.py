@@ -7,7 +7,7 @@ config and after a time. Protected by the lock of the State that holds it.
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
@@ -44,6 +44,7 @@ class RobotRegistry:
         self._not_publishing: OrderedDict[str, Robot] = OrderedDict()
         self._replaced: OrderedDict[Topic, float] = OrderedDict()  # when, monotonic
         self.downtimes: dict[str, tuple[Downtime, ...]] = {}  # that people planned, by robot
+        self._other_types: dict[int, Mapping[str, tuple[str, ...]]] = {}  # by domain and topic
         for _robot in self.configure(fleet, now):
             pass
 
@@ -56,6 +57,8 @@ class RobotRegistry:
         self._fleet = fleet
         self.series.limit = fleet.limits.series
         self.rejections.reset()
+        for domain_id, types in self._other_types.items():
+            self._reject_types(domain_id, types.items(), now)
         self.shared_topics = {
             Topic(each.domain_id, each.topic): SharedTopic(each) for each in fleet.shared
         }
@@ -217,6 +220,25 @@ class RobotRegistry:
         else:
             found = found_robot(discovery, name, topic.name, topic.domain_id)
             self.add(found, now, declared=False)
+
+    def note_other_types(
+        self, domain_id: int, types: Mapping[str, tuple[str, ...]], now: Instant
+    ) -> None:
+        """Reject topics that a discovery wants and that have another type than DiagnosticArray."""
+        known = self._other_types.get(domain_id, {})
+        self._other_types[domain_id] = types
+        self._reject_types(domain_id, types.items() - known.items(), now)
+
+    def _reject_types(
+        self, domain_id: int, found: Iterable[tuple[str, tuple[str, ...]]], now: Instant
+    ) -> None:
+        for topic, types in found:
+            for discovery in self._fleet.discoveries:
+                name = robot_name(discovery, topic, domain_id)
+                if name is not None:
+                    why = f"the topic has another type, {', '.join(types):.200}"
+                    at = Topic(domain_id, topic)
+                    self.rejections.reject_robot(at, name, "wrong_type", now, why)
 
     def find_again(self, name: str, known: PersistedRobot, now: Instant) -> Robot | None:
         """A robot that an earlier process knew, if the config still wants it.

@@ -120,6 +120,13 @@ class State:
                     for robot, _raw in bound:
                         robot.update_endpoint(topic.name, endpoints.get(topic.name), now)
 
+    def note_other_types(
+        self, domain_id: int, types: Mapping[str, tuple[str, ...]], now: Instant
+    ) -> None:
+        """Note the types of all topics of a domain that have no DiagnosticArray, by name."""
+        with self._lock:
+            self._registry.note_other_types(domain_id, types, now)
+
     def wanted_topics(self, domain_id: int) -> dict[str, bool]:
         """The topics to be subscribed in a domain: name -> whether robots share it."""
         with self._lock:

@@ -47,7 +47,13 @@ LOG_TEXTS: dict[RejectionReason, str] = {
 }
 # Of what belongs to no known robot.
 FleetRejectionReason = Literal[
-    "no_robot", "duplicate_robot", "robot_limit", "series_limit", "label_length", "rate"
+    "no_robot",
+    "duplicate_robot",
+    "robot_limit",
+    "series_limit",
+    "label_length",
+    "rate",
+    "wrong_type",
 ]
 _ROBOT_LOG_TEXTS: dict[FleetRejectionReason, str] = {
     "duplicate_robot": "that name is taken",
@@ -83,9 +89,9 @@ class FleetRejections:
         self._lines_since = float("-inf")
 
     def reject_robot(
-        self, topic: Topic, name: str, reason: FleetRejectionReason, now: Instant
+        self, topic: Topic, name: str, reason: FleetRejectionReason, now: Instant, why: str = ""
     ) -> None:
-        """Reject a robot: it is counted and logged once.
+        """Reject a robot: it is counted and logged once, with ``why`` or the reason's own text.
 
         Beyond MAX_REJECTED robots the oldest are counted again, so that a new one always counts;
         beyond MAX_LINES a minute they are only counted.
@@ -94,7 +100,7 @@ class FleetRejections:
             return
         _put(self._robots, (topic, name), MAX_REJECTED)
         self.counts[reason] += 1
-        if reason != "duplicate_robot":
+        if reason in {"robot_limit", "series_limit"}:
             _put(self.over_limit, name, MAX_OVER_LIMIT)
         if self._may_log(now):
             log.warning(
@@ -103,7 +109,7 @@ class FleetRejections:
                 name,
                 topic.name,
                 topic.domain_id,
-                _ROBOT_LOG_TEXTS[reason],
+                why or _ROBOT_LOG_TEXTS[reason],
             )
 
     def accept_robot(self, topics: Iterable[Topic], name: str) -> None:

@@ -120,6 +120,11 @@ class Receiver(Protocol):
     def update_graph(self, domain_id: int, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
         """Take all topics of a domain, by name."""
 
+    def note_other_types(
+        self, domain_id: int, types: Mapping[str, tuple[str, ...]], now: Instant
+    ) -> None:
+        """Take the types of all topics of a domain that have no DiagnosticArray, by name."""
+
     def wanted_topics(self, domain_id: int) -> Mapping[str, bool]:
         """Name -> whether robots share it, for each topic to be subscribed."""
 
@@ -391,6 +396,7 @@ class _Domain:
         self._looks = 0
         self._look_at = 0.0
         self._types: dict[str, tuple[str, ...]] = {}  # of the topics, at the last look
+        self._other_types: dict[str, tuple[str, ...]] = {}  # of those that are no DiagnosticArray
         self._look: Iterator[None] | None = None
         self._asked_last = ""
         self._context = Context()
@@ -511,6 +517,10 @@ class _Domain:
         types = {
             name: tuple(types) for name, types in found if TYPE in types or name in self._topics
         }
+        others = {name: tuple(of) for name, of in found if name not in types}
+        if others != self._other_types:
+            self._receiver.note_other_types(self._domain_id, others, now)
+            self._other_types = others
         for name in self._to_be_asked(types):
             self._ask(node, name, types[name])
             yield

@@ -81,6 +81,22 @@ def test_the_reasons_of_silence_are_told_apart(ros_domain, robots, run_exporter)
         assert running.sample("robot_up", robot=name) == 0
 
 
+def test_a_topic_of_another_type_that_discovery_wants_is_reported(
+    ros_domain, robots, run_exporter, caplog
+):
+    wanted = Discovery(
+        re.compile(r"/(?P<robot>[^/]+)/diagnostics"), "{robot}", (ros_domain,), source=Source.RAW
+    )
+    running = run_exporter(Fleet("f", discoveries=(wanted,)))
+    robots.offer("/typed/diagnostics", kind=String)
+    robots.offer("/typed/other", kind=String)
+
+    running.wait_for("exporter_rejected_total", 1, reason="wrong_type")
+    [text] = [each for each in caplog.messages if "/diagnostics" in each]
+    assert "'typed' on topic /typed/diagnostics" in text
+    assert "the topic has another type, std_msgs/msg/String" in text
+
+
 def test_robots_in_two_domains_one_raw_one_aggregated_and_one_found(
     ros_domain, robots, run_exporter
 ):

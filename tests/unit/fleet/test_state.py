@@ -30,6 +30,19 @@ MOTOR, HOT = Status(OK, "Motor 1", "OK", "mc-01"), Status(ERROR, "Motor 1", "Hot
 LASER = Status(OK, "Laser 1", "OK")
 
 
+def test_a_topic_of_another_type_counts_once_and_again_after_a_reload(caplog):
+    wanted = Discovery(re.compile("/(?P<robot>[^/]+)/diagnostics"), "{robot}", source=Source.RAW)
+    driver = StateDriver(fleet=Fleet("f"))
+    others = {"/r/diagnostics": ("std_msgs/msg/String",), "/r/odom": ("nav_msgs/msg/Odometry",)}
+    driver.state.note_other_types(0, others, driver.now)
+    assert driver.state.rejected["wrong_type"] == 0
+    driver.state.configure(Fleet("f", discoveries=(wanted,)), driver.now)
+    driver.state.note_other_types(0, {**others, "/s/odom": ()}, driver.now)
+    assert driver.state.rejected["wrong_type"] == 1
+    assert not driver.state.robots_over_limit
+    assert caplog.text.count("another type, std_msgs/msg/String") == 1
+
+
 # -- history --------------------------------------------------
 
 

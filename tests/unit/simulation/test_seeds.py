@@ -72,6 +72,29 @@ STORIES = {
             Event(52, "forget", "r008", ("part 2",)),
         ),
     ),
+    "a fault that an exporter without its database adopts may end in the same moment": Story(
+        0,
+        2,
+        220,
+        (
+            Event(20, "level", "r000", ("part 1", WARN)),
+            Event(30, "off", "r000", (True,)),
+            Event(100, "off", "r000", (False,)),
+            Event(100, "level", "r000", ("part 1", OK)),
+            Event(100, "restart", "", (30, True)),
+        ),
+    ),
+    "the robots that are silent are many of a site that got smaller": Story(
+        0,
+        20,
+        400,
+        (
+            Event(30, "off", "r001", (True,)),
+            Event(30, "off", "r005", (True,)),
+            Event(200, "declared", "r009", (False,)),
+            Event(218, "declared", "r013", (False,)),
+        ),
+    ),
 }
 
 
