@@ -11,7 +11,7 @@ LIMITS = {
     "unchanged": (29, 10),
     "breaking": (163, 22),
     "scrape": (317, 32),
-    "restart": (585, 55),
+    "restart": (587, 54),
 }
 
 
