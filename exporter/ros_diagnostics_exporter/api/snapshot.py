@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
 from ros_diagnostics_exporter.config.fleet import ValueRule
-from ros_diagnostics_exporter.faults.model import ProblemView, as_texts
+from ros_diagnostics_exporter.faults.model import ComponentName, ProblemView, as_texts
 from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.notifications import Key, key_of
@@ -18,6 +18,7 @@ from ros_diagnostics_exporter.robots.maintenance import maintenance_until
 from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_exporter.robots.work import work
 from ros_diagnostics_exporter.severity import component_state
+from ros_diagnostics_exporter.sources.prometheus import Outcome
 
 # job -> the port of a robot with an address; None where the query has to name it
 PORTS = {"node": 9100, "ssh": 22, "http": 80, "tcp": None}
@@ -48,9 +49,23 @@ def fleet_snapshot(state: State, now: Instant, notified: Notified | None = None)
                 **_maintenance(state, robot, now),
                 "problems": problems.get(robot["robot"], []),
             }
-            for robot in state.visit(_robot)
+            for robot in state.visit(lambda robot: _robot(robot, state.flap_ratios(robot)))
         ],
     }
+
+
+def queries(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
+    """How each query of fleet.yml was answered last; ``error`` is None before the first answer."""
+    return [
+        {
+            "name": each.query.name,
+            "expr": each.query.expr,
+            "rows": each.rows,
+            "skipped": each.skipped,
+            "error": each.error,
+        }
+        for each in outcomes
+    ]
 
 
 def robot_snapshot(
@@ -172,7 +187,7 @@ def _host(address: str | None) -> str:
     return f"[{address}]" if address.count(":") > 1 and not address.startswith("[") else address
 
 
-def _robot(robot: Robot) -> dict[str, Any]:
+def _robot(robot: Robot, ratios: Mapping[ComponentName, float]) -> dict[str, Any]:
     settings: Settings = robot.settings
     return {
         "robot": settings.name,
@@ -193,8 +208,12 @@ def _robot(robot: Robot) -> dict[str, Any]:
             for path, (level, message) in robot.groups.items()
         ],
         "components": [
-            _component(component, name, stale_is_critical=settings.profile.stale_is_critical)
-            for component, name in robot.components.labels()
+            _component(
+                component,
+                ratios.get(ComponentName(component.group, component.label), 0.0),
+                stale_is_critical=settings.profile.stale_is_critical,
+            )
+            for component in robot.components
             if component.level >= 0
         ],
     }
@@ -214,12 +233,14 @@ def _short_checks(robot: Robot) -> Iterator[dict[str, Any]]:
             }
 
 
-def _component(component: Component, name: str, *, stale_is_critical: bool) -> dict[str, Any]:
+def _component(
+    component: Component, flap_ratio: float, *, stale_is_critical: bool
+) -> dict[str, Any]:
     level = Level(component.level).name
     before = None if component.before_stale is None else Level(component.before_stale).name
     planned = component.rule is not None and component.rule.planned_stale
     return {
-        "component": name,
+        "component": component.label,
         "group": component.group,
         "hardware_id": component.hardware_id,
         "level": level,
@@ -233,7 +254,7 @@ def _component(component: Component, name: str, *, stale_is_critical: bool) -> d
         "message": component.message,
         "level_since": component.since,
         "changes": component.changes,
-        "flap_ratio": 0.0 if component.flaps is None else component.flaps.ratio,
+        "flap_ratio": flap_ratio,
         "values": list(_values(component)),
     }
 

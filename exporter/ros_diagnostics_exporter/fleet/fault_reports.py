@@ -37,6 +37,7 @@ from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.conditions import Quiet, RobotConditions
+from ros_diagnostics_exporter.robots.measured import query_of
 from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_exporter.robots.rules import component_rule, value_rule
 
@@ -132,6 +133,7 @@ class FaultReports:
                 self._record(faults.forget_robot(key[0], now))
         for reports in self._robots.values():
             self._record(reports.start_over(faults, now))
+            reports.robot.versions.levels += 1  # the former engine's flap ratios are gone
         planned = {name: each.maintenance for name, each in self._robots.items()}
         self._record(faults.maintenance(planned, now))
 
@@ -155,6 +157,9 @@ class FaultReports:
             elif what == "recovered":
                 self._faults.describe_end(fault, last_received(fault.identity, self._find))
             self._events.append(_event(what, described, at))
+        for name in self._faults.take_flapped():
+            if name in self._robots:
+                self._robots[name].robot.versions.levels += 1
 
     def _find(self, identity: Identity) -> tuple[Robot, Component | None] | None:
         """The robot, and the component if it is of one, that a fault is about."""
@@ -230,6 +235,10 @@ class FaultReports:
             if reports is not None and reports.find(name) is None:  # adopted, never received
                 self._record(self._faults.forget_component(robot, name, now))
 
+    def flap_ratios(self, robot: Robot) -> dict[ComponentName, float]:
+        """How often the components of a robot changed of late (0..1), of those that did."""
+        return self._faults.flap_ratios(robot.settings.name)
+
     def settled(self, now: Instant) -> bool:
         """Whether what was wrong before the start has been judged again."""
         return self._faults.settled(now)
@@ -269,7 +278,6 @@ class RobotReports:
         self._names_version = -1
         self._everything = True  # is to be reported, because none of it was, or by other settings
         self._awaited: dict[Component, float] = {}
-        self._awaited_next = inf
         self._conditions = RobotConditions(robot)
         self.by_condition = ConditionalProblems()
 
@@ -404,7 +412,7 @@ class RobotReports:
             return []
         self.by_condition.clear()
         is_first, self._presence = self._presence is None, presence
-        self._awaited, self._awaited_next = {}, inf
+        self._awaited = {}
         if presence == "pending":
             known = faults.identities(robot.settings.name)
             if is_first and any(each.state is State.SILENT for each in known):
@@ -420,15 +428,21 @@ class RobotReports:
 
     @property
     def _last(self) -> float:
-        """When the last array was received, monotonic."""
+        """When the robot's last array was received, monotonic."""
         return self.robot.last_mono or 0.0
+
+    def _last_of(self, component: Component) -> float:
+        """When what delivers a component was last received, monotonic."""
+        answered = self.robot.measured.last_answer(component)
+        return self._last if answered is None else answered
 
     def _await_raw(self) -> None:
         """Wait for the raw components that the array which brought the robot back lacks."""
         default = self.robot.settings.profile.stale_after
         for component in self.robot.components:
             if self._is_raw(component) and component.is_stale and component.listed < self._last:
-                self._await(component, self._last + component.stale_after(default, raw=True))
+                absent = self._last + component.stale_after(default, raw=True)
+                self._awaited.setdefault(component, absent)
 
     def _await_late(self, changed: Iterable[Component]) -> None:
         """Wait for an array that lacks the components that turned STALE because none came."""
@@ -440,14 +454,12 @@ class RobotReports:
             absent = nextafter(self._last, inf)
             if self._is_raw(component):
                 absent = component.listed + component.stale_after(default, raw=True)
-            if absent > self._last:
-                self._await(component, absent)
-
-    def _await(self, component: Component, absent: float) -> None:
-        self._awaited.setdefault(component, absent)
-        self._awaited_next = min(self._awaited_next, absent)
+            if absent > self._last_of(component):
+                self._awaited.setdefault(component, absent)
 
     def _is_raw(self, component: Component) -> bool:
+        if query_of(component.identity) is not None:
+            return True
         return self.robot.source is Source.RAW or component.raw_received is not None
 
     def _is_reported_stale(self, component: Component) -> bool:
@@ -455,7 +467,11 @@ class RobotReports:
         if component.missing:
             return True
         last = component.last
-        return last is not None and last.level == Level.STALE and component.listed >= self._last
+        return (
+            last is not None
+            and last.level == Level.STALE
+            and component.listed >= self._last_of(component)
+        )
 
     @property
     def _has_found_awaited(self) -> bool:
@@ -463,18 +479,20 @@ class RobotReports:
 
         That is no change of its level, which was STALE before for want of anything received.
         """
-        return self._last >= self._awaited_next or any(map(self._is_reported_stale, self._awaited))
+        return any(
+            self._last_of(component) >= absent or self._is_reported_stale(component)
+            for component, absent in self._awaited.items()
+        )
 
     def _find_awaited(self) -> None:
         """Have those reported that are received now, or that an array shows to be absent."""
         changed = self.robot.components.level_changes
         for component, absent in list(self._awaited.items()):
             is_known = not component.is_stale or self._is_reported_stale(component)
-            if is_known or self._last >= absent:
+            if is_known or self._last_of(component) >= absent:
                 del self._awaited[component]
                 changed[component] = None
                 self.robot.components.value_changes[component] = None
-        self._awaited_next = min(self._awaited.values(), default=inf)
         self._await_late(changed)
 
     # -- components --------------------------------------------------------------------------
@@ -552,6 +570,9 @@ class RobotReports:
         profile, rule = self._settings.profile, component.rule
         own = None if rule is None else rule.confirm_after
         planned = rule is not None and rule.planned_stale
+        if component.feed is not None:
+            own = component.feed.confirm_after if own is None else own
+            planned = planned or component.feed.planned_stale
         return ComponentSettings(
             profile.confirm_after if own is None else own,
             planned,
@@ -640,7 +661,7 @@ def _expected(profile: Profile) -> Mapping[str, int]:
 
 def _names(components: Components) -> dict[Component, ComponentName]:
     """The names of a robot's components as their series have them: no two are the same."""
-    return {each: ComponentName(each.group, name) for each, name in components.labels()}
+    return {each: ComponentName(each.group, each.label) for each in components}
 
 
 def _is_monitored(profile: Profile, component: Component, key: str) -> bool:

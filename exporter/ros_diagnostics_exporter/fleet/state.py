@@ -6,25 +6,33 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Any, TypeVar
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import DOWNTIMES, End, Fault, ProblemView, Row
+from ros_diagnostics_exporter.faults.model import (
+    DOWNTIMES,
+    ComponentName,
+    End,
+    Fault,
+    ProblemView,
+    Row,
+)
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
 from ros_diagnostics_exporter.fleet.registry import RobotRegistry
 from ros_diagnostics_exporter.fleet.unmatched import UnmatchedWatch, find_unmatched, known_robot
-from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Instant, Topic
+from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Feed, Instant, Status, Topic
 from ros_diagnostics_exporter.robots.limits import truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.robot import Robot
 
 log = logging.getLogger(__name__)
+
 
 Result = TypeVar("Result")
 
@@ -46,6 +54,7 @@ class State:
         self._holding: tuple[bool, ...] | None = None  # which downtimes do; None: not known
         self._downtimes: tuple[Downtime, ...] = ()  # that people planned
         self._downtimes_changed = False  # since their row was taken
+        self._feeds = {each.name: each.feed for each in fleet.queries}
         self.unmatched = UnmatchedWatch()  # entries of the config that match nothing
         self._faults = FaultReports(fleet, now, self._events)
         self._registry = RobotRegistry(fleet, now, self._events, self._faults)
@@ -133,6 +142,34 @@ class State:
                     robot.network.domain_up = up
                     robot.versions.receipt += 1
 
+    # -- from other sources: what `sources.prometheus` asks for ----------------------------------
+
+    def receive_answer(
+        self, feed: Feed, statuses: Mapping[str, Sequence[Status]], now: Instant
+    ) -> None:
+        """Update the robots from an answer of a query, which has the statuses of each by name.
+
+        One that it measured before and that is not among them has none now. Names of no robot are
+        skipped.
+        """
+        for robot in self._sorted_robots():
+            with self._lock:
+                if self._feeds.get(feed.name) != feed:
+                    return  # the config has dropped or changed it meanwhile
+                own = statuses.get(robot.settings.name, ())
+                is_measured = own or feed.name in robot.measured.answered
+                if not is_measured or not self._is_known(robot):
+                    continue
+                robot.measured.apply(feed, truncate_array(Array(0.0, tuple(own))).statuses, now)
+                self._faults.update(robot, now)
+                self._ticks.set_at_latest(robot, robot.next_tick)
+
+    def addresses(self) -> dict[str, str]:
+        """The robots' addresses by name, "" where a robot has none."""
+        with self._lock:
+            robots = self._registry.robots
+            return {name: each.settings.address or "" for name, each in robots.items()}
+
     # -- from time and people ----------------------------------------------------------------
 
     def tick(self, now: Instant) -> None:
@@ -207,8 +244,10 @@ class State:
     def _configure(self, fleet: config.Fleet, now: Instant) -> Iterator[None]:
         self.fleet = fleet
         self._faults.configure(fleet, now)
+        self._feeds = {each.name: each.feed for each in fleet.queries}
         for robot in self._registry.configure(fleet, now):
             if robot is not None:
+                robot.follow_feeds(self._feeds, now)
                 self._faults.configure_robot(robot, now)
                 self._ticks.set_at_latest(robot, robot.next_tick)
             yield
@@ -252,8 +291,7 @@ class State:
                 if component is None:
                     return 0
                 raise LookupError(f"no robot {name!r}")
-            labels = robot.components.labels()
-            found = [each for each, label in labels if component in (None, label)]
+            found = [each for each in robot.components if component in (None, each.label)]
             if component is not None and not found:
                 raise LookupError(f"robot {name!r} has no component {component!r}")
             for each in found:
@@ -281,6 +319,7 @@ class State:
                 robot = self._registry.find_again(name, known, now)
                 if robot is not None:
                     robot.restore(known, now)
+                    robot.follow_feeds(self._feeds, now)
 
     def restore_faults(self, rows: Iterable[Row], now: Instant) -> None:
         """Go on from the rows of an earlier process; to be called after `restore`.
@@ -338,6 +377,10 @@ class State:
         """
         with self._lock:
             return self._faults.problems(now, robot)
+
+    def flap_ratios(self, robot: Robot) -> dict[ComponentName, float]:
+        """How often the components of a robot that is visited changed of late (0..1)."""
+        return self._faults.flap_ratios(robot)
 
     def downtimes(self, robot: str) -> tuple[Downtime, ...]:
         """The downtimes of a robot and its components that people planned; some may lie ahead."""

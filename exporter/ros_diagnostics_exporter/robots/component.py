@@ -1,7 +1,7 @@
-"""What is known about one component: its level, since when, its history, and its values.
+"""What is known about one component: its level, since when, and its values.
 
-A level changes only here, so that since, problem since, changes, the level before stale and the
-flap history always agree.
+A level changes only here, so that since, problem since, changes and the level before stale always
+agree.
 """
 
 from __future__ import annotations
@@ -12,8 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule, Threshold, ValueRule
-from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
-from ros_diagnostics_exporter.model import Instant, Level, Status
+from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.robots.persisted import PersistedComponent
 from ros_diagnostics_exporter.robots.rejections import Reject, RejectionReason
@@ -52,12 +51,13 @@ class Component:
         "_was_ok",
         "before_stale",
         "changes",
-        "flaps",
+        "feed",
         "gaps",
         "group",
         "hardware_id",
         "identity",
         "key_values",
+        "label",
         "last",
         "level",
         "listed",
@@ -83,9 +83,11 @@ class Component:
         now: Instant,
     ) -> None:
         self.identity = identity
-        self.name = name  # as in the label: truncated, with its hardware_id where needed
+        self.name = name  # truncated, with its hardware_id where needed
         self.group = ""
+        self.label = ""  # its name everywhere: no two of a group are the same
         self.rule = rule
+        self.feed: Feed | None = None  # None: the robot's own topics
         self.values = values
         self.hardware_id = ""
         self.level = -1  # nothing received yet
@@ -101,7 +103,6 @@ class Component:
         self.listed = now.mono
         self.missing = False
         self.gaps: tuple[float, ...] = ()  # none where only an aggregator lists it
-        self.flaps: FlapHistory | None = None
         self.last: Status | None = None
         self.key_values = 0  # key-values that count against the robot's limit
         # (level, since, problem since) of an earlier process, until a status is received
@@ -130,7 +131,7 @@ class Component:
         self.message = message
         return True
 
-    def set_reported(self, reported: int, now: Instant, flap_interval: float) -> bool:
+    def set_reported(self, reported: int, now: Instant) -> bool:
         """Set the reported level; True if ``level`` changed."""
         self.reported = reported
         level = self.effective_level(reported)
@@ -142,15 +143,12 @@ class Component:
                 self.problem_since = resume[2]  # the same problem at another level
         if level == self.level:
             return False
-        self._change(level, now, flap_interval)
+        self._change(level, now)
         return True
 
-    def _change(self, level: int, now: Instant, flap_interval: float) -> None:
+    def _change(self, level: int, now: Instant) -> None:
         self.before_stale = self.level if level == STALE and self.level >= OK else None
-        if self.flaps is None:
-            self.flaps = FlapHistory([level] * SLOTS, now.mono)
-        else:
-            self.flaps.change(level, now.mono, flap_interval)
+        if self.level >= OK:
             self.changes += 1
         self.level = level
         self.since = now.wall
@@ -202,7 +200,6 @@ class Component:
             since=since,
             problem_since=problem_since,
             message=self.message,
-            slots=tuple(self.flaps.slots) if self.flaps is not None else (level,) * SLOTS,
             listed=now.wall - (now.mono - self.listed),
             was_ok=self.was_ok,
         )
@@ -227,7 +224,6 @@ class Component:
             )
             self.since = now.wall
         self.problem_since = None if self.level == OK else problem_since
-        self.flaps = FlapHistory(persisted.slots, now.mono)
 
     def note_raw(self, mono: float, threshold: float) -> None:
         """Note the receipt of a raw status, and the gap before it.
@@ -244,6 +240,8 @@ class Component:
         """Seconds without a fresh status after which the component is STALE."""
         if self.rule is not None and self.rule.stale_after is not None:
             return self.rule.stale_after
+        if self.feed is not None:
+            return self.feed.stale_after
         if not raw:
             return default
         if len(self.gaps) < GAPS_KEPT and sum(self.gaps) < LEAST_STALE_AFTER:
