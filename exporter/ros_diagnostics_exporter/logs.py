@@ -6,11 +6,13 @@ import atexit
 import json
 import logging
 import os
+import queue
 import re
 import signal
 import subprocess
 import sys
 import time
+from logging.handlers import QueueHandler, QueueListener
 from pathlib import Path
 from typing import TextIO
 
@@ -40,6 +42,22 @@ def set_up(level: str, form: str, stream: TextIO | None = None) -> None:
     handler = logging.StreamHandler(sys.stderr if stream is None else stream)
     handler.setFormatter(_Formatter(as_json=form == "json"))
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
+
+
+def write_aside(*loggers: str) -> QueueListener:
+    """Have a thread write what these log, so that they wait for nobody who reads the log.
+
+    For what is logged under a lock. The thread ends with the process, after the last line.
+    """
+    lines: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
+    listener = QueueListener(lines, *logging.getLogger().handlers)
+    listener.start()
+    for name in loggers:
+        logger = logging.getLogger(name)
+        logger.addHandler(QueueHandler(lines))
+        logger.propagate = False
+    atexit.register(listener.stop)
+    return listener
 
 
 def wrap_output() -> TextIO:

@@ -32,6 +32,11 @@ TURN = 0.25  # seconds until a signal is followed
 EXIT_FAILURE = 1
 EXIT_USAGE = 2  # also for an invalid configuration; argparse exits so for an invalid flag
 
+# Whoever reads the log slowly must not keep the state's lock from others.
+LOGGED_UNDER_LOCK = tuple(
+    f"ros_diagnostics_exporter.{each}" for each in ("faults", "fleet", "robots")
+)
+
 log = logging.getLogger("ros_diagnostics_exporter")
 
 
@@ -90,6 +95,7 @@ def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
     for warning in fleet.warnings:
         log.warning(warning)
     ros.check_ros()
+    logs.write_aside(*LOGGED_UNDER_LOCK)
     faulthandler.enable()  # the watchdog's SIGABRT shows where each thread is
     service = Service(
         fleet,

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import atexit
+import io
 import json
 import logging
 import re
@@ -7,10 +9,16 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
+from functools import partial
 
 import pytest
 
 from ros_diagnostics_exporter import logs
+from ros_diagnostics_exporter.cli.main import LOGGED_UNDER_LOCK
+from ros_diagnostics_exporter.model import Array, Status, Topic
+from ros_diagnostics_exporter.robots.limits import MAX_TEXT
+from support.state_driver import ERROR, StateDriver
 
 LOG = logging.getLogger("some.module")
 FORGED = 'ok\nts=1 level=error msg="forged" \x1b[2J\x9b'
@@ -44,6 +52,39 @@ def test_json_is_one_object_per_record_with_its_error(written):
         "went wrong",
     )
     assert f"ValueError: {FORGED}" in record["error"]
+
+
+class SlowReader(io.StringIO):
+    """A stream whose reader reads on only when it is asked to."""
+
+    def __init__(self):
+        super().__init__()
+        self.reads = threading.Event()
+
+    def write(self, text: str) -> int:
+        self.reads.wait(20.0)
+        return super().write(text)
+
+
+def test_no_message_of_a_robot_waits_for_whoever_reads_the_log(request):
+    reader = SlowReader()
+    logs.set_up("info", "logfmt", reader)
+    listener = logs.write_aside(*LOGGED_UNDER_LOCK)
+    for name in LOGGED_UNDER_LOCK:  # others look at these lines elsewhere
+        (handler,) = logging.getLogger(name).handlers
+        request.addfinalizer(partial(logging.getLogger(name).removeHandler, handler))
+        request.addfinalizer(partial(setattr, logging.getLogger(name), "propagate", True))
+    driver = StateDriver()
+
+    array = Array(0.0, (Status(ERROR, "Motor", "x" * (2 * MAX_TEXT)),), 2 * MAX_TEXT)
+    driver.state.receive(Topic(0, "/r/diagnostics"), array, driver.now)
+
+    assert driver.level("Motor") == ERROR
+    assert reader.getvalue() == ""
+    reader.reads.set()
+    atexit.unregister(listener.stop)
+    listener.stop()
+    assert "level=warning logger=ros_diagnostics_exporter.robots." in reader.getvalue()
 
 
 def test_logfmt_quotes_only_where_needed(written):
