@@ -11,7 +11,7 @@ LIMITS = {
     "unchanged": (28, 10),
     "breaking": (160, 22),
     "scrape": (320, 32),
-    "restart": (584, 55),
+    "restart": (584, 54),
 }
 
 

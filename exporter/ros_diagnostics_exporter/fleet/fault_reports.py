@@ -119,7 +119,7 @@ class FaultReports:
 
         Raises:
             LookupError: the rows refer to what is not among them; nothing is restored.
-            TypeError, ValueError: they are not rows of faults; nothing is restored.
+            ValueError: they are not rows of faults; nothing is restored.
         """
         now, rows = self._time(now), list(rows)
         faults = Faults(self._fleet.faults)
