@@ -16,14 +16,15 @@ from pydantic.json_schema import DEFAULT_REF_TEMPLATE, GenerateJsonSchema, JsonS
 from pydantic_core import core_schema
 
 from ros_diagnostics_exporter import config
-from ros_diagnostics_exporter.config.fleet import Fleet, Maintenance, Robot
+from ros_diagnostics_exporter.config.fleet import Fleet, Maintenance, Query, Robot
 from ros_diagnostics_exporter.durations import written
 
-# file name -> what it describes: fleet.yml, and the files of the two folders
+# file name -> what it describes: fleet.yml, and the files of the folders
 SCHEMAS: dict[str, Any] = {
     "fleet.schema.json": Fleet,
     "robots.schema.json": Robot | list[Robot],
     "maintenance.schema.json": Maintenance | list[Maintenance],
+    "queries.schema.json": Query | list[Query],
 }
 
 

@@ -22,8 +22,20 @@ LIMIT = 256 * 1024 * 1024  # bytes of a response; a fleet of 1,000 robots has so
 CHUNK = 64 * 1024  # bytes read at once
 
 
+MAX_ERROR = 16 * 1024  # bytes of an error's body that are read
+
+
 class UnreachableError(Exception):
     """There is no usable response from the server; the text names the URL and the reason."""
+
+
+class AnsweredError(UnreachableError):
+    """The server answered an HTTP error: ``body`` is the beginning of what it said."""
+
+    def __init__(self, text: str, status: int, body: bytes) -> None:
+        super().__init__(text)
+        self.status = status
+        self.body = body
 
 
 class Client:
@@ -34,6 +46,8 @@ class Client:
         timeout: Seconds for a whole response.
         user: For basic authentication; needs a password_file.
         password_file: Holds the password in one line; read for each request.
+        bearer_token_file: Holds a bearer token in one line, in place of user and password; read
+            for each request.
         ca_file: The CA that signed the server's certificate; None: the system's.
         cert_file: The client's own certificate.
         key_file: The key of cert_file.
@@ -46,6 +60,7 @@ class Client:
         timeout: float = 10.0,
         user: str | None = None,
         password_file: Path | None = None,
+        bearer_token_file: Path | None = None,
         ca_file: Path | None = None,
         cert_file: Path | None = None,
         key_file: Path | None = None,
@@ -54,6 +69,7 @@ class Client:
         self._timeout = timeout
         self._user = user
         self._password_file = password_file
+        self._bearer_token_file = bearer_token_file
         self._ca_file = ca_file
         self._cert_file = cert_file
         self._key_file = key_file
@@ -129,7 +145,9 @@ class Client:
                 text = _read(response, limit, time.monotonic() + self._timeout)
                 return json.loads(text) if text else None
         except urllib.error.HTTPError as error:
-            raise UnreachableError(f"{url} answered {error.code} {error.reason}") from error
+            said = _beginning(error, time.monotonic() + self._timeout)
+            what = f"{url} answered {error.code} {error.reason}"
+            raise AnsweredError(what, error.code, said) from error
         except (OSError, ValueError, RecursionError, http.client.HTTPException) as error:
             # URLError is an OSError, bad JSON a ValueError, deeply nested JSON a RecursionError.
             raise UnreachableError(f"{url}: {getattr(error, 'reason', None) or error}") from error
@@ -152,6 +170,9 @@ class Client:
         return context
 
     def _login(self) -> dict[str, str]:
+        if self._bearer_token_file is not None:
+            token = self._bearer_token_file.read_text("utf-8").strip()
+            return {"Authorization": f"Bearer {token}"}
         if self._user is None:
             return {}
         if self._password_file is None:
@@ -159,6 +180,20 @@ class Client:
         password = self._password_file.read_text("utf-8").rstrip("\r\n")
         encoded = base64.b64encode(f"{self._user}:{password}".encode()).decode()
         return {"Authorization": f"Basic {encoded}"}
+
+
+def _beginning(error: urllib.error.HTTPError, deadline: float) -> bytes:
+    """The body of an error, as far as it arrives; the error counts, not its body."""
+    body = b""
+    try:
+        while len(body) < MAX_ERROR and time.monotonic() < deadline:
+            chunk = error.read1(MAX_ERROR - len(body))
+            if not chunk:
+                break
+            body += chunk
+    except (OSError, http.client.HTTPException):
+        return body
+    return body
 
 
 def _read(response: http.client.HTTPResponse, limit: int, deadline: float) -> bytes:

@@ -60,6 +60,22 @@ class Array(NamedTuple):
     size: int = 0
 
 
+class Feed(NamedTuple):
+    """One kind of statuses that a source beside ROS delivers of robots, such as a query's answers.
+
+    Neither its arrays nor their absence show whether a robot is alive, and they are partial: a
+    component is STALE ``stale_after`` seconds after it was last in one, which is no fault with
+    ``planned_stale``. ``confirm_after`` is None where the robot's profile says it; ``group`` is the
+    group of its components.
+    """
+
+    name: str
+    group: str
+    stale_after: float
+    confirm_after: float | None = None
+    planned_stale: bool = False
+
+
 class Instant(NamedTuple):
     """Both clocks at one moment, in seconds.
 

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Collection, Iterable
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +22,15 @@ from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
 from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.fleet.state import State
-from ros_diagnostics_exporter.http_client import UnreachableError
+from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import Part
 from ros_diagnostics_exporter.notifications import Notifications, parse
 from ros_diagnostics_exporter.sources import dds as ros
+from ros_diagnostics_exporter.sources.prometheus import Prometheus
+from ros_diagnostics_exporter.sources.source import Source
 from ros_diagnostics_exporter.storage.storage import Storage
 
 log = logging.getLogger(__name__)
@@ -61,6 +64,7 @@ class Service:
         ros_arguments: tuple[str, ...] = (),
         *,
         alertmanager: Alertmanager | None = None,
+        prometheus: Client | None = None,
     ) -> None:
         now = ros.read_clocks()
         self.state = State(fleet, now)
@@ -94,6 +98,8 @@ class Service:
         self._join_at = self._adopt_at = now.mono
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = ros.Listener(self.state, ros_arguments=ros_arguments)
+        self._prometheus = Prometheus(self.state, prometheus, ros.read_clocks)
+        self._sources: tuple[Source, ...] = (self._listener, self._prometheus)
         self._exporter = Exporter(
             self.state,
             self._exposition,
@@ -104,6 +110,7 @@ class Service:
             self._canary,
             ros.describe_ros(),
             self.loops,
+            self._prometheus.outcomes,
         )
         self._self_metrics = SelfMetrics(self._exporter)
 
@@ -127,7 +134,12 @@ class Service:
     def loops(self) -> list[Loop]:
         """All loops that there are now."""
         own = [self._tick_loop, self._storage_loop, self._join_loop, self._reloader.loop]
-        return [*own, *self._others, *self._watched, *self._listener.loops]
+        return [
+            *own,
+            *self._others,
+            *self._watched,
+            *chain(*(each.loops for each in self._sources)),
+        ]
 
     def hanging_reason(self) -> str | None:
         """Which loop hangs without which the exporter is of no use; None if none does."""
@@ -180,12 +192,13 @@ class Service:
         self.state.adopt(read_firing(firing, fleet.name, fleet.exporter), ros.read_clocks())
 
     def join(self) -> None:
-        """Join the fleet's domains; one that cannot be joined is retried every half minute.
+        """Have all sources follow the config; a domain that cannot be joined is tried again.
 
         Does not wait until they are joined, and at most some seconds until others are left.
         """
         self._join_at = ros.read_clocks().mono + self.JOIN
-        self._listener.join(self.state.fleet.domain_ids)
+        for source in self._sources:
+            source.follow(self.state.fleet)
         for domain_id in self._listener.domain_ids:
             self.state.domain_joined(domain_id)
 
@@ -269,7 +282,8 @@ class Service:
             log.error("the state is not written a last time: the disk of the database hangs")
         else:
             self._save(at_once=True)  # leaving many subscriptions takes long, and we may be killed
-        self._listener.stop()
+        for source in self._sources:
+            source.stop()
         if self.storage is not None and not hangs:
             self._save(at_once=True)
             self.storage.close()
@@ -293,7 +307,8 @@ class Service:
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""
         notified = self._notifications.lasting()
-        return snapshot.fleet_snapshot(self.state, ros.read_clocks(), notified)
+        fleet = snapshot.fleet_snapshot(self.state, ros.read_clocks(), notified)
+        return {**fleet, "queries": snapshot.queries(self._prometheus.outcomes())}
 
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""

@@ -92,6 +92,7 @@ class ServedFleet:
                 self.canary,
                 ros,
                 list,
+                list,
             )
         )
 

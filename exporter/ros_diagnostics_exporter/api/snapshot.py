@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -18,6 +18,7 @@ from ros_diagnostics_exporter.robots.maintenance import maintenance_until
 from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_exporter.robots.work import work
 from ros_diagnostics_exporter.severity import component_state
+from ros_diagnostics_exporter.sources.prometheus import Outcome
 
 # job -> the port of a robot with an address; None where the query has to name it
 PORTS = {"node": 9100, "ssh": 22, "http": 80, "tcp": None}
@@ -51,6 +52,20 @@ def fleet_snapshot(state: State, now: Instant, notified: Notified | None = None)
             for robot in state.visit(lambda robot: _robot(robot, state.flap_ratios(robot)))
         ],
     }
+
+
+def queries(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
+    """How each query of fleet.yml was answered last; ``error`` is None before the first answer."""
+    return [
+        {
+            "name": each.query.name,
+            "expr": each.query.expr,
+            "rows": each.rows,
+            "skipped": each.skipped,
+            "error": each.error,
+        }
+        for each in outcomes
+    ]
 
 
 def robot_snapshot(

@@ -52,10 +52,15 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     _add_storage(parser)
     _add_web(parser)
     _add_alertmanager(parser)
+    _add_prometheus(parser)
     _add_logs(parser)
     options = parser.parse_args(arguments)
     if options.alertmanager_user and not options.alertmanager_password_file:
         parser.error("--alertmanager.user needs --alertmanager.password-file")
+    if options.prometheus_user and not options.prometheus_password_file:
+        parser.error("--prometheus.user needs --prometheus.password-file")
+    if options.prometheus_user and options.prometheus_bearer_token_file:
+        parser.error("give --prometheus.user or --prometheus.bearer-token-file, not both")
     if options.live and not options.config_check:
         parser.error("--live needs --config.check")
     return options
@@ -185,6 +190,42 @@ def _add_alertmanager(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_prometheus(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("Prometheus, for the queries of fleet.yml")
+    group.add_argument(
+        "--prometheus.url",
+        dest="prometheus_url",
+        type=_prometheus_url,
+        metavar="URL",
+        help="ask it the queries of fleet.yml, whose results are components of the robots "
+        "(default: none)",
+    )
+    group.add_argument(
+        "--prometheus.user", dest="prometheus_user", metavar="NAME", help="for basic auth"
+    )
+    group.add_argument(
+        "--prometheus.password-file",
+        dest="prometheus_password_file",
+        type=Path,
+        metavar="FILE",
+        help="the user's password, in one line",
+    )
+    group.add_argument(
+        "--prometheus.bearer-token-file",
+        dest="prometheus_bearer_token_file",
+        type=Path,
+        metavar="FILE",
+        help="a bearer token, in one line, in place of user and password",
+    )
+    group.add_argument(
+        "--prometheus.ca-file",
+        dest="prometheus_ca_file",
+        type=Path,
+        metavar="FILE",
+        help="CA of its certificate (default: the system's)",
+    )
+
+
 def _add_logs(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("log (standard error)")
     group.add_argument(
@@ -231,13 +272,21 @@ def _size(text: str) -> int:
 
 
 def _url(text: str) -> str:
+    return _server(text, "http://localhost:9093", "--alertmanager")
+
+
+def _prometheus_url(text: str) -> str:
+    return _server(text, "http://localhost:9090", "--prometheus")
+
+
+def _server(text: str, example: str, flags: str) -> str:
     found = urlsplit(text)
     if found.scheme not in {"http", "https"} or not found.hostname or found.query or found.fragment:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a URL such as http://localhost:9093")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a URL such as {example}")
     if "@" in found.netloc:
         raise argparse.ArgumentTypeError(
-            "every user of the machine can see flags: give the user as --alertmanager.user and the "
-            "password in --alertmanager.password-file"
+            f"every user of the machine can see flags: give the user as {flags}.user and the "
+            f"password in {flags}.password-file"
         )
     return text
 

@@ -9,7 +9,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from ros_diagnostics_exporter import logs
 from ros_diagnostics_exporter.alertmanager import Alertmanager
@@ -21,6 +22,7 @@ from ros_diagnostics_exporter.fleet.unmatched import find_unmatched, known_from_
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.service import Service
 from ros_diagnostics_exporter.sources import dds as ros
+from ros_diagnostics_exporter.sources.prometheus import TIMEOUT
 from ros_diagnostics_exporter.storage.database import InUseError, VersionError
 from ros_diagnostics_exporter.storage.storage import Retention, Storage
 from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server, parse_address
@@ -63,10 +65,21 @@ def _check(options: argparse.Namespace) -> int:
     print(describe(fleet), end="")  # noqa: T201
     LiveWebConfig(options.web_config)
     if options.live:
-        known = known_from_json(Client(options.live).fleet())
+        live = Client(options.live).fleet()
+        known = known_from_json(live)
         found = find_unmatched(fleet, known, time.time())
         print(f"unmatched ({len(found)}):", *found, sep="\n  ")  # noqa: T201
+        asked = [*map(_asked, live.get("queries", ()))]
+        if asked:
+            print(f"queries ({len(asked)}):", *asked, sep="\n  ")  # noqa: T201
     return 0
+
+
+def _asked(query: Mapping[str, Any]) -> str:
+    """How the running exporter's query is answered, for people."""
+    answered = f"{query['rows']} components, {query['skipped']} elements of no robot of this fleet"
+    how = {None: "not answered yet", "": answered}.get(query["error"], query["error"])
+    return f"{query['name']}: {how}"
 
 
 def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
@@ -84,6 +97,7 @@ def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
         _storage(options),
         for_ros,
         alertmanager=_alertmanager(options),
+        prometheus=_prometheus(options),
     )
     _serve(options, listen, service)
     return 0
@@ -104,6 +118,19 @@ def _alertmanager(options: argparse.Namespace) -> Alertmanager | None:
         user=options.alertmanager_user,
         password_file=options.alertmanager_password_file,
         ca_file=options.alertmanager_ca_file,
+    )
+
+
+def _prometheus(options: argparse.Namespace) -> Client | None:
+    if options.prometheus_url is None:
+        return None
+    return Client(
+        options.prometheus_url,
+        timeout=TIMEOUT,
+        user=options.prometheus_user,
+        password_file=options.prometheus_password_file,
+        bearer_token_file=options.prometheus_bearer_token_file,
+        ca_file=options.prometheus_ca_file,
     )
 
 

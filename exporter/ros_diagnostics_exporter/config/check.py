@@ -16,6 +16,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Limits,
     Maintenance,
     Profile,
+    Query,
     Robot,
     Shared,
 )
@@ -34,6 +35,7 @@ def describe(fleet: Fleet) -> str:
     lines += _section("shared topics", map(_shared, fleet.shared))
     lines += _section("profiles", map(_profile, fleet.profiles.values()))
     lines += _section("maintenance", map(_maintenance, fleet.maintenance))
+    lines += _section("queries", map(_query, fleet.queries))
     if fleet.faults != FaultSettings():
         lines += _section("faults", _faults(fleet.faults))
     if fleet.canary is not None:
@@ -110,6 +112,17 @@ def _maintenance(maintenance: Maintenance) -> str:
         ", ".join(_weekly(maintenance.weekly)),
         maintenance.weekly and maintenance.time_zone,
         f"({maintenance.comment})",
+    )
+
+
+def _query(query: Query) -> str:
+    bounds = (f"{each.bound} {each.severity} {each.value:g}" for each in query.thresholds)
+    return _joined(
+        f"{query.name}: {query.expr}",
+        f"robot from {query.address or query.robot}",
+        *bounds,
+        f"every {written(query.interval)}",
+        f"stale after {written(query.stale_after)}",
     )
 
 

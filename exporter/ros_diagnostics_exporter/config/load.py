@@ -18,6 +18,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Limits,
     Maintenance,
     Profile,
+    Query,
     Robot,
     Shared,
     Source,
@@ -29,7 +30,7 @@ from ros_diagnostics_exporter.config.validate import Checked, Placed, find_confl
 from ros_diagnostics_exporter.config.yaml_file import Document, KeyPath, read
 
 _SUFFIXES = (".yml", ".yaml")
-_LISTS = ("robots", "discovery", "shared", "maintenance")
+_LISTS = ("robots", "discovery", "shared", "maintenance", "queries")
 
 T = TypeVar("T", bound=Entry)
 
@@ -86,6 +87,7 @@ def _fleet(document: Document, sources_read: list[Path], problems: list[Problem]
         shared=tuple(each.entry for each in checked.shared),
         profiles=MappingProxyType(profiles),
         maintenance=tuple(each.entry for each in checked.maintenance),
+        queries=tuple(each.entry for each in checked.queries),
     )
     warnings = lint(checked, fleet)
     if len(warnings) > LISTED:
@@ -133,6 +135,7 @@ def _sections(
         shared=shared,
         maintenance=section("maintenance", Maintenance)
         + folders.entries("maintenance_folder", "maintenance.d", Maintenance),
+        queries=section("queries", Query) + folders.entries("queries_folder", "queries.d", Query),
     )
     return checked, profiles
 

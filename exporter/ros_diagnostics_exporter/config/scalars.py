@@ -19,6 +19,7 @@ from ros_diagnostics_exporter.weekly import Weekly
 
 MAX_DOMAIN_ID = 232  # above it, rclpy ends the whole process (ports would exceed 65535)
 MAX_NAME = 128
+QUERY_INTERVALS = 5.0, 30.0  # seconds, the shortest and the longest
 MAX_LABEL_VALUE = 256
 MAX_TOPIC = 247  # RMW_TOPIC_MAX_NAME_LENGTH
 TEN_YEARS = 10 * 365 * 86_400.0
@@ -100,6 +101,15 @@ def canary_interval(value: Any) -> float:
             f"{quoted(value)} is too often for a canary",
             "use 1m or more, such as 5m; omit it for none",
         )
+    return seconds
+
+
+def query_interval(value: Any) -> float:
+    """A duration of 5 to 30 seconds."""
+    seconds = duration(value)
+    if not QUERY_INTERVALS[0] <= seconds <= QUERY_INTERVALS[1]:
+        what = f"{quoted(value)} is not between 5s and 30s"
+        raise WrongValueError(what, "use 15s, or omit it")
     return seconds
 
 
@@ -300,6 +310,14 @@ PositiveDuration = Annotated[
 ]
 CanaryInterval = Annotated[
     float, Value(canary_interval, "duration", anyOf=_seconds(minimum=LEAST_CANARY))
+]
+QueryInterval = Annotated[
+    float,
+    Value(
+        query_interval,
+        "duration",
+        anyOf=_seconds(minimum=QUERY_INTERVALS[0], maximum=QUERY_INTERVALS[1]),
+    ),
 ]
 DomainId = Annotated[int, Value(domain_id, "DDS domain", **_ID)]
 DomainIds = Annotated[

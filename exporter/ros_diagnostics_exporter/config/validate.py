@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Limits,
     Maintenance,
     Profile,
+    Query,
     Robot,
     Shared,
 )
@@ -80,17 +81,23 @@ class Checked:
     discovery: list[Placed[Discovery]]
     shared: list[Placed[Shared]]
     maintenance: list[Placed[Maintenance]]
+    queries: list[Placed[Query]]
 
 
+MAX_QUERIES = 100  # each has a thread
 _WAY_OUT = (
     "give it a namespace or domain_id of its own, or list the topic in shared and name it as topic"
 )
 
 
 def find_conflicts(checked: Checked, limits: Limits) -> Iterator[Problem]:
-    """Robots with the same name, topics that are used twice, more robots than the limit."""
+    """Names and topics that are used twice, more robots or queries than the limit."""
     yield from _same_names(checked.robots)
     yield from _same_topics(checked)
+    yield from _same_queries(checked.queries)
+    if len(checked.queries) > MAX_QUERIES:
+        what = f"{len(checked.queries)} queries are declared, above the limit of {MAX_QUERIES}"
+        yield checked.document.problem(("queries",), what, "have one expression for all robots")
     if len(checked.robots) > limits.robots:
         what = f"{len(checked.robots)} robots are declared, above the limit of {limits.robots}"
         yield checked.document.problem(("limits", "robots"), what, "raise limits.robots")
@@ -104,6 +111,17 @@ def _same_names(robots: list[Placed[Robot]]) -> Iterator[Problem]:
         if other is not placed:
             what = f"the name {quoted(name)} is already used by the robot in {other.place()}"
             yield placed.problem("name", what=what, remedy="give each robot a name of its own")
+
+
+def _same_queries(queries: list[Placed[Query]]) -> Iterator[Problem]:
+    first: dict[str, Placed[Query]] = {}
+    for placed in queries:
+        name = placed.entry.name
+        other = first.setdefault(name, placed)
+        if other is not placed:
+            what = f"the query in {other.place()} already has components {quoted(name)}"
+            remedy = "give it another component or group, or join the two expressions by or"
+            yield placed.problem("component", what=what, remedy=remedy)
 
 
 def _same_topics(checked: Checked) -> Iterator[Problem]:

@@ -37,6 +37,7 @@ from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.conditions import Quiet, RobotConditions
+from ros_diagnostics_exporter.robots.measured import query_of
 from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_exporter.robots.rules import component_rule, value_rule
 
@@ -80,16 +81,17 @@ class FaultReports:
             self._record(reports.update(self._faults, self._time(now)))
 
     def configure(self, fleet: Fleet, now: Instant) -> None:
-        """Follow another config, after the state did."""
-        now = self._time(now)
+        """Follow another config in what is not of a robot."""
         if fleet.faults != self._fleet.faults:
-            self._record(self._faults.configure(fleet.faults, now))
+            self._record(self._faults.configure(fleet.faults, self._time(now)))
         self._fleet = fleet
-        for reports in self._robots.values():
-            changes = []
-            if reports.has_other_settings:
-                changes = reports.configure(self._faults, now)
-            self._record(changes + reports.update(self._faults, now))
+
+    def configure_robot(self, robot: Robot, now: Instant) -> None:
+        """Follow a robot's config, after the robot did."""
+        now, reports, changes = self._time(now), self._robots[robot.settings.name], list[Change]()
+        if reports.has_other_settings:
+            changes = reports.configure(self._faults, now)
+        self._record(changes + reports.update(self._faults, now))
 
     def _report_maintenance(self, now: Instant) -> None:
         """Report which robots' planned downtimes began or ended, all of them at one time."""
@@ -276,7 +278,6 @@ class RobotReports:
         self._names_version = -1
         self._everything = True  # is to be reported, because none of it was, or by other settings
         self._awaited: dict[Component, float] = {}
-        self._awaited_next = inf
         self._conditions = RobotConditions(robot)
         self.by_condition = ConditionalProblems()
 
@@ -410,7 +411,7 @@ class RobotReports:
             return []
         self.by_condition.clear()
         is_first, self._presence = self._presence is None, presence
-        self._awaited, self._awaited_next = {}, inf
+        self._awaited = {}
         if presence == "pending":
             known = faults.identities(robot.settings.name)
             if is_first and any(each.state is State.SILENT for each in known):
@@ -426,15 +427,21 @@ class RobotReports:
 
     @property
     def _last(self) -> float:
-        """When the last array was received, monotonic."""
+        """When the robot's last array was received, monotonic."""
         return self.robot.last_mono or 0.0
+
+    def _last_of(self, component: Component) -> float:
+        """When what delivers a component was last received, monotonic."""
+        answered = self.robot.measured.last_answer(component)
+        return self._last if answered is None else answered
 
     def _await_raw(self) -> None:
         """Wait for the raw components that the array which brought the robot back lacks."""
         default = self.robot.settings.profile.stale_after
         for component in self.robot.components:
             if self._is_raw(component) and component.is_stale and component.listed < self._last:
-                self._await(component, self._last + component.stale_after(default, raw=True))
+                absent = self._last + component.stale_after(default, raw=True)
+                self._awaited.setdefault(component, absent)
 
     def _await_late(self, changed: Iterable[Component]) -> None:
         """Wait for an array that lacks the components that turned STALE because none came."""
@@ -446,14 +453,12 @@ class RobotReports:
             absent = nextafter(self._last, inf)
             if self._is_raw(component):
                 absent = component.listed + component.stale_after(default, raw=True)
-            if absent > self._last:
-                self._await(component, absent)
-
-    def _await(self, component: Component, absent: float) -> None:
-        self._awaited.setdefault(component, absent)
-        self._awaited_next = min(self._awaited_next, absent)
+            if absent > self._last_of(component):
+                self._awaited.setdefault(component, absent)
 
     def _is_raw(self, component: Component) -> bool:
+        if query_of(component.identity) is not None:
+            return True
         return self.robot.source is Source.RAW or component.raw_received is not None
 
     def _is_reported_stale(self, component: Component) -> bool:
@@ -461,7 +466,11 @@ class RobotReports:
         if component.missing:
             return True
         last = component.last
-        return last is not None and last.level == Level.STALE and component.listed >= self._last
+        return (
+            last is not None
+            and last.level == Level.STALE
+            and component.listed >= self._last_of(component)
+        )
 
     @property
     def _has_found_awaited(self) -> bool:
@@ -469,17 +478,19 @@ class RobotReports:
 
         That is no change of its level, which was STALE before for want of anything received.
         """
-        return self._last >= self._awaited_next or any(map(self._is_reported_stale, self._awaited))
+        return any(
+            self._last_of(component) >= absent or self._is_reported_stale(component)
+            for component, absent in self._awaited.items()
+        )
 
     def _find_awaited(self) -> None:
         """Have those reported that are received now, or that an array shows to be absent."""
         changed = self.robot.components.level_changes
         for component, absent in list(self._awaited.items()):
             is_known = not component.is_stale or self._is_reported_stale(component)
-            if is_known or self._last >= absent:
+            if is_known or self._last_of(component) >= absent:
                 del self._awaited[component]
                 self.robot.components.report_again(component)
-        self._awaited_next = min(self._awaited.values(), default=inf)
         self._await_late(changed)
 
     # -- components --------------------------------------------------------------------------
@@ -556,6 +567,9 @@ class RobotReports:
         profile, rule = self._settings.profile, component.rule
         own = None if rule is None else rule.confirm_after
         planned = rule is not None and rule.planned_stale
+        if component.feed is not None:
+            own = component.feed.confirm_after if own is None else own
+            planned = planned or component.feed.planned_stale
         return ComponentSettings(
             profile.confirm_after if own is None else own,
             planned,

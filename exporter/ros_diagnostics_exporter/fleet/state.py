@@ -6,7 +6,8 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Any, TypeVar
 
 from ros_diagnostics_exporter.config import fleet as config
@@ -24,7 +25,7 @@ from ros_diagnostics_exporter.fleet.discovery import SharedTopic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
 from ros_diagnostics_exporter.fleet.registry import RobotRegistry
 from ros_diagnostics_exporter.fleet.unmatched import UnmatchedWatch, find_unmatched, known_robot
-from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Instant, Topic
+from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Feed, Instant, Status, Topic
 from ros_diagnostics_exporter.robots.limits import truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
@@ -32,10 +33,11 @@ from ros_diagnostics_exporter.robots.robot import Robot
 
 log = logging.getLogger(__name__)
 
+
 Result = TypeVar("Result")
 
 SLOW_TICK = 1.0  # seconds between two updates of what changes slowly: maintenance, forgetting
-PASS_ON = 16  # robots that are visited before a thread that waits for the lock gets its turn
+PASS_ON = 16  # robots between two chances of the threads that wait for the lock
 MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
 
 
@@ -45,12 +47,14 @@ class State:
     def __init__(self, fleet: config.Fleet, now: Instant) -> None:
         self.fleet = fleet
         self._lock = threading.RLock()
+        self._turn = threading.Lock()  # of what must see no half of a reload
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._slow_tick_at = now.mono
         self._ticks: Timers[Robot] = Timers()  # when robots have to be looked at again
         self._holding: tuple[bool, ...] | None = None  # which downtimes do; None: not known
         self._downtimes: tuple[Downtime, ...] = ()  # that people planned
         self._downtimes_changed = False  # since their row was taken
+        self._feeds = {each.name: each.feed for each in fleet.queries}
         self.unmatched = UnmatchedWatch()  # entries of the config that match nothing
         self._faults = FaultReports(fleet, now, self._events)
         self._registry = RobotRegistry(fleet, now, self._events, self._faults)
@@ -138,6 +142,34 @@ class State:
                     robot.network.domain_up = up
                     robot.versions.receipt += 1
 
+    # -- from other sources: what `sources.prometheus` asks for ----------------------------------
+
+    def receive_answer(
+        self, feed: Feed, statuses: Mapping[str, Sequence[Status]], now: Instant
+    ) -> None:
+        """Update the robots from an answer of a query, which has the statuses of each by name.
+
+        One that it measured before and that is not among them has none now. Names of no robot are
+        skipped.
+        """
+        for robot in self._sorted_robots():
+            with self._lock:
+                if self._feeds.get(feed.name) != feed:
+                    return  # the config has dropped or changed it meanwhile
+                own = statuses.get(robot.settings.name, ())
+                is_measured = own or feed.name in robot.measured.answered
+                if not is_measured or not self._is_known(robot):
+                    continue
+                robot.measured.apply(feed, truncate_array(Array(0.0, tuple(own))).statuses, now)
+                self._faults.update(robot, now)
+                self._ticks.set_at_latest(robot, robot.next_tick)
+
+    def addresses(self) -> dict[str, str]:
+        """The robots' addresses by name, "" where a robot has none."""
+        with self._lock:
+            robots = self._registry.robots
+            return {name: each.settings.address or "" for name, each in robots.items()}
+
     # -- from time and people ----------------------------------------------------------------
 
     def tick(self, now: Instant) -> None:
@@ -146,6 +178,10 @@ class State:
         Looks at the robots that are due, and once a second at all of them. The lock is held for
         one robot at a time.
         """
+        with self._turn:
+            self._tick(now)
+
+    def _tick(self, now: Instant) -> None:
         for robot in self._due(now):
             with self._lock:
                 if not self._is_known(robot):
@@ -187,29 +223,48 @@ class State:
 
     def find_unmatched(self, now: Instant) -> None:
         """Look for entries of the config that match nothing; takes long, and holds no lock."""
-        found = find_unmatched(self.fleet, self.visit(known_robot), now.wall)
+        with self._turn:
+            fleet, known = self.fleet, list(self.visit(known_robot))
+        found = find_unmatched(fleet, known, now.wall)
         self.unmatched.update(found, now)
 
     def _is_known(self, robot: Robot) -> bool:
         return self._registry.robots.get(robot.settings.name) is robot
 
     def configure(self, fleet: config.Fleet, now: Instant) -> None:
-        """Apply another config; robots that it leaves unchanged keep all that is known."""
-        with self._lock:
-            self.fleet = fleet
-            self._registry.configure(fleet, now)
-            self._faults.configure(fleet, now)
-            self._slow_tick_at = float("-inf")
-            self._holding = None
-            for robot in self._registry.robots.values():
+        """Apply another config; robots that it leaves unchanged keep all that is known.
+
+        The robots follow it one by one: the lock is held for some of them at a time.
+        """
+        with self._turn:
+            steps = self._configure(fleet, now)
+            while self._go_on(steps):
+                time.sleep(0)  # else this thread takes the lock again before another wakes up
+
+    def _configure(self, fleet: config.Fleet, now: Instant) -> Iterator[None]:
+        self.fleet = fleet
+        self._faults.configure(fleet, now)
+        self._feeds = {each.name: each.feed for each in fleet.queries}
+        for robot in self._registry.configure(fleet, now):
+            if robot is not None:
+                robot.follow_feeds(self._feeds, now)
+                self._faults.configure_robot(robot, now)
                 self._ticks.set_at_latest(robot, robot.next_tick)
+            yield
+        self._slow_tick_at = float("-inf")
+        self._holding = None
+
+    def _go_on(self, steps: Iterator[None]) -> bool:
+        """Do some steps under the lock; whether there are more."""
+        with self._lock:
+            return len([*islice(steps, PASS_ON)]) == PASS_ON
 
     def plan(self, downtimes: Iterable[Downtime], now: Instant) -> None:
         """Follow the downtimes that people have planned, all of them."""
         planned = tuple(sorted(downtimes))
         if planned == self._downtimes:
             return
-        with self._lock:
+        with self._turn, self._lock:
             self._downtimes, self._downtimes_changed = planned, True
             by_robot: dict[str, tuple[Downtime, ...]] = {}
             for each in planned:
@@ -264,6 +319,7 @@ class State:
                 robot = self._registry.find_again(name, known, now)
                 if robot is not None:
                     robot.restore(known, now)
+                    robot.follow_feeds(self._feeds, now)
 
     def restore_faults(self, rows: Iterable[Row], now: Instant) -> None:
         """Go on from the rows of an earlier process; to be called after `restore`.

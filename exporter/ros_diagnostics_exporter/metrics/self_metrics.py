@@ -37,6 +37,7 @@ from ros_diagnostics_exporter.metrics.families import (
 )
 from ros_diagnostics_exporter.model import ALL_PARTS, Part
 from ros_diagnostics_exporter.sources.dds import Listener, read_clocks
+from ros_diagnostics_exporter.sources.prometheus import Outcome
 from ros_diagnostics_exporter.storage.storage import Storage
 
 EOF = b"# EOF\n"  # of OpenMetrics
@@ -68,6 +69,7 @@ class Exporter:
     canary: Canary
     ros: tuple[str, str]
     loops: Callable[[], Sequence[Loop]]
+    outcomes: Callable[[], Sequence[Outcome]]
     scrapes: int = 0
     scrape_seconds: float = 0.0
 
@@ -279,6 +281,35 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
             if exporter.alertmanager is None
             else _one(exporter.alertmanager.answers(read_clocks()))
         ),
+    ),
+    (
+        _family(
+            "exporter_query_successful",
+            "gauge",
+            "1 if Prometheus' last answer to a query of fleet.yml could be used, 0 if there was "
+            "none; absent before the first.",
+            (*EXPORTER, "query"),
+        ),
+        lambda exporter: [
+            ((each.query.name,), float(not each.error))
+            for each in exporter.outcomes()
+            if each.error is not None
+        ],
+    ),
+    (
+        _family(
+            "exporter_query_rows",
+            "gauge",
+            "Elements of the last answer to a query of fleet.yml: used as components, or skipped "
+            "because they name no robot of this fleet.",
+            (*EXPORTER, "query", "what"),
+        ),
+        lambda exporter: [
+            ((each.query.name, what), float(number))
+            for each in exporter.outcomes()
+            if each.error == ""
+            for what, number in (("used", each.rows), ("skipped", each.skipped))
+        ],
     ),
     (
         _family(

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule, Threshold, ValueRule
-from ros_diagnostics_exporter.model import Instant, Level, Status
+from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.robots.persisted import PersistedComponent
 from ros_diagnostics_exporter.robots.rejections import Reject, RejectionReason
@@ -51,6 +51,7 @@ class Component:
         "_was_ok",
         "before_stale",
         "changes",
+        "feed",
         "gaps",
         "group",
         "hardware_id",
@@ -86,6 +87,7 @@ class Component:
         self.group = ""
         self.label = ""  # its name everywhere: no two of a group are the same
         self.rule = rule
+        self.feed: Feed | None = None  # None: the robot's own topics
         self.values = values
         self.hardware_id = ""
         self.level = -1  # nothing received yet
@@ -238,6 +240,8 @@ class Component:
         """Seconds without a fresh status after which the component is STALE."""
         if self.rule is not None and self.rule.stale_after is not None:
             return self.rule.stale_after
+        if self.feed is not None:
+            return self.feed.stale_after
         if not raw:
             return default
         if len(self.gaps) < GAPS_KEPT and sum(self.gaps) < LEAST_STALE_AFTER:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from math import inf
 
 from ros_diagnostics_exporter.config import fleet as config
-from ros_diagnostics_exporter.model import Instant, Status
+from ros_diagnostics_exporter.model import Feed, Instant, Status
 from ros_diagnostics_exporter.robots.component import (
     ERROR,
     OK,
@@ -249,6 +249,21 @@ class Components:
         self.update(component, status, now)
         self._expect(component, now)
 
+    def update_measured(
+        self, component: Component, feed: Feed, status: Status, now: Instant
+    ) -> None:
+        """Update one component from another feed than the robot's own topics."""
+        self.set_feed(component, feed)
+        component.raw_received = now.mono  # an aggregator that lacks it does not know it
+        self.update(component, status, now)
+        self._expect(component, now)
+
+    def set_feed(self, component: Component, feed: Feed) -> None:
+        """Set by which settings a component that is not the robot's own is late and judged."""
+        if component.feed != feed:
+            component.feed = feed
+            self.level_changes[component] = None
+
     def set_problem_since(self, component: Component, since: float) -> None:
         """Set when the trouble of a component began, where the judgement of faults dates it."""
         if component.problem_since != since:
@@ -272,9 +287,10 @@ class Components:
         self._set_level(component, STALE, now)
 
     def mark_all_stale(self, now: Instant) -> None:
-        """Make all of them STALE, because the robot is silent."""
+        """Make all that the robot publishes STALE, because it is silent."""
         for component in self.by_identity.values():
-            self._set_level(component, STALE, now)
+            if component.feed is None:
+                self._set_level(component, STALE, now)
 
     def _set_level(
         self, component: Component, reported: int, now: Instant, *, notify: bool = True

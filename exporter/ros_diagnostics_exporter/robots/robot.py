@@ -5,11 +5,10 @@ from __future__ import annotations
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
-from math import inf
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Instant, Level, Status
+from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Feed, Instant, Level, Status
 from ros_diagnostics_exporter.robots.component import STALE, Component
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
@@ -17,6 +16,7 @@ from ros_diagnostics_exporter.robots.maintenance import (
     components_in_maintenance,
     in_maintenance,
 )
+from ros_diagnostics_exporter.robots.measured import MeasuredUpdates, query_of
 from ros_diagnostics_exporter.robots.network import Network
 from ros_diagnostics_exporter.robots.persisted import Origin, PersistedRobot
 from ros_diagnostics_exporter.robots.rejections import (
@@ -91,6 +91,7 @@ class Robot:
         )
         self._aggregated = AggregatedUpdates(self.components, self.versions, limits, self.reject)
         self._raw = RawUpdates(self.components, self.reject)
+        self.measured = MeasuredUpdates(self.components)
 
     @property
     def groups(self) -> Mapping[str, tuple[int, str]]:
@@ -156,6 +157,11 @@ class Robot:
         updates = self._raw if raw else self._aggregated
         updates.apply(statuses, now)
 
+    def follow_feeds(self, feeds: Mapping[str, Feed], now: Instant) -> None:
+        """Forget the components of feeds that the config no longer has."""
+        for component in self.measured.follow(feeds):
+            self.forget(component, now)
+
     def count_rejected(self, reason: RejectionReason, count: int = 1) -> None:
         """Count something that was rejected."""
         self.rejected[reason] += count
@@ -199,9 +205,8 @@ class Robot:
 
     def tick(self, now: Instant) -> None:
         """Let time pass: silence, late components."""
-        if not self.up or self.last_mono is None:
-            return
-        if now.mono - self.last_mono > self.settings.profile.stale_after:
+        last = self.last_mono if self.up else None
+        if last is not None and now.mono - last > self.settings.profile.stale_after:
             self.up = False
             self.versions.receipt += 1
             self.components.mark_all_stale(now)
@@ -212,10 +217,10 @@ class Robot:
     @property
     def next_tick(self) -> float:
         """After which time, monotonic, `tick` may have something to do; receiving changes it."""
-        if not self.up or self.last_mono is None:
-            return inf
-        silent = self.last_mono + self.settings.profile.stale_after
-        return min(silent, self.components.next_late)
+        due = self.components.next_late
+        if self.up and self.last_mono is not None:
+            due = min(due, self.last_mono + self.settings.profile.stale_after)
+        return due
 
     def update_maintenance(self, fleet: config.Fleet, now: Instant) -> None:
         """Set whether planned downtimes of it and of its components hold now."""
@@ -247,7 +252,9 @@ class Robot:
         A component that was not OK when it was last received is still known, and keeps its robot.
         """
         network = self.network
-        if self.declared or self.up or self.components or not self._had_time(now):
+        if self.declared or self.up or not self._had_time(now):
+            return False
+        if any(query_of(each.identity) is None for each in self.components):
             return False
         if network.publishers or network.obstacle is not None:
             return False
@@ -328,6 +335,7 @@ class Robot:
             component = self.components.get_or_add(each.identity, each.group, now)
             if component is not None:
                 component.restore(each, now)
+                self.measured.restored(each.identity)
         self.versions.levels += 1
         self.versions.receipt += 1
 

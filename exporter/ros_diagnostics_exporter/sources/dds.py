@@ -24,6 +24,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 from typing import Protocol
 
+from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.decode.cdr import Decoder, is_cdr
 from ros_diagnostics_exporter.decode.topic_queue import SHARE, SHARED, TopicQueue
 from ros_diagnostics_exporter.loops import Loop
@@ -241,7 +242,9 @@ def read_clocks() -> Instant:
 
 
 class Listener:
-    """Joins the domains and keeps their subscriptions in step with what is wanted."""
+    """Joins the domains and keeps their subscriptions in step with what is wanted; a `Source`."""
+
+    name = "dds"
 
     def __init__(
         self,
@@ -261,6 +264,10 @@ class Listener:
         self._counting = threading.Lock()
         self.decode_seconds = 0.0
         self.ingest_seconds = 0.0
+
+    def follow(self, fleet: Fleet) -> None:
+        """Be in exactly the domains of this config; see `join`."""
+        self.join(fleet.domain_ids)
 
     def join(self, domain_ids: tuple[int, ...]) -> None:
         """Be in exactly these domains.

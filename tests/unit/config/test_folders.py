@@ -31,6 +31,7 @@ def test_robot_that_leaves_the_folder_is_gone_at_the_next_load(fleet_of, tmp_pat
         tmp_path / "robots.d",
         tmp_path / "robots.d/b.yml",
         tmp_path / "maintenance.d",
+        tmp_path / "queries.d",
     )
     (tmp_path / "robots.d/b.yml").unlink()
     after = load(tmp_path / "fleet.yml")

@@ -211,7 +211,7 @@ def test_a_list_of_many_warnings_is_cut(fleet_of):
 
 def test_sources_are_the_same_for_a_fleet_a_path_and_a_broken_file(fleet_of, tmp_path):
     path = tmp_path / "fleet.yml"
-    expected = (path, tmp_path / "robots.d", tmp_path / "maintenance.d")
+    expected = (path, *(tmp_path / f"{each}.d" for each in ("robots", "maintenance", "queries")))
     assert sources(fleet_of(DEMO)) == sources(path) == expected
     path.write_text("fleet: [")
     assert sources(path) == (path,)

@@ -69,6 +69,7 @@ WHOLE = {
         "faults": {"warning_hours": {"weekly": ["daily 06:00-18:00"], **entry}}
     },
     "Limits": lambda entry: {"limits": entry},
+    "Query": lambda entry: {"queries": [{"expr": "up", "component": "c", **entry}]},
     "Maintenance": lambda entry: {
         "maintenance": [
             {
@@ -98,8 +99,9 @@ def whole(name, entry):
 
 @pytest.fixture
 def load_data(tmp_path):
-    for folder in ("robots.d", "maintenance.d", "fleet/robots", "fleet/maintenance"):
-        (tmp_path / folder).mkdir(parents=True)
+    for folder in ("robots", "maintenance", "queries"):
+        (tmp_path / f"{folder}.d").mkdir()
+        (tmp_path / "fleet" / folder).mkdir(parents=True)
 
     def loaded(data):
         path = tmp_path / "fleet.yml"

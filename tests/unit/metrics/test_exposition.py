@@ -22,6 +22,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Fleet,
     Limits,
     Profile,
+    Query,
     Robot,
     Source,
     Threshold,
@@ -38,6 +39,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import (
 )
 from ros_diagnostics_exporter.model import Endpoint, Instant, Part, Status
 from ros_diagnostics_exporter.robots.rejections import REASONS, FleetRejectionReason
+from ros_diagnostics_exporter.sources.prometheus import Outcome
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
 HOSTILE = [
@@ -451,6 +453,7 @@ def self_metrics(driver: StateDriver) -> SelfMetrics:
     exporter = Exporter(
         *(driver.state, driver.exposition, listener, part, part, part, canary, ros),
         lambda: loops,
+        lambda: [Outcome(Query("up", "node_exporter"), "")],
     )
     return SelfMetrics(exporter)
 

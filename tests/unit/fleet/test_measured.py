@@ -1,0 +1,174 @@
+"""Components that a query of Prometheus measures, beside what the robot publishes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Profile, Query, Robot, Source
+from ros_diagnostics_exporter.model import Endpoint, Status
+from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
+
+MOTOR = Status(OK, "Motor", "OK")
+DISK, FULL = Status(OK, "disk", "50 %"), Status(ERROR, "disk", "95 %, above 90")
+QUERY = Query("x", "disk", robot="robot", stale_after=60.0, confirm_after=20.0)
+ROBOT = Robot("r", topic_agg="/r/diagnostics_agg", topic_raw="/r/diagnostics", profile=Profile())
+ABSENT = 2 * 60.0  # seconds that are enough for an absent component to be a fault
+
+
+class Driver(StateDriver):
+    """One robot that a query measures every 15 s."""
+
+    def __init__(self, source: Source = Source.RAW, query: Query = QUERY) -> None:
+        fleet = Fleet("f", (replace(ROBOT, source=source),), queries=(query,))
+        super().__init__(fleet=fleet)
+
+    def answer(self, *statuses: Status) -> None:
+        self.state.receive_answer(
+            self.state.fleet.queries[0].feed, {"r": statuses} if statuses else {}, self.now
+        )
+
+    def pass_to(self, end: float, *statuses: Status, ros: bool = True, answers: bool = True):
+        """Let both feeds go on until then."""
+        while self.now.mono < end:
+            second = int(self.now.mono)
+            if ros:
+                self.raw(MOTOR)
+            if answers and second % 15 == 0:
+                self.answer(*statuses)
+            self.at(second + 1)
+
+    def faults(self) -> list[tuple[str, str]]:
+        found = self.state.faults()
+        return [(each.identity.component, each.identity.state.value) for each in found]
+
+
+@pytest.fixture
+def driver() -> Driver:
+    return Driver()
+
+
+def test_it_is_a_component_of_the_robot_and_a_fault_after_the_querys_time(driver):
+    driver.pass_to(30, DISK)
+    driver.pass_to(49, FULL)
+    assert (driver.component("disk").group, driver.level("disk")) == ("Host", ERROR)
+    assert driver.faults() == []
+    driver.pass_to(51, FULL)
+    assert driver.faults() == [("disk", "critical")]
+    labels = {"fleet": "f", "robot": "r", "component": "disk", "group": "Host"}
+    assert driver.sample("component_level", **labels) == ERROR
+    driver.pass_to(61, DISK)
+    assert driver.faults() == []
+
+
+def test_its_answers_do_not_make_a_robot_up_and_their_absence_does_not_make_it_silent(driver):
+    driver.answer(FULL)
+    driver.at(1)
+    assert not driver.robot.up
+    assert driver.level("disk") == ERROR
+
+    driver.pass_to(30, DISK)
+    assert driver.robot.up
+    driver.pass_to(300, answers=False)
+    assert driver.robot.up
+
+    driver.answer(FULL)
+    driver.pass_to(320, ros=False, answers=False)
+    assert not driver.robot.up
+    assert (driver.level("Motor"), driver.level("disk")) == (STALE, ERROR)
+    assert driver.faults() == [("", "silent")]
+    driver.at(400)
+    assert driver.level("disk") == STALE
+
+
+def test_while_prometheus_does_not_answer_it_is_stale_and_nothing_begins_or_ends(driver):
+    driver.pass_to(40, FULL)
+    assert driver.faults() == [("disk", "critical")]
+    driver.pass_to(40 + ABSENT, answers=False)
+    assert driver.level("disk") == STALE
+    assert driver.faults() == [("disk", "critical")]
+
+    well = Driver()
+    well.pass_to(30, DISK)
+    well.pass_to(30 + 3600, answers=False)
+    assert (well.level("disk"), well.faults()) == (STALE, [])
+    well.answer(DISK)
+    assert well.level("disk") == OK
+
+
+def test_what_an_answer_lacks_is_a_stale_component(driver):
+    driver.pass_to(30, DISK)
+    driver.pass_to(30 + 60)
+    assert driver.faults() == []
+    driver.pass_to(30 + ABSENT)
+    assert (driver.level("disk"), driver.faults()) == (STALE, [("disk", "stale")])
+    driver.pass_to(30 + ABSENT + 20, DISK)
+    assert driver.faults() == []
+
+
+def test_a_stale_that_is_planned_is_no_fault_and_ends_none():
+    driver = Driver(query=replace(QUERY, planned_stale=True))
+    driver.pass_to(30, DISK)
+    driver.pass_to(30 + ABSENT)
+    assert (driver.level("disk"), driver.faults()) == (STALE, [])
+    driver.pass_to(200, FULL)
+    driver.pass_to(200 + ABSENT)
+    assert (driver.level("disk"), driver.faults()) == (STALE, [("disk", "critical")])
+
+
+def test_an_aggregator_that_does_not_list_it_says_nothing_of_it():
+    driver = Driver(Source.AGG)
+    driver.agg(*tree(Drive=[MOTOR]))
+    driver.answer(DISK)
+    driver.agg(*tree(Drive=[MOTOR], Power=[Status(OK, "Battery", "OK")]))
+    assert driver.level("disk") == OK
+    driver.agg(*tree(Host=[Status(WARN, "disk", "mine")]))
+    found = [(each.group, each.level) for each in driver.robot.components if each.name == "disk"]
+    assert found == [("Host", OK), ("/Host", WARN)]
+
+
+def test_after_a_restart_it_is_the_same_component_and_no_fault_for_want_of_an_answer(
+    driver, tmp_path: Path
+):
+    driver.pass_to(40, FULL)
+    driver.keep(tmp_path / "db")
+    again = driver.restart(tmp_path / "db")
+    try:
+        while again.now.mono < 300:  # the robot is back, Prometheus is not
+            again.raw(MOTOR)
+            again.at(again.now.mono + 1)
+        found = [each.identity.component for each in again.state.faults()]
+        assert (again.level("disk"), found) == (STALE, ["disk"])
+        again.state.receive_answer(QUERY.feed, {"r": [DISK]}, again.now)
+        again.raw(MOTOR)
+        assert again.level("disk") == OK
+        assert again.state.faults() == []
+        assert len(again.robot.components) == 2
+    finally:
+        again.close()
+
+
+def test_a_query_that_is_taken_out_takes_its_components_and_their_faults_with_it(driver):
+    driver.pass_to(40, FULL)
+    old = QUERY.feed
+    driver.state.configure(replace(driver.state.fleet, queries=()), driver.now)
+    assert [each.name for each in driver.robot.components] == ["Motor"]
+    assert driver.faults() == []
+    driver.state.receive_answer(old, {"r": [FULL]}, driver.now)  # which was under way
+    assert [each.name for each in driver.robot.components] == ["Motor"]
+
+
+def test_it_does_not_keep_a_robot_that_never_published(driver):
+    fleet = driver.state.fleet
+    discovery = Discovery(template="/{robot}/diagnostics").completed({})
+    found = StateDriver(fleet=replace(fleet, robots=(), discoveries=(discovery,)))
+    found.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, found.now)
+    found.state.update_graph(0, {}, found.now)
+    feed = QUERY.feed
+    for hour in range(30):
+        found.state.receive_answer(feed, {"r": [DISK]}, found.now)
+        found.now = found.now._replace(mono=3600.0 * hour)
+        found.state.tick(found.now)
+    assert not found.state.robots
