@@ -15,9 +15,8 @@ from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State,
 
 EVIDENCE_LENGTH = 512
 MOST_LABELS = 100
-_OF_FAULT = {*IDENTITY, "alertname", "exporter", "fault"} - {
-    "site"
-}  # the others are the robot's own
+# The others are the robot's own.
+_OF_FAULT = {*IDENTITY, "alertname", "exporter", "fault"} - {"site"}
 
 
 def read(alerts: Iterable[Any], fleet: str, exporter: str) -> list[Fault]:

@@ -364,7 +364,7 @@ class Faults:
         """Put back the rows that a former process had, into an engine that has nothing yet.
 
         What follows is as it would have been there; robots that are no longer wanted are to be
-        forgotten. LookupError, TypeError or ValueError: the rows are not what `take_rows` gave.
+        forgotten. LookupError or ValueError: the rows are not what `take_rows` gave.
         """
         rows.restore(self._book, stored, now)
 

@@ -9,8 +9,7 @@ nothing that is to end lasts longer than if it had begun now.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import asdict
+from collections.abc import Callable, Iterable
 from math import inf
 from types import MappingProxyType
 from typing import Any
@@ -39,29 +38,42 @@ from ros_diagnostics_exporter.faults.records import (
     RowKey,
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
+from ros_diagnostics_exporter.faults.stored import (
+    SCHEMAS,
+    History,
+    OfCause,
+    OfComponent,
+    OfEnd,
+    OfFleet,
+    OfProblem,
+    OfRobot,
+    Stored,
+    StoredFault,
+    StoredSettings,
+    as_fields,
+)
 from ros_diagnostics_exporter.model import Instant, Level
 
-_Fields = dict[str, Any]
-_ORDER = ("fleet", "robot", "component", "cause", "problem", "end")  # each refers to those before
+_ORDER = tuple(SCHEMAS)  # each refers to those before
 
 
 class _Clock:
     """Turns readings of the monotonic clock into Unix time and back, by one Instant."""
 
     def __init__(self, now: Instant) -> None:
-        self._offset = now.wall - now.mono
+        self.offset = now.wall - now.mono
 
     def wall(self, mono: float) -> float | None:
         """The Unix time; None for never."""
-        return None if mono == -inf else mono + self._offset
+        return None if mono == -inf else mono + self.offset
 
     def mono(self, wall: float | None) -> float:
         """The monotonic clock's reading then."""
-        return -inf if wall is None else wall - self._offset
+        return -inf if wall is None else wall - self.offset
 
     def instant(self, wall: float) -> Instant:
         """Both."""
-        return Instant(wall - self._offset, wall)
+        return Instant(wall - self.offset, wall)
 
 
 def take(book: Book, now: Instant) -> list[Row]:
@@ -72,10 +84,10 @@ def take(book: Book, now: Instant) -> list[Row]:
     return taken
 
 
-def restore(book: Book, stored: Iterable[Row], now: Instant) -> None:
+def restore(book: Book, rows: Iterable[Row], now: Instant) -> None:
     """Put rows back into an empty book."""
     clock = _Clock(now)
-    readers = {
+    readers: dict[str, Callable[[Book, tuple[str, ...], Any, _Clock], None]] = {
         "fleet": _read_fleet,
         "robot": _read_robot,
         "component": _read_component,
@@ -83,9 +95,10 @@ def restore(book: Book, stored: Iterable[Row], now: Instant) -> None:
         "problem": _read_problem,
         "end": _read_end,
     }
-    for row in sorted(stored, key=lambda row: (_ORDER.index(row.kind), row.key)):
+    for row in sorted(rows, key=lambda row: (_ORDER.index(row.kind), row.key)):
         if row.fields is not None:
-            readers[row.kind](book, row.key, row.fields, clock)
+            stored = SCHEMAS[row.kind].validate_python(row.fields)
+            readers[row.kind](book, row.key, stored, clock)
     _bound(book, now)
     _count(book, now)
     _set_timers(book)
@@ -98,13 +111,17 @@ def restore(book: Book, stored: Iterable[Row], now: Instant) -> None:
 # -- writing -----------------------------------------------------------------------------------
 
 
-def _fields(book: Book, row: RowKey, clock: _Clock) -> _Fields | None:
+def _fields(book: Book, row: RowKey, clock: _Clock) -> dict[str, object] | None:
+    stored = _stored(book, row, clock)
+    return None if stored is None else as_fields(stored)
+
+
+def _stored(book: Book, row: RowKey, clock: _Clock) -> Stored | None:
     kind, key = row
     if kind == "fleet":
-        return {
-            "grace_until": clock.wall(book.grace_until),
-            "settled_at": clock.wall(book.settled_at),
-        }
+        return OfFleet(
+            grace_until=clock.wall(book.grace_until), settled_at=clock.wall(book.settled_at)
+        )
     if kind == "problem":
         problem = book.problems.get(_identity(key))
         return None if problem is None else _of_problem(problem, clock)
@@ -133,147 +150,153 @@ def _cause(book: Book, key: tuple[str, ...]) -> Cause | None:
     return None if robot is None else robot.many
 
 
-def _of_problem(problem: Problem, clock: _Clock) -> _Fields:
-    fault = problem.fault
-    return {
-        "since": problem.since.wall,
-        "clock": clock.wall(problem.clock),
-        "verdict": int(problem.verdict),
-        "fault": None
-        if fault is None
-        else {
-            "since": fault.since,
-            "confirmed": fault.confirmed,
-            "labels": dict(fault.labels),
-            "evidence": fault.evidence,
-            "work": fault.work,
-        },
-    }
+def _of_problem(problem: Problem, clock: _Clock) -> OfProblem:
+    return OfProblem(
+        since=problem.since.wall,
+        clock=problem.clock + clock.offset,
+        verdict=int(problem.verdict),
+        fault=None if problem.fault is None else _of_fault(problem.fault),
+    )
 
 
-def _of_cause(cause: Cause, clock: _Clock) -> _Fields | None:
+def _of_fault(fault: Fault) -> StoredFault:
+    return StoredFault(
+        since=fault.since,
+        confirmed=fault.confirmed,
+        labels=dict(fault.labels),
+        evidence=fault.evidence,
+        work=fault.work,
+    )
+
+
+def _of_cause(cause: Cause, clock: _Clock) -> OfCause | None:
     if cause.active is None and cause.covers_until == -inf:
         return None
-    return {
-        "active": None if cause.active is None else cause.active.wall,
-        "covers_until": clock.wall(cause.covers_until),
-        "adopted": cause.adopted,
-    }
+    return OfCause(
+        active=None if cause.active is None else cause.active.wall,
+        covers_until=clock.wall(cause.covers_until),
+        adopted=cause.adopted,
+    )
 
 
-def _of_end(ended: Ended | None) -> _Fields | None:
+def _of_end(ended: Ended | None) -> OfEnd | None:
     if ended is None or ended.end.fault is None:
         return None
     end, fault = ended.end, ended.end.fault
-    return {
-        "reason": end.reason,
-        "at": end.at,
-        "message": end.message,
-        "since": fault.since,
-        "labels": dict(fault.labels),
-    }
+    return OfEnd(
+        reason=end.reason,
+        at=end.at,
+        message=end.message,
+        since=fault.since,
+        labels=dict(fault.labels),
+    )
 
 
-def _of_robot(robot: Robot, clock: _Clock) -> _Fields:
+def _of_robot(robot: Robot, clock: _Clock) -> OfRobot:
     settings = robot.settings
-    return {
-        "labels": dict(settings.labels),
-        "confirm_after": settings.confirm_after,
-        "flap_interval": settings.flap_interval,
-        "presence_interval": settings.presence_interval,
-        "declared": robot.declared,
-        "presence": robot.presence.value,
-        "maintenance": robot.maintenance,
-        "returned_until": clock.wall(robot.returned_until),
-        "total": robot.total,
-        "counted": robot.counted,
-        "history": _of_history(robot.history, clock),
-    }
+    return OfRobot(
+        labels=dict(settings.labels),
+        confirm_after=settings.confirm_after,
+        flap_interval=settings.flap_interval,
+        presence_interval=settings.presence_interval,
+        declared=robot.declared,
+        presence=robot.presence.value,
+        maintenance=robot.maintenance,
+        returned_until=clock.wall(robot.returned_until),
+        total=robot.total,
+        counted=robot.counted,
+        history=_of_history(robot.history, clock),
+    )
 
 
-def _of_component(component: Component, clock: _Clock) -> _Fields:
-    return {
-        "settings": asdict(component.settings),
-        "level": int(component.level),
-        "since": None if component.since is None else component.since.wall,
-        "counted": component.counted,
-        "flaps": _of_history(component.flaps, clock),
-    }
+def _of_component(component: Component, clock: _Clock) -> OfComponent:
+    settings = component.settings
+    return OfComponent(
+        settings=StoredSettings(
+            confirm_after=settings.confirm_after,
+            planned_stale=settings.planned_stale,
+            stale_is_critical=settings.stale_is_critical,
+        ),
+        level=int(component.level),
+        since=None if component.since is None else component.since.wall,
+        counted=component.counted,
+        flaps=_of_history(component.flaps, clock),
+    )
 
 
-def _of_history(history: FlapHistory | None, clock: _Clock) -> _Fields | None:
+def _of_history(history: FlapHistory | None, clock: _Clock) -> History | None:
     if history is None:
         return None
-    return {"slots": [int(each) for each in history.slots], "last": clock.wall(history.last)}
+    return History(slots=list(history.slots), last=history.last + clock.offset)
 
 
 # -- reading -----------------------------------------------------------------------------------
 
 
-def _read_fleet(book: Book, _key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
-    book.grace_until = clock.mono(fields["grace_until"])
-    book.settled_at = clock.mono(fields["settled_at"])
+def _read_fleet(book: Book, _key: tuple[str, ...], stored: OfFleet, clock: _Clock) -> None:
+    book.grace_until = clock.mono(stored.grace_until)
+    book.settled_at = clock.mono(stored.settled_at)
 
 
-def _read_robot(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
+def _read_robot(book: Book, key: tuple[str, ...], stored: OfRobot, clock: _Clock) -> None:
     settings = RobotSettings(
-        MappingProxyType(fields["labels"]),
-        fields["confirm_after"],
-        fields["flap_interval"],
-        fields["presence_interval"],
+        MappingProxyType(stored.labels),
+        stored.confirm_after,
+        stored.flap_interval,
+        stored.presence_interval,
     )
     robot = book.add_robot(key[0], settings)
-    robot.declared = fields["declared"]
-    robot.presence = Presence(fields["presence"])
-    robot.maintenance = fields["maintenance"]
-    robot.returned_until = clock.mono(fields["returned_until"])
-    robot.total = fields["total"]
-    robot.counted = fields["counted"]
-    robot.history = _read_history(fields["history"], clock)
+    robot.declared = stored.declared
+    robot.presence = Presence(stored.presence)
+    robot.maintenance = stored.maintenance
+    robot.returned_until = clock.mono(stored.returned_until)
+    robot.total = stored.total
+    robot.counted = stored.counted
+    robot.history = _read_history(stored.history, clock)
 
 
-def _read_component(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
-    settings = ComponentSettings(**fields["settings"])
+def _read_component(book: Book, key: tuple[str, ...], stored: OfComponent, clock: _Clock) -> None:
+    settings = ComponentSettings(**stored.settings._asdict())
     component = book.add_component(book.robots[key[0]], ComponentName(*key[1:]), settings)
-    component.level = Level(fields["level"])
-    since = fields["since"]
+    component.level = Level(stored.level)
+    since = stored.since
     component.since = None if since is None else clock.instant(since)
-    component.counted = fields["counted"]
-    component.flaps = _read_history(fields["flaps"], clock)
+    component.counted = stored.counted
+    component.flaps = _read_history(stored.flaps, clock)
 
 
-def _read_history(fields: _Fields | None, clock: _Clock) -> FlapHistory | None:
-    return None if fields is None else FlapHistory(fields["slots"], clock.mono(fields["last"]))
+def _read_history(stored: History | None, clock: _Clock) -> FlapHistory | None:
+    return None if stored is None else FlapHistory(stored.slots, clock.mono(stored.last))
 
 
-def _read_cause(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
+def _read_cause(book: Book, key: tuple[str, ...], stored: OfCause, clock: _Clock) -> None:
     scope, name = Scope(key[0]), key[1]
     cause = book.robots[name].many if scope is Scope.ROBOT else book.cause(scope, name)
-    active = fields["active"]
+    active = stored.active
     cause.active = None if active is None else clock.instant(active)
-    cause.covers_until = clock.mono(fields["covers_until"])
-    cause.adopted = fields["adopted"]
+    cause.covers_until = clock.mono(stored.covers_until)
+    cause.adopted = stored.adopted
 
 
-def _read_problem(book: Book, key: tuple[str, ...], fields: _Fields, clock: _Clock) -> None:
+def _read_problem(book: Book, key: tuple[str, ...], stored: OfProblem, clock: _Clock) -> None:
     identity = _identity(key)
-    problem = Problem(identity, clock.instant(fields["since"]))
-    problem.clock = clock.mono(fields["clock"])
-    problem.verdict = Verdict(fields["verdict"])
-    fault = fields["fault"]
+    problem = Problem(identity, clock.instant(stored.since))
+    problem.clock = clock.mono(stored.clock)
+    problem.verdict = Verdict(stored.verdict)
+    fault = stored.fault
     if fault is not None:
-        labels = MappingProxyType(fault["labels"])
-        times = fault["since"], fault["confirmed"]
-        problem.fault = Fault(identity, *times, labels, fault["evidence"], fault.get("work", ""))
+        labels = MappingProxyType(fault.labels)
+        times = fault.since, fault.confirmed
+        problem.fault = Fault(identity, *times, labels, fault.evidence, fault.work)
         problem.restored = True
     give_to_owner(book, problem)
     book.add_problem(problem)
 
 
-def _read_end(book: Book, key: tuple[str, ...], fields: _Fields, _clock: _Clock) -> None:
-    identity, since = _identity(key), fields["since"]
-    fault = Fault(identity, since, since, MappingProxyType(fields["labels"]))
-    end = End(fault, identity.robot, fields["reason"], fields["at"], fields["message"])
+def _read_end(book: Book, key: tuple[str, ...], stored: OfEnd, _clock: _Clock) -> None:
+    identity, since = _identity(key), stored.since
+    fault = Fault(identity, since, since, MappingProxyType(stored.labels))
+    end = End(fault, identity.robot, stored.reason, stored.at, stored.message)
     book.ended[identity] = Ended(end)
 
 

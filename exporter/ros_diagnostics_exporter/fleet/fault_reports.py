@@ -121,7 +121,7 @@ class FaultReports:
 
         Raises:
             LookupError: the rows refer to what is not among them; nothing is restored.
-            TypeError, ValueError: they are not rows of faults; nothing is restored.
+            ValueError: they are not rows of faults; nothing is restored.
         """
         now, rows = self._time(now), list(rows)
         faults = Faults(self._fleet.faults)
@@ -318,7 +318,7 @@ class RobotReports:
         self._presence, self.maintenance = None, self.robot.maintenance
         self.maintained = frozenset()
         components = self.robot.components
-        self._names, self._names_version = _names(components), components.names_version
+        self._names, self._names_version = _names(components), self.robot.versions.names
         return self.configure(faults, now) + self._forget_ignored(faults, now)
 
     def _forget_ignored(self, faults: Faults, now: Instant) -> list[Change]:
@@ -342,7 +342,7 @@ class RobotReports:
         components = self.robot.components
         if components.level_changes or components.value_changes:
             return True
-        if components.names_version != self._names_version:
+        if self.robot.versions.names != self._names_version:
             return True
         if self._awaited and self.robot.up and self._has_found_awaited:
             return True
@@ -352,7 +352,7 @@ class RobotReports:
         """Report it."""
         components = self.robot.components
         changes = self._report_presence(faults, now)
-        renamed = components.names_version != self._names_version
+        renamed = self.robot.versions.names != self._names_version
         if renamed:
             changes += self._follow_names(faults, now)
         self._apply_conditions(now)
@@ -379,8 +379,7 @@ class RobotReports:
             is_known = self.robot.up and quiet is not None and quiet.known
             components.set_quiet(component, quiet.because if quiet and is_known else "")
             if differs:
-                components.level_changes[component] = None
-                components.value_changes[component] = None
+                components.report_again(component)
             if name is not None and self.robot.up:
                 of = self.robot.settings.name, name
                 self._events.extend(self.by_condition.update(component, of, self._conditions, now))
@@ -492,8 +491,7 @@ class RobotReports:
             is_known = not component.is_stale or self._is_reported_stale(component)
             if is_known or self._last_of(component) >= absent:
                 del self._awaited[component]
-                changed[component] = None
-                self.robot.components.value_changes[component] = None
+                self.robot.components.report_again(component)
         self._await_late(changed)
 
     # -- components --------------------------------------------------------------------------
@@ -527,10 +525,9 @@ class RobotReports:
             former = self._names.get(component)
             if former is not None and former != new:
                 changes += faults.component_moved(robot, former, new, now)
-                components.level_changes[component] = None
-                components.value_changes[component] = None
+                components.report_again(component)
         self.by_condition.clear()  # the conditions are evaluated anew
-        self._names, self._names_version = names, components.names_version
+        self._names, self._names_version = names, self.robot.versions.names
         return changes
 
     def _report_levels(self, faults: Faults, now: Instant, *, renamed: bool) -> list[Change]:

@@ -333,7 +333,7 @@ class State:
 
         Raises:
             LookupError: the rows refer to what is not among them; nothing is restored.
-            TypeError, ValueError: they are not rows of faults; nothing is restored.
+            ValueError: they are not rows of faults; nothing is restored.
         """
         rows = list(rows)
         for row in rows:

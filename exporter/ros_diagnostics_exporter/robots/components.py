@@ -63,7 +63,6 @@ class Components:
         # What the judgement of faults has yet to take: emptied by it.
         self.level_changes: dict[Component, None] = {}
         self.value_changes: dict[Component, None] = {}
-        self.names_version = 0  # raised when a component is added, removed or has another label
         self._taken: dict[str, dict[str, int]] = {}  # labels by group, see `unique_name`
         self._deadline = inf  # when the next component may be late, monotonic
         self._checked: list[tuple[str, list[Component]]] = []
@@ -131,7 +130,7 @@ class Components:
         component.group = group
         component.label = unique_name(component.name, self._taken.setdefault(group, {}), "~")
         self._versions.structure += 1
-        self.names_version += 1
+        self._versions.names += 1
 
     def _release_label(self, component: Component) -> None:
         taken = self._taken.get(component.group, {})
@@ -156,7 +155,7 @@ class Components:
         del self.by_identity[component.identity]
         self._release_label(component)
         self.removals += 1
-        self.names_version += 1
+        self._versions.names += 1
         self._versions.structure += 1
         self._versions.levels += 1
 
@@ -276,6 +275,11 @@ class Components:
         if component.quiet_because != because:
             component.quiet_because = because
             self._versions.levels += 1
+
+    def report_again(self, component: Component) -> None:
+        """Have the judgement of faults take all of a component, as if it had changed."""
+        self.level_changes[component] = None
+        self.value_changes[component] = None
 
     def mark_missing(self, component: Component, now: Instant) -> None:
         """Make a component STALE, because its aggregator's array does not have it."""

@@ -48,13 +48,13 @@ class RobotConditions:
         Returns those with conditions that changed or depend on what did, and whether the conditions
         say something else of them than before.
         """
-        profile, components = self._robot.settings.profile, self._robot.components
+        profile, names = self._robot.settings.profile, self._robot.versions.names
         if everything or profile is not self._profile:
             self._profile, self._names_version = profile, -1
         if not (profile.has_conditions or self._conditional):
             return {}
-        if components.names_version != self._names_version:
-            self._names_version = components.names_version
+        if names != self._names_version:
+            self._names_version = names
             return self._start_over(profile)
         touched: dict[Component, None] = {}
         for component in changed:

@@ -10,6 +10,7 @@ class Versions:
     """One robot's counters, each raised when its part changed."""
 
     structure: int = 0  # which series there are
+    names: int = 0  # a component was added, removed or has another label
     receipt: int = 0  # messages, bytes, last message, clock offset, the graph
     rejections: int = 0
     levels: int = 0

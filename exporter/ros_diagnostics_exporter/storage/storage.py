@@ -197,7 +197,7 @@ class Storage:
         state.restore(found.robots, now)
         try:
             state.restore_faults(found.rows, now)
-        except (LookupError, TypeError, ValueError) as error:
+        except (LookupError, ValueError) as error:
             found.add_damage(f"its faults do not belong together: {error!r:.80}; none is restored")
         else:
             self._rows = {key: text for key, text in map(_row_as_json, found.rows) if text}

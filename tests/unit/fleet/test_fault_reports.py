@@ -962,11 +962,22 @@ def test_of_one_name_twice_in_an_array_the_worse_counts_and_it_is_reported(level
     assert driver.sample("robot_rejected_total", reason="duplicate_component") == 1
 
 
-def test_rows_that_cannot_be_read_change_nothing():
+JUDGED = {"confirm_after": 1.0, "planned_stale": False, "stale_is_critical": False}
+OF_COMPONENT = {"settings": JUDGED, "level": 2, "since": None, "counted": False, "flaps": None}
+
+
+@pytest.mark.parametrize(
+    ("row", "error"),
+    [
+        (Row("problem", ("component", "critical"), {}), ValueError),
+        (Row("component", ("unknown", "", "Motor"), OF_COMPONENT), LookupError),
+    ],
+)
+def test_rows_that_cannot_be_read_change_nothing(row, error):
     driver = settled(MOTOR)
     stand(driver, 12, HOT)
-    with pytest.raises(LookupError):
-        driver.state.restore_faults([Row("problem", ("component", "critical"), {})], driver.now)
+    with pytest.raises(error):
+        driver.state.restore_faults([row], driver.now)
     assert faults(driver) == {("component", "critical", "r", "Motor")}
 
 

@@ -180,7 +180,7 @@ def test_a_log_of_another_version_is_an_error(tmp_path):
         connection.execute("PRAGMA user_version = 9")
         connection.commit()
 
-    assert error(path) == f"{path}: has version 9, and this program reads 2"
+    assert error(path) == f"{path}: has version 9, and this program reads 3"
 
 
 def test_a_damaged_log_is_an_error(tmp_path):

@@ -1,0 +1,125 @@
+"""The fields of the rows of faults, each described once: its name, its type and its limits.
+
+`rows` writes and reads them; times in them are Unix time.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field, TypeAdapter
+
+from ros_diagnostics_exporter.faults.flapping import SLOTS
+
+# Limits for what is read from the file: whatever passes them can be restored and served.
+Moment = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
+Seconds = Annotated[float, Field(ge=0, le=1e11, allow_inf_nan=False)]
+Interval = Annotated[float, Field(gt=0, le=1e11, allow_inf_nan=False)]
+Text = Annotated[str, Field(max_length=4096)]
+Number = Annotated[int, Field(ge=0, le=3)]
+Labels = Annotated[dict[Text, Text], Field(max_length=1000)]
+
+
+class History(NamedTuple):
+    """The states of one thing that may flap."""
+
+    slots: Annotated[list[Number], Field(min_length=SLOTS, max_length=SLOTS)]
+    last: Moment
+
+
+class StoredSettings(NamedTuple):
+    """How a component is judged."""
+
+    confirm_after: Seconds
+    planned_stale: bool
+    stale_is_critical: bool
+
+
+class StoredFault(NamedTuple):
+    """What is fixed when a problem is confirmed."""
+
+    since: Moment
+    confirmed: Moment
+    labels: Labels
+    evidence: Text
+    work: Text
+
+
+class OfFleet(NamedTuple):
+    """The times of a start."""
+
+    settled_at: Moment | None
+    grace_until: Moment | None
+
+
+class OfRobot(NamedTuple):
+    """A robot."""
+
+    labels: Labels
+    confirm_after: Seconds
+    flap_interval: Interval
+    presence_interval: Interval
+    declared: bool
+    presence: Literal["never", "silent", "up"]
+    maintenance: bool
+    returned_until: Moment | None
+    total: Annotated[int, Field(ge=0)]
+    counted: bool
+    history: History | None
+
+
+class OfComponent(NamedTuple):
+    """A component in trouble."""
+
+    settings: StoredSettings
+    level: Number
+    since: Moment | None
+    counted: bool
+    flaps: History | None
+
+
+class OfCause(NamedTuple):
+    """A larger cause."""
+
+    active: Moment | None
+    covers_until: Moment | None
+    adopted: bool
+
+
+class OfProblem(NamedTuple):
+    """A problem."""
+
+    since: Moment
+    clock: Moment
+    verdict: Number
+    fault: StoredFault | None
+
+
+class OfEnd(NamedTuple):
+    """What ended a fault."""
+
+    reason: Literal["recovered", "removed"]
+    at: Moment
+    message: Text
+    since: Moment
+    labels: Labels
+
+
+Stored = OfFleet | OfRobot | OfComponent | OfCause | OfProblem | OfEnd
+SCHEMAS: dict[str, TypeAdapter[Any]] = {  # by kind, in the order in which they refer to each other
+    "fleet": TypeAdapter(OfFleet),
+    "robot": TypeAdapter(OfRobot),
+    "component": TypeAdapter(OfComponent),
+    "cause": TypeAdapter(OfCause),
+    "problem": TypeAdapter(OfProblem),
+    "end": TypeAdapter(OfEnd),
+}
+
+
+def as_fields(stored: Stored | History | StoredSettings | StoredFault) -> dict[str, object]:
+    """The fields by name, as JSON has them; `SCHEMAS` read them again."""
+    nested = History, StoredSettings, StoredFault
+    return {
+        name: as_fields(value) if isinstance(value, nested) else value
+        for name, value in stored._asdict().items()
+    }
