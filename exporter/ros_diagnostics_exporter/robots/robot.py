@@ -157,6 +157,21 @@ class Robot:
         updates = self._raw if raw else self._aggregated
         updates.apply(statuses, now)
 
+    def measure(self, feed: Feed, statuses: Sequence[Status], now: Instant) -> None:
+        """Update components from an answer of a query; only without ROS it makes the robot up."""
+        self.measured.apply(feed, statuses, now)
+        if statuses and self._has_no_ros:
+            if not self.up:
+                self.record("heard", now)
+            self.up = True
+            self.last_mono, self.last_wall = now
+            self.versions.receipt += 1
+
+    @property
+    def _has_no_ros(self) -> bool:
+        """Whether there are only queries of it: it is never silent."""
+        return self.settings.source is config.Source.QUERIES
+
     def follow_feeds(self, feeds: Mapping[str, Feed], now: Instant) -> None:
         """Forget the components of feeds that the config no longer has."""
         for component in self.measured.follow(feeds):
@@ -206,7 +221,7 @@ class Robot:
     def tick(self, now: Instant) -> None:
         """Let time pass: silence, late components, flapping."""
         self.components.decay_flapping(now)
-        last = self.last_mono if self.up else None
+        last = self.last_mono if self.up and not self._has_no_ros else None
         if last is not None and now.mono - last > self.settings.profile.stale_after:
             self.up = False
             self.versions.receipt += 1
@@ -219,7 +234,7 @@ class Robot:
     def next_tick(self) -> float:
         """After which time, monotonic, `tick` may have something to do; receiving changes it."""
         due = min(self.components.next_decay, self.components.next_late)
-        if self.up and self.last_mono is not None:
+        if self.up and self.last_mono is not None and not self._has_no_ros:
             due = min(due, self.last_mono + self.settings.profile.stale_after)
         return due
 
@@ -328,6 +343,7 @@ class Robot:
         persisted = persisted.not_after(now.wall)
         self.last_wall = persisted.last_seen
         if persisted.last_seen:
+            self.up = self._has_no_ros
             self.last_mono = now.mono - (now.wall - persisted.last_seen)
         for each in persisted.components:
             name, _group, hardware_id = each.identity
