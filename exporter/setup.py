@@ -16,7 +16,7 @@ setup(
     name=NAME,
     version=VERSION[1] if VERSION else "0",
     packages=find_packages(include=[NAME, f"{NAME}.*", TOOLS, f"{TOOLS}.*"]),
-    package_data={"": ["*.json", "*.xml", "*.yaml", "py.typed"]},
+    package_data={"": ["*.json", "*.xml", "*.yaml", "py.typed", "templates/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

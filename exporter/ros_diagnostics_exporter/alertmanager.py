@@ -156,7 +156,7 @@ def _one(silence: Any, fleet: str) -> Acknowledgement | None:
     try:
         if silence["status"]["state"] != "active":
             return None
-        named = _matched(silence["matchers"])
+        named = _matched(without_sent_steps(silence["matchers"]))
         if named is None or (named.pop("alertname"), named["fleet"]) != (ESCALATION, fleet):
             return None
         since = moment(named.pop("since"))
@@ -172,6 +172,11 @@ def _one(silence: Any, fleet: str) -> Acknowledgement | None:
         )
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         return None  # no silence as Alertmanager makes them
+
+
+def without_sent_steps(matchers: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The matchers but that for steps of escalation an acknowledgement leaves out."""
+    return [each for each in matchers if each["name"] != "step" or each.get("isEqual", True)]
 
 
 def _matched(matchers: Iterable[Mapping[str, Any]]) -> dict[str, str] | None:

@@ -15,7 +15,9 @@ from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State,
 
 EVIDENCE_LENGTH = 512
 MOST_LABELS = 100
-_OF_FAULT = {*IDENTITY, "alertname", "exporter"} - {"site"}  # the others are the robot's own
+_OF_FAULT = {*IDENTITY, "alertname", "exporter", "fault"} - {
+    "site"
+}  # the others are the robot's own
 
 
 def read(alerts: Iterable[Any], fleet: str, exporter: str) -> list[Fault]:

@@ -107,6 +107,8 @@ class LargerCauses:
             for each in robots
             if each.last is not None and self._for(max(each.last, each.quiet)) > least
         ]
+        if self._for(self._world.resized.get(site, 0.0)) <= SETTINGS.confirm_after + LATE:
+            return  # enough since then, perhaps
         if not lasts and robots and len(silent) >= SETTINGS.site.needed(len(robots)):
             yield "a site is silent and not notified", site
 
@@ -116,6 +118,9 @@ class LargerCauses:
         lasts = ("common", component) in self._standing
         if lasts and not any(each.level == ERROR for each in parts):
             yield "a common cause lasts of a component that is well", component
+        resized = max(self._world.resized.values(), default=0.0)
+        if self._for(resized) <= SETTINGS.confirm_after + LATE:
+            return
         bad = sum(self._is_steadily_critical(each, component) for each in robots)
         if not lasts and bad >= SETTINGS.common.needed(len(robots)):
             yield "a common cause is not notified", component

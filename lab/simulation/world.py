@@ -100,7 +100,7 @@ class World:
     def __init__(self, story: Story) -> None:
         self.story = story
         self.tick = 0
-        self.offset = WALL
+        self.offset = self._offset_before = WALL  # now, and when this tick began
         self.confirm_after = CONFIRM_AFTER
         self.shortest_confirm = CONFIRM_AFTER  # that held since the last tick
         self.robots = [robot_name(number) for number in range(story.robots)]
@@ -112,6 +112,7 @@ class World:
         self._muted: dict[str, set[str]] = {name: set() for name in self.robots}
         self._off: set[str] = set()
         self._undeclared: set[str] = set()
+        self.resized: dict[str, float] = {}  # site -> when the config last had other robots of it
         self._cut: set[str] = set()
         self._network: dict[str, set[str]] = {"lose": set(), "repeat": set(), "swap": set()}
         self._late: dict[str, tuple[Status, ...]] = {}
@@ -135,8 +136,12 @@ class World:
         return Instant(float(self.tick * TICK), self.tick * TICK + self.offset)
 
     def mono(self, wall: float) -> float:
-        """Return the monotonic time of a wall time."""
-        return wall - self.offset
+        """Return the monotonic time of an event's wall time in this tick.
+
+        Where the clock was set in it, the event may be from before that.
+        """
+        found = (wall - self.offset, wall - self._offset_before)
+        return min(found, key=lambda at: abs(self.now.mono - at))
 
     def declared(self) -> list[Delivered]:
         """What was delivered of the robots that the config has."""
@@ -181,6 +186,7 @@ class World:
     def advance(self, events: list[Event]) -> None:
         """One tick: what happens, then what is published, then the exporter's own tick."""
         self.tick += 1
+        self._offset_before = self.offset
         self.lost = False
         self.removed.clear()
         self.before_removal.clear()
@@ -256,7 +262,7 @@ class World:
 
     def _do_declared(self, robot: str, declared: bool) -> None:
         (self._undeclared.discard if declared else self._undeclared.add)(robot)
-        self.delivered[robot].quiet = self.now.mono
+        self.delivered[robot].quiet = self.resized[site_of(robot)] = self.now.mono
         if self.state is not None:
             self._forget_undeclared()
         self._configure()

@@ -9,7 +9,7 @@ from typing import Any
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
 from ros_diagnostics_exporter.config.fleet import ValueRule
-from ros_diagnostics_exporter.faults.model import ProblemView, as_texts
+from ros_diagnostics_exporter.faults.model import ComponentName, ProblemView, as_texts
 from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.notifications import Key, key_of
@@ -49,7 +49,7 @@ def fleet_snapshot(state: State, now: Instant, notified: Notified | None = None)
                 **_maintenance(state, robot, now),
                 "problems": problems.get(robot["robot"], []),
             }
-            for robot in state.visit(_robot)
+            for robot in state.visit(lambda robot: _robot(robot, state.flap_ratios(robot)))
         ],
     }
 
@@ -187,7 +187,7 @@ def _host(address: str | None) -> str:
     return f"[{address}]" if address.count(":") > 1 and not address.startswith("[") else address
 
 
-def _robot(robot: Robot) -> dict[str, Any]:
+def _robot(robot: Robot, ratios: Mapping[ComponentName, float]) -> dict[str, Any]:
     settings: Settings = robot.settings
     return {
         "robot": settings.name,
@@ -208,8 +208,12 @@ def _robot(robot: Robot) -> dict[str, Any]:
             for path, (level, message) in robot.groups.items()
         ],
         "components": [
-            _component(component, name, stale_is_critical=settings.profile.stale_is_critical)
-            for component, name in robot.components.labels()
+            _component(
+                component,
+                ratios.get(ComponentName(component.group, component.label), 0.0),
+                stale_is_critical=settings.profile.stale_is_critical,
+            )
+            for component in robot.components
             if component.level >= 0
         ],
     }
@@ -229,12 +233,14 @@ def _short_checks(robot: Robot) -> Iterator[dict[str, Any]]:
             }
 
 
-def _component(component: Component, name: str, *, stale_is_critical: bool) -> dict[str, Any]:
+def _component(
+    component: Component, flap_ratio: float, *, stale_is_critical: bool
+) -> dict[str, Any]:
     level = Level(component.level).name
     before = None if component.before_stale is None else Level(component.before_stale).name
     planned = component.rule is not None and component.rule.planned_stale
     return {
-        "component": name,
+        "component": component.label,
         "group": component.group,
         "hardware_id": component.hardware_id,
         "level": level,
@@ -248,7 +254,7 @@ def _component(component: Component, name: str, *, stale_is_critical: bool) -> d
         "message": component.message,
         "level_since": component.since,
         "changes": component.changes,
-        "flap_ratio": 0.0 if component.flaps is None else component.flaps.ratio,
+        "flap_ratio": flap_ratio,
         "values": list(_values(component)),
     }
 

@@ -45,6 +45,7 @@ class Book:
         self.touched: dict[Problem, None] = {}
         self.touched_causes: dict[Cause, None] = {}
         self.written: dict[RowKey, None] = {}  # rows that differ from what was last taken
+        self.flapped: dict[str, None] = {}  # robots, one of whose components has another flap ratio
 
     # -- notes -------------------------------------------------------------------------------
 

@@ -344,6 +344,16 @@ class Faults:
         component = self._robot(robot).components.get(name)
         return None if component is None or component.since is None else component.since.wall
 
+    def flap_ratios(self, robot: str) -> dict[ComponentName, float]:
+        """How often the components of a robot changed of late (0..1), of those that did."""
+        found = self._robot(robot).components.items()
+        return {name: each.flaps.ratio for name, each in found if each.flaps and each.flaps.ratio}
+
+    def take_flapped(self) -> list[str]:
+        """The robots whose `flap_ratios` changed since they were last taken."""
+        flapped, self._book.flapped = self._book.flapped, {}
+        return list(flapped)
+
     # -- what outlives the process -----------------------------------------------------------
 
     def take_rows(self, now: Instant) -> list[Row]:

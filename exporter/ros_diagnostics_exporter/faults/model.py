@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
+from hashlib import sha256
 from typing import Literal, NamedTuple
 
 from ros_diagnostics_exporter.config.fleet import Threshold
@@ -59,6 +61,16 @@ def severity_of(identity: Identity) -> Literal["critical", "warning"]:
     if identity.state is State.MANY:
         return "critical" if identity.severity == "critical" else "warning"
     return "critical" if identity.state in (State.CRITICAL, State.SILENT) else "warning"
+
+
+def fault_id(fleet: str, exporter: str, identity: Identity) -> str:
+    """What names a fault in series, alerts and links: 12 hexadecimal digits.
+
+    The same from all exporters that judge a robot, from both halves of a pair, and each time it
+    begins. A site or a common cause counts the robots of one exporter, so its name is part of it.
+    """
+    named = (fleet, "" if identity.robot else exporter, *identity)
+    return sha256(json.dumps(named).encode()).hexdigest()[:12]
 
 
 def as_texts(identity: Identity, own: Mapping[str, str]) -> dict[str, str]:

@@ -111,7 +111,7 @@ def _troubled(robot: Robot) -> Iterator[Component]:
 
 def _with_level(component: Component) -> str:
     level = Level(component.level)
-    return f"{_text(component.name)} {_WORDS.get(level, level.name)}"
+    return f"{_text(component.label)} {_WORDS.get(level, level.name)}"
 
 
 def _listed(what: str, texts: Iterable[str]) -> str:

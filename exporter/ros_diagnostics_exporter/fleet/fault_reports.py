@@ -81,16 +81,17 @@ class FaultReports:
             self._record(reports.update(self._faults, self._time(now)))
 
     def configure(self, fleet: Fleet, now: Instant) -> None:
-        """Follow another config, after the state did."""
-        now = self._time(now)
+        """Follow another config in what is not of a robot."""
         if fleet.faults != self._fleet.faults:
-            self._record(self._faults.configure(fleet.faults, now))
+            self._record(self._faults.configure(fleet.faults, self._time(now)))
         self._fleet = fleet
-        for reports in self._robots.values():
-            changes = []
-            if reports.has_other_settings:
-                changes = reports.configure(self._faults, now)
-            self._record(changes + reports.update(self._faults, now))
+
+    def configure_robot(self, robot: Robot, now: Instant) -> None:
+        """Follow a robot's config, after the robot did."""
+        now, reports, changes = self._time(now), self._robots[robot.settings.name], list[Change]()
+        if reports.has_other_settings:
+            changes = reports.configure(self._faults, now)
+        self._record(changes + reports.update(self._faults, now))
 
     def _report_maintenance(self, now: Instant) -> None:
         """Report which robots' planned downtimes began or ended, all of them at one time."""
@@ -132,6 +133,7 @@ class FaultReports:
                 self._record(faults.forget_robot(key[0], now))
         for reports in self._robots.values():
             self._record(reports.start_over(faults, now))
+            reports.robot.versions.levels += 1  # the former engine's flap ratios are gone
         planned = {name: each.maintenance for name, each in self._robots.items()}
         self._record(faults.maintenance(planned, now))
 
@@ -155,6 +157,9 @@ class FaultReports:
             elif what == "recovered":
                 self._faults.describe_end(fault, last_received(fault.identity, self._find))
             self._events.append(_event(what, described, at))
+        for name in self._faults.take_flapped():
+            if name in self._robots:
+                self._robots[name].robot.versions.levels += 1
 
     def _find(self, identity: Identity) -> tuple[Robot, Component | None] | None:
         """The robot, and the component if it is of one, that a fault is about."""
@@ -229,6 +234,10 @@ class FaultReports:
         for name in () if reports is None else self._faults.component_names(robot):
             if reports is not None and reports.find(name) is None:  # adopted, never received
                 self._record(self._faults.forget_component(robot, name, now))
+
+    def flap_ratios(self, robot: Robot) -> dict[ComponentName, float]:
+        """How often the components of a robot changed of late (0..1), of those that did."""
+        return self._faults.flap_ratios(robot.settings.name)
 
     def settled(self, now: Instant) -> bool:
         """Whether what was wrong before the start has been judged again."""
@@ -652,7 +661,7 @@ def _expected(profile: Profile) -> Mapping[str, int]:
 
 def _names(components: Components) -> dict[Component, ComponentName]:
     """The names of a robot's components as their series have them: no two are the same."""
-    return {each: ComponentName(each.group, name) for each, name in components.labels()}
+    return {each: ComponentName(each.group, each.label) for each in components}
 
 
 def _is_monitored(profile: Profile, component: Component, key: str) -> bool:

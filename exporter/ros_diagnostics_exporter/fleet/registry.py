@@ -44,10 +44,15 @@ class RobotRegistry:
         self._not_publishing: OrderedDict[str, Robot] = OrderedDict()
         self._replaced: OrderedDict[Topic, float] = OrderedDict()  # when, monotonic
         self.downtimes: dict[str, tuple[Downtime, ...]] = {}  # that people planned, by robot
-        self.configure(fleet, now)
+        for _robot in self.configure(fleet, now):
+            pass
 
-    def configure(self, fleet: config.Fleet, now: Instant) -> None:
-        """Apply another config: what it leaves unchanged is not touched."""
+    def configure(self, fleet: config.Fleet, now: Instant) -> Iterator[Robot | None]:
+        """Apply another config, a robot at each step: what it leaves unchanged is not touched.
+
+        Between two steps arrays may be received, and robots added and dropped. Yields the robot of
+        the step, None for one that is not wanted.
+        """
         self._fleet = fleet
         self.series.limit = fleet.limits.series
         self.rejections.reset()
@@ -56,29 +61,40 @@ class RobotRegistry:
         }
         declared = {settings.name: settings for settings in fleet.robots}
         for name, robot in list(self.robots.items()):
-            settings = declared.pop(name, None)
-            is_declared = settings is not None
-            settings = settings or self._rediscovered(name, robot)
-            if settings is None:
-                self.drop(robot, now)
-                continue
-            robot.become(declared=is_declared, shared=self._is_shared(settings))
-            if is_declared:
-                self._not_publishing.pop(name, None)
-            if (settings, fleet.limits) != (robot.settings, robot.limits):
-                self._unbind(robot)
-                robot.configure(settings, fleet.limits, now)
-                self._bind(robot)
+            if self.robots.get(name) is robot:
+                yield self._configure(robot, declared.get(name), now)
         for settings in fleet.robots:
             self._drop_found(settings, now)
-        for settings in declared.values():
-            self.add(settings, now, declared=True)
+        for settings in fleet.robots:
+            self._drop_found(settings, now)  # since the first step
+            found = self.robots.get(settings.name)
+            if found is None:
+                yield self.add(settings, now, declared=True)
+            elif not found.declared:  # discovered since the first step
+                yield self._configure(found, settings, now)
+
+    def _configure(self, robot: Robot, settings: config.Robot | None, now: Instant) -> Robot | None:
+        """Have a robot follow the config, which declares it with ``settings``; None: dropped."""
+        name, is_declared = robot.settings.name, settings is not None
+        settings = settings or self._rediscovered(name, robot)
+        if settings is None:
+            self.drop(robot, now)
+            return None
+        robot.become(declared=is_declared, shared=self._is_shared(settings))
+        if is_declared:
+            self._not_publishing.pop(name, None)
+        if (settings, self._fleet.limits) != (robot.settings, robot.limits):
+            self._unbind(robot)
+            robot.configure(settings, self._fleet.limits, now)
+            self._bind(robot)
+        return robot
 
     def _drop_found(self, settings: config.Robot, now: Instant) -> None:
         """Drop what was discovered, by another name, on a topic of a robot that is declared."""
         for topic in _topics(settings):
             for robot, _raw in list(self.bindings.get(topic, ())):
-                if not (robot.declared or topic in self.shared_topics):
+                is_other = robot.settings.name != settings.name
+                if is_other and not (robot.declared or topic in self.shared_topics):
                     self.drop(robot, now)
 
     def _rediscovered(self, name: str, robot: Robot) -> config.Robot | None:

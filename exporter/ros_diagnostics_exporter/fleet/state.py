@@ -7,11 +7,19 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Any, TypeVar
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import DOWNTIMES, End, Fault, ProblemView, Row
+from ros_diagnostics_exporter.faults.model import (
+    DOWNTIMES,
+    ComponentName,
+    End,
+    Fault,
+    ProblemView,
+    Row,
+)
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
@@ -29,7 +37,7 @@ log = logging.getLogger(__name__)
 Result = TypeVar("Result")
 
 SLOW_TICK = 1.0  # seconds between two updates of what changes slowly: maintenance, forgetting
-PASS_ON = 16  # robots that are visited before a thread that waits for the lock gets its turn
+PASS_ON = 16  # robots between two chances of the threads that wait for the lock
 MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
 
 
@@ -39,6 +47,7 @@ class State:
     def __init__(self, fleet: config.Fleet, now: Instant) -> None:
         self.fleet = fleet
         self._lock = threading.RLock()
+        self._turn = threading.Lock()  # of what must see no half of a reload
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._slow_tick_at = now.mono
         self._ticks: Timers[Robot] = Timers()  # when robots have to be looked at again
@@ -169,6 +178,10 @@ class State:
         Looks at the robots that are due, and once a second at all of them. The lock is held for
         one robot at a time.
         """
+        with self._turn:
+            self._tick(now)
+
+    def _tick(self, now: Instant) -> None:
         for robot in self._due(now):
             with self._lock:
                 if not self._is_known(robot):
@@ -210,32 +223,48 @@ class State:
 
     def find_unmatched(self, now: Instant) -> None:
         """Look for entries of the config that match nothing; takes long, and holds no lock."""
-        found = find_unmatched(self.fleet, self.visit(known_robot), now.wall)
+        with self._turn:
+            fleet, known = self.fleet, list(self.visit(known_robot))
+        found = find_unmatched(fleet, known, now.wall)
         self.unmatched.update(found, now)
 
     def _is_known(self, robot: Robot) -> bool:
         return self._registry.robots.get(robot.settings.name) is robot
 
     def configure(self, fleet: config.Fleet, now: Instant) -> None:
-        """Apply another config; robots that it leaves unchanged keep all that is known."""
-        with self._lock:
-            self.fleet = fleet
-            self._registry.configure(fleet, now)
-            self._faults.configure(fleet, now)
-            self._slow_tick_at = float("-inf")
-            self._holding = None
-            self._feeds = {each.name: each.feed for each in fleet.queries}
-            for robot in self._registry.robots.values():
+        """Apply another config; robots that it leaves unchanged keep all that is known.
+
+        The robots follow it one by one: the lock is held for some of them at a time.
+        """
+        with self._turn:
+            steps = self._configure(fleet, now)
+            while self._go_on(steps):
+                time.sleep(0)  # else this thread takes the lock again before another wakes up
+
+    def _configure(self, fleet: config.Fleet, now: Instant) -> Iterator[None]:
+        self.fleet = fleet
+        self._faults.configure(fleet, now)
+        self._feeds = {each.name: each.feed for each in fleet.queries}
+        for robot in self._registry.configure(fleet, now):
+            if robot is not None:
                 robot.follow_feeds(self._feeds, now)
-                self._faults.update(robot, now)
+                self._faults.configure_robot(robot, now)
                 self._ticks.set_at_latest(robot, robot.next_tick)
+            yield
+        self._slow_tick_at = float("-inf")
+        self._holding = None
+
+    def _go_on(self, steps: Iterator[None]) -> bool:
+        """Do some steps under the lock; whether there are more."""
+        with self._lock:
+            return len([*islice(steps, PASS_ON)]) == PASS_ON
 
     def plan(self, downtimes: Iterable[Downtime], now: Instant) -> None:
         """Follow the downtimes that people have planned, all of them."""
         planned = tuple(sorted(downtimes))
         if planned == self._downtimes:
             return
-        with self._lock:
+        with self._turn, self._lock:
             self._downtimes, self._downtimes_changed = planned, True
             by_robot: dict[str, tuple[Downtime, ...]] = {}
             for each in planned:
@@ -262,8 +291,7 @@ class State:
                 if component is None:
                     return 0
                 raise LookupError(f"no robot {name!r}")
-            labels = robot.components.labels()
-            found = [each for each, label in labels if component in (None, label)]
+            found = [each for each in robot.components if component in (None, each.label)]
             if component is not None and not found:
                 raise LookupError(f"robot {name!r} has no component {component!r}")
             for each in found:
@@ -351,6 +379,10 @@ class State:
         """
         with self._lock:
             return self._faults.problems(now, robot)
+
+    def flap_ratios(self, robot: Robot) -> dict[ComponentName, float]:
+        """How often the components of a robot that is visited changed of late (0..1)."""
+        return self._faults.flap_ratios(robot)
 
     def downtimes(self, robot: str) -> tuple[Downtime, ...]:
         """The downtimes of a robot and its components that people planned; some may lie ahead."""

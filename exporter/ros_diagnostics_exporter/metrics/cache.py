@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from math import isfinite
 
 from ros_diagnostics_exporter.config.fleet import Profile
+from ros_diagnostics_exporter.faults.model import ComponentName
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import Level
@@ -52,7 +53,13 @@ class RobotText:
     the families whose chunks are others than when it was last cleared.
     """
 
-    def __init__(self, fleet: str, exporter: str, robot: Robot) -> None:
+    def __init__(
+        self,
+        fleet: str,
+        exporter: str,
+        robot: Robot,
+        flap_ratios: Callable[[Robot], Mapping[ComponentName, float]],
+    ) -> None:
         self.fleet = fleet
         self.exporter = exporter
         self.robot = robot
@@ -62,6 +69,7 @@ class RobotText:
         self.promoted: set[str] = set()
         self._base = f'fleet="{escape(fleet)}",robot="{escape(robot.settings.name)}"'
         self._exporter_label = f',exporter="{escape(exporter)}"' if exporter else ""
+        self._flap_ratios = flap_ratios
         self._seen: Versions | None = None
         self._presence: tuple[bool, str | None] | None = None
         self._receipt_due = self._values_due = True
@@ -128,8 +136,9 @@ class RobotText:
         """Render the labels of every component and of every value anew."""
         self._labels = []
         self._values = {}
-        for component, name in self.robot.components.labels():
-            labels = f'{{{self._base},group="{escape(component.group)}",component="{escape(name)}"'
+        for component in self.robot.components:
+            group, label = escape(component.group), escape(component.label)
+            labels = f'{{{self._base},group="{group}",component="{label}"'
             self._labels.append((component, labels))
             if component.is_stale:
                 continue
@@ -256,7 +265,6 @@ class RobotText:
             (metrics.COMPONENT_SINCE, _since),
             (metrics.COMPONENT_PROBLEM_SINCE, _problem_since),
             (metrics.COMPONENT_CHANGES, _changes),
-            (metrics.COMPONENT_FLAP_RATIO, _flap_ratio),
         ):
             name = family.name
             self._set(
@@ -277,7 +285,19 @@ class RobotText:
                 if component.level != Level.OK
             ),
         )
+        self._render_flap_ratios()
         self._render_checks()
+
+    def _render_flap_ratios(self) -> None:
+        family, ratios = metrics.COMPONENT_FLAP_RATIO, self._flap_ratios(self.robot)
+        self._set(
+            family,
+            [
+                f"{family.name}{labels}}} {round(ratios[name], 6)!r}\n"
+                for each, labels in (self._labels if ratios else ())
+                if (name := ComponentName(each.group, each.label)) in ratios
+            ],
+        )
 
     def _render_checks(self) -> None:
         family = metrics.CHECK_COMPONENTS
@@ -345,11 +365,6 @@ def _problem_since(component: Component) -> float | None:
 
 def _changes(component: Component) -> int:
     return component.changes
-
-
-def _flap_ratio(component: Component) -> float | None:
-    ratio = 0.0 if component.flaps is None else component.flaps.ratio
-    return round(ratio, 6) or None
 
 
 def _own_stale_after(component: Component, profile: Profile) -> float | None:

@@ -235,7 +235,7 @@ FLEET_FAMILIES = (
 )
 
 FAULT = (
-    *(*EXPORTER, "scope", "state", "severity", "site"),
+    *(*EXPORTER, "fault", "scope", "state", "severity", "site"),
     *("robot", "group", "component", "check", "key", "bound"),
 )
 FAULT_START = _family(

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
-from ros_diagnostics_exporter.faults.model import End, Fault, Identity, as_texts
+from ros_diagnostics_exporter.faults.model import End, Fault, Identity, as_texts, fault_id
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import number
 from ros_diagnostics_exporter.metrics.families import Family
@@ -84,7 +84,8 @@ class FaultText:
 def _all_labels(fleet: str, exporter: str, fault: Fault) -> dict[str, str]:
     identity = as_texts(fault.identity, fault.labels)
     own = {name: text for name, text in fault.labels.items() if name not in _RESERVED}
-    return {"fleet": fleet, "exporter": exporter, **identity, **own}
+    source = {"fleet": fleet, "exporter": exporter}
+    return {**source, "fault": fault_id(fleet, exporter, fault.identity), **identity, **own}
 
 
 def _end(fleet: str, exporter: str, end: End) -> str:

@@ -1,7 +1,7 @@
-"""What is known about one component: its level, since when, its history, and its values.
+"""What is known about one component: its level, since when, and its values.
 
-A level changes only here, so that since, problem since, changes, the level before stale and the
-flap history always agree.
+A level changes only here, so that since, problem since, changes and the level before stale always
+agree.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule, Threshold, ValueRule
-from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.robots.persisted import PersistedComponent
@@ -53,12 +52,12 @@ class Component:
         "before_stale",
         "changes",
         "feed",
-        "flaps",
         "gaps",
         "group",
         "hardware_id",
         "identity",
         "key_values",
+        "label",
         "last",
         "level",
         "listed",
@@ -84,8 +83,9 @@ class Component:
         now: Instant,
     ) -> None:
         self.identity = identity
-        self.name = name  # as in the label: truncated, with its hardware_id where needed
+        self.name = name  # truncated, with its hardware_id where needed
         self.group = ""
+        self.label = ""  # its name everywhere: no two of a group are the same
         self.rule = rule
         self.feed: Feed | None = None  # None: the robot's own topics
         self.values = values
@@ -103,7 +103,6 @@ class Component:
         self.listed = now.mono
         self.missing = False
         self.gaps: tuple[float, ...] = ()  # none where only an aggregator lists it
-        self.flaps: FlapHistory | None = None
         self.last: Status | None = None
         self.key_values = 0  # key-values that count against the robot's limit
         # (level, since, problem since) of an earlier process, until a status is received
@@ -132,7 +131,7 @@ class Component:
         self.message = message
         return True
 
-    def set_reported(self, reported: int, now: Instant, flap_interval: float) -> bool:
+    def set_reported(self, reported: int, now: Instant) -> bool:
         """Set the reported level; True if ``level`` changed."""
         self.reported = reported
         level = self.effective_level(reported)
@@ -144,15 +143,12 @@ class Component:
                 self.problem_since = resume[2]  # the same problem at another level
         if level == self.level:
             return False
-        self._change(level, now, flap_interval)
+        self._change(level, now)
         return True
 
-    def _change(self, level: int, now: Instant, flap_interval: float) -> None:
+    def _change(self, level: int, now: Instant) -> None:
         self.before_stale = self.level if level == STALE and self.level >= OK else None
-        if self.flaps is None:
-            self.flaps = FlapHistory([level] * SLOTS, now.mono)
-        else:
-            self.flaps.change(level, now.mono, flap_interval)
+        if self.level >= OK:
             self.changes += 1
         self.level = level
         self.since = now.wall
@@ -204,7 +200,6 @@ class Component:
             since=since,
             problem_since=problem_since,
             message=self.message,
-            slots=tuple(self.flaps.slots) if self.flaps is not None else (level,) * SLOTS,
             listed=now.wall - (now.mono - self.listed),
             was_ok=self.was_ok,
         )
@@ -229,7 +224,6 @@ class Component:
             )
             self.since = now.wall
         self.problem_since = None if self.level == OK else problem_since
-        self.flaps = FlapHistory(persisted.slots, now.mono)
 
     def note_raw(self, mono: float, threshold: float) -> None:
         """Note the receipt of a raw status, and the gap before it.

@@ -64,7 +64,7 @@ class Components:
         self.level_changes: dict[Component, None] = {}
         self.value_changes: dict[Component, None] = {}
         self.names_version = 0  # raised when a component is added, removed or has another label
-        self._flapping: set[Identity] = set()
+        self._taken: dict[str, dict[str, int]] = {}  # labels by group, see `unique_name`
         self._deadline = inf  # when the next component may be late, monotonic
         self._checked: list[tuple[str, list[Component]]] = []
         self._checked_at = -1  # the version of the structure of `_checked`
@@ -76,12 +76,6 @@ class Components:
     def __len__(self) -> int:
         """How many there are."""
         return len(self.by_identity)
-
-    def labels(self) -> Iterator[tuple[Component, str]]:
-        """Each with its name as its series have it: no two of a group are the same."""
-        taken: dict[str, dict[str, int]] = {}  # by group
-        for each in self:
-            yield each, unique_name(each.name, taken.setdefault(each.group, {}), "~")
 
     # -- added and removed -------------------------------------------------------------------
 
@@ -103,11 +97,9 @@ class Components:
         if len(identity[0]) > self._limits.label_length:
             self._reject("label_length", identity[0])
         values = self._values(identity[0])
-        component = Component(identity, self._label(identity), rule, values, now)
+        component = Component(identity, self._name(identity), rule, values, now)
         self.by_identity[identity] = component
-        self._versions.structure += 1
-        self.names_version += 1
-        self.regroup(component, group)
+        self._set_label(component, truncate(group, self._limits.label_length))
         return component
 
     def _values(self, name: str) -> ComponentValues:
@@ -122,28 +114,39 @@ class Components:
             judged=has_rules or profile.has_conditions,
         )
 
-    def _label(self, identity: Identity) -> str:
+    def _name(self, identity: Identity) -> str:
         name, _group, hardware_id = identity
         label = f"{name} [{hardware_id}]" if hardware_id else name
         return truncate(label or "(unnamed)", self._limits.label_length)
 
     def regroup(self, component: Component, group: str) -> None:
         """Move a component into another group."""
-        label = truncate(group, self._limits.label_length)
-        if component.group != label:
-            component.group = label
-            self._versions.structure += 1
-            self.names_version += 1
+        group = truncate(group, self._limits.label_length)
+        if component.group != group:
+            self._set_label(component, group)
+
+    def _set_label(self, component: Component, group: str) -> None:
+        """Give a component the label by which it is known in its group, until it moves."""
+        self._release_label(component)
+        component.group = group
+        component.label = unique_name(component.name, self._taken.setdefault(group, {}), "~")
+        self._versions.structure += 1
+        self.names_version += 1
+
+    def _release_label(self, component: Component) -> None:
+        taken = self._taken.get(component.group, {})
+        taken.pop(component.label, None)
+        if not taken:
+            self._taken.pop(component.group, None)
 
     def split_by_hardware_id(self, name: str) -> None:
         """Add its hardware_id to the identity of a component whose name is not unique."""
         component = self.by_identity.pop((name, "", ""), None)
         if component is not None:
             component.identity = (name, "", component.hardware_id)
-            component.name = self._label(component.identity)
+            component.name = self._name(component.identity)
             self.by_identity[component.identity] = component
-            self._versions.structure += 1
-            self.names_version += 1
+            self._set_label(component, component.group)
 
     def remove(self, component: Component) -> None:
         """Remove one component, with all that is known about it."""
@@ -151,7 +154,7 @@ class Components:
         self._count_key_values(component, 0)
         self._series.remove(SERIES_OF_COMPONENT)
         del self.by_identity[component.identity]
-        self._flapping.discard(component.identity)
+        self._release_label(component)
         self.removals += 1
         self.names_version += 1
         self._versions.structure += 1
@@ -289,7 +292,7 @@ class Components:
         self, component: Component, reported: int, now: Instant, *, notify: bool = True
     ) -> bool:
         was_stale, before = component.is_stale, component.last_recorded
-        changed = component.set_reported(reported, now, self._profile.flap_interval)
+        changed = component.set_reported(reported, now)
         if was_stale != component.is_stale:  # the numbers of a stale component are not exported
             self._versions.structure += 1
             self.value_changes[component] = None
@@ -297,8 +300,6 @@ class Components:
         if changed:
             self._versions.levels += 1
             self.level_changes[component] = None
-            if component.flaps is not None and component.flaps.ratio > 0:
-                self._flapping.add(component.identity)
         if notify:
             self._record(component, before, now)
         return changed
@@ -309,25 +310,6 @@ class Components:
             self._changed(component, before, now)
 
     # -- time --------------------------------------------------------------------------------
-
-    def decay_flapping(self, now: Instant) -> None:
-        """Let the flap ratios fall with time."""
-        for identity in list(self._flapping):
-            component = self.by_identity.get(identity)
-            flaps = None if component is None else component.flaps
-            if flaps is None:
-                self._flapping.discard(identity)
-            elif flaps.decay(now.mono, self._profile.flap_interval):
-                self._versions.levels += 1
-                if flaps.ratio == 0.0:
-                    self._flapping.discard(identity)
-
-    @property
-    def next_decay(self) -> float:
-        """When the next flap ratio falls, monotonic; infinite where all components are at rest."""
-        known = (self.by_identity.get(identity) for identity in self._flapping)
-        found = [each.flaps.last for each in known if each is not None and each.flaps is not None]
-        return min(found) + self._profile.flap_interval if found else inf
 
     @property
     def next_late(self) -> float:

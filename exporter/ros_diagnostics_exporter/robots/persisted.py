@@ -7,7 +7,6 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from ros_diagnostics_exporter.faults.flapping import SLOTS
 from ros_diagnostics_exporter.robots.limits import MAX_TEXT
 
 # Limits for what is read from the file: whatever passes them can be restored and shown.
@@ -27,7 +26,6 @@ class PersistedComponent(NamedTuple):
     since: Moment
     problem_since: Moment | None
     message: Text
-    slots: Annotated[tuple[Level, ...], Field(min_length=SLOTS, max_length=SLOTS)]
     listed: Moment
     was_ok: bool  # when last received
 

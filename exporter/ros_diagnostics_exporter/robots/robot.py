@@ -66,6 +66,7 @@ class Robot:
         self.limits = limits
         self.up = False
         self.source = settings.source
+        self._has_no_ros = settings.source is config.Source.QUERIES  # and is never silent
         self.last_mono: float | None = None
         self.last_wall = 0.0
         self.messages = 0
@@ -108,6 +109,7 @@ class Robot:
         """Apply another config; what is known stays, as far as it is still wanted."""
         if settings.source is not self.settings.source:
             self.source = settings.source
+            self._has_no_ros = settings.source is config.Source.QUERIES
         if _topics_of(settings) != _topics_of(self.settings):
             is_same_domain = settings.domain_id == self.settings.domain_id
             self.network = Network(domain_up=self.network.domain_up or not is_same_domain)
@@ -167,11 +169,6 @@ class Robot:
             self.last_mono, self.last_wall = now
             self.versions.receipt += 1
 
-    @property
-    def _has_no_ros(self) -> bool:
-        """Whether there are only queries of it: it is never silent."""
-        return self.settings.source is config.Source.QUERIES
-
     def follow_feeds(self, feeds: Mapping[str, Feed], now: Instant) -> None:
         """Forget the components of feeds that the config no longer has."""
         for component in self.measured.follow(feeds):
@@ -219,8 +216,7 @@ class Robot:
     # -- time --------------------------------------------------------------------------------
 
     def tick(self, now: Instant) -> None:
-        """Let time pass: silence, late components, flapping."""
-        self.components.decay_flapping(now)
+        """Let time pass: silence, late components."""
         last = self.last_mono if self.up and not self._has_no_ros else None
         if last is not None and now.mono - last > self.settings.profile.stale_after:
             self.up = False
@@ -233,7 +229,7 @@ class Robot:
     @property
     def next_tick(self) -> float:
         """After which time, monotonic, `tick` may have something to do; receiving changes it."""
-        due = min(self.components.next_decay, self.components.next_late)
+        due = self.components.next_late
         if self.up and self.last_mono is not None and not self._has_no_ros:
             due = min(due, self.last_mono + self.settings.profile.stale_after)
         return due
@@ -309,7 +305,7 @@ class Robot:
                 kind="level",
                 robot=self.settings.name,
                 group=component.group,
-                component=component.name,
+                component=component.label,
                 before=_LEVEL_NAMES[before],
                 after=after,
                 message=component.message,

@@ -24,7 +24,7 @@ from pydantic import TypeAdapter, ValidationError
 from ros_diagnostics_exporter.events import Event, Wanted, filled
 from ros_diagnostics_exporter.texts import encodable
 
-VERSION = 2  # of the schema
+VERSION = 3  # of the schema
 APPLICATION = 0x524F5344  # "ROSD", for `file`
 MAGIC = b"SQLite format 3\0"
 FORMATS = (b"\1\1", b"\2\2")  # bytes 18 and 19 of the header: rollback journal, WAL

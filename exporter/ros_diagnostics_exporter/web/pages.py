@@ -1,13 +1,17 @@
-"""The pages: the fleet at a glance and one for each robot, self-contained, for phones too."""
+"""The pages: the fleet at a glance and one for each robot, self-contained, for phones too.
+
+Here is what they show; `templates/` has how. Every text is escaped there, by Jinja2.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from html import escape as escape_markup
+from collections.abc import Iterable
 from itertools import islice
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import quote
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.severity import (
@@ -33,48 +37,30 @@ MAX_PROBLEMS = 10  # of a robot on the page of the fleet; the robot's own page h
 MAX_LISTED = 500  # problems and components on a robot's page, and values on it
 EVENTS = 50  # of a robot that are shown
 
-STYLE = """
-:root { color-scheme: light dark; --line: #8885; --faint: #8881; }
-* { box-sizing: border-box; }
-body { font: 16px/1.45 system-ui, sans-serif; margin: 0 auto; max-width: 64rem; padding: 1rem;
-  overflow-wrap: anywhere; }
-h1 { font-size: 1.4rem; margin: 0; line-height: 1.25; }
-h2 { font-size: 1.1rem; margin: 1.8rem 0 .5rem; }
-h3 { font-size: 1rem; margin: 0; display: inline; }
-nav { margin: .6rem 0; } nav a { margin-right: 1rem; white-space: nowrap; }
-ul { list-style: none; margin: 0; padding: 0; }
-.sum { display: flex; flex-wrap: wrap; gap: .5rem; }
-.sum li { border: 1px solid var(--line); border-radius: .4rem; padding: .3rem .7rem; }
-.sum b { font-size: 1.3rem; margin-right: .4rem; }
-.chip, .mark, .hard, .soft { border-radius: .3rem; font-size: .8rem; font-weight: 600;
-  padding: .1rem .45rem; white-space: nowrap; }
-.mark, .hard, .soft { border: 1px dashed; display: inline-block; font-weight: 400;
-  white-space: normal; }
-.hard { border-style: solid; font-weight: 600; }
-article { border: 1px solid var(--line); border-left-width: .5rem; border-radius: .3rem;
-  margin: .6rem 0; padding: .5rem .8rem .6rem; }
-.rows .well { margin-top: .25rem; padding-top: .25rem; }
-.rows li { border-top: 1px solid var(--line); margin-top: .45rem; padding-top: .45rem; }
-article > .rows:first-child li:first-child { border: 0; margin: 0; padding: 0; }
-.what { font-weight: 600; } .dim { opacity: .75; }
-.when { display: inline-block; font-size: .9rem; opacity: .75; }
-.text { margin: .1rem 0 0; }
-.facts, .values { display: grid; gap: 0 1rem; grid-template-columns: max-content 1fr;
-  margin: .4rem 0; }
-.values { font-size: .9rem; grid-template-columns: minmax(6rem, max-content) 1fr; }
-dt { opacity: .75; } dd { margin: 0; }
-.all { columns: 14rem; } .all li { padding: .1rem 0; }
-.all .chip { display: inline-block; margin-right: .3rem; min-width: 6.2rem; text-align: center; }
-""" + "".join(
-    f".{state} {{ border-left-color: {colour}; }}\n"
-    f".chip.{state} {{ background: {colour}; color: {text}; }}\n"
-    for state, (colour, text) in COLOURS.items()
-)
-
 
 def landing(fleet: dict[str, Any], telemetry_path: str) -> str:
     """The page of ``fleet``, as /api/v1/fleet returns it; all texts in it are escaped."""
-    return "".join(_landing(fleet, telemetry_path))
+    now = fleet["time"]
+    robots = [(state_of(robot), robot) for robot in fleet["robots"]]
+    troubled = [each for each in robots if each[1]["problems"] or SEVERITIES[each[0]] > 0]
+    troubled.sort(key=_worst_first)
+    common, common_number = shown_problems(fleet, now, MAX_LISTED)
+    count = Counter(state for state, _ in robots)
+    return _render(
+        "fleet.html",
+        title=f"{fleet['fleet']}: ROS diagnostics",
+        now=now,
+        version=__version__,
+        telemetry_path=telemetry_path,
+        counts={each: count[each] for each in SEVERITIES if count[each] or each == "OK"},
+        common=common,
+        common_number=common_number,
+        troubled=[_troubled(state, robot, now) for state, robot in troubled[:MAX_ROBOTS]],
+        troubled_number=len(troubled),
+        robots=sorted(
+            ((state, robot["robot"]) for state, robot in robots), key=lambda each: natural(each[1])
+        ),
+    )
 
 
 def robot_page(
@@ -89,55 +75,52 @@ def robot_page(
 
     All texts in it are escaped.
     """
-    found = (each for each in fleet["robots"] if each["robot"] == name)
-    robot = next(found, None)
-    return None if robot is None else "".join(_robot_page(fleet, robot, events, ledger))
+    robot = next((each for each in fleet["robots"] if each["robot"] == name), None)
+    if robot is None:
+        return None
+    now = fleet["time"]
+    problems, problem_number = shown_problems(robot, now, MAX_LISTED)
+    return _render(
+        "robot.html",
+        title=f"{name}: ROS diagnostics",
+        now=now,
+        fleet=fleet["fleet"],
+        name=name,
+        state=state_of(robot),
+        marks=_marks(robot, now),
+        facts=_facts(robot, now),
+        problems=problems,
+        problem_number=problem_number,
+        ledger=list(ledger)[-EVENTS:],
+        components=_components(robot, problems),
+        component_number=len(robot["components"]),
+        events=list(islice(events, EVENTS)),
+    )
 
 
 def missing_robot(fleet: dict[str, Any], name: str) -> str:
     """The page for the name of a robot that there is not."""
-    return "".join(
-        (
-            *_head(f"{fleet['fleet']}: no such robot"),
-            f"<h1>There is no robot {escape(name)}</h1>",
-            '<nav><a href="../">All robots</a></nav></body></html>\n',
-        )
-    )
+    return _render("missing.html", title=f"{fleet['fleet']}: no such robot", name=name)
 
 
-# -- the fleet -------------------------------------------------------------------------------
+class _Troubled(NamedTuple):
+    """A robot with problems on the page of the fleet; ``more`` problems are not shown."""
+
+    name: str
+    state: str
+    marks: list[str]
+    problems: list[ShownProblem]
+    more: int
 
 
-def _landing(fleet: dict[str, Any], telemetry_path: str) -> Iterator[str]:
-    now = fleet["time"]
-    robots = [(state_of(robot), robot) for robot in fleet["robots"]]
-    troubled = [each for each in robots if each[1]["problems"] or SEVERITIES[each[0]] > 0]
-    troubled.sort(key=_worst_first)
-    common, number = shown_problems(fleet, now, MAX_LISTED)
+class _Component(NamedTuple):
+    """A component on its robot's page."""
 
-    title = f"{fleet['fleet']}: ROS diagnostics"
-    yield from _head(title)
-    yield f"<h1>{escape(title)}</h1><p class=dim>ros-diagnostics-exporter {escape(__version__)}, "
-    yield f"{clock(now, now, local=False)}</p>"
-    # Relative links, for proxies that add a path prefix.
-    yield f'<nav><a href="{escape(telemetry_path.lstrip("/"))}">Metrics</a> '
-    yield '<a href="api/v1/fleet">Fleet (JSON)</a> <a href="api/v1/faults">Faults (JSON)</a> '
-    yield '<a href="api/v1/events">Events (JSON)</a> <a href="-/ready">Ready</a> '
-    yield '<a href="api/v1/openapi.json">OpenAPI</a></nav>'
-    yield from _summary(Counter(state for state, _ in robots))
-    if common:
-        yield f"<h2>Of many robots: {number}</h2>"
-        yield f'<article class="{common[0].state}"><ul class=rows>'
-        yield from (_problem(each, now) for each in common)
-        yield "</ul></article>"
-    yield f"<h2>Robots with problems: {len(troubled)}</h2>"
-    if not troubled:
-        yield "<p>None.</p>"
-    for state, robot in troubled[:MAX_ROBOTS]:
-        yield from _troubled(state, robot, now)
-    yield from _and_more(len(troubled) - MAX_ROBOTS, "robots with problems", "api/v1/fleet")
-    yield from _all(robots)
-    yield "</body></html>\n"
+    state: str
+    path: str
+    mark: str  # why it is no fault, in a word
+    text: str
+    shown_values: list[dict[str, Any]]
 
 
 def _worst_first(each: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:
@@ -148,70 +131,24 @@ def _worst_first(each: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:
     return -SEVERITIES[state], not confirmed, not soft, natural(robot["robot"])
 
 
-def _summary(count: Counter[str]) -> Iterator[str]:
-    yield "<ul class=sum>"
-    for state in SEVERITIES:
-        if count[state] or state == "OK":
-            yield f'<li><b>{count[state]}</b><span class="chip {state}">{state}</span></li>'
-    yield "</ul>"
-
-
-def _troubled(state: str, robot: dict[str, Any], now: float) -> Iterator[str]:
+def _troubled(state: str, robot: dict[str, Any], now: float) -> _Troubled:
     problems, number = shown_problems(robot, now, MAX_PROBLEMS)
-    yield f'<article class="{state}"><h3>{_link(robot["robot"])}</h3> {_chip(state)} '
-    yield from _marks(robot, now)
-    yield "<ul class=rows>"
-    yield from (_problem(each, now) for each in problems)
-    yield "</ul>"
-    yield from _and_more(number - len(problems), "problems", _path(robot["robot"]))
-    yield "</article>"
+    more = number - len(problems)
+    return _Troubled(robot["robot"], state, _marks(robot, now), problems, more)
 
 
-def _all(robots: list[tuple[str, dict[str, Any]]]) -> Iterator[str]:
-    yield f"<h2>All robots: {len(robots)}</h2><ul class=all>"
-    for state, robot in sorted(robots, key=lambda each: natural(each[1]["robot"])):
-        yield f"<li>{_chip(state)} {_link(robot['robot'])}</li>"
-    yield "</ul>"
+def _marks(robot: dict[str, Any], now: float) -> list[str]:
+    """Downtime and flapping, as marks beside the robot's name."""
+    flapping = any(each["state"] == "flapping" and not each["well"] for each in robot["problems"])
+    return downtime_texts(robot, now) + ["flapping"] * flapping
 
 
-# -- one robot -------------------------------------------------------------------------------
-
-
-def _robot_page(
-    fleet: dict[str, Any],
-    robot: dict[str, Any],
-    events: Iterable[dict[str, Any]],
-    ledger: Iterable[dict[str, Any]],
-) -> Iterator[str]:
-    now, name = fleet["time"], robot["robot"]
-    problems, number = shown_problems(robot, now, MAX_LISTED)
-    yield from _head(f"{name}: ROS diagnostics")
-    yield f"<h1>{escape(name)} {_chip(state_of(robot))}</h1>"
-    yield f"<p class=dim>robot of {escape(fleet['fleet'])}, {clock(now, now, local=False)}</p>"
-    yield f'<nav><a href="../">All robots</a> <a href="{_of_api(robot)}">Robot (JSON)</a> '
-    yield f'<a href="../api/v1/events?robot={_quoted(name)}">Events (JSON)</a> '
-    yield f'<a href="../api/v1/why?robot={_quoted(name)}">Why notified (JSON)</a></nav>'
-    yield from _marks(robot, now)
-    yield from _facts(robot, now)
-    yield f"<h2>Problems: {number}</h2>"
-    if problems:
-        yield f'<article class="{problems[0].state}"><ul class=rows>'
-        yield from (_problem(each, now, evidence=True) for each in problems)
-        yield "</ul></article>"
-    else:
-        yield "<p>None.</p>"
-    yield from _and_more(number - len(problems), "problems", _of_api(robot))
-    yield from _ledger(ledger, now)
-    yield from _components(robot, problems)
-    yield from _events(events, now)
-    yield "</body></html>\n"
-
-
-def _facts(robot: dict[str, Any], now: float) -> Iterator[str]:
+def _facts(robot: dict[str, Any], now: float) -> dict[str, str | None]:
+    """What is shown of a robot first; what is empty is left out."""
     received = robot["last_message"]
     ago = "never" if received is None else f"{span(now - received)} ago, {_at(received, now)}"
     silent = "" if robot["up"] else f"; silent: {silent_text(robot['silent_reason'])}"
-    facts = {
+    return {
         "Last message": f"{ago}{silent}",
         "Work": robot.get("work", ""),
         "Topic": f"{robot['topic']} in domain {robot['domain_id']}",
@@ -219,125 +156,39 @@ def _facts(robot: dict[str, Any], now: float) -> Iterator[str]:
         "Address": robot["address"],
         **robot["labels"],
     }
-    yield "<dl class=facts>"
-    for key, text in facts.items():
-        if text:
-            yield f"<dt>{escape(key)}</dt><dd>{escape(text)}</dd>"
-    yield "</dl>"
 
 
-def _components(robot: dict[str, Any], problems: list[ShownProblem]) -> Iterator[str]:
-    """All components, those with problems first, with their values."""
+def _components(robot: dict[str, Any], problems: list[ShownProblem]) -> list[_Component]:
+    """The components, those with problems first, with the values of what is in trouble."""
     worst: dict[tuple[str, str], str] = {}
     for each in problems:
         worst.setdefault((each.problem["group"], each.problem["component"]), each.state)
     rows = []
     for component in robot["components"]:
         states = (component["state"], worst.get((component["group"], component["component"]), "OK"))
-        state = max(states, key=SEVERITIES.__getitem__)
-        rows.append((state, component))
+        rows.append((max(states, key=SEVERITIES.__getitem__), component))
     rows.sort(key=lambda each: (-SEVERITIES[each[0]], natural(component_path(each[1]))))
-    yield f"<h2>Components: {len(rows)}</h2><ul class=rows>"
-    values = MAX_LISTED
+    shown = []
+    left = MAX_LISTED
     for state, component in rows[:MAX_LISTED]:
-        mark = "quiet" if component.get("quiet_because") else ""
-        mark = "planned" if as_planned(component) else mark
-        text = _text(component_text(component))
-        name = f"<span class=what>{_text(component_path(component))}</span>"
-        if mark:
-            name += f" <span class=mark>{mark}</span>"
-        if state == "OK":
-            yield f"<li class=well>{_chip(state)} {name} <span class=dim>{text}</span>"
-        else:
-            yield f"<li>{_chip(state)} {name}<p class=text>{text}</p>"
-            yield from _values(component["values"][: max(0, values)])
-            values -= len(component["values"])
-        yield "</li>"
-    yield "</ul>"
-    yield from _and_more(len(rows) - MAX_LISTED, "components", _of_api(robot))
+        values = [] if state == "OK" else component["values"][:left]
+        left -= len(values)
+        of = component_path(component), _mark(component), component_text(component)
+        shown.append(_Component(state, *of, values))
+    return shown
 
 
-def _values(values: list[dict[str, Any]]) -> Iterator[str]:
-    if values:
-        yield "<dl class=values>"
-        for each in values:
-            yield f"<dt>{_text(each['key'])}</dt><dd>{_text(each['value'])}"
-            bounds = ", ".join(
-                f"{bound['bound']} {bound['severity']} {bound['value']:g}"
-                for bound in each.get("thresholds", ())
-            )
-            yield f" <span class=dim>({bounds})</span></dd>" if bounds else "</dd>"
-        yield "</dl>"
+def _mark(component: dict[str, Any]) -> str:
+    if as_planned(component):
+        return "planned"
+    return "quiet" if component.get("quiet_because") else ""
 
 
-def _ledger(ledger: Iterable[dict[str, Any]], now: float) -> Iterator[str]:
-    """What led to the notifications of the present faults, or of the last one."""
-    shown = list(ledger)[-EVENTS:]
-    if shown:
-        yield "<h2>The last faults in order</h2><ul class=rows>"
-        for each in shown:
-            yield f"<li><span class=when>{_at(each['time'], now)}</span> {_text(each['text'])}</li>"
-        yield "</ul>"
+# -- filters ---------------------------------------------------------------------------------
 
 
-def _events(events: Iterable[dict[str, Any]], now: float) -> Iterator[str]:
-    shown = list(islice(events, EVENTS))
-    yield "<h2>Recent events</h2><ul class=rows>"
-    for event in shown:
-        yield f"<li><span class=when>{_at(event['time'], now)}, {span(now - event['time'])} ago"
-        yield f"</span> {_text(event_text(event))}</li>"
-    yield "</ul>" if shown else "</ul><p>None.</p>"
-
-
-# -- on both ---------------------------------------------------------------------------------
-
-
-def _head(title: str) -> Iterator[str]:
-    yield '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-    yield '<meta name="viewport" content="width=device-width, initial-scale=1">'
-    yield '<meta http-equiv="refresh" content="10">'
-    yield f"<title>{escape(title)}</title><style>{STYLE}</style></head><body>"
-
-
-def _marks(robot: dict[str, Any], now: float) -> Iterator[str]:
-    """Downtime and flapping, as marks beside the robot's name."""
-    for text in downtime_texts(robot, now):
-        yield f"<span class=mark>{_text(text)}</span> "
-    flapping = sum(each["state"] == "flapping" and not each["well"] for each in robot["problems"])
-    if flapping:
-        yield "<span class=mark>flapping</span> "
-
-
-def _problem(shown: ShownProblem, now: float, *, evidence: bool = False) -> str:
-    problem, before = shown.problem, ""
-    hard = "hard" if problem["confirmed"] is not None else "soft"
-    if evidence and not shown.message.startswith(problem["evidence"]):
-        before = f"<p class='text dim'>When confirmed: {_text(problem['evidence'])}</p>"
-    return (
-        f"<li>{_chip(shown.state)} <span class=what>{_text(shown.subject)}</span> "
-        f"<span class={hard}>{escape(shown.standing)}</span> "
-        f"<span class=when>since {_at(shown.since, now)}, for {span(now - shown.since)}"
-        f"{'; ' if shown.notice else ''}{_text(shown.notice)}</span>"
-        f"<p class=text>{_text(shown.message)}</p>{before}</li>"
-    )
-
-
-def _and_more(number: int, what: str, path: str) -> Iterator[str]:
-    if number > 0:
-        yield f'<p>and {number} more {what}: <a href="{path}">all of them</a></p>'
-
-
-def _path(robot: str) -> str:
-    """The robot's page as a link from the page of the fleet."""
-    return f"robots/{_quoted(robot)}"
-
-
-def _link(robot: str) -> str:
-    return f'<a href="{_path(robot)}">{escape(robot)}</a>'
-
-
-def _of_api(robot: dict[str, Any]) -> str:
-    return f"../api/v1/fleet?robot={_quoted(robot['robot'])}"
+def _at(unix: float, now: float) -> str:
+    return clock(unix, now, local=False)
 
 
 def _quoted(name: str) -> str:
@@ -345,18 +196,47 @@ def _quoted(name: str) -> str:
     return quote(name, safe="", errors="replace")
 
 
-def _chip(state: str) -> str:
-    return f'<span class="chip {state}">{state}</span>'
+def _short(text: str) -> str:
+    return text if len(text) <= MAX_MESSAGE else text[:MAX_MESSAGE] + "…"
 
 
-def _at(unix: float, now: float) -> str:
-    return clock(unix, now, local=False)
+def _bounds(value: dict[str, Any]) -> str:
+    """A value's thresholds in words."""
+    return ", ".join(
+        f"{each['bound']} {each['severity']} {each['value']:g}"
+        for each in value.get("thresholds", ())
+    )
 
 
-def _text(text: str) -> str:
-    return escape(text if len(text) <= MAX_MESSAGE else text[:MAX_MESSAGE] + "…")
+def _visible(value: object) -> object:
+    """Any text that is no markup, in one line: invisible and direction-changing characters show."""
+    return value if hasattr(value, "__html__") else one_line(str(value))
 
 
-def escape(text: str) -> str:
-    """Text for HTML: markup, invisible and direction-changing characters are escaped."""
-    return escape_markup(one_line(text))
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader(__package__),
+        autoescape=True,
+        finalize=_visible,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        auto_reload=False,
+    )
+    environment.filters |= {
+        "at": _at,
+        "bounds": _bounds,
+        "event_text": event_text,
+        "quoted": _quoted,
+        "short": _short,
+        "span": span,
+    }
+    return environment
+
+
+_ENVIRONMENT = _environment()
+STYLE = _ENVIRONMENT.get_template("style.css").render(colours=COLOURS)
+
+
+def _render(template: str, **shown: Any) -> str:
+    return _ENVIRONMENT.get_template(template).render(style=STYLE, **shown)

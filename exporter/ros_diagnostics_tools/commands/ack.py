@@ -1,17 +1,19 @@
 """``ros-diagnostics ack``: acknowledge an alert, so that it does not escalate any further.
 
 An acknowledgement is a silence in Alertmanager for the escalation and the reminders, never for the
-alert itself: when it resolves, a notification is sent as usual. For a fault the silence matches the
-time at which it began, so it ends with the fault; a later fault of the same part, or one that gets
-worse, escalates again.
+alert itself: when it resolves, a notification is sent as usual. Nor is it for a step of the
+escalation that was sent already: whoever was sent that is sent its end. For a fault the silence
+matches the time at which it began, so it ends with the fault; a later fault of the same part, or
+one that gets worse, escalates again.
 """
 
 # It knows the labels that prometheus/rules/escalation.yml sets, and nothing of ROS.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta, timezone
 from typing import Any, NamedTuple
 from urllib.parse import quote, urlencode
@@ -126,11 +128,13 @@ def _check(wanted: Wanted) -> None:
 class Problem:
     """What can be acknowledged: a fault, or what another alert is about.
 
-    ``labels`` are the alert's; ``since`` as it says when the fault began, "" for other alerts.
+    ``labels`` are the alert's; ``since`` as it says when the fault began, "" for other alerts;
+    ``sent`` are the steps of its escalation that were sent.
     """
 
     labels: dict[str, str]
     since: str
+    sent: frozenset[str] = frozenset()
 
     @property
     def matchers(self) -> dict[str, str]:
@@ -193,8 +197,17 @@ def problems(alerts: Iterable[dict[str, Any]]) -> list[Problem]:
         problem = Problem(labels, alert["annotations"].get("since", "") if is_fault else "")
         others = labels.get("alertname", "").startswith(PREFIX) and not is_fault
         if problem.since or (others and labels.get("severity") != "info"):
-            found.setdefault(frozenset(problem.matchers.items()), problem)
+            known = found.setdefault(key := frozenset(problem.matchers.items()), problem)
+            found[key] = replace(known, sent=known.sent | _sent_steps(alert))
     return sorted(found.values(), key=lambda each: (each.name, each.state))
+
+
+def _sent_steps(alert: dict[str, Any]) -> frozenset[str]:
+    """The step of an escalation that was sent; a reminder (0) has no end that would be."""
+    labels = alert["labels"]
+    step = labels.get("step", "0")
+    is_sent = labels.get("alertname") == ESCALATION and alert["status"]["state"] == "active"
+    return frozenset({step} - {"0"}) if is_sent else frozenset()
 
 
 def silence(
@@ -203,7 +216,12 @@ def silence(
     """The silence that acknowledges ``problem``, as Alertmanager's API takes it."""
     lasts = lasts or (LASTS if problem.since else OTHERS_LAST)
     end = start + timedelta(seconds=lasts)
-    return alertmanager.silence(problem.matchers, start, end, author, comment)
+    made = alertmanager.silence(problem.matchers, start, end, author, comment)
+    if problem.sent:
+        steps = "|".join(sorted(map(re.escape, problem.sent)))
+        of_steps = {"name": "step", "value": steps, "isRegex": True, "isEqual": False}
+        made["matchers"].append(of_steps)
+    return made
 
 
 def acknowledged(problem: Problem, silences: Iterable[dict[str, Any]]) -> dict[str, Any] | None:
@@ -212,7 +230,7 @@ def acknowledged(problem: Problem, silences: Iterable[dict[str, Any]]) -> dict[s
     for each in silences:
         if each["status"]["state"] != "active":
             continue
-        matchers = each["matchers"]
+        matchers = alertmanager.without_sent_steps(each["matchers"])
         if wanted == {
             (m["name"], m["value"], m["isRegex"], m.get("isEqual", True)) for m in matchers
         }:

@@ -178,20 +178,19 @@ def _notified(matchers: str, states: str) -> str:
     last = f"topk by ({IDENTITY}) (1, {sent})"
     several = f"count by ({IDENTITY}) ({sent}) > 1"
     nobody = f"max by ({IDENTITY}) ({_NOTIFIED}{{{matchers}}} == 0)"
-    of_uplink = f'{_NOTIFIED}{{{matchers}, uplink!=""}}'
     soft = f"""
       max by ({_COMPONENT}) ({_BEGAN}{{{states}}})
     or
       max by (fleet, robot) ({_RECEIVED}{{{states}}})
 """
-    uplink_down = 'ALERTS{alertname="RosDiagnosticsUplinkDown", alertstate="firing"}'
+    behind = "robot:ros_diagnostics_robot:behind"
     why_not = {
-        f"{nobody} and on ({IDENTITY}) ({of_uplink} and on (fleet, uplink) {uplink_down})": (
-            "no: uplink down"
-        ),
         f"{nobody} and on ({IDENTITY}) {ACKNOWLEDGED}": "no: acknowledged",
         nobody: "not yet",
         f"max by ({IDENTITY}) ({HELD}{{{matchers}}})": _UNKNOWN,
+        f"max by (fleet, robot) ({_RECEIVED}{{{states}}}) and on (fleet, robot) {behind}": (
+            "no: uplink or domain down"
+        ),
         soft: "no: not confirmed",
     }
     found = _first_of(

@@ -46,7 +46,8 @@ def escalation(since: str = SINCE, **labels: str) -> dict[str, Any]:
             "since": since,
             "step": "1",
             **labels,
-        }
+        },
+        "annotations": {"since": since},
     }
 
 
@@ -101,20 +102,38 @@ def ack(running: Alertmanager, capsys: pytest.CaptureFixture[str]) -> Callable[.
 
 
 def test_ack_silences_the_escalation_of_this_fault_only(running, ack):
-    running.post(
-        fault("ComponentCritical", **CRITICAL),
-        escalation(**CRITICAL),
-        escalation("2026-01-02 10:00:00 +0000 UTC", **CRITICAL),
-    )
+    running.post(fault("ComponentCritical", **CRITICAL))
 
     assert "acknowledged: f/r1 Motor 1 CRITICAL" in ack("r1", "Motor 1", "--comment", "on it")
 
+    running.post(
+        escalation(**CRITICAL),
+        escalation("2026-01-02 10:00:00 +0000 UTC", **CRITICAL),
+    )
     silenced = {("RosDiagnosticsUnacknowledged", SINCE)}
     until(
         lambda: running.suppressed() == silenced,
         "only the escalation of this fault is silenced",
         10,
     )
+
+
+def test_ack_silences_the_next_steps_and_not_the_end_of_one_that_was_sent(running, ack):
+    running.post(fault("ComponentCritical", **CRITICAL), escalation(step="1", **CRITICAL))
+    until(
+        lambda: running.states().get("RosDiagnosticsUnacknowledged") == "active",
+        "the first step is sent",
+        20,
+    )
+    ack("r1", "Motor 1", "--comment", "on it")
+    running.post(*(escalation(step=step, **CRITICAL) for step in "120"))
+
+    until(
+        lambda: {each["step"] for each in running.silenced()} == {"2", "0"},
+        lambda: f"{running.silenced()}",
+        20,
+    )
+    assert "ann" in ack("--list")
 
 
 def test_ack_silences_reminders_of_a_warning(running, ack):
@@ -141,12 +160,9 @@ def test_an_acknowledged_warning_that_turns_critical_escalates(running, ack):
 
 
 def test_acknowledging_a_silent_robot_does_not_acknowledge_its_components(running, ack):
-    running.post(
-        fault("RobotSilent", robot="r1", **SILENT),
-        escalation(robot="r1", **SILENT),
-        escalation(**CRITICAL),
-    )
+    running.post(fault("RobotSilent", robot="r1", **SILENT))
     ack("r1", "--comment", "carried to the workshop")
+    running.post(escalation(robot="r1", **SILENT), escalation(**CRITICAL))
 
     silenced = {("RosDiagnosticsUnacknowledged", SINCE)}
     until(lambda: running.suppressed() == silenced, "the robot's escalation is silenced", 10)
@@ -182,16 +198,15 @@ def test_what_has_no_robot_is_acknowledged_by_its_own_name(running, ack):
     site = {**SILENT, "scope": "site", "site": "hall"}
     down = {"fleet": "f", "exporter": "berlin", "severity": "critical"}
     name = "RosDiagnosticsExporterDown"
+    running.post(fault("FleetPartDown", **site), fault("ExporterDown", **down))
+    ack("--site", "hall", "--comment", "the switch")
+    ack("--alert", "ExporterDown", "--comment", "the server is being moved")
     running.post(
-        fault("FleetPartDown", **site),
         escalation(**site),
         escalation(**(site | {"site": "yard"})),
-        fault("ExporterDown", **down),
         escalation("", of=name, **down),
         escalation("", of="RosDiagnosticsDomainDown", **down),
     )
-    ack("--site", "hall", "--comment", "the switch")
-    ack("--alert", "ExporterDown", "--comment", "the server is being moved")
 
     until(lambda: len(running.silenced()) == 2, "two escalations are silenced", 10)
     assert {each.get("site", each.get("of")) for each in running.silenced()} == {"hall", name}

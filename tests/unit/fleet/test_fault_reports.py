@@ -225,6 +225,42 @@ def test_a_component_that_changes_all_the_time_is_flapping_and_nothing_else():
     assert faults(driver) == set()
 
 
+def flap_ratios(driver) -> tuple[float, float]:
+    """The ratio of the motor as a scrape and as the API show it."""
+    (robot,) = fleet_snapshot(driver.state, driver.now)["robots"]
+    (motor,) = (each for each in robot["components"] if each["component"] == "Motor")
+    served = driver.sample("component_flap_ratio", component="Motor") or 0.0
+    return served, round(motor["flap_ratio"], 6)
+
+
+def test_the_ratio_that_is_served_is_the_one_by_which_flapping_is_judged():
+    driver = settled(MOTOR)
+    for _ in range(2):
+        stand(driver, 1, HOT)
+        stand(driver, 1, MOTOR)
+    ratio, shown = flap_ratios(driver)
+    assert ratio == shown == pytest.approx(sum((1.25, 1.224, 1.197, 1.171)) / 20, abs=1e-3)
+
+    driver.at(driver.now.mono + 400)  # silence is neither a change nor rest
+    driver.raw(MOTOR)
+    assert flap_ratios(driver) == (ratio, ratio)
+
+    stand(driver, 16, MOTOR)
+    served, shown = flap_ratios(driver)
+    assert 0 < served == shown < ratio
+    stand(driver, 21 * 15, MOTOR)
+    assert flap_ratios(driver) == (0.0, 0.0)
+
+
+def test_what_changes_in_maintenance_has_no_flap_ratio():
+    driver = settled(MOTOR)
+    driver.state.plan([Downtime("r", "", 0.0, driver.now.wall + 1e6, "ann", "")], driver.now)
+    for _ in range(12):
+        stand(driver, 1, HOT)
+        stand(driver, 1, MOTOR)
+    assert flap_ratios(driver) == (0.0, 0.0)
+
+
 def test_many_components_that_fail_at_once_are_one_fault():
     parts = [Status(OK, f"Part {number}") for number in range(10)]
     driver = settled(*parts)
@@ -900,6 +936,21 @@ def test_a_name_that_is_numbered_is_that_of_the_api_too(monkeypatch):
     assert [each["component"] for each in snapshot["components"]] == ["Motor", "Motor~2"]
     assert driver.state.forget("r", "Motor~2", driver.now) == 1
     assert [each.level for each in driver.robot.components] == [ERROR]
+
+
+def test_a_component_keeps_its_label_when_another_of_its_name_has_gone(monkeypatch):
+    parts = [Status(level, f"Motor {letter}") for level, letter in ((OK, "a"), (ERROR, "b"))]
+    monkeypatch.setattr(
+        "ros_diagnostics_exporter.robots.components.truncate", lambda text, _length: text[:5]
+    )
+    driver = settled(*parts)
+    stand(driver, 12, *parts)
+    (fault,) = faults(driver)
+    assert driver.state.forget("r", "Motor", driver.now) == 1
+    stand(driver, 12, parts[1])
+    assert faults(driver) == {fault} == {("component", "critical", "r", "Motor~2")}
+    stand(driver, 1, *parts)
+    assert {each.label for each in driver.robot.components} == {"Motor~2", "Motor"}
 
 
 @pytest.mark.parametrize("levels", [(ERROR, OK), (OK, ERROR), (7, STALE), (STALE, WARN)])

@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.config.fleet import (
     ValueRule,
 )
 from ros_diagnostics_exporter.file_watcher import FileWatcher
+from ros_diagnostics_exporter.fleet.state import PASS_ON
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
@@ -350,3 +351,65 @@ def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path):
     watch.watch((file, other))
 
     assert [watch.changed() for _ in range(3)] == [True, False, False]
+
+
+class BetweenHolds:
+    """The lock of a state; ``work`` is called whenever it was released, as another thread would."""
+
+    def __init__(self, lock, work):
+        self._lock, self._work, self._works = lock, work, False
+
+    def __enter__(self):
+        self._lock.acquire()
+
+    def __exit__(self, *_error):
+        self._lock.release()
+        if not self._works:
+            self._works = True
+            self._work()
+            self._works = False
+
+
+def test_between_robots_that_follow_a_reload_others_have_the_lock():
+    names = [f"r{n}" for n in range(3 * PASS_ON)]
+    driver = StateDriver(fleet=Fleet("f", tuple(map(raw_robot, names))))
+    softer = Profile(components=(ComponentRule(re.compile("Motor"), levels={ERROR: WARN}),))
+    followed = []
+
+    def receive():
+        robots = driver.state.robots.values()
+        followed.append(sum(each.settings.profile is softer for each in robots))
+        for name in names:
+            topic = Topic(0, f"/{name}/diagnostics")
+            driver.state.receive(topic, Array(0.0, (HOT,), 1), driver.now)
+
+    driver.state._lock = BetweenHolds(driver.state._lock, receive)
+    robots = tuple(raw_robot(name, profile=softer) for name in names)
+    driver.state.configure(Fleet("f", robots), driver.now)
+
+    assert followed == [PASS_ON, 2 * PASS_ON, 3 * PASS_ON, 3 * PASS_ON]
+    for robot in driver.state.robots.values():
+        (motor,) = robot.components
+        assert (motor.level, motor.reported) == (WARN, ERROR)
+
+
+def test_what_is_discovered_while_a_reload_is_about_to_declare_it_follows_the_config():
+    known = tuple(raw_robot(f"r{n}") for n in range(PASS_ON))
+    driver = StateDriver(fleet=Fleet("f", known, discoveries=(BY_TOPIC,)))
+    found = []
+
+    def discover():
+        driver.state.update_graph(0, {"/new/diagnostics": Endpoint(1)}, driver.now)
+        found.append(driver.state.robots["new"])
+
+    driver.state._lock = BetweenHolds(driver.state._lock, discover)
+    profile = Profile(stale_after=77.0)
+    new = raw_robot("new", profile=profile)
+    driver.state.configure(Fleet("f", (*known, new), discoveries=(BY_TOPIC,)), driver.now)
+
+    robot = driver.state.robots["new"]
+    assert found[0] is robot
+    assert robot.declared
+    assert robot.settings is new
+    driver.state.receive(Topic(0, "/new/diagnostics"), Array(0.0, (HOT,), 1), driver.now)
+    assert driver.sample("robot_messages_total", robot="new") == 1

@@ -244,7 +244,7 @@ class History:
 
     def _do_forget(self, robot: str, component: str | None) -> None:
         known = self.state.robots.get(robot)
-        names = () if known is None else [each.name for each in known.components]
+        names = () if known is None else [each.label for each in known.components]
         if known is not None and (component is None or component in names):
             self.state.forget(robot, component, self.now)
 
@@ -371,6 +371,14 @@ OTHER_TOPIC = 3  # the fleet in which r1 has others
 @example([(("again", ("level", ERROR)), "all"), (("restart",), "all"), (("regroup", "Top"), "all")])
 @example([(("again", ("level", ERROR)), "all"), (("again", ("message", "hot")), "all")])
 @example([(("again", ("level", OK)), "all"), (("again", ("hardware_id", "r4")), "all")])
+@example(  # a flap ratio that falls while nothing else changes
+    [
+        (("again", ("level", OK)), "all"),
+        (("again", ("level", ERROR)), "all"),
+        (("again", ("level", OK)), "all"),
+        (("raw_for", "/r1/d", (Status(OK, "Motor"),), 3), "all"),
+    ]
+)
 @example(
     [
         (("raw", "/r2/d", (Status(OK, "Motor", "", "", (("Volt", "5"),)),)), "all"),

@@ -8,7 +8,7 @@ import pytest
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
-from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, as_texts
+from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, as_texts, fault_id
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics import fault_text
 from ros_diagnostics_exporter.metrics.fault_text import FaultText
@@ -18,6 +18,7 @@ from support.state_driver import ERROR, OK, WALL, WARN, StateDriver
 
 MOTOR, HOT = Status(OK, "Motor"), Status(ERROR, "Motor", 'Hot "92"')
 START, INFO = "fault_start_timestamp_seconds", "fault_info"
+FAULT = fault_id("f", "", Identity(Scope.COMPONENT, State.CRITICAL, robot="r", component="Motor"))
 
 
 def driver_of(**labels: str) -> StateDriver:
@@ -39,13 +40,30 @@ def test_a_fault_is_there_from_its_confirmation_to_its_end():
     assert START not in driver.samples()
     driver.raw_every(1, 32, HOT)
     identity = {"fleet": "f", "scope": "component", "state": "critical", "robot": "r"}
-    identity |= {"component": "Motor", "severity": "critical"}
+    identity |= {"component": "Motor", "severity": "critical", "fault": FAULT}
     assert driver.samples()[START] == {tuple(sorted(identity.items())): WALL + 20}
     evidence = identity | {"evidence": 'Hot "92"'}
     assert driver.samples()[INFO] == {tuple(sorted(evidence.items())): 1}
 
     driver.raw(MOTOR)
     assert not {START, INFO} & driver.samples().keys()
+
+
+def test_a_fault_of_a_robot_has_one_id_and_that_of_a_site_one_for_each_name_of_an_exporter():
+    identities = [
+        Identity(Scope.COMPONENT, State.CRITICAL, robot="r", component="Motor"),
+        Identity(Scope.COMPONENT, State.WARNING, robot="r", component="Motor"),
+        Identity(Scope.COMPONENT, State.CRITICAL, robot="r", group="Motor"),
+        Identity(Scope.SITE, State.SILENT, site="hall"),
+    ]
+    unnamed, north, south = (
+        [fault_id("f", name, identity) for identity in identities]
+        for name in ("", "north", "south")
+    )
+
+    assert unnamed[:3] == north[:3]
+    assert len({*unnamed, *north, *south}) == 6
+    assert all(re.fullmatch("[0-9a-f]{12}", each) for each in unnamed)
 
 
 @pytest.mark.parametrize("exporter", ["", "berlin"])

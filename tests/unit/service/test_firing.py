@@ -11,6 +11,7 @@ from ros_diagnostics_exporter.firing import read
 
 MOTOR = {
     "alertname": "RosDiagnosticsComponentCritical",
+    "fault": "0123456789ab",
     "fleet": "f",
     "scope": "component",
     "state": "critical",

@@ -192,7 +192,7 @@ def test_an_alert_and_its_escalation_are_one(server):
     server.alerts = [
         COMPONENT,
         EXPORTER,
-        *({"labels": each, "annotations": {}} for each in (labels, other, alone)),
+        *({**sent(each, state="suppressed"), "annotations": {}} for each in (labels, other, alone)),
     ]
     assert run("r1") == run("--alert", "ExporterDown") == run("--alert", "RulesFailing") == 0
     assert server.posted() == [
@@ -200,6 +200,30 @@ def test_an_alert_and_its_escalation_are_one(server):
         of(EXPORTER),
         {"alertname": ESCALATION, "of": "RosDiagnosticsRulesFailing"},
     ]
+
+
+def sent(labels: dict[str, str], *, state: str = "active") -> dict[str, Any]:
+    """An alert of an escalation as Alertmanager has it."""
+    return {"labels": labels, "annotations": {"since": SINCE}, "status": {"state": state}}
+
+
+def test_a_step_that_was_sent_is_left_out_so_that_its_end_is_sent(server, capsys):
+    steps = [{**COMPONENT["labels"], **escalation(COMPONENT), "step": each} for each in "120"]
+    server.alerts = [COMPONENT, sent(steps[0]), sent(steps[1], state="suppressed"), sent(steps[2])]
+    assert run("r1", "Motor 1") == 0
+    (made,) = server.silences
+    assert made["matchers"][-1] == {
+        "name": "step",
+        "value": "1",
+        "isRegex": True,
+        "isEqual": False,
+    }
+    assert len(read(server.silences, "f")) == 1  # the exporter finds it nevertheless
+    capsys.readouterr()
+    assert run("r1", "Motor 1") == 0
+    assert "is already acknowledged by ann" in capsys.readouterr().out
+    assert main(["ack", "--cancel", "r1", "Motor 1"]) == 0
+    assert server.silences == []
 
 
 def test_what_is_acknowledged_is_so_once(server, capsys):
