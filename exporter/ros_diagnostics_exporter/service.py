@@ -387,7 +387,7 @@ class Service:
         if joining:
             return f"DDS domain {', '.join(map(str, joining))} is still being joined"
         looks = self._listener.last_looks
-        if not looks or not all(looks.values()):
+        if not all(looks.get(each) for each in self.state.fleet.domain_ids):
             return "the ROS graph has not been looked at yet"
         stalled = self._listener.stalled(self.STALLED)
         if stalled:

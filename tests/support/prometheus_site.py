@@ -80,6 +80,7 @@ def running(
     history: Path | None = None,
     prepare: Callable[[Path], None] = lambda _: None,
     receivers: Callable[[dict[str, Any]], None] | None = None,
+    prometheus: str | None = None,
 ) -> Iterator[Site]:
     """Start both servers in ``folder``; yield when both are ready; stop them.
 
@@ -92,8 +93,9 @@ def running(
         prepare: Called with the folder of Prometheus' configuration before it is read.
         receivers: Edits Alertmanager's configuration, whose mails never arrive; else without
             webhooks.
+        prometheus: HOST:PORT of Prometheus, where it has to be known before.
     """
-    site = Site(f"127.0.0.1:{free_port()}", f"127.0.0.1:{free_port()}")
+    site = Site(prometheus or f"127.0.0.1:{free_port()}", f"127.0.0.1:{free_port()}")
     _configure(folder, site, exporters, receivers or _without_webhooks)
     short_clocks.set_interval(folder / "prometheus", int(interval.removesuffix("s")))
     short_clocks.edit(
@@ -106,7 +108,7 @@ def running(
         argv = ["promtool", "tsdb", "create-blocks-from", "--max-block-duration=744h"]
         argv += ["openmetrics", str(history), str(folder / "tsdb")]
         subprocess.run(argv, check=True, capture_output=True, timeout=1800)
-    prometheus = servers.prometheus(
+    server = servers.prometheus(
         folder,
         folder / "prometheus" / "prometheus.yml",
         site.prometheus,
@@ -119,7 +121,7 @@ def running(
         "--cluster.advertise-address=127.0.0.1:1",
         cluster=f"127.0.0.1:{free_port()}",
     )
-    with servers.running(prometheus, alertmanager):
+    with servers.running(server, alertmanager):
         yield replace(site, stop_alertmanager=alertmanager.process.stop)
 
 

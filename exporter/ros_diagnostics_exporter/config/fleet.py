@@ -92,9 +92,11 @@ class Source(str, Enum):
     RAW = "raw"
     BOTH = "both"  # the tree from the aggregate, changes of level from raw
     AUTO = "auto"  # the aggregate if there is one, else raw; decided once for a robot
+    QUERIES = "queries"  # none: what has no ROS, such as a server
 
 
 AnySource = Annotated[Source, Written(Literal["agg", "raw", "both", "auto"], Source)]
+SourceOfOne = Annotated[Source, Written(Literal["agg", "raw", "both", "auto", "queries"], Source)]
 
 _SOURCE = (
     "Where the components are read from: `agg`, the tree of the robot's "
@@ -599,7 +601,12 @@ class Robot(Entry):
     )
     topic_agg: str | None = None  # absolute name, of namespace or topic
     topic_raw: str | None = None
-    source: AnySource = described(_SOURCE, example="raw", default=Source.AUTO)
+    source: SourceOfOne = described(
+        f"{_SOURCE} And `queries` for what has no ROS, such as a server or a dock: it has the "
+        "components of [queries](#query) alone, and is never silent.",
+        example="raw",
+        default=Source.AUTO,
+    )
     profile: ProfileName = described(
         "The robot's profile.",
         example="turtlebot4",
@@ -624,6 +631,10 @@ class Robot(Entry):
     def completed(self, given: Mapping[str, Any]) -> "Robot":
         if "namespace" in given and "topic" in given:
             raise WrongValueError("has both namespace and topic", "keep one of them")
+        ros = sorted({"namespace", "topic", "domain_id"} & given.keys())
+        if self.source is Source.QUERIES and ros:
+            what = f"has source queries, so nothing of ROS, and {ros[0]}"
+            raise WrongValueError(what, f"remove {ros[0]} or source")
         return self.reading(self.source)
 
     def reading(self, source: Source) -> "Robot":
@@ -1139,7 +1150,7 @@ class Fleet(Entry, title="FleetFile"):
     @property
     def domain_ids(self) -> tuple[int, ...]:
         """Every DDS domain to join, ascending."""
-        found = {robot.domain_id for robot in self.robots}
+        found = {each.domain_id for each in self.robots if each.source is not Source.QUERIES}
         found.update(each.domain_id for each in self.shared)
         found.update(domain for each in self.discoveries for domain in each.domain_ids)
         return tuple(sorted(found))
@@ -1151,6 +1162,8 @@ def topics_of(topic: str, source: Source) -> tuple[str | None, str | None]:
     With source agg or raw the topic has that kind, whatever its name. Else the name shows which of
     the two it is, and the other is named after it.
     """
+    if source is Source.QUERIES:
+        return None, None
     if source is Source.AGG:
         return topic, None
     if source is Source.RAW:

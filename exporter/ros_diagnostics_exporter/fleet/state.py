@@ -167,7 +167,7 @@ class State:
                 is_measured = own or feed.name in robot.measured.answered
                 if not is_measured or not self._is_known(robot):
                     continue
-                robot.measured.apply(feed, truncate_array(Array(0.0, tuple(own))).statuses, now)
+                robot.measure(feed, truncate_array(Array(0.0, tuple(own))).statuses, now)
                 self._faults.update(robot, now)
                 self._ticks.set_at_latest(robot, robot.next_tick)
 
@@ -327,6 +327,8 @@ class State:
                 if robot is not None:
                     robot.restore(known, now)
                     robot.follow_feeds(self._feeds, now)
+                    if robot.up:  # without ROS: nothing else would have its faults know
+                        self._ticks.set_at_latest(robot, now.mono)
 
     def restore_faults(self, rows: Iterable[Row], now: Instant) -> None:
         """Go on from the rows of an earlier process; to be called after `restore`.

@@ -44,7 +44,7 @@ class PersistedRobot(NamedTuple):
 
     domain_id: Annotated[int, Field(ge=0, le=232)]
     topic: Text
-    source: Literal["agg", "raw", "both", "auto"]
+    source: Literal["agg", "raw", "both", "auto", "queries"]
     last_seen: Moment
     components: list[PersistedComponent]
     origin: Origin

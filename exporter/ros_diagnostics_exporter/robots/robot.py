@@ -66,6 +66,7 @@ class Robot:
         self.limits = limits
         self.up = False
         self.source = settings.source
+        self._has_no_ros = settings.source is config.Source.QUERIES  # and is never silent
         self.last_mono: float | None = None
         self.last_wall = 0.0
         self.messages = 0
@@ -108,6 +109,7 @@ class Robot:
         """Apply another config; what is known stays, as far as it is still wanted."""
         if settings.source is not self.settings.source:
             self.source = settings.source
+            self._has_no_ros = settings.source is config.Source.QUERIES
         if _topics_of(settings) != _topics_of(self.settings):
             is_same_domain = settings.domain_id == self.settings.domain_id
             self.network = Network(domain_up=self.network.domain_up or not is_same_domain)
@@ -157,6 +159,16 @@ class Robot:
         updates = self._raw if raw else self._aggregated
         updates.apply(statuses, now)
 
+    def measure(self, feed: Feed, statuses: Sequence[Status], now: Instant) -> None:
+        """Update components from an answer of a query; only without ROS it makes the robot up."""
+        self.measured.apply(feed, statuses, now)
+        if statuses and self._has_no_ros:
+            if not self.up:
+                self.record("heard", now)
+            self.up = True
+            self.last_mono, self.last_wall = now
+            self.versions.receipt += 1
+
     def follow_feeds(self, feeds: Mapping[str, Feed], now: Instant) -> None:
         """Forget the components of feeds that the config no longer has."""
         for component in self.measured.follow(feeds):
@@ -205,7 +217,7 @@ class Robot:
 
     def tick(self, now: Instant) -> None:
         """Let time pass: silence, late components."""
-        last = self.last_mono if self.up else None
+        last = self.last_mono if self.up and not self._has_no_ros else None
         if last is not None and now.mono - last > self.settings.profile.stale_after:
             self.up = False
             self.versions.receipt += 1
@@ -218,7 +230,7 @@ class Robot:
     def next_tick(self) -> float:
         """After which time, monotonic, `tick` may have something to do; receiving changes it."""
         due = self.components.next_late
-        if self.up and self.last_mono is not None:
+        if self.up and self.last_mono is not None and not self._has_no_ros:
             due = min(due, self.last_mono + self.settings.profile.stale_after)
         return due
 
@@ -327,6 +339,7 @@ class Robot:
         persisted = persisted.not_after(now.wall)
         self.last_wall = persisted.last_seen
         if persisted.last_seen:
+            self.up = self._has_no_ros
             self.last_mono = now.mono - (now.wall - persisted.last_seen)
         for each in persisted.components:
             name, _group, hardware_id = each.identity

@@ -230,7 +230,9 @@ class _Asked:
             self._levels[robot, component] = level
         unit = f" {self._query.unit}" if self._query.unit else ""
         key = f"value ({self._query.unit})" if self._query.unit else "value"
-        return Status(level, component, f"{number:.6g}{unit}{bound}", "", ((key, repr(number)),))
+        return Status(
+            int(level), component, f"{number:.6g}{unit}{bound}", "", ((key, repr(number)),)
+        )
 
     def _level(self, number: float, before: Level) -> tuple[Level, str]:
         """The level of a number, and beyond which threshold it is, in words."""

@@ -118,6 +118,35 @@ def test_a_stale_that_is_planned_is_no_fault_and_ends_none():
     assert (driver.level("disk"), driver.faults()) == (STALE, [("disk", "critical")])
 
 
+def test_what_has_no_ros_is_up_once_it_is_measured_and_never_silent(tmp_path: Path):
+    server = Robot("r", source=Source.QUERIES).completed({})
+    driver = Driver(query=QUERY)
+    driver.state.configure(Fleet("f", (server,), queries=(QUERY,)), driver.now)
+    assert driver.state.fleet.domain_ids == ()
+    driver.answer()
+    assert not driver.robot.up
+    driver.at(1000)
+    assert driver.faults() == [("", "pending")]
+
+    driver.answer(DISK)
+    driver.at(1001)
+    assert (driver.robot.up, driver.faults()) == (True, [])
+    driver.at(3000)  # Prometheus is away
+    assert (driver.robot.up, driver.level("disk"), driver.faults()) == (True, STALE, [])
+    driver.answer()  # and the server is not measured
+    driver.at(3100)
+    assert (driver.robot.up, driver.faults()) == (True, [("disk", "stale")])
+
+    driver.keep(tmp_path / "db")
+    again = driver.restart(tmp_path / "db")
+    again.at(100)
+    assert (again.robot.up, [each.identity.component for each in again.state.faults()]) == (
+        True,
+        ["disk"],
+    )
+    again.close()
+
+
 def test_an_aggregator_that_does_not_list_it_says_nothing_of_it():
     driver = Driver(Source.AGG)
     driver.agg(*tree(Drive=[MOTOR]))

@@ -15,6 +15,8 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Query, Threshold
+from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
 from ros_diagnostics_exporter.sources import prometheus
@@ -23,6 +25,7 @@ from support.loopback import answering
 from testbed.polling import until
 
 HIGH = (Threshold("high", "warning", 80.0), Threshold("high", "critical", 90.0))
+DOCS = Path(__file__).parents[3] / "docs"
 NOW = Instant(1.0, 1_700_000_000.0)
 Answer = tuple[int, Any] | Event
 
@@ -149,6 +152,7 @@ def test_each_element_is_a_component_of_the_robot_that_its_label_names(asking, s
     }
     feed, statuses, now = asking.received.answers[0]
     assert (feed, now) == (Feed("Host/disk {mountpoint}", "Host", 45.0), NOW)
+    assert {type(each.level) for each in statuses["r1"]} == {int}  # written as a number
     assert statuses["r1"][0].values == (("value (%)", "91.25"),)
     assert asking.outcome("Host/disk {mountpoint}").rows == 3
 
@@ -299,6 +303,36 @@ def test_a_reload_changes_what_it_changes(asking, stub):
     assert [each.query.expr for each in asking.source.outcomes()] == ["a", "c"]
     asking.wait("Host/changed")
     assert stub.times("c") == 2
+
+
+EXAMPLES = {
+    "Navigation/recoveries": ({"robot": "amr_1"}, 4, "amr_1", "recoveries"),
+    "Power/battery": ({"instance": "10.0.0.40"}, 49, "dock_1", "battery"),
+    "Server/disk {mountpoint}": (
+        {"instance": "10.0.0.2:9100", "mountpoint": "/srv"},
+        15,
+        "map_server",
+        "disk /srv",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_worked_examples_make_components_of_their_robots(stub, name):
+    labels, number, robot, component = EXAMPLES[name]
+    fleet = load(DOCS / "examples" / "queries" / "fleet.yml")
+    (example,) = (each for each in fleet.queries if each.name == name)
+    assert f"- expr: {example.expr}\n" in (DOCS / "queries.md").read_text(encoding="utf-8")
+    state = State(fleet, NOW)
+    stub.result(example.expr, (labels, number))
+    source = Prometheus(state, Client(f"http://{stub.address}"), lambda: NOW)
+    source.follow(fleet)
+    try:
+        until(lambda: len(state.robots[robot].components), "it is measured")
+    finally:
+        source.stop()
+    (found,) = state.robots[robot].components
+    assert (found.group, found.name, found.level) == (example.group, component, Level.WARN)
 
 
 @pytest.mark.parametrize("kind", ["user", "token"])

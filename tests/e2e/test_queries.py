@@ -1,0 +1,214 @@
+"""The shipped queries of hosts, with all real servers: a host's disk is a row like a motor.
+
+node_exporter reads a folder in place of /proc, so that the test says what the load is.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack
+from http.server import BaseHTTPRequestHandler
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from support import host_checks, prometheus_site
+from support.link import Link
+from support.loopback import answering
+from testbed import domains, programs
+from testbed.configuration import CHECKOUT
+from testbed.http import answers, get, get_json
+from testbed.mail import Inbox, MailServer
+from testbed.polling import until
+from testbed.ports import free_port
+from testbed.processes import Process
+
+pytestmark = pytest.mark.slow
+
+QUERIES = CHECKOUT / "docs" / "examples" / "queries" / "queries.d" / "hosts.yml"
+FLEET = """
+fleet: hall
+robots: [{{name: robot_1, namespace: /robot_1, domain_id: {domain}, address: 127.0.0.1}}]
+faults: {{restart_grace: 1s}}
+"""
+
+
+class Page(BaseHTTPRequestHandler):
+    """A page that is found."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.end_headers()
+
+
+class Site:
+    """A robot whose computer is measured; its exporter, Prometheus and mails."""
+
+    def __init__(self, folder: Path, inbox: Inbox) -> None:
+        self.folder = folder
+        self.inbox = inbox
+        self.exporter = ""
+        self.prometheus: Link  # as the exporter reaches it
+        self.load(0.5)
+
+    def load(self, one: float) -> None:
+        """Set the load average."""
+        proc = self.folder / "proc"
+        proc.mkdir(exist_ok=True)
+        new = proc / "new"
+        new.write_text(f"{one:.2f} 0.10 0.10 1/100 200\n")
+        new.rename(proc / "loadavg")  # never half a file
+
+    def robot(self) -> dict[str, Any]:
+        """The robot as the API has it."""
+        (robot,) = get_json(self.exporter, "/api/v1/fleet")["robots"]
+        return dict(robot)
+
+    def component(self, name: str) -> dict[str, Any]:
+        """A component of the robot; empty if there is none."""
+        found = (each for each in self.robot()["components"] if each["component"] == name)
+        return next(found, {})
+
+    def level(self, name: str) -> str:
+        return str(self.component(name).get("level"))
+
+    def subjects(self) -> list[str]:
+        return [mail.subject for mail in self.inbox.mails()]
+
+
+def queries(folder: Path) -> list[dict[str, Any]]:
+    """The shipped ones, asked often and confirmed soon; the disk is WARN as full as it is now."""
+    found = os.statvfs(folder)
+    free = 100 * found.f_bavail / found.f_blocks
+    entries: list[dict[str, Any]] = yaml.safe_load(QUERIES.read_text())
+    for each in entries:
+        each.update({"interval": "5s", "stale_after": "10s", "confirm_after": "1s"})
+        if each["component"].startswith("disk"):
+            each["thresholds"] = {"low": {"warning": free + 1, "critical": 0}}
+    return [*entries, {"expr": "no_such(", "component": "wrong"}]
+
+
+def mails_to(smtp: str) -> Any:
+    """Edits Alertmanager's configuration."""
+
+    def change(config: dict[str, Any]) -> None:
+        config["global"]["smtp_smarthost"] = smtp
+        config["route"]["group_interval"] = "1s"
+        for receiver in config["receivers"]:
+            receiver.pop("webhook_configs", None)
+
+    return change
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    inbox, smtp = Inbox(), f"127.0.0.1:{free_port()}"
+    found = Site(tmp_path, inbox)
+    (tmp_path / "proc" / "1").mkdir()
+    (tmp_path / "proc" / "1" / "mounts").write_text(f"/dev/disk {tmp_path} ext4 rw 0 0\n")
+    exporter, prometheus = (f"127.0.0.1:{free_port()}" for _ in range(2))
+    found.exporter = exporter
+    with ExitStack() as stack:
+        mail_server = MailServer(smtp, inbox)
+        stack.callback(mail_server.stop)
+        mail_server.start()
+        page = stack.enter_context(answering(Page))
+        node, blackbox = stack.enter_context(
+            host_checks.running(
+                tmp_path,
+                "--collector.disable-defaults",
+                "--collector.loadavg",
+                "--collector.filesystem",
+                f"--path.procfs={tmp_path / 'proc'}",
+            )
+        )
+        domain = stack.enter_context(domains.lease())
+        (tmp_path / "queries.d").mkdir()
+        (tmp_path / "queries.d" / "hosts.yml").write_text(yaml.safe_dump(queries(tmp_path)))
+        (tmp_path / "fleet.yml").write_text(FLEET.format(domain=domain))
+        found.prometheus = Link(prometheus)
+        stack.callback(found.prometheus.close)
+        commands = {
+            "robots": programs.virtual_robots(1, 1, domain),
+            "exporter": [
+                *programs.exporter(
+                    tmp_path / "fleet.yml", exporter, tmp_path / "db", "127.0.0.1:1"
+                ),
+                f"--prometheus.url=http://{found.prometheus.address}",
+            ],
+        }
+        for name, argv in commands.items():
+            process = Process(name, argv, domains.environment(domain), tmp_path / f"{name}.log")
+            stack.callback(process.stop)
+            process.start()
+        until(lambda: answers(exporter, "/-/ready"), "the exporter is ready", 120)
+        port = page.rpartition(":")[2]
+        jobs = host_checks.jobs(
+            {
+                "localhost:9877": exporter,
+                "localhost:9115": blackbox,
+                "/sd/node": f"/sd/node?port={node.rpartition(':')[2]}",
+                "/sd/http": f"/sd/http?port={port}",
+                "?port=11311": f"?port={port}",
+            },
+            # What may not send pings finds every host down (test_hosts.py); nobody serves SSH.
+            ["ros-diagnostics-ping", "ros-diagnostics-uplink", "ros-diagnostics-ssh"],
+        )
+        stack.enter_context(
+            prometheus_site.running(
+                tmp_path,
+                {"hall": exporter},
+                probes=jobs,
+                receivers=mails_to(smtp),
+                prometheus=prometheus,
+            )
+        )
+        yield found
+
+
+def test_a_hosts_disk_load_and_services_are_components_with_a_mail_and_a_recovery(site: Site):
+    disk = f"disk {site.folder}"
+    until(lambda: site.level(disk) == "WARN", lambda: str(site.robot()["components"]), 60)
+    until(lambda: site.level("load 1m") == "OK", "the load is measured", 60)
+    until(lambda: site.level("http") == site.level("node_exporter") == "OK", "the services", 60)
+    assert site.component(disk)["group"] == "Host"
+    text = get(site.exporter, "/metrics").decode()
+    assert f'component="{disk}"' in text
+    assert disk in get(site.exporter, "/robots/robot_1").decode()
+
+    site.load(11)
+    problem = "** PROBLEM ** hall/robot_1 load 1m is CRITICAL"
+    until(lambda: problem in site.subjects(), lambda: str(site.subjects()), 90)
+    site.load(0.5)
+    recovery = "** RECOVERY ** hall/robot_1 load 1m is no longer CRITICAL"
+    until(lambda: recovery in site.subjects(), lambda: str(site.subjects()), 90)
+
+
+def test_without_prometheus_its_components_are_stale_and_no_fault_begins_or_ends(site: Site):
+    disk = f"disk {site.folder}"
+
+    def faults() -> list[tuple[str, str]]:
+        found = get_json(site.exporter, "/api/v1/faults")["faults"]
+        return [(each["component"], each["state"]) for each in found]
+
+    until(lambda: (disk, "warning") in faults(), lambda: str(faults()), 60)
+
+    def errors() -> dict[str, str]:
+        queries = get_json(site.exporter, "/api/v1/fleet")["queries"]
+        return {each["name"]: each["error"] for each in queries if each["error"]}
+
+    until(lambda: "parse error" in errors().get("Host/wrong", ""), lambda: str(errors()), 60)
+    until(lambda: errors().keys() == {"Host/wrong"}, lambda: str(errors()), 60)
+    before = faults()
+
+    site.prometheus.cut()
+    until(lambda: site.level(disk) == "STALE", "the disk is STALE", 60)
+    until(lambda: site.level("load 1m") == "STALE", "so is the load", 60)
+    assert site.robot()["up"]
+    assert faults() == before
+    site.prometheus.heal()
+    until(lambda: site.level(disk) == "WARN", "the disk is measured again", 60)
+    assert faults() == before
