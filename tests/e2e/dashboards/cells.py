@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import yaml
 
 FOLDER = Path(__file__).parent / "cells"
-NOT_COMPARED = {"__name__", "instance", "python_version", "version"}
+NOT_COMPARED = {"__name__", "instance", "python_version", "version", "fault"}
 CELL = re.compile(r"(?P<optional>\? )?\{(?P<labels>.*)\} (?P<value>.+)")
 Labels = tuple[tuple[str, str], ...]
 
@@ -51,7 +51,9 @@ def found_cells(result: list[dict[str, Any]], fleets: Mapping[str, str]) -> dict
     """
     found: dict[Labels, float] = {}
     for series in result:
-        compared = {k: v for k, v in series["metric"].items() if k not in NOT_COMPARED}
+        metric = series["metric"].items()
+        # The lines of an evidence are one line in a cell.
+        compared = {k: v.replace("\n", " ") for k, v in metric if k not in NOT_COMPARED}
         if (address := series["metric"].get("instance")) in fleets:
             compared["instance"] = fleets[address]
         labels = tuple(sorted(compared.items()))

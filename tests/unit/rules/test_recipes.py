@@ -18,8 +18,11 @@ PAGE = (ROOT / "docs" / "recipes.md").read_text()
 RECIPES = re.findall(r"\n\n((?:(?!\n\n).)+):\n\n```promql\n(.*?)```", PAGE, re.DOTALL)
 MOTOR = 'fleet="f", robot="r1", group="/Motor", component="Motor 1"'
 BATTERY = 'fleet="f", robot="r1", group="/Battery", component="Battery 1"'
-FAULT = f'{MOTOR}, site="hall", scope="component", state="critical", severity="critical"'
-SILENT = 'fleet="f", robot="r2", site="hall", scope="robot", state="silent", severity="critical"'
+FAULT = f'{MOTOR}, site="hall", scope="component", state="critical", severity="critical", fault="a"'
+SILENT = (
+    'fleet="f", robot="r2", site="hall", scope="robot", state="silent", severity="critical", '
+    'fault="b"'
+)
 MESSAGE = "_x60 1x59 stale _x119 1x180"
 # One sample each 10 s, for 70 minutes.
 INPUT = {

@@ -144,11 +144,13 @@ def fault(since: float = BEGAN, labels: dict[str, str] | None = None, **identity
 
 def served(faults, acknowledgements, text=None, exporter="") -> list[tuple[dict[str, str], float]]:
     """Labels and value of every acknowledgement that a scrape shows."""
-    rendered = (text or FaultText()).render("f", exporter, faults, acknowledgements)
+    rendered = (text or FaultText()).render(
+        "f", exporter, faults, acknowledgements=acknowledgements
+    )
     text = rendered[metrics.FAULT_ACKNOWLEDGED.name].decode()
     assert all(line.startswith(metrics.FAULT_ACKNOWLEDGED.name) for line in text.splitlines())
     return [
-        (sample.labels, sample.value)
+        ({name: text for name, text in sample.labels.items() if name != "fault"}, sample.value)
         for family in text_string_to_metric_families(text)
         for sample in family.samples
     ]

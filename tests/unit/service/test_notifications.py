@@ -12,7 +12,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from ros_diagnostics_exporter import notifications
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, as_texts
+from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, as_texts, fault_id
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.fault_text import FaultText
 from ros_diagnostics_exporter.notifications import Notifications, key_of, parse
@@ -216,9 +216,10 @@ def test_an_acknowledgement_is_one_event_of_the_fault_that_it_names():
 def test_it_is_served_for_faults_that_last():
     rendered = FaultText().render("f", "", [FAULT], notified={KEY: {"email": 12.5, 'a"b': 13.0}})
     families = text_string_to_metric_families(rendered[metrics.FAULT_NOTIFIED.name].decode())
+    its_id = fault_id("f", "", FAULT.identity)
     assert [(each.labels, each.value) for family in families for each in family.samples] == [
-        (LABELS | {"receiver": "email"}, 12.5),
-        (LABELS | {"receiver": 'a"b'}, 13.0),
+        (LABELS | {"fault": its_id, "receiver": "email"}, 12.5),
+        (LABELS | {"fault": its_id, "receiver": 'a"b'}, 13.0),
     ]
     assert (
         FaultText().render("f", "", [], notified={KEY: {"email": 1.0}})[metrics.FAULT_NOTIFIED.name]
