@@ -45,7 +45,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("cli",),
     ),
     TOOLS: (
-        ("connection_flags", "errors", "terminal", "times"),
+        ("connection_flags", "errors", "pairs", "terminal", "times"),
         ("servers",),
         ("backtest", "nagios", "oncall"),
         ("check_nagios", "commands"),

@@ -32,6 +32,7 @@ from ros_diagnostics_exporter.model import Downtime
 from ros_diagnostics_exporter.severity import clock
 from ros_diagnostics_exporter.texts import escape, nearest, one_line, printable
 from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.pairs import Pair
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import (
     cells,
@@ -69,26 +70,6 @@ class Wanted(NamedTuple):
         return " ".join(filter(None, names))
 
 
-class Label(click.ParamType[tuple[str, str]]):
-    """A label of robots and its value."""
-
-    name = "label"
-
-    def convert(
-        self,
-        value: str | tuple[str, str],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> tuple[str, str]:
-        """Its name and value."""
-        if not isinstance(value, str):
-            return value
-        name, separator, of = value.partition("=")
-        if not (name and separator):
-            self.fail(f"{value!r} is not LABEL=VALUE, such as team=arms", param, ctx)
-        return name, of
-
-
 @click.command(
     epilog="""\b
 Examples:
@@ -100,7 +81,7 @@ Examples:
 @click.option("--site", help="All robots of this site, instead of ROBOT.")
 @click.option(
     "--selector",
-    type=Label(),
+    type=Pair("label", "LABEL=VALUE, such as team=arms"),
     multiple=True,
     metavar="LABEL=VALUE",
     help="All robots with this label; repeatable: with all of them.",

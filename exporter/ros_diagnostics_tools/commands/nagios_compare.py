@@ -24,6 +24,7 @@ from ros_diagnostics_tools.nagios.comparison import log
 from ros_diagnostics_tools.nagios.comparison.differences import Differences, compare
 from ros_diagnostics_tools.nagios.comparison.here import EventsError, Here, follow
 from ros_diagnostics_tools.nagios.comparison.notice import Notice
+from ros_diagnostics_tools.pairs import Pair
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import cells, make_console, print_json, with_output
 from ros_diagnostics_tools.times import Duration, Moment
@@ -44,31 +45,6 @@ class Options:
     events: Path | None
 
 
-class Service(click.ParamType[tuple[str, str]]):
-    """A service of Nagios, and the pattern that its plug-in got with -N."""
-
-    name = "service"
-
-    def convert(
-        self,
-        value: str | tuple[str, str],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> tuple[str, str]:
-        """The service's name and the pattern."""
-        if not isinstance(value, str):
-            return value
-        name, separator, pattern = value.partition("=")
-        if not (name and separator):
-            self.fail(
-                f"{value!r} is not SERVICE=PATTERN, such as motors=Motor for a service with "
-                "-N Motor",
-                param,
-                ctx,
-            )
-        return name, pattern
-
-
 @click.command(
     "compare",
     epilog="""\b
@@ -81,7 +57,7 @@ Example:
 @click.option(
     "--service",
     multiple=True,
-    type=Service(),
+    type=Pair("service", "SERVICE=PATTERN, such as motors=Motor for a service with -N Motor"),
     metavar="NAME=PATTERN",
     help="The service of Nagios that checks with -N PATTERN; repeatable.  [default: the pattern is "
     "the service's name]",
