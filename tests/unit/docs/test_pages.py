@@ -1,4 +1,4 @@
-"""Links of the documentation lead somewhere, and each claim that names its test names one that exists."""
+"""Links of the documentation lead somewhere, and each claim names a test that exists."""
 
 from __future__ import annotations
 
