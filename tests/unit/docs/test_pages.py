@@ -1,4 +1,4 @@
-"""Links of the pages lead somewhere, and each claim that names its test names one that exists."""
+"""Links of the documentation lead somewhere, and each claim names a test that exists."""
 
 from __future__ import annotations
 
@@ -49,3 +49,4 @@ def test_every_test_that_a_claim_names_exists():
     tests = cases | {case.partition("[")[0] for case in cases}
 
     assert named - tests == set()
+
