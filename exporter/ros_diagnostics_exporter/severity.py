@@ -345,7 +345,7 @@ def event_text(event: dict[str, Any]) -> str:
     kind, message = event["kind"], event.get("message", "")
     after = _AFTER.get(event.get("after", ""), event.get("after", ""))
     if kind == "level":
-        words = f"{component_path(event)} {event.get('before', '')} → {after}"
+        words = f"{component_path(event)} {event.get('before', 'new')} → {after}"
     elif kind in {"fault_began", "fault_ended"}:
         about = _complete(event)
         how = {"fault_began": "began", "fault_ended": event.get("reason", "ended")}[kind]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Feed, Instant, Level, Status
-from ros_diagnostics_exporter.robots.component import STALE, Component
+from ros_diagnostics_exporter.robots.component import OK, STALE, Component
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
 from ros_diagnostics_exporter.robots.maintenance import (
@@ -295,7 +295,7 @@ class Robot:
         self._events.append(Event(now.wall, "robot", self.settings.name, after=after))
 
     def _record_change(self, component: Component, before: int, now: Instant) -> None:
-        if before >= 0:
+        if before >= 0 or component.level != OK:  # the first level is one where it is trouble
             self._record_level(component, before, _LEVEL_NAMES[component.level], now)
 
     def _record_level(self, component: Component, before: int, after: str, now: Instant) -> None:
@@ -306,7 +306,7 @@ class Robot:
                 robot=self.settings.name,
                 group=component.group,
                 component=component.label,
-                before=_LEVEL_NAMES[before],
+                before=_LEVEL_NAMES[before] if before >= 0 else "",
                 after=after,
                 message=component.message,
             )
