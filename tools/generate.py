@@ -13,6 +13,7 @@ import config_schema
 import mail_pictures
 import metrics_reference
 import prometheus_operator
+import versions
 from bench import scaling
 from experiments import pages
 
@@ -37,6 +38,7 @@ GENERATORS: dict[str, Callable[[], Files]] = {
     "dashboards": dashboards,
     "tables of docs/scaling.md": scaling.files,
     "results of experiments": pages.files,
+    "versions": versions.files,
 }
 
 
