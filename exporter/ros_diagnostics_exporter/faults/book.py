@@ -9,6 +9,7 @@ from typing import Literal
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.model import ComponentName, Identity, Scope
 from ros_diagnostics_exporter.faults.records import (
+    TREND_STEPS,
     Cause,
     Component,
     Ended,
@@ -21,7 +22,9 @@ from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSet
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.model import Instant
 
-TimerKind = Literal["confirm", "cover", "returned", "presence", "flaps", "settled", "hours", "ends"]
+TimerKind = Literal[
+    "confirm", "cover", "returned", "presence", "flaps", "trends", "settled", "hours", "ends"
+]
 Timer = tuple[TimerKind, "Problem | Cause | Robot | Component | None"]
 FLEET_ROW: RowKey = ("fleet", ())
 
@@ -146,6 +149,8 @@ class Book:
             return 0.0
         if identity.state == "pending":
             return self.settings.pending_after
+        if identity.state == "falling":
+            return 2 * self.settings.falling.over / TREND_STEPS
         if problem.component is not None:
             return problem.component.settings.confirm_after
         if problem.robot is not None:

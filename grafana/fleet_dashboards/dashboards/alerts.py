@@ -307,7 +307,7 @@ def flapping() -> table.Panel:
         "the exporter started.",
         {
             "A": f"max {by} (ros_diagnostics_component_flap_ratio{{{_FLEET}}}) >= 0.2",
-            "B": f'max {by} ({HELD}{{{_FLEET}, scope="flapping"}}) * 1000',
+            "B": f'max {by} ({HELD}{{{_FLEET}, scope="flapping", state="flapping"}}) * 1000',
             # Not increase() over the range: that would read the range of every component.
             "C": f"max {by} (ros_diagnostics_component_changes_total{{{_FLEET}}})",
         },
