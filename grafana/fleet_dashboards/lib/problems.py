@@ -33,7 +33,7 @@ _KINDS = (
     _Kind('scope="component", state="stale"', palette.STALE),
     _Kind('scope="component", state="warning"', palette.WARNING),
     _Kind('scope="value", state="critical"', palette.CRITICAL, named_by="key"),
-    _Kind('scope="value", state="warning"', palette.WARNING, named_by="key"),
+    _Kind('scope="value", severity="warning"', palette.WARNING, named_by="key"),
     _Kind('scope="check"', palette.CRITICAL, named_by="check"),
     _Kind('scope="host", state="critical"', palette.CRITICAL, named_by="check"),
     _Kind('scope="host", state="warning"', palette.WARNING, named_by="check"),
@@ -50,7 +50,8 @@ _KINDS = (
         palette.WARNING,
         "many components failed at once",
     ),
-    _Kind('scope="flapping"', palette.WARNING, "flapping"),
+    _Kind('scope="flapping", state="flapping"', palette.WARNING, "flapping"),
+    _Kind('scope="flapping", state="intermittent"', palette.WARNING, "intermittent"),
     _Kind('scope="site"', palette.UNKNOWN, "many robots of the site are silent"),
     _Kind('scope="common"', palette.CRITICAL, "on many robots at once"),
 )
