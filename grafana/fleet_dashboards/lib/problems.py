@@ -35,8 +35,6 @@ _KINDS = (
     _Kind('scope="value", state="critical"', palette.CRITICAL, named_by="key"),
     _Kind('scope="value", severity="warning"', palette.WARNING, named_by="key"),
     _Kind('scope="check"', palette.CRITICAL, named_by="check"),
-    _Kind('scope="host", state="critical"', palette.CRITICAL, named_by="check"),
-    _Kind('scope="host", state="warning"', palette.WARNING, named_by="check"),
     _Kind('scope="robot", state="silent"', palette.UNKNOWN),
     _Kind('scope="robot", state="pending"', palette.PENDING),
     _Kind('scope="robot", state="flapping"', palette.WARNING, "comes and goes"),
@@ -184,7 +182,8 @@ def _notified(matchers: str, states: str) -> str:
     or
       max by (fleet, robot) ({_RECEIVED}{{{states}}})
 """
-    behind = "robot:ros_diagnostics_robot:behind"
+    reasons = 'reason=~"uplink_down|domain_unreachable"'
+    behind = f"max by (fleet, robot) (ros_diagnostics_robot_silent_reason{{{reasons}}} == 1)"
     why_not = {
         f"{nobody} and on ({IDENTITY}) {ACKNOWLEDGED}": "no: acknowledged",
         nobody: "not yet",
