@@ -130,6 +130,7 @@ def test_only_the_hold_reads_what_it_records():
         "host_check:ros_diagnostics_host:held",
         "host_check:ros_diagnostics_host:start",
         "robot:ros_diagnostics:info",
+        "robot:ros_diagnostics_fault_start:held",
         "site_component:ros_diagnostics_fault:held",
         SLOT,
     }
