@@ -30,7 +30,7 @@ from ros_diagnostics_exporter.model import Part
 from ros_diagnostics_exporter.notifications import Notifications, parse
 from ros_diagnostics_exporter.sources import dds as ros
 from ros_diagnostics_exporter.sources.prometheus import Prometheus
-from ros_diagnostics_exporter.sources.source import Source
+from ros_diagnostics_exporter.sources.source import ArraySource
 from ros_diagnostics_exporter.storage.storage import Storage
 
 log = logging.getLogger(__name__)
@@ -99,7 +99,7 @@ class Service:
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = ros.Listener(self.state, ros_arguments=ros_arguments)
         self._prometheus = Prometheus(self.state, prometheus, ros.read_clocks)
-        self._sources: tuple[Source, ...] = (self._listener, self._prometheus)
+        self._sources: tuple[ArraySource, ...] = (self._listener, self._prometheus)
         self._exporter = Exporter(
             self.state,
             self._exposition,

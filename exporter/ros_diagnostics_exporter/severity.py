@@ -28,6 +28,7 @@ COLOURS = {
 QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condition in its words
     "no_data": "nothing fresh is known",
     "robot_silent": "the robot is silent",
+    "unreachable": "the robot is behind an uplink or a DDS domain that fails",
     "maintenance": "maintenance",
     "restart": "the exporter has just started",
     "returned": "the robot has just come back",
@@ -47,6 +48,7 @@ SILENT = {  # why a robot is silent
     "undecodable": "its messages cannot be decoded",
     "wrong_type": "its topics have another type",
     "domain_unreachable": "its DDS domain cannot be joined",
+    "uplink_down": "its uplink does not answer",
 }
 _OF_ROBOT = {
     "silent": "robot is silent",

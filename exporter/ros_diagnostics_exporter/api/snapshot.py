@@ -9,7 +9,7 @@ from typing import Any
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.alertmanager import Acknowledgement
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
-from ros_diagnostics_exporter.config.fleet import ValueRule
+from ros_diagnostics_exporter.config.fleet import Source, ValueRule
 from ros_diagnostics_exporter.faults.model import ComponentName, ProblemView, as_texts
 from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Instant, Level
@@ -24,6 +24,7 @@ from ros_diagnostics_exporter.sources.prometheus import Outcome
 # job -> the port of a robot with an address; None where the query has to name it
 PORTS = {"node": 9100, "ssh": 22, "http": 80, "tcp": None}
 PING = "ping"  # has no port
+UPLINK = "uplink"  # may have one, where pings are not possible
 
 
 class Care:
@@ -182,11 +183,21 @@ def _maintenance(state: State, robot: dict[str, Any], now: Instant) -> dict[str,
 def targets(state: State, job: str, port: int | None) -> list[dict[str, Any]]:
     """Prometheus' http_sd list of the robots that have an address, at ``port`` or the job's own.
 
+    Job uplink has what robots name as their uplink; an access point is in no other.
+
     Raises:
         LookupError: there is no such job.
         ValueError: the job needs a port, or has none.
     """
     end = _end(job, port)
+    robots = list(state.visit(lambda robot: robot.settings))
+    uplinks = {each.labels.get("uplink") for each in robots}
+    if job == UPLINK:
+        wanted = [each for each in robots if each.name in uplinks]
+    else:
+        wanted = [
+            each for each in robots if each.source is not Source.QUERIES or each.name not in uplinks
+        ]
     return [
         {
             "targets": [_host(settings.address) + end],
@@ -196,7 +207,7 @@ def targets(state: State, job: str, port: int | None) -> list[dict[str, Any]]:
                 "robot": settings.name,
             },
         }
-        for settings in state.visit(lambda robot: robot.settings)
+        for settings in wanted
         if settings.address is not None
     ]
 
@@ -206,8 +217,10 @@ def _end(job: str, port: int | None) -> str:
         if port is not None:
             raise ValueError("a ping has no port")
         return ""
+    if job == UPLINK:
+        return "" if port is None else f":{port}"
     if job not in PORTS:
-        raise LookupError(f"no job {job!r}; there are {', '.join(sorted([*PORTS, PING]))}")
+        raise LookupError(f"no job {job!r}; there are {', '.join(sorted([*PORTS, PING, UPLINK]))}")
     port = port or PORTS[job]
     if port is None:
         raise ValueError(f"which port? /sd/{job}?port=NUMBER")
