@@ -1,4 +1,4 @@
-"""Hooks of mkdocs: the pages beside docs/, the list of runbooks, links to files that are no pages."""
+"""Hooks of mkdocs: pages beside docs/, the list of runbooks, links to files that are no pages."""
 
 from __future__ import annotations
 
