@@ -28,6 +28,7 @@ COLOURS = {
 QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condition in its words
     "no_data": "nothing fresh is known",
     "robot_silent": "the robot is silent",
+    "unreachable": "the robot is behind an uplink or a DDS domain that fails",
     "maintenance": "maintenance",
     "restart": "the exporter has just started",
     "returned": "the robot has just come back",
@@ -39,6 +40,7 @@ QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condit
     "condition": "by its condition in fleet.yml",
     "hours": "outside of warning hours",
 }
+OF_LARGER = {"site", "common", "many"}  # reasons: it is part of a larger fault
 SILENT = {  # why a robot is silent
     "never_seen": "nothing was ever received",
     "publisher_gone": "nobody publishes on its topics",
@@ -46,6 +48,7 @@ SILENT = {  # why a robot is silent
     "undecodable": "its messages cannot be decoded",
     "wrong_type": "its topics have another type",
     "domain_unreachable": "its DDS domain cannot be joined",
+    "uplink_down": "its uplink does not answer",
 }
 _OF_ROBOT = {
     "silent": "robot is silent",
@@ -258,10 +261,24 @@ def downtime_texts(robot: dict[str, Any], now: float, *, local: bool = False) ->
 
 
 def notice(problem: dict[str, Any], now: float) -> str:
-    """Which receivers were notified of a problem, and when the last of them; "" if not known."""
-    notified = problem.get("notified")
+    """Who takes care of a problem, which receivers were notified of it, and when the last of them.
+
+    "" if that is not known.
+    """
     if problem["confirmed"] is None:
+        if problem["quiet"] in OF_LARGER:
+            return "one notification for all"
         return "nobody is notified" if problem["quiet"] else ""
+    return "; ".join(filter(None, (_taken(problem), _notified(problem, now))))
+
+
+def _taken(problem: dict[str, Any]) -> str:
+    taken = problem.get("acknowledged")
+    return f"acknowledged by {taken['author']}: {taken['comment']}" if taken else ""
+
+
+def _notified(problem: dict[str, Any], now: float) -> str:
+    notified = problem.get("notified")
     if notified is None:
         return ""
     if not notified:

@@ -823,6 +823,12 @@ class Query(Entry):
         example=True,
         default=False,
     )
+    uplink: bool = described(
+        "While one of them is ERROR, the robots that name its robot by the label `uplink` are "
+        "unreachable: their silence, and what is measured of them, is no fault.",
+        example=True,
+        default=False,
+    )
 
     @property
     def name(self) -> str:
@@ -832,7 +838,14 @@ class Query(Entry):
     @property
     def feed(self) -> Feed:
         """What it delivers."""
-        return Feed(self.name, self.group, self.stale_after, self.confirm_after, self.planned_stale)
+        return Feed(
+            self.name,
+            self.group,
+            self.stale_after,
+            self.confirm_after,
+            self.planned_stale,
+            self.uplink,
+        )
 
     @override
     def completed(self, given: Mapping[str, Any]) -> "Query":

@@ -170,6 +170,7 @@ class Reason(str, Enum):
 
     NO_DATA = "no_data"
     ROBOT_SILENT = "robot_silent"
+    UNREACHABLE = "unreachable"  # behind an uplink or a DDS domain that fails
     MAINTENANCE = "maintenance"
     RESTART = "restart"  # within restart_grace
     RETURNED = "returned"  # the robot is back for less than confirm_after

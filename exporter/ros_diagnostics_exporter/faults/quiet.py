@@ -16,7 +16,7 @@ def why_not_begin(book: Book, problem: Problem, now: Instant) -> Reason | None:
     """The first reason that keeps the problem from beginning now; None: it may."""
     robot, component = problem.robot, problem.component
     if robot is not None:
-        reason = _of_robot(book, problem, robot, now)
+        reason = _of_uplink(problem, robot) or _of_robot(book, problem, robot, now)
         if reason is not None:
             return reason
     if component is not None and problem.identity.scope is not Scope.VALUE:
@@ -75,6 +75,18 @@ def _of_robot(book: Book, problem: Problem, robot: Robot, now: Instant) -> Reaso
     if not of_presence and problem.verdict is Verdict.ABSENT and now.mono < robot.returned_until:
         return Reason.RETURNED
     return None
+
+
+def _of_uplink(problem: Problem, robot: Robot) -> Reason | None:
+    """Why what rests on what is not received, or not measured, of a robot out of reach is quiet."""
+    if not robot.unreachable or _in_maintenance(problem):
+        return None
+    component, identity = problem.component, problem.identity
+    if component is None:
+        explained = identity.scope is Scope.ROBOT and identity.state in _OF_PRESENCE
+    else:
+        explained = component.settings.measured or problem.verdict is Verdict.ABSENT
+    return Reason.UNREACHABLE if explained else None
 
 
 def _is_reported(book: Book, flaps: Problem | None, now: Instant) -> bool:

@@ -138,6 +138,7 @@ class Robot:
 
     ``total`` is how many components it has; ``maintained`` the names of those in a downtime of
     their own; ``returned_until`` (monotonic) when what rests on absence may begin after its return;
+    ``unreachable_since`` (monotonic) since when an uplink or a DDS domain explains its absence;
     ``history`` counts its coming and going.
     """
 
@@ -157,6 +158,7 @@ class Robot:
         "row",
         "settings",
         "total",
+        "unreachable_since",
     )
 
     def __init__(self, name: str, settings: RobotSettings) -> None:
@@ -168,6 +170,7 @@ class Robot:
         self.maintenance = False
         self.maintained: frozenset[str] = frozenset()  # not written: planned anew after a start
         self.returned_until = -inf
+        self.unreachable_since: float | None = None  # not written: reported anew after a start
         self.total = 0
         self.counted = False  # towards its site's silence
         self.history: FlapHistory | None = None
@@ -180,6 +183,11 @@ class Robot:
     def up(self) -> bool:
         """Whether it is received."""
         return self.presence is Presence.UP
+
+    @property
+    def unreachable(self) -> bool:
+        """Whether something else explains that nothing is received of it."""
+        return self.unreachable_since is not None
 
     @property
     def flapping(self) -> bool:
@@ -235,6 +243,11 @@ class Cause:
     def covers(self, now: Instant) -> bool:
         """Whether what it explains is quiet."""
         return self.active is not None or now.mono < self.covers_until
+
+    @property
+    def is_fault(self) -> bool:
+        """Whether it is confirmed, so that only what is received ends it."""
+        return any(each.fault is not None for each in self.problems.values())
 
     def count(self, robot: str, part: str, *, counts: bool, fresh: bool) -> None:
         """Note whether a part of a robot belongs to it."""

@@ -22,6 +22,7 @@ def remove_robot(book: Book, robot: Robot, now: Instant) -> list[Change]:
     book.touched_causes.pop(robot.many, None)
     book.timers.clear(("cover", robot.many))
     book.timers.clear(("returned", robot))
+    book.timers.clear(("reachable", robot))
     book.timers.clear(("presence", robot))
     book.write(robot.many)
     book.write(robot)

@@ -346,7 +346,7 @@ def _bound_problem(book: Book, problem: Problem, now: Instant) -> None:
     latest = now
     component = problem.component if problem.identity.scope is Scope.COMPONENT else None
     if problem.fault is not None:
-        latest = at_mono(now.mono - book.confirm_after(problem), now)
+        latest = at_mono(now.mono - (book.due(problem) - problem.clock), now)
     if problem.clock > now.mono:
         problem.clock = latest.mono
     if problem.since.wall > now.wall:
@@ -381,7 +381,7 @@ def _set_timers(book: Book) -> None:
         timers.set(("settled", None), book.grace_until)
     for problem in book.problems.values():
         if problem.fault is None:
-            timers.set(("confirm", problem), problem.clock + book.confirm_after(problem))
+            timers.set(("confirm", problem), book.due(problem))
     for cause in (*book.causes.values(), *(robot.many for robot in book.robots.values())):
         if cause.covers_until > -inf:
             timers.set(("cover", cause), cause.covers_until)

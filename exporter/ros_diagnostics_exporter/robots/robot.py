@@ -112,7 +112,8 @@ class Robot:
             self._has_no_ros = settings.source is config.Source.QUERIES
         if _topics_of(settings) != _topics_of(self.settings):
             is_same_domain = settings.domain_id == self.settings.domain_id
-            self.network = Network(domain_up=self.network.domain_up or not is_same_domain)
+            domain_up = self.network.domain_up or not is_same_domain
+            self.network = Network(domain_up=domain_up, uplink_up=self.network.uplink_up)
             self.versions.receipt += 1
         rules_changed = (settings.profile, limits) != (self.settings.profile, self.limits)
         self.settings, self.limits = settings, limits
@@ -287,6 +288,22 @@ class Robot:
         if self.network.update(topic, endpoint):
             self.seen_mono = now.mono
             self.versions.receipt += 1
+
+    def set_uplink_up(self, *, up: bool) -> None:
+        """Set whether what the robot is reached through answers."""
+        if up != self.network.uplink_up:
+            self.network.uplink_up = up
+            self.versions.receipt += 1
+
+    @property
+    def fails_as_uplink(self) -> bool:
+        """Whether the robots that are reached through it are not: what is STALE is as it was."""
+        return any(
+            each.feed is not None
+            and each.feed.uplink
+            and Level.ERROR in (each.level, each.before_stale)
+            for each in self.components
+        )
 
     # -- events ------------------------------------------------------------------------------
 

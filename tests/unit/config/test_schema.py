@@ -134,7 +134,9 @@ def test_default_in_the_schema_applies_to_a_missing_key(load_data, name):
 
 
 # Wrong only together with the rest of the file.
-BETWEEN_ENTRIES = {"one-topic", "duplicate-robots", "profiles", "limits", "faults-order"}
+BETWEEN_ENTRIES = {
+    *("one-topic", "duplicate-robots", "profiles", "limits", "faults-order", "uplinks"),
+}
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("bad-*.yml")), ids=lambda path: path.stem)

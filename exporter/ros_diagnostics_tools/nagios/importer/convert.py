@@ -12,7 +12,7 @@ from ros_diagnostics_exporter.config.scalars import time_zone
 from ros_diagnostics_tools.nagios.importer import advice, files, inhibition, robots, rotas, routes
 from ros_diagnostics_tools.nagios.importer.files import Definition, Directive, NagiosError
 from ros_diagnostics_tools.nagios.importer.inheritance import NOT_INHERITED, Templates, Thing
-from ros_diagnostics_tools.nagios.importer.ledger import Ledger
+from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
 from ros_diagnostics_tools.nagios.importer.site import Site
 
 FLEET, ROUTES, UPLINKS, ONCALL, REPORT = (
@@ -30,7 +30,7 @@ HEADERS = {
 }
 
 
-class Options(NamedTuple):
+class ImportOptions(NamedTuple):
     """What the files do not say."""
 
     fleet: str
@@ -45,18 +45,18 @@ class Converted(NamedTuple):
     """
 
     texts: dict[str, str]
-    ledger: Ledger
+    ledger: ImportLedger
     robots: int
     commands: tuple[str, ...]
 
 
-def convert(paths: list[Path], options: Options) -> Converted:
+def convert(paths: list[Path], options: ImportOptions) -> Converted:
     """Convert the objects of ``paths``, main files, object files and folders.
 
     Raises:
         NagiosError: Nagios would not read them.
     """
-    found, ledger = files.read(paths), Ledger()
+    found, ledger = files.read(paths), ImportLedger()
     templates = Templates(found.definitions, ledger)
     site = _site(found, templates, ledger)
     its_robots = robots.find(site, options.plugins)
@@ -90,7 +90,7 @@ def _time_zone(site: Site, given: str | None) -> str:
         raise NagiosError(f"use_timezone: {error}; name the zone with --time-zone") from None
 
 
-def _site(found: files.Read, templates: Templates, ledger: Ledger) -> Site:
+def _site(found: files.Read, templates: Templates, ledger: ImportLedger) -> Site:
     settings = {each.key: each for each in found.settings if each.kind == "main"}
     macros = {each.key: each for each in found.settings if each.kind == "resource"}
     things: dict[str, list[Thing]] = {}
@@ -111,7 +111,7 @@ def _account_for_commands(site: Site, its_robots: list[robots.Robot]) -> None:
                 command.take("command_line", "the checks of services")
 
 
-def _account_for_rest(found: files.Read, templates: Templates, ledger: Ledger) -> None:
+def _account_for_rest(found: files.Read, templates: Templates, ledger: ImportLedger) -> None:
     """Report every line that nothing has translated or reported."""
     for setting in found.settings:
         if setting.key in files.INCLUDES:
@@ -133,7 +133,7 @@ def _why(definition: Definition, directive: Directive, templates: Templates) -> 
     return advice.advice(directive)
 
 
-def report(ledger: Ledger) -> str:
+def report(ledger: ImportLedger) -> str:
     """What became of each line: what has no equivalent and what to do, then where others went."""
     lost = [f"{_line(each)}: {'; '.join(why)}" for each, why in ledger.lost_rows]
     translated = [f"{_line(each)} -> {'; '.join(where)}" for each, where in ledger.translated_rows]

@@ -18,14 +18,14 @@ from ros_diagnostics_tools.nagios.importer.convert import (
     ROUTES,
     UPLINKS,
     Converted,
-    Options,
+    ImportOptions,
     convert,
 )
 from ros_diagnostics_tools.nagios.importer.files import Directive, NagiosError
 
 CHECKOUT = Path(__file__).parents[4]
 SITE = CHECKOUT / "tests/data/nagios"
-OPTIONS = Options("hall", time_zone="Europe/Berlin")
+OPTIONS = ImportOptions("hall", time_zone="Europe/Berlin")
 
 
 @pytest.fixture(scope="module")
@@ -180,14 +180,14 @@ def test_hours_are_in_the_time_zone_of_nagios(made, tmp_path):
     shutil.copytree(SITE, tmp_path, dirs_exist_ok=True)
     main_file = tmp_path / "nagios.cfg"
     main_file.write_text(main_file.read_text() + "use_timezone=Asia/Tokyo\n")
-    found = convert([main_file], Options("hall"))
+    found = convert([main_file], ImportOptions("hall"))
     assert zones(found) == {"Asia/Tokyo"}
     assert "time_zone: Asia/Tokyo" in found.texts[FLEET]
     assert zones(convert([main_file], OPTIONS)) == {"Europe/Berlin"}  # what the user says counts
 
     main_file.write_text(main_file.read_text().replace("Asia/Tokyo", "Atlantis/Capital"))
     with pytest.raises(NagiosError, match=r"use_timezone: .*--time-zone"):
-        convert([main_file], Options("hall"))
+        convert([main_file], ImportOptions("hall"))
 
 
 def test_the_exporter_records_what_the_receivers_get(made):
