@@ -22,7 +22,7 @@ SECONDS = (
     ("availability.yml", "robot:ros_diagnostics_part_seconds:sum5m", "300", "30"),
     ("hosts.yml", "host_check:ros_diagnostics_confirm_after:seconds", "60", "6"),
 )
-FILES = ("faults", "states", "robots", "hosts", "availability", "monitoring")
+FILES = ("faults", "states", "hosts", "availability", "monitoring")
 SCALED = tuple(f"{name}.yml" for name in FILES)
 SLOT = "robot:ros_diagnostics_part_seconds:sum5m"  # counts the evaluations of states.yml
 
