@@ -56,6 +56,7 @@ _OF_ROBOT = {
     "pending": "robot was never received",
     "flapping": "robot comes and goes",
     "many": "many components failed at once",
+    "clock": "robot's clock is wrong",
 }
 _AFTER = {
     "received": "is received",
@@ -204,6 +205,7 @@ def subject(problem: dict[str, Any]) -> str:
         "flapping": path,
         "site": f"many robots of site {problem['site'] or '(none)'} are silent",
         "common": f"{problem['component']} of many robots",
+        "clock": "the exporter's clock is wrong",
     }[problem["scope"]]
 
 

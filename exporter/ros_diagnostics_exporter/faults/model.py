@@ -24,6 +24,7 @@ class Scope(str, Enum):
     FLAPPING = "flapping"  # of a component, or intermittent
     SITE = "site"
     COMMON = "common"
+    CLOCK = "clock"  # of the exporter
 
 
 class State(str, Enum):
@@ -38,6 +39,7 @@ class State(str, Enum):
     FLAPPING = "flapping"
     INTERMITTENT = "intermittent"
     MANY = "many"
+    CLOCK = "clock"
 
 
 class Identity(NamedTuple):

@@ -13,8 +13,9 @@ from ros_diagnostics_exporter.robots.component import OK, STALE, Component
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
 from ros_diagnostics_exporter.robots.maintenance import (
+    PlannedBy,
     components_in_maintenance,
-    in_maintenance,
+    lasting,
 )
 from ros_diagnostics_exporter.robots.measured import MeasuredUpdates, query_of
 from ros_diagnostics_exporter.robots.network import Network
@@ -75,6 +76,7 @@ class Robot:
         self.undecodable = False
         self.network = Network()
         self.maintenance = False
+        self.planned: frozenset[PlannedBy] = frozenset()  # the downtimes that hold
         self.downtimes: tuple[Downtime, ...] = ()  # that people planned
         self.maintained: frozenset[str] = frozenset()  # names of components in one of their own
         self.rejected = Counter[str](dict.fromkeys(REASONS, 0))
@@ -238,10 +240,10 @@ class Robot:
     def update_maintenance(self, fleet: config.Fleet, now: Instant) -> None:
         """Set whether planned downtimes of it and of its components hold now."""
         labels = {**self.settings.labels, "fleet": fleet.name, "robot": self.settings.name}
-        planned = in_maintenance(fleet, labels, now.wall, self.downtimes)
+        self.planned = lasting(fleet, labels, now.wall, self.downtimes)
         self.maintained = components_in_maintenance(self.downtimes, now.wall)
-        if planned != self.maintenance:
-            self.maintenance = planned
+        if bool(self.planned) != self.maintenance:
+            self.maintenance = bool(self.planned)
             self.versions.inventory += 1
 
     def forget(self, component: Component, now: Instant) -> None:

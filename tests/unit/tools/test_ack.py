@@ -36,6 +36,7 @@ FLEET = alert("FleetPartDown", scope="site", state="silent", **CRITICAL)  # a fl
 COMMON = alert("CommonCause", scope="common", state="critical", component="Motor 1", **CRITICAL)
 EXPORTER = alert("ExporterDown", None, **CRITICAL)
 OFFSET = alert("ClockOffset", None, fleet="f", robot="r1", severity="warning")
+CLOCK = alert("ExporterClockOffset", scope="clock", state="clock", fleet="f", severity="warning")
 UPLINK = alert("UplinkDown", "2026", fleet="f", uplink="ap_9", severity="critical")
 INFO = alert("Watchdog", None, severity="info")
 FOREIGN = {"labels": {"alertname": "DiskFull", "robot": "r1"}, "annotations": {"since": SINCE}}
@@ -49,6 +50,7 @@ ALL = (
     COMMON,
     EXPORTER,
     OFFSET,
+    CLOCK,
     UPLINK,
     INFO,
     FOREIGN,
@@ -122,6 +124,7 @@ def of(problem: dict[str, Any]) -> dict[str, str]:
         (["--site", ""], [escalation(FLEET)]),
         (["--common", "Motor 1"], [escalation(COMMON)]),
         (["--alert", "ExporterDown"], [of(EXPORTER)]),
+        (["--alert", "ExporterClockOffset"], [escalation(CLOCK)]),
         (["--alert", "RosDiagnosticsUplinkDown"], [of(UPLINK)]),
     ],
 )
@@ -279,6 +282,7 @@ def test_the_list_shows_everything_that_can_be_acknowledged(server, capsys):
         f"f Motor 1 on many robots CRITICAL {SINCE} nobody",
         "f berlin ExporterDown nobody",
         "f r1 ClockOffset nobody",
+        f"f exporter CLOCK {SINCE} nobody",
         "f ap_9 UplinkDown nobody",
     }
 
