@@ -163,7 +163,7 @@ class Problem:
         if self.since and labels["scope"] == "common":
             return f"{labels.get('component', '')} on many robots"
         fault = ("robot", "component", "check", "key", "bound")
-        names = fault if self.since else ("robot", "uplink", "exporter", "instance", "domain_id")
+        names = fault if self.since else ("robot", "exporter", "instance", "domain_id")
         return " ".join(labels[name] for name in names if labels.get(name))
 
     @property
