@@ -13,7 +13,13 @@ import yaml
 
 INTERVAL = "2s"  # of scrapes and evaluations
 
-FAULTS = {"restart_grace": "10s", "pending_after": "40s", "confirm_after": "6s"}
+FAULTS = {
+    "restart_grace": "10s",
+    "pending_after": "40s",
+    "confirm_after": "6s",
+    "intermittent": {"within": "1m"},
+    "falling": {"over": "90s", "ahead": "10m"},
+}
 DURATIONS = {"stale_after": "5s", "confirm_after": "6s", "flap_interval": "1s"}
 
 # Addresses with a port that is open or closed, in place of pings: this machine answers pings to all

@@ -123,6 +123,7 @@ def test_only_the_hold_reads_what_it_records():
         "exporter:ros_diagnostics_exporter:held",
         "fleet:ros_diagnostics_fault_start:latest",
         "robot:ros_diagnostics:info",
+        "robot:ros_diagnostics_fault_start:held",
         "site_component:ros_diagnostics_fault:held",
         SLOT,
     }
