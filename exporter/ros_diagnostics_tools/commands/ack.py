@@ -167,7 +167,7 @@ class Problem:
         if self.since and labels["scope"] == "clock":
             return f"exporter {labels.get('exporter', '')}".rstrip()
         fault = ("robot", "component", "check", "key", "bound")
-        names = fault if self.since else ("robot", "uplink", "exporter", "instance", "domain_id")
+        names = fault if self.since else ("robot", "exporter", "instance", "domain_id")
         return " ".join(labels[name] for name in names if labels.get(name))
 
     @property
