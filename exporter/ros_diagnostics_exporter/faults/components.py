@@ -142,7 +142,6 @@ def wake(book: Book, component: Component) -> None:
 
 
 def _judge_flapping(book: Book, component: Component, flaps: FlapHistory, now: Instant) -> None:
-    book.flapped[component.robot.name] = None
     problem = component.problems.get(State.FLAPPING)
     settings = book.settings
     verdict = verdicts.of_flapping(

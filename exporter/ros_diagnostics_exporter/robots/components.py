@@ -50,7 +50,6 @@ class Components:
         changed: Callable[[Component, int, Instant], None],
     ) -> None:
         self.by_identity: dict[Identity, Component] = {}
-        self.removals = 0  # how many components were ever removed
         self._profile = profile
         self._limits = limits
         self._series = series
@@ -154,10 +153,8 @@ class Components:
         self._series.remove(SERIES_OF_COMPONENT)
         del self.by_identity[component.identity]
         self._release_label(component)
-        self.removals += 1
         self._versions.names += 1
         self._versions.structure += 1
-        self._versions.levels += 1
 
     def remove_all(self) -> None:
         """Remove all components."""
@@ -263,12 +260,6 @@ class Components:
         if component.feed != feed:
             component.feed = feed
             self.level_changes[component] = None
-
-    def set_problem_since(self, component: Component, since: float) -> None:
-        """Set when the trouble of a component began, where the judgement of faults dates it."""
-        if component.problem_since != since:
-            component.problem_since = since
-            self._versions.levels += 1
 
     def set_quiet(self, component: Component, because: str) -> None:
         """Set by which condition of the config the trouble of a component is no fault; "": none."""
