@@ -306,13 +306,15 @@ class Service:
 
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""
-        notified = self._notifications.lasting()
-        fleet = snapshot.fleet_snapshot(self.state, ros.read_clocks(), notified)
+        fleet = snapshot.fleet_snapshot(self.state, ros.read_clocks(), self._care())
         return {**fleet, "queries": snapshot.queries(self._prometheus.outcomes())}
 
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""
-        return snapshot.faults(self.state, ros.read_clocks(), self._notifications.lasting())
+        return snapshot.faults(self.state, ros.read_clocks(), self._care())
+
+    def _care(self) -> snapshot.Care:
+        return snapshot.Care(self._notifications.lasting(), self._acknowledged())
 
     def find_events(self, wanted: Wanted) -> Iterable[dict[str, Any]]:
         """The events that match the filter, newest first."""
@@ -325,8 +327,7 @@ class Service:
         """The ledger of a robot as /api/v1/why returns it; LookupError if there is none."""
         self._record_events()
         now = ros.read_clocks()
-        notified = self._notifications.lasting()
-        known = snapshot.robot_snapshot(self.state, robot, now, notified)
+        known = snapshot.robot_snapshot(self.state, robot, now, self._care())
         then = now.wall if at is None else at
 
         def find(**wanted: Any) -> list[dict[str, Any]]:

@@ -95,6 +95,7 @@ def find_conflicts(checked: Checked, limits: Limits) -> Iterator[Finding]:
     yield from _same_names(checked.robots)
     yield from _same_topics(checked)
     yield from _same_queries(checked.queries)
+    yield from _uplinks_in_circles(checked.robots)
     if len(checked.queries) > MAX_QUERIES:
         what = f"{len(checked.queries)} queries are declared, above the limit of {MAX_QUERIES}"
         yield checked.document.problem(("queries",), what, "have one expression for all robots")
@@ -111,6 +112,18 @@ def _same_names(robots: list[Placed[Robot]]) -> Iterator[Finding]:
         if other is not placed:
             what = f"the name {quoted(name)} is already used by the robot in {other.place()}"
             yield placed.problem("name", what=what, remedy="give each robot a name of its own")
+
+
+def _uplinks_in_circles(robots: list[Placed[Robot]]) -> Iterator[Finding]:
+    """Each of a circle would be unreachable because of the others, and none of them a fault."""
+    uplinks = {each.entry.name: each.entry.labels.get("uplink") for each in robots}
+    for placed in robots:
+        path = [placed.entry.name]
+        while (uplink := uplinks.get(path[-1])) and uplink not in path:
+            path.append(uplink)
+        if uplink == path[0]:
+            what = f"is reached through itself: {' -> '.join(map(quoted, [*path, uplink]))}"
+            yield placed.problem("labels", "uplink", what=what, remedy="remove one of them")
 
 
 def _same_queries(queries: list[Placed[Query]]) -> Iterator[Finding]:

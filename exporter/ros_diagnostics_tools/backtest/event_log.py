@@ -74,6 +74,8 @@ class EventLog:
             if name in settings
         }
         self.unknown = sorted(self._timelines.keys() - self.places.keys())
+        self.others: dict[str, str] = {}
+        self.warnings: list[str] = []
         self._stale_after = {name: settings[name].profile.stale_after for name in self.places}
         self.topics = set(self.places)
         self.count = round((self.end - self.begin) / HEARTBEAT) * len(self.places)
@@ -86,7 +88,7 @@ class EventLog:
     def _of_robot(self, name: str) -> Iterator[_Row]:
         timeline, stale_after = self._timelines[name], self._stale_after[name]
         raw = not self.places[name].name.endswith("_agg")
-        levels, up, at = dict(timeline.first), timeline.up, self.begin
+        levels, up, at = timeline.at_first(), timeline.up, self.begin
         silent = [step.at for step in timeline.steps if step.up is False]
         for step in (*timeline.steps, _Step(self.end, {}, None)):
             while silent and silent[0] < step.at:
@@ -117,11 +119,18 @@ class _Step:
 
 @dataclass
 class _Timeline:
-    """A robot as the log has it; ``first`` are its components before the first step."""
+    """A robot as the log has it.
 
-    first: dict[_Name, tuple[Level, str]]
+    ``first`` are its components before the first step; None: it was not known then.
+    """
+
+    first: dict[_Name, tuple[Level, str] | None]
     up: bool
     steps: list[_Step]
+
+    def at_first(self) -> dict[_Name, tuple[Level, str]]:
+        """The components that were known before the first step."""
+        return {name: known for name, known in self.first.items() if known is not None}
 
 
 def _robots(path: Path) -> Iterator[tuple[str, PersistedRobot]]:
@@ -174,10 +183,11 @@ def _timelines(
 
 def _note(robot: _Timeline, step: _Step, event: Event) -> None:
     if event.kind == "robot":
-        step.up = event.after == "heard" if event.after != "known" else step.up
+        step.up = event.after == "received" if event.after != "known" else step.up
         return
     name = event.group, event.component
-    robot.first.setdefault(name, (_LEVELS.get(event.before, Level.OK), ""))
+    known = (_LEVELS[event.before], "") if event.before else None  # "": first received then
+    robot.first.setdefault(name, known)
     if event.after in _LEVELS:  # else it was forgotten
         step.levels[name] = _LEVELS[event.after], event.message
 
