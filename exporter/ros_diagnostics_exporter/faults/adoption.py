@@ -89,7 +89,6 @@ def _prepare_robot(
             components.wake(book, component)
         elif identity.scope is Scope.FLAPPING and component.flaps is None:
             component.flaps = _restless(now, Level.OK, Level.ERROR)
-            book.flapped[component.robot.name] = None
             components.wake(book, component)
         book.write(component)
 

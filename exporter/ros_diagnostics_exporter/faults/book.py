@@ -59,7 +59,7 @@ class Book:
         self.touched: dict[Problem, None] = {}
         self.touched_causes: dict[Cause, None] = {}
         self.written: dict[RowKey, None] = {}  # rows that differ from what was last taken
-        self.flapped: dict[str, None] = {}  # robots, one of whose components has another flap ratio
+        self.followed: dict[str, None] = {}  # robots of which `Faults.followed` changed
 
     # -- notes -------------------------------------------------------------------------------
 
@@ -74,6 +74,11 @@ class Book:
     def write(self, record: Problem | Cause | Robot | Component) -> None:
         """Have the row of this record written again."""
         self.written[record.row] = None
+        if isinstance(record, Component):
+            follows = record.since, None if record.flaps is None else record.flaps.ratio
+            if follows != record.noted:
+                record.noted = follows
+                self.followed[record.robot.name] = None
 
     # -- records -----------------------------------------------------------------------------
 

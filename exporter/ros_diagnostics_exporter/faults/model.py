@@ -140,6 +140,13 @@ class ComponentName(NamedTuple):
     component: str
 
 
+class Followed(NamedTuple):
+    """What is kept of a component in time: when its trouble began (Unix time), how it flaps."""
+
+    since: float | None
+    flap_ratio: float  # 0..1
+
+
 class ComponentReport(NamedTuple):
     """One component's level that counts, and how it is judged."""
 

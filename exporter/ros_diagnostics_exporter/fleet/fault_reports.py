@@ -23,6 +23,7 @@ from ros_diagnostics_exporter.faults.model import (
     ComponentReport,
     End,
     Fault,
+    Followed,
     Identity,
     ProblemView,
     Row,
@@ -158,7 +159,7 @@ class FaultReports:
                 self._record(faults.forget_robot(key[0], now))
         for reports in self._robots.values():
             self._record(reports.start_over(faults, now))
-            reports.robot.versions.levels += 1  # the former engine's flap ratios are gone
+            reports.robot.versions.levels += 1  # what the former engine followed is gone
         planned = {name: each.maintenance for name, each in self._robots.items()}
         self._record(faults.maintenance(planned, now))
 
@@ -183,7 +184,7 @@ class FaultReports:
             elif what == "recovered":
                 self._faults.describe_end(fault, last_received(fault.identity, self._find))
             self._events.append(_event(what, described, at))
-        for name in self._faults.take_flapped():
+        for name in self._faults.take_followed():
             if name in self._robots:
                 self._robots[name].robot.versions.levels += 1
 
@@ -257,9 +258,9 @@ class FaultReports:
             if reports is not None and reports.find(name) is None:  # adopted, never received
                 self._record(self._faults.forget_component(robot, name, now))
 
-    def flap_ratios(self, robot: Robot) -> dict[ComponentName, float]:
-        """How often the components of a robot changed of late (0..1), of those that did."""
-        return self._faults.flap_ratios(robot.settings.name)
+    def followed(self, robot: Robot) -> dict[ComponentName, Followed]:
+        """What is kept of a robot's components that are or were in trouble."""
+        return self._faults.followed(robot.settings.name)
 
     def settled(self, now: Instant) -> bool:
         """Whether what was wrong before the start has been judged again."""
@@ -553,20 +554,15 @@ class RobotReports:
         return changes
 
     def _report_levels(self, faults: Faults, now: Instant, *, renamed: bool) -> list[Change]:
-        reported = {
-            component: self._component_report(component, name)
+        reported = [
+            self._component_report(component, name)
             for component, name in self._to_report(self.robot.components.level_changes)
             if component not in self._awaited
-        }
+        ]
         if not reported and not renamed:
             return []
         robot, total = self.robot.settings.name, len(self.robot.components)
-        changes = faults.components_changed(robot, reported.values(), total, now)
-        for component, report in reported.items():
-            since = faults.trouble_since(robot, report.name)
-            if since is not None:  # a robot's silence is no trouble of its components
-                self.robot.components.set_problem_since(component, since)
-        return changes
+        return faults.components_changed(robot, reported, total, now)
 
     def _to_report(self, changed: Iterable[Component]) -> Iterator[tuple[Component, ComponentName]]:
         for component in self._names if self._everything else changed:

@@ -394,14 +394,14 @@ class AggregatedUpdates:
         self._reject = reject
         self._reader = TreeReader()
         self._structure: Structure | None = None
-        self._removals = 0  # of the components, when the plan was made
+        self._names = 0  # their version when the plan was made
         self._plan: list[tuple[Component, tuple[int, ...]]] = []
         self._missing: list[Component] = []
 
     def apply(self, statuses: Sequence[Status], now: Instant) -> None:
         """Update the components from one array."""
         structure = self._reader.read(statuses)
-        if structure is not self._structure or self._removals != self._components.removals:
+        if structure is not self._structure or self._names != self._versions.names:
             self._plan_updates(structure, now)
         self._update_groups(statuses, structure)
         for component, rows in self._plan:
@@ -432,7 +432,7 @@ class AggregatedUpdates:
             if component is not None:
                 components.regroup(component, leaf.group)
                 self._plan.append((component, leaf.rows))
-        self._removals = components.removals
+        self._names = self._versions.names
         listed = {component.identity for component, _rows in self._plan}
         # An aggregator that has just started lists no component yet: none is missing because of
         # that. They become STALE after their own time.

@@ -57,12 +57,16 @@ def test_a_fault_has_a_begin_a_course_and_an_end():
     driver.raw(HOT)
 
     motor = driver.component("Motor 1")
-    assert (motor.level, motor.since, motor.problem_since) == (ERROR, WALL + 2, WALL + 1)
+    assert (motor.level, motor.since, driver.problem_since("Motor 1")) == (
+        ERROR,
+        WALL + 2,
+        WALL + 1,
+    )
     assert motor.changes == 2
 
     driver.at(3)
     driver.raw(MOTOR)
-    assert (motor.level, motor.since, motor.problem_since) == (OK, WALL + 3, None)
+    assert (motor.level, motor.since, driver.problem_since("Motor 1")) == (OK, WALL + 3, None)
     assert motor.changes == 3
 
 
@@ -71,7 +75,7 @@ def test_a_repeated_level_changes_nothing():
     driver.raw_every(1, 5, HOT)
 
     motor = driver.component("Motor 1")
-    assert (motor.since, motor.problem_since, motor.changes) == (WALL, WALL, 0)
+    assert (motor.since, driver.problem_since("Motor 1"), motor.changes) == (WALL, WALL, 0)
 
 
 def test_stale_keeps_the_begin_of_the_problem_and_the_level_before():
@@ -80,10 +84,14 @@ def test_stale_keeps_the_begin_of_the_problem_and_the_level_before():
     driver.at(20)
 
     motor = driver.component("Motor 1")
-    assert (motor.level, motor.before_stale, motor.problem_since) == (STALE, ERROR, WALL)
+    assert (motor.level, motor.before_stale, driver.problem_since("Motor 1")) == (
+        STALE,
+        ERROR,
+        WALL,
+    )
 
     driver.raw(MOTOR)
-    assert (motor.level, motor.before_stale, motor.problem_since) == (OK, None, None)
+    assert (motor.level, motor.before_stale, driver.problem_since("Motor 1")) == (OK, None, None)
 
 
 def test_a_fault_shorter_than_a_scrape_leaves_its_two_changes():

@@ -36,11 +36,8 @@ FLEET = alert("FleetPartDown", scope="site", state="silent", **CRITICAL)  # a fl
 COMMON = alert("CommonCause", scope="common", state="critical", component="Motor 1", **CRITICAL)
 EXPORTER = alert("ExporterDown", None, **CRITICAL)
 OFFSET = alert("ClockOffset", None, fleet="f", robot="r1", severity="warning")
-<<<<<<< HEAD
 CLOCK = alert("ExporterClockOffset", scope="clock", state="clock", fleet="f", severity="warning")
-=======
 DOMAIN = alert("DomainDown", "2026", fleet="f", domain_id="7", severity="critical")
->>>>>>> hosts
 INFO = alert("Watchdog", None, severity="info")
 FOREIGN = {"labels": {"alertname": "DiskFull", "robot": "r1"}, "annotations": {"since": SINCE}}
 ALL = (
@@ -53,11 +50,8 @@ ALL = (
     COMMON,
     EXPORTER,
     OFFSET,
-<<<<<<< HEAD
     CLOCK,
-=======
     DOMAIN,
->>>>>>> hosts
     INFO,
     FOREIGN,
 )
@@ -130,11 +124,8 @@ def of(problem: dict[str, Any]) -> dict[str, str]:
         (["--site", ""], [escalation(FLEET)]),
         (["--common", "Motor 1"], [escalation(COMMON)]),
         (["--alert", "ExporterDown"], [of(EXPORTER)]),
-<<<<<<< HEAD
         (["--alert", "ExporterClockOffset"], [escalation(CLOCK)]),
-=======
         (["--alert", "RosDiagnosticsDomainDown"], [of(DOMAIN)]),
->>>>>>> hosts
     ],
 )
 def test_what_the_arguments_name_is_acknowledged(server, arguments, expected):
@@ -291,11 +282,8 @@ def test_the_list_shows_everything_that_can_be_acknowledged(server, capsys):
         f"f Motor 1 on many robots CRITICAL {SINCE} nobody",
         "f berlin ExporterDown nobody",
         "f r1 ClockOffset nobody",
-<<<<<<< HEAD
         f"f exporter CLOCK {SINCE} nobody",
-=======
         "f 7 DomainDown nobody",
->>>>>>> hosts
     }
 
 
