@@ -76,9 +76,7 @@ def _faults(end: float) -> Iterator[Sample]:
             yield "robot:ros_diagnostics_fault_start:held", motor, begin, time
         yield from _down("broken", begin, length)
     begin = end - 5400
-    silence = (
-        'fleet="hall",scope="robot",severity="critical",robot="silent"'
-    )
+    silence = 'fleet="hall",scope="robot",severity="critical",robot="silent"'
     for time in _every(15, begin, 900):
         yield "robot:ros_diagnostics_fault_start:held", silence, begin, time
     yield from _down("silent", begin, 900)
