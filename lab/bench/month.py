@@ -41,10 +41,7 @@ def text(robots: int, end: float) -> Iterator[str]:
     for name, labels, value_of in (
         (
             "robot:ros_diagnostics_fault_start:held",
-            (
-                ',scope="component",severity="critical"'
-                ',group="/Motor",component="Motor 1"'
-            ),
+            (',scope="component",severity="critical",group="/Motor",component="Motor 1"'),
             _since,
         ),
         ("robot:ros_diagnostics_down:seconds", "", _seconds),

@@ -331,7 +331,7 @@ def flapping() -> table.Panel:
         "the exporter started.",
         {
             # It begins above one ratio and ends below another: the fault, not a ratio, says so.
-            "B": f'max {by} ({HELD}{{{_FLEET}, scope="flapping"}}) * 1000',
+            "B": f'max {by} ({HELD}{{{_FLEET}, scope="flapping", state="flapping"}}) * 1000',
             "A": f"max {by} (ros_diagnostics_component_flap_ratio{{{_FLEET}}})",
             # Not increase() over the range: that would read the range of every component.
             "C": f"max {by} (ros_diagnostics_component_changes_total{{{_FLEET}}})",

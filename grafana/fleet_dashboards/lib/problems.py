@@ -33,10 +33,8 @@ _KINDS = (
     _Kind('scope="component", state="stale"', palette.STALE),
     _Kind('scope="component", state="warning"', palette.WARNING),
     _Kind('scope="value", state="critical"', palette.CRITICAL, text="$1", named_by="key"),
-    _Kind('scope="value", state="warning"', palette.WARNING, text="$1", named_by="key"),
+    _Kind('scope="value", severity="warning"', palette.WARNING, text="$1", named_by="key"),
     _Kind('scope="check"', palette.CRITICAL, text="$1", named_by="check"),
-    _Kind('scope="host", state="critical"', palette.CRITICAL, text="$1", named_by="check"),
-    _Kind('scope="host", state="warning"', palette.WARNING, text="$1", named_by="check"),
     _Kind('scope="robot", state="silent"', palette.UNKNOWN),
     _Kind('scope="robot", state="pending"', palette.PENDING),
     _Kind('scope="robot", state="flapping"', palette.WARNING, "comes and goes"),
@@ -50,7 +48,8 @@ _KINDS = (
         palette.WARNING,
         "many components failed at once",
     ),
-    _Kind('scope="flapping"', palette.WARNING, "flapping"),
+    _Kind('scope="flapping", state="flapping"', palette.WARNING, "flapping"),
+    _Kind('scope="flapping", state="intermittent"', palette.WARNING, "intermittent"),
     _Kind('scope="site", site=""', palette.UNKNOWN, "many robots are silent", of_many=True),
     _Kind(
         'scope="site", site!=""',
@@ -166,6 +165,8 @@ def _care(matchers: str, states: str) -> str:
     soft_robots = f"max by (fleet, robot) ({_RECEIVED}{{{states}}})"
     soft = f"max by ({_COMPONENT}) ({_BEGAN}{{{states}}}) or {soft_robots}"
     planned = f"on (fleet, robot) (ros_diagnostics_robot_maintenance{{{states}}} == 1)"
+    reasons = 'reason=~"uplink_down|domain_unreachable"'
+    behind = f"max by (fleet, robot) (ros_diagnostics_robot_silent_reason{{{reasons}}} == 1)"
     found = _first_of(
         f"""
     label_join({ACKNOWLEDGED}{{{matchers}}}, "care", ": ", "author", "comment")
@@ -179,7 +180,7 @@ def _care(matchers: str, states: str) -> str:
         label(f"max by ({IDENTITY}) ({_NOTIFIED}{{{matchers}}} == 0)", "care", "not notified yet"),
         label(faults, "care", "not known"),
         label(
-            f"({soft_robots} and on (fleet, robot) robot:ros_diagnostics_robot:behind)",
+            f"({soft_robots} and on (fleet, robot) {behind})",
             *("care", "uplink or domain down"),
         ),
         label(f"({soft})", "care", "not confirmed"),
