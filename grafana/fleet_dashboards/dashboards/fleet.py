@@ -320,7 +320,7 @@ def robots() -> table.Panel:
             "C": f"""
               count by (fleet, robot) ({_IN_TROUBLE})
             or
-              max by (fleet, robot) ({_RANK}) * 0
+              max by (fleet, robot) (ros_diagnostics_robot_up{{fleet=~"$fleet"}}) * 0
             """,
             "E": f'min by (fleet, robot) ({HELD_OF_ROBOT}{{fleet=~"$fleet"}}) * 1000',
             "F": 'max by (fleet, robot) (ros_diagnostics_robot_maintenance{fleet=~"$fleet"})',
