@@ -28,6 +28,7 @@ COLOURS = {
 QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condition in its words
     "no_data": "nothing fresh is known",
     "robot_silent": "the robot is silent",
+    "unreachable": "the robot is behind an uplink or a DDS domain that fails",
     "maintenance": "maintenance",
     "restart": "the exporter has just started",
     "returned": "the robot has just come back",
@@ -36,9 +37,11 @@ QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condit
     "site": "many robots of the site are silent",
     "common": "the same component failed on many robots",
     "many": "many components of the robot failed at once",
+    "fault": "a worse fault of it is confirmed",
     "condition": "by its condition in fleet.yml",
     "hours": "outside of warning hours",
 }
+OF_LARGER = {"site", "common", "many"}  # reasons: it is part of a larger fault
 SILENT = {  # why a robot is silent
     "never_seen": "nothing was ever received",
     "publisher_gone": "nobody publishes on its topics",
@@ -46,6 +49,7 @@ SILENT = {  # why a robot is silent
     "undecodable": "its messages cannot be decoded",
     "wrong_type": "its topics have another type",
     "domain_unreachable": "its DDS domain cannot be joined",
+    "uplink_down": "its uplink does not answer",
 }
 _OF_ROBOT = {
     "silent": "robot is silent",
@@ -54,15 +58,19 @@ _OF_ROBOT = {
     "many": "many components failed at once",
 }
 _AFTER = {
-    "heard": "is received",
+    "received": "is received",
     "silent": "is silent",
     "known": "was found",
     "forgotten": "removed",
     "read": "was read",
-    "refused": "was rejected",
+    "rejected": "was rejected",
 }
 _OF_STATE = {"silent": "UNKNOWN", "pending": "PENDING"}  # all others by their severity
-_WORSE = {"warning": ("stale", "critical"), "stale": ("critical",)}
+_WORSE = {
+    "warning": ("stale", "critical"),
+    "stale": ("critical",),
+    "falling": ("warning", "critical"),
+}
 
 
 class ShownProblem(NamedTuple):
@@ -258,10 +266,24 @@ def downtime_texts(robot: dict[str, Any], now: float, *, local: bool = False) ->
 
 
 def notice(problem: dict[str, Any], now: float) -> str:
-    """Which receivers were notified of a problem, and when the last of them; "" if not known."""
-    notified = problem.get("notified")
+    """Who takes care of a problem, which receivers were notified of it, and when the last of them.
+
+    "" if that is not known.
+    """
     if problem["confirmed"] is None:
+        if problem["quiet"] in OF_LARGER:
+            return "one notification for all"
         return "nobody is notified" if problem["quiet"] else ""
+    return "; ".join(filter(None, (_taken(problem), _notified(problem, now))))
+
+
+def _taken(problem: dict[str, Any]) -> str:
+    taken = problem.get("acknowledged")
+    return f"acknowledged by {taken['author']}: {taken['comment']}" if taken else ""
+
+
+def _notified(problem: dict[str, Any], now: float) -> str:
+    notified = problem.get("notified")
     if notified is None:
         return ""
     if not notified:
@@ -279,7 +301,7 @@ def _message(
     scope, state = problem["scope"], problem["state"]
     if component is not None and not problem["well"]:
         if scope == "flapping":
-            return f"flapping: {component['flap_ratio']:.0%} of its last states were changes"
+            return _changing_text(state, component)
         if scope == "value":
             return value_text(problem, component) or str(problem["evidence"])
         return component_text(component)
@@ -289,6 +311,12 @@ def _message(
     if scope == "robot" and state in {"silent", "pending"}:
         return silent_text(of["silent_reason"]) or str(problem["evidence"])
     return str(problem["evidence"])
+
+
+def _changing_text(state: str, component: dict[str, Any]) -> str:
+    if state == "intermittent":
+        return f"intermittent: {component_text(component)}"
+    return f"flapping: {component['flap_ratio']:.0%} of its last states were changes"
 
 
 def component_text(component: dict[str, Any]) -> str:
@@ -315,7 +343,7 @@ def value_text(problem: dict[str, Any], component: dict[str, Any]) -> str:
             is_it = (value["key"], each["bound"], each["severity"]) == (
                 problem["key"],
                 problem["bound"],
-                problem["severity"],
+                "critical" if problem["state"] == "falling" else problem["severity"],
             )
             if is_it and value["number"] is not None:
                 unit = f" {value['unit']}" if value["unit"] else ""

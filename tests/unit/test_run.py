@@ -207,14 +207,15 @@ def test_bench_installs_the_servers_and_runs(machine):
 
 def test_a_verb_installs_the_packages_that_it_needs_once(machine):
     first = "--require-hashes --requirement packaging/locks/build.txt"
-    own = "--no-deps --no-build-isolation --editable"
+    own = "--no-build-isolation --editable"
+    versions = "--constraint packaging/locks/versions.txt"
     project = [
         "--require-hashes --requirement packaging/locks/demo.txt",
-        f"{own} .",
-        f"{own} ./sim",
+        f"{versions} {own} .[ros,demo]",
+        f"--no-deps {own} ./sim",
     ]
-    versions = "--constraint packaging/locks/versions.txt --group"
-    tools = [f"{versions} test --group dashboards", f"{versions} mutation"]
+    test = "--group test --group dashboards --group docs"
+    tools = [f"{versions} {test}", f"{versions} --group mutation"]
 
     machine.run("demo")
     assert machine.pip() == [first, *project]

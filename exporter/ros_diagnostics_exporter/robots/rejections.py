@@ -15,7 +15,13 @@ from ros_diagnostics_exporter.model import Instant, Status, Topic
 log = logging.getLogger(__name__)
 
 SilentReason = Literal[
-    "never_seen", "publisher_gone", "mute", "undecodable", "wrong_type", "domain_unreachable"
+    "never_seen",
+    "publisher_gone",
+    "mute",
+    "undecodable",
+    "wrong_type",
+    "domain_unreachable",
+    "uplink_down",
 ]
 # The silent reason of robots that are rejected by a limit: nothing else is known about them.
 OVER_LIMIT = "limit"

@@ -112,7 +112,8 @@ class Robot:
             self._has_no_ros = settings.source is config.Source.QUERIES
         if _topics_of(settings) != _topics_of(self.settings):
             is_same_domain = settings.domain_id == self.settings.domain_id
-            self.network = Network(domain_up=self.network.domain_up or not is_same_domain)
+            domain_up = self.network.domain_up or not is_same_domain
+            self.network = Network(domain_up=domain_up, uplink_up=self.network.uplink_up)
             self.versions.receipt += 1
         rules_changed = (settings.profile, limits) != (self.settings.profile, self.limits)
         self.settings, self.limits = settings, limits
@@ -142,7 +143,7 @@ class Robot:
     def receive(self, array: Array, now: Instant, *, raw: bool) -> None:
         """Update the robot and its components from an array of the raw or aggregated topic."""
         if not self.up:
-            self.record("heard", now)
+            self.record("received", now)
         self.up = True
         self.undecodable = False
         self.last_mono, self.last_wall = now
@@ -164,7 +165,7 @@ class Robot:
         self.measured.apply(feed, statuses, now)
         if statuses and self._has_no_ros:
             if not self.up:
-                self.record("heard", now)
+                self.record("received", now)
             self.up = True
             self.last_mono, self.last_wall = now
             self.versions.receipt += 1
@@ -287,6 +288,22 @@ class Robot:
         if self.network.update(topic, endpoint):
             self.seen_mono = now.mono
             self.versions.receipt += 1
+
+    def set_uplink_up(self, *, up: bool) -> None:
+        """Set whether what the robot is reached through answers."""
+        if up != self.network.uplink_up:
+            self.network.uplink_up = up
+            self.versions.receipt += 1
+
+    @property
+    def fails_as_uplink(self) -> bool:
+        """Whether the robots that are reached through it are not: what is STALE is as it was."""
+        return any(
+            each.feed is not None
+            and each.feed.uplink
+            and Level.ERROR in (each.level, each.before_stale)
+            for each in self.components
+        )
 
     # -- events ------------------------------------------------------------------------------
 

@@ -247,7 +247,7 @@ def read_clocks() -> Instant:
 
 
 class Listener:
-    """Joins the domains and keeps their subscriptions in step with what is wanted; a `Source`."""
+    """An `ArraySource` that joins the domains and subscribes to what is wanted there."""
 
     name = "dds"
 

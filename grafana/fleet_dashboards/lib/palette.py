@@ -151,6 +151,7 @@ SILENT_REASONS = {
     "undecodable": "its messages cannot be decoded",
     "wrong_type": "its topic has another message type",
     "domain_unreachable": "its DDS domain could not be joined",
+    "uplink_down": "its uplink does not answer",
     "limit": "not received: the limit of robots is reached",
 }
 
@@ -163,6 +164,7 @@ SHORT_REASONS = {
     "undecodable": "not decodable",
     "wrong_type": "wrong type",
     "domain_unreachable": "domain down",
+    "uplink_down": "uplink down",
     "limit": "over the limit",
 }
 
