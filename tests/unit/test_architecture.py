@@ -26,8 +26,8 @@ TREES = {
 # Of each tree its packages and modules: each imports only from lines above its own.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
-        ("model", "durations", "file_watcher", "files", "loops", "regex", "texts", "weekly"),
-        ("events", "http_client", "logs", "severity"),
+        ("model", "durations", "file_watcher", "files", "regex", "texts", "weekly"),
+        ("events", "http_client", "logs", "loops", "severity"),
         ("config",),
         ("decode",),
         ("sources",),

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.decode import cdr
-from ros_diagnostics_exporter.model import Array, Status, Topic
+from ros_diagnostics_exporter.model import Array, Domain, Status, Topic
 from ros_diagnostics_tools.backtest.event_log import EventLog, EventLogError, is_event_log
 
 TYPE = "diagnostic_msgs/msg/DiagnosticArray"
@@ -50,7 +50,7 @@ class RecordingSource:
     """
 
     path: Path
-    domain_id: int = 0
+    domain_id: Domain = 0
     namespace: str = ""
     fleet: Fleet | None = None
 
