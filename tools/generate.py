@@ -13,8 +13,8 @@ import config_schema
 import mail_pictures
 import metrics_reference
 import prometheus_operator
+import versions
 from bench import scaling
-from experiments import pages
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 SDK = "grafana_foundation_sdk"
@@ -36,7 +36,7 @@ GENERATORS: dict[str, Callable[[], Files]] = {
     "rules for Kubernetes": prometheus_operator.files,
     "dashboards": dashboards,
     "tables of docs/scaling.md": scaling.files,
-    "results of experiments": pages.files,
+    "versions": versions.files,
 }
 
 

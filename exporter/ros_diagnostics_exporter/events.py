@@ -33,7 +33,8 @@ class Event:
     back) or ``config`` (read or rejected).
     ``before`` and ``after`` are the words of levels, OK, WARN, ERROR, STALE; ``after`` may also be
     heard, silent, known, forgotten, read, refused, firing or resolved, of a condition quiet or
-    judged. A field that does not apply is "", or None.
+    judged. Of a component that is not OK when first received, ``before`` is "". A field that does
+    not apply is "", or None.
 
     Of a fault, ``scope``, ``state``, ``site``, ``robot``, ``group``, ``component``, ``check``,
     ``key``, ``bound`` and ``severity`` are its labels in

@@ -66,7 +66,8 @@ class Feed(NamedTuple):
     Neither its arrays nor their absence show whether a robot is alive, and they are partial: a
     component is STALE ``stale_after`` seconds after it was last in one, which is no fault with
     ``planned_stale``. ``confirm_after`` is None where the robot's profile says it; ``group`` is the
-    group of its components.
+    group of its components. What fails of an ``uplink`` makes robots unreachable that name the
+    component's robot as theirs.
     """
 
     name: str
@@ -74,6 +75,7 @@ class Feed(NamedTuple):
     stale_after: float
     confirm_after: float | None = None
     planned_stale: bool = False
+    uplink: bool = False
 
 
 class Instant(NamedTuple):

@@ -31,7 +31,7 @@ from ros_diagnostics_exporter.notifications import Notifications, parse
 from ros_diagnostics_exporter.sources.dds import describe_ros
 from ros_diagnostics_exporter.sources.listener import Listener
 from ros_diagnostics_exporter.sources.prometheus import Prometheus
-from ros_diagnostics_exporter.sources.source import Source
+from ros_diagnostics_exporter.sources.source import ArraySource
 from ros_diagnostics_exporter.storage.storage import Storage
 
 log = logging.getLogger(__name__)
@@ -100,7 +100,7 @@ class Service:
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = Listener(self.state, ros_arguments=ros_arguments)
         self._prometheus = Prometheus(self.state, prometheus, read_clocks)
-        self._sources: tuple[Source, ...] = (self._listener, self._prometheus)
+        self._sources: tuple[ArraySource, ...] = (self._listener, self._prometheus)
         self._exporter = Exporter(
             self.state,
             self._exposition,
@@ -307,13 +307,15 @@ class Service:
 
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""
-        notified = self._notifications.lasting()
-        fleet = snapshot.fleet_snapshot(self.state, read_clocks(), notified)
+        fleet = snapshot.fleet_snapshot(self.state, read_clocks(), self._care())
         return {**fleet, "queries": snapshot.queries(self._prometheus.outcomes())}
 
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""
-        return snapshot.faults(self.state, read_clocks(), self._notifications.lasting())
+        return snapshot.faults(self.state, read_clocks(), self._care())
+
+    def _care(self) -> snapshot.Care:
+        return snapshot.Care(self._notifications.lasting(), self._acknowledged())
 
     def find_events(self, wanted: Wanted) -> Iterable[dict[str, Any]]:
         """The events that match the filter, newest first."""
@@ -326,8 +328,7 @@ class Service:
         """The ledger of a robot as /api/v1/why returns it; LookupError if there is none."""
         self._record_events()
         now = read_clocks()
-        notified = self._notifications.lasting()
-        known = snapshot.robot_snapshot(self.state, robot, now, notified)
+        known = snapshot.robot_snapshot(self.state, robot, now, self._care())
         then = now.wall if at is None else at
 
         def find(**wanted: Any) -> list[dict[str, Any]]:

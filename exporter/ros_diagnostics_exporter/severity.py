@@ -28,6 +28,7 @@ COLOURS = {
 QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condition in its words
     "no_data": "nothing fresh is known",
     "robot_silent": "the robot is silent",
+    "unreachable": "the robot is behind an uplink or a DDS domain that fails",
     "maintenance": "maintenance",
     "restart": "the exporter has just started",
     "returned": "the robot has just come back",
@@ -36,9 +37,11 @@ QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condit
     "site": "many robots of the site are silent",
     "common": "the same component failed on many robots",
     "many": "many components of the robot failed at once",
+    "fault": "a worse fault of it is confirmed",
     "condition": "by its condition in fleet.yml",
     "hours": "outside of warning hours",
 }
+OF_LARGER = {"site", "common", "many"}  # reasons: it is part of a larger fault
 SILENT = {  # why a robot is silent
     "never_seen": "nothing was ever received",
     "publisher_gone": "nobody publishes on its topics",
@@ -47,6 +50,7 @@ SILENT = {  # why a robot is silent
     "wrong_type": "its topics have another type",
     "unreachable": "what connected it by zenoh is gone: its bridge, or the network",
     "domain_unreachable": "its DDS domain cannot be joined, or no zenoh router answers",
+    "uplink_down": "its uplink does not answer",
 }
 _OF_ROBOT = {
     "silent": "robot is silent",
@@ -63,7 +67,11 @@ _AFTER = {
     "refused": "was rejected",
 }
 _OF_STATE = {"silent": "UNKNOWN", "pending": "PENDING"}  # all others by their severity
-_WORSE = {"warning": ("stale", "critical"), "stale": ("critical",)}
+_WORSE = {
+    "warning": ("stale", "critical"),
+    "stale": ("critical",),
+    "falling": ("warning", "critical"),
+}
 
 
 class ShownProblem(NamedTuple):
@@ -259,10 +267,24 @@ def downtime_texts(robot: dict[str, Any], now: float, *, local: bool = False) ->
 
 
 def notice(problem: dict[str, Any], now: float) -> str:
-    """Which receivers were notified of a problem, and when the last of them; "" if not known."""
-    notified = problem.get("notified")
+    """Who takes care of a problem, which receivers were notified of it, and when the last of them.
+
+    "" if that is not known.
+    """
     if problem["confirmed"] is None:
+        if problem["quiet"] in OF_LARGER:
+            return "one notification for all"
         return "nobody is notified" if problem["quiet"] else ""
+    return "; ".join(filter(None, (_taken(problem), _notified(problem, now))))
+
+
+def _taken(problem: dict[str, Any]) -> str:
+    taken = problem.get("acknowledged")
+    return f"acknowledged by {taken['author']}: {taken['comment']}" if taken else ""
+
+
+def _notified(problem: dict[str, Any], now: float) -> str:
+    notified = problem.get("notified")
     if notified is None:
         return ""
     if not notified:
@@ -280,7 +302,7 @@ def _message(
     scope, state = problem["scope"], problem["state"]
     if component is not None and not problem["well"]:
         if scope == "flapping":
-            return f"flapping: {component['flap_ratio']:.0%} of its last states were changes"
+            return _changing_text(state, component)
         if scope == "value":
             return value_text(problem, component) or str(problem["evidence"])
         return component_text(component)
@@ -290,6 +312,12 @@ def _message(
     if scope == "robot" and state in {"silent", "pending"}:
         return silent_text(of["silent_reason"]) or str(problem["evidence"])
     return str(problem["evidence"])
+
+
+def _changing_text(state: str, component: dict[str, Any]) -> str:
+    if state == "intermittent":
+        return f"intermittent: {component_text(component)}"
+    return f"flapping: {component['flap_ratio']:.0%} of its last states were changes"
 
 
 def component_text(component: dict[str, Any]) -> str:
@@ -316,7 +344,7 @@ def value_text(problem: dict[str, Any], component: dict[str, Any]) -> str:
             is_it = (value["key"], each["bound"], each["severity"]) == (
                 problem["key"],
                 problem["bound"],
-                problem["severity"],
+                "critical" if problem["state"] == "falling" else problem["severity"],
             )
             if is_it and value["number"] is not None:
                 unit = f" {value['unit']}" if value["unit"] else ""
@@ -346,7 +374,7 @@ def event_text(event: dict[str, Any]) -> str:
     kind, message = event["kind"], event.get("message", "")
     after = _AFTER.get(event.get("after", ""), event.get("after", ""))
     if kind == "level":
-        words = f"{component_path(event)} {event.get('before', '')} → {after}"
+        words = f"{component_path(event)} {event.get('before', 'new')} → {after}"
     elif kind in {"fault_began", "fault_ended"}:
         about = _complete(event)
         how = {"fault_began": "began", "fault_ended": event.get("reason", "ended")}[kind]

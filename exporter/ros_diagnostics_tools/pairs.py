@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 
-class Pair(click.ParamType[tuple[str, str]]):
+class NamedPair(click.ParamType[tuple[str, str]]):
     """A name and its value.
 
     Args:

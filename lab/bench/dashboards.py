@@ -14,6 +14,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
@@ -144,7 +145,7 @@ def dashboard(options: argparse.Namespace) -> None:
             "faulty robots": f"count(robot:ros_diagnostics_state:rank == 3) == {faulty}",
             "confirmed faults": "fleet:ros_diagnostics_fault_start:held",
         }.items():
-            until(lambda expr=expr: site.query(expr), what, 300, every=1)
+            until(partial(site.query, expr), what, 300, every=1)
         notify(fleet, site)
         series = site.query("prometheus_tsdb_head_series")[0]["value"][1]
         print(f"{options.robots} robots, {series} series, {options.hours:g} h")

@@ -20,6 +20,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -83,9 +84,13 @@ class Fleet:
     def wait_for_end(self) -> None:
         """Until all is sent and acknowledged."""
         for each in self._processes:
-            until(lambda each=each: not each.alive, each.describe, 2 * SETTLE + BEGIN)
+            until(partial(_has_ended, each), each.describe, 2 * SETTLE + BEGIN)
             if each.exit_code:
                 raise RuntimeError(each.describe())
+
+
+def _has_ended(process: Process) -> bool:
+    return not process.alive
 
 
 class Site:
@@ -102,7 +107,7 @@ class Site:
         """Start the exporter, which finds the fleet."""
         config = self._folder / "fleet.yml"
         config.write_text(CONFIG.format(domain_id=self._domain_id))
-        arguments = ["--config.file", config, "--web.listen-address", address]
+        arguments: list[str | Path] = ["--config.file", config, "--web.listen-address", address]
         arguments += ["--storage.path", self._folder / "exporter.db"]
         return self._start("exporter", [EXPORTER, *arguments])
 

@@ -22,13 +22,12 @@ import argparse
 import json
 import math
 import os
-import re
 import resource
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -118,7 +117,12 @@ class Site:
     def _start_exporter(self) -> Process:
         config = self._folder / "fleet.yml"
         config.write_text(CONFIG.format(domain_id=self._domain_id))
-        arguments = ["--config.file", config, "--web.listen-address", self.address]
+        arguments: list[str | Path] = [
+            "--config.file",
+            config,
+            "--web.listen-address",
+            self.address,
+        ]
         arguments += ["--storage.path", self._folder / "exporter.db"]
         return self._start("exporter", [EXPORTER, *arguments])
 
@@ -129,7 +133,7 @@ class Site:
         argv = [sys.executable, "-m", "bench.actors", *named, str(self._seconds)]
         return self._start(f"actor-{len(self._started)}", argv)
 
-    def _start(self, name: str, argv: list[str | Path]) -> Process:
+    def _start(self, name: str, argv: Sequence[str | Path]) -> Process:
         process = Process(name, argv, self._environment, self._folder / f"{name}.log")
         self._started.append(process)
         return process.start()
@@ -270,7 +274,7 @@ def forget_peak_memory(pid: int) -> None:
 def peak_megabytes(pid: int) -> float:
     """The most resident memory that the process has had."""
     status = Path(f"/proc/{pid}/status").read_text()
-    return int(re.search(r"VmHWM:\s+(\d+)", status)[1]) / 1024
+    return int(status.split("VmHWM:")[1].split()[0]) / 1024
 
 
 def last_line(process: Process) -> str:

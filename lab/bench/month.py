@@ -45,9 +45,9 @@ def text(robots: int, end: float) -> Iterator[str]:
                 ',scope="component",state="critical",severity="critical"'
                 ',group="/Motor",component="Motor 1"'
             ),
-            lambda _now, since: since,
+            _since,
         ),
-        ("robot:ros_diagnostics_down:seconds", "", lambda now, since: now - since),
+        ("robot:ros_diagnostics_down:seconds", "", _seconds),
     ):
         yield f"# TYPE {name} gauge\n"
         for robot in range(robots):
@@ -57,6 +57,14 @@ def text(robots: int, end: float) -> Iterator[str]:
                 times = range(since, since + int(lasts), INTERVAL)
                 yield _series(series, ((now, value_of(now, since)) for now in times))
     yield "# EOF\n"
+
+
+def _since(_now: int, since: int) -> int:
+    return since
+
+
+def _seconds(now: int, since: int) -> int:
+    return now - since
 
 
 def _series(series: str, samples: Iterable[tuple[int, float]]) -> str:

@@ -121,7 +121,7 @@ def first_sample(stack: Stack, series: str, since: float) -> float:
     """Return the time stamp of Prometheus' first sample of ``series`` since then."""
     answer = http.get_json(stack.addresses.prometheus, f"/api/v1/query?query={quote(series)}[2m]")
     times = [at for each in answer["data"]["result"] for at, _ in each["values"] if at >= since]
-    return min(times)
+    return float(min(times))
 
 
 def fire(stack: Stack, robots: list[str]) -> dict[str, float]:

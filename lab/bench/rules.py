@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 import shutil
 import tempfile
 import time
+import urllib.parse
 import urllib.request
 from collections.abc import Collection
 from contextlib import ExitStack
@@ -41,6 +41,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Instant, Part, Topic
+from ros_diagnostics_exporter.regex import Pattern
 from support.served_fleet import serving
 from testbed.polling import until
 from testbed.ports import free_port
@@ -53,8 +54,8 @@ ALL = range(GROUPS * COMPONENTS)
 RECORDED = 'count({__name__=~".+:ros_diagnostics.*|ALERTS.*"})'
 # Values that never cross their thresholds in this bench.
 MONITORED = ValueRule(
-    component=re.compile(r"node_[01]: part 0"),
-    key=re.compile(r"Voltage 0 \(V\)"),
+    component=Pattern(r"node_[01]: part 0"),
+    key=Pattern(r"Voltage 0 \(V\)"),
     thresholds=(Threshold("low", "critical", -1.0), Threshold("high", "warning", 1000.0)),
 )
 
@@ -150,7 +151,7 @@ def ask(port: int, path: str) -> Any:
 
 def sample(port: int, expression: str) -> float:
     """The value of the one series that the expression finds; 0 without one."""
-    result = ask(port, f"/api/v1/query?query={urllib.request.quote(expression)}")["result"]
+    result = ask(port, f"/api/v1/query?query={urllib.parse.quote(expression)}")["result"]
     return float(result[0]["value"][1]) if result else 0.0
 
 

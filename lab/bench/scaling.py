@@ -12,16 +12,12 @@ from typing import Any, NamedTuple
 CHECKOUT = Path(__file__).resolve().parents[2]
 RESULTS = CHECKOUT / "docs" / "experiments" / "scale.json"
 PAGE = CHECKOUT / "docs" / "scaling.md"
-FLEETS = (10_000, 30_000, 100_000)
 Numbers = dict[str, Any]  # as RESULTS has them
 
-CORE = 0.7  # of a core, in an exporter: above it nothing is left for a scrape and a burst
-SLOW = 2.0  # seconds of a scrape, RosDiagnosticsExporterSlow
 FAULTS_INTERVAL = 2.0  # seconds, of rules/faults.yml
 ALL_INTERVAL = 5.0  # seconds to which all groups' evaluations are converted
 QUEUE = 10_000  # alerts: --alertmanager.notification-queue-capacity of Prometheus
 SERIES_LIMIT = 1_000_000  # `limits.series` of fleet.yml, by default
-REST_INTERVAL = 15.0  # seconds, of the job ros-diagnostics
 
 
 class Line(NamedTuple):
@@ -57,7 +53,8 @@ def of_one(measured: dict[str, Any], cost: Callable[[Any], float]) -> Line:
 
 def tables(numbers: Numbers) -> str:
     """All tables, with headings, for a terminal."""
-    return "\n\n".join(f"{name}\n\n{make(numbers)}" for name, make in _makers().items())
+    made = {"exporter": exporters, **_makers()}
+    return "\n\n".join(f"{name}\n\n{make(numbers)}" for name, make in made.items())
 
 
 def files() -> dict[Path, str]:
@@ -75,13 +72,43 @@ def files() -> dict[Path, str]:
 
 
 def _makers() -> dict[str, Callable[[Numbers], str]]:
-    return {"measured": measured, "alerts": alerts, "limits": limits, "computed": computed}
+    return {"measured": measured, "alerts": alerts, "limits": limits}
+
+
+def exporters(numbers: Numbers) -> str:
+    """What each fleet cost its exporter. Experiments measure more, so the page has theirs."""
+    exporter = numbers["exporter"]
+    sizes = sorted(exporter, key=int)
+    formats = {
+        "robots that are up": ("up", "{:.1%}"),
+        "CPU, cores": ("cpu", "{:.2f}"),
+        "received of one message a robot and second": ("received", "{:.1%}"),
+        "publishers: late at most, s": ("late", "{:.2f}"),
+        "memory, MB": ("memory_mb", "{:.0f}"),
+        "until all were received (at most 75), s": ("discovery_seconds", "{:.0f}"),
+        "scrape of the faults, ms": ("scrape_faults_ms", "{:.0f}"),
+        "scrape of the rest, ms": ("scrape_ms", "{:.0f}"),
+        "scrape of the rest, MB": ("scrape_mb", "{:.1f}"),
+        "scrape of the rest, samples": ("samples", "{:,.0f}"),
+    }
+    return _compared(
+        sizes,
+        [
+            (what, [form.format(exporter[size][key]) for size in sizes])
+            for what, (key, form) in formats.items()
+        ],
+    )
+
+
+def _compared(sizes: list[str], rows: list[tuple[str, list[str]]]) -> str:
+    titles = ["", *(f"{int(size):,} robots" for size in sizes), "ratio"]
+    return table(titles, [(what, *cells, ratio(cells)) for what, cells in rows])
 
 
 def measured(numbers: Numbers) -> str:
-    """What each fleet cost."""
-    exporter, prometheus = numbers["exporter"], numbers["prometheus"]
-    sizes = sorted(exporter, key=int)
+    """What each fleet cost the servers."""
+    prometheus = numbers["prometheus"]
+    sizes = sorted(prometheus, key=int)
 
     def of(what: dict[str, Any], *keys: str) -> list[float]:
         found = [what[size] for size in sizes]
@@ -89,24 +116,7 @@ def measured(numbers: Numbers) -> str:
             found = [each[key] for each in found]
         return [float(each) for each in found]
 
-    rows: list[tuple[str, Iterable[str]]] = [
-        ("exporter: robots that are up", map("{:.1%}".format, of(exporter, "up"))),
-        ("exporter: CPU, cores", map("{:.2f}".format, of(exporter, "cpu"))),
-        (
-            "exporter: received of one message a robot and second",
-            map("{:.1%}".format, of(exporter, "received")),
-        ),
-        ("publishers: late at most, s", map("{:.2f}".format, of(exporter, "late"))),
-        ("exporter: memory, MB", map("{:.0f}".format, of(exporter, "memory_mb"))),
-        (
-            "exporter: until all were received (at most 75), s",
-            map("{:.0f}".format, of(exporter, "discovery_seconds")),
-        ),
-        ("scrape of the faults, ms", map("{:.0f}".format, of(exporter, "scrape_faults_ms"))),
-        ("scrape of the rest, ms", map("{:.0f}".format, of(exporter, "scrape_ms"))),
-        ("scrape of the rest, MB", map("{:.1f}".format, of(exporter, "scrape_mb"))),
-        ("scrape of the rest, samples", map("{:,.0f}".format, of(exporter, "samples"))),
-    ]
+    rows: list[tuple[str, Iterable[str]]] = []
     for case, title in (("none", "no fault"), ("faulty", "5 % of the components")):
         rows += [
             (f"Prometheus, {title}: alerts", map("{:,.0f}".format, of(prometheus, case, "alerts"))),
@@ -138,10 +148,7 @@ def measured(numbers: Numbers) -> str:
         ("database: CPU of a write, ms", map("{:.0f}".format, of(numbers["database"], "cpu_ms"))),
         ("database: written, kB", map("{:,.0f}".format, of(numbers["database"], "kb"))),
     ]
-    titles = ["", *(f"{int(size):,} robots" for size in sizes), "ratio"]
-    return table(
-        titles, [(what, *cells, ratio(cells)) for what, found in rows for cells in [[*found]]]
-    )
+    return _compared(sizes, [(what, [*cells]) for what, cells in rows])
 
 
 def ratio(cells: list[str]) -> str:
@@ -177,34 +184,20 @@ def alerts(numbers: Numbers) -> str:
 class Costs(NamedTuple):
     """Lines of everything that limits."""
 
-    cpu: Line
-    memory: Line
-    scrape: Line
-    megabytes: Line
     samples: Line
-    series: Line
-    prometheus_memory: Line
     rules: Line
     faults_group: Line
     alerts: Line
-    database: Line
 
 
 def costs(numbers: Numbers) -> Costs:
     """The lines through what was measured."""
     exporter, prometheus = numbers["exporter"], numbers["prometheus"]
     return Costs(
-        cpu=of_one(exporter, lambda each: each["cpu"] / each["received"]),
-        memory=of_one(exporter, lambda each: each["memory_mb"]),
-        scrape=of_one(exporter, lambda each: each["scrape_ms"] / 1e3),
-        megabytes=of_one(exporter, lambda each: each["scrape_mb"]),
         samples=of_one(exporter, lambda each: each["samples"]),
-        series=line(prometheus, lambda each: each["faulty"]["series"]),
-        prometheus_memory=line(prometheus, lambda each: each["faulty"]["memory_mb"]),
         rules=line(prometheus, lambda each: each["faulty"]["rules"]),
         faults_group=line(prometheus, lambda each: each["faulty"]["faults_group"]),
         alerts=line(prometheus, lambda each: each["faulty"]["alerts"]),
-        database=line(numbers["database"], lambda each: each["kb"]),
     )
 
 
@@ -212,8 +205,6 @@ def limits(numbers: Numbers) -> str:
     """At how many robots each limit is reached, the first one first."""
     cost = costs(numbers)
     found = {
-        f"exporter: {CORE:.0%} of a core": cost.cpu.reaches(CORE),
-        f"exporter: a scrape of the rest takes {SLOW:g} s": cost.scrape.reaches(SLOW),
         f"exporter: {SERIES_LIMIT:,} series (`limits.series`)": cost.samples.reaches(SERIES_LIMIT),
         "Prometheus: `rules/faults.yml` takes its 2 s, with 5 % of the components CRITICAL": (
             cost.faults_group.reaches(FAULTS_INTERVAL)
@@ -227,28 +218,6 @@ def limits(numbers: Numbers) -> str:
     }
     rows = sorted(found.items(), key=lambda item: item[1])
     return table(["limit", "at about so many robots"], [(what, rounded(at)) for what, at in rows])
-
-
-def computed(numbers: Numbers) -> str:
-    """What larger fleets need, all in one place, so that it can be divided."""
-    cost = costs(numbers)
-    each = cost.cpu.reaches(CORE)
-    rows: list[tuple[str, Callable[[int], str]]] = [
-        (f"exporters of {rounded(each)} robots", lambda n: f"{math.ceil(n / each):,}"),
-        ("cores of all exporters", lambda n: f"{cost.cpu.at(n):.1f}"),
-        ("memory of all exporters, GB", lambda n: f"{cost.memory.at(n) / 1e3:.1f}"),
-        ("scraped, MB a second", lambda n: f"{cost.megabytes.at(n) / REST_INTERVAL:.1f}"),
-        ("series in Prometheus", lambda n: rounded(cost.series.at(n))),
-        ("memory of Prometheus, GB", lambda n: f"{cost.prometheus_memory.at(n) / 1e3:.1f}"),
-        (
-            "cores of rules, 5 % of the components CRITICAL",
-            lambda n: f"{cost.rules.at(n) / ALL_INTERVAL:.1f}",
-        ),
-        ("alerts, 5 % of the components CRITICAL", lambda n: rounded(cost.alerts.at(n))),
-        ("databases, MB a second at 5 % changes", lambda n: f"{cost.database.at(n) / 1e3:.1f}"),
-    ]
-    titles = ["", *(f"{n:,} robots" for n in FLEETS)]
-    return table(titles, [(what, *(make(n) for n in FLEETS)) for what, make in rows])
 
 
 def rounded(number: float) -> str:

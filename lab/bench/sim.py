@@ -58,8 +58,8 @@ class Listener:
             executor.spin_once(timeout_sec=0.1)
 
 
-def cpu_seconds(pid: int) -> float:
-    """User and system time of a process so far."""
+def cpu_seconds(pid: int | str) -> float:
+    """User and system time so far of a process, or of a thread as "PID/task/ID"."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -67,12 +67,12 @@ def cpu_seconds(pid: int) -> float:
 def resident_megabytes(pid: int) -> float:
     """The process' resident memory."""
     status = Path(f"/proc/{pid}/status").read_text()
-    return int(re.search(r"VmRSS:\s+(\d+)", status)[1]) / 1024
+    return int(status.split("VmRSS:")[1].split()[0]) / 1024
 
 
 def measure(options: argparse.Namespace, domain_id: int, folder: Path) -> None:
     """Start the fleet, let it settle, measure, print."""
-    arguments = [BIN / "virtual-robots", "--robots", str(options.robots)]
+    arguments = [str(BIN / "virtual-robots"), "--robots", str(options.robots)]
     arguments += ["--participants", options.participants]
     robots = Process("robots", arguments, domains.environment(domain_id), folder / "robots.log")
     robots.start()

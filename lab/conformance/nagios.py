@@ -301,9 +301,9 @@ def _results(number: int, history: History, tick: int) -> Iterable[str]:
             host, _, service = each.partition("/")
             result = f"{SERVICE_CODES[letter]};{letter}"
             yield f"PROCESS_SERVICE_CHECK_RESULT;h{number}-{host};{service};{result}"
-    for each in history.acknowledgements:
-        if tick == each.tick:
-            yield _acknowledge(number, each)
+    for made in history.acknowledgements:
+        if tick == made.tick:
+            yield _acknowledge(number, made)
     for downtime in history.downtimes:
         if tick == -1:
             now = time.time()

@@ -1,4 +1,4 @@
-"""``./run conformance``: runs all histories on both sides, writes the table of docs/nagios.md."""
+"""``./run conformance``: runs all histories on both sides, writes the table of results.md."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from conformance.compare import Outcome, run, shrunk
 from conformance.histories import SEED, WRITTEN, drawn
 from conformance.history import HOURS_CHANGE, Acknowledgement
 
-PAGE = Path(__file__).parents[2] / "docs/nagios.md"
+PAGE = Path(__file__).parent / "results.md"
 BEGIN, END = "<!-- histories -->", "<!-- end of histories -->"
 _BLOCK = re.compile(f"{BEGIN}.*{END}", re.DOTALL)
 
 
 def table(outcomes: Sequence[Outcome]) -> str:
-    """The rows of docs/nagios.md: each history, and whether both sides notify the same."""
+    """The rows of results.md: each history, and whether both sides notify the same."""
     same = sum(each.same for each in outcomes)
     rows = [
         f"{same} of {len(outcomes)} histories are notified the same; the others differ on purpose.",
@@ -74,7 +74,7 @@ def main() -> int:
     parser.add_argument(
         "--seed", type=int, default=SEED, help="of the drawn histories (default: %(default)s)"
     )
-    parser.add_argument("--write", action="store_true", help="write the table to docs/nagios.md")
+    parser.add_argument("--write", action="store_true", help="write the table to results.md")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         outcomes = run(Path(folder) / "all", [*WRITTEN, *drawn(options.seed)])

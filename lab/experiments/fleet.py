@@ -93,7 +93,8 @@ def main() -> None:
         for topic in topics:
             fleet.offer(topic, depth=1)  # as diagnostic_updater and aggregator
         print("ready", flush=True)
-        begin, sent, arrays = time.monotonic(), 0, {}
+        begin, sent = time.monotonic(), 0
+        arrays: dict[frozenset[int], bytes] = {}
         while True:
             due = int((time.monotonic() - begin) * options.robots * options.rate)
             while sent < due:

@@ -16,6 +16,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 from statistics import median, quantiles
 from typing import NamedTuple
@@ -185,7 +186,7 @@ def _table(groups: list[tuple[str, list[dict[str, str]]]]) -> list[str]:
     titles = ("metric (confirmed)", "scraped by Prometheus", "alert fires", "notification received")
     columns = [("p50, p95, max since the fault", "what"), ("faults", "faults")]
     columns += zip(titles, SHOWN, strict=True)
-    return table(rows, [(name, lambda row, key=key: row[key]) for name, key in columns])
+    return table(rows, [(name, itemgetter(key)) for name, key in columns])
 
 
 def _steps(groups: list[tuple[str, list[dict[str, str]]]]) -> list[str]:
@@ -199,7 +200,7 @@ def _steps(groups: list[tuple[str, list[dict[str, str]]]]) -> list[str]:
             line[title] = f"{median(after - first for first, after in pairs):.2f} s"
         lines.append(line)
     columns = [("median", "step"), *((title, title) for title, _ in ours)]
-    return table(lines, [(name, lambda row, key=key: row[key]) for name, key in columns])
+    return table(lines, [(name, itemgetter(key)) for name, key in columns])
 
 
 def _plot(result: Results, groups: list[tuple[str, list[dict[str, str]]]]) -> None:

@@ -46,7 +46,7 @@ class Results:
     def add(self, row: Row) -> None:
         """Append a row; columns that it is the first to have are added."""
         date = time.strftime("%Y-%m-%d %H:%M", time.gmtime())
-        rows = [*self.rows(), {**row, "commit": machine.commit(), "date": date}]
+        rows: list[Row] = [*self.rows(), {**row, "commit": machine.commit(), "date": date}]
         columns = list(dict.fromkeys(name for each in rows for name in each))
         with self.path(".csv").open("w", newline="") as file:
             writer = csv.DictWriter(file, columns)

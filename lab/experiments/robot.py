@@ -21,6 +21,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from math import sqrt
 from pathlib import Path
 from random import Random
@@ -193,7 +194,7 @@ def measure(block: int, seed: int) -> Iterator[dict[str, float | str]]:
         yield {"block": block, **row}
 
 
-def _blocks(result: Results) -> list[dict[str, Mapping[str, str]]]:
+def _blocks(result: Results) -> list[dict[str, dict[str, str]]]:
     """Return the complete blocks: arm -> row."""
     rows = sorted(result.rows(), key=lambda row: int(row["block"]))
     groups = itertools.groupby(rows, key=lambda row: row["block"])
@@ -211,7 +212,7 @@ def _spread(found: list[float], digits: int, *, sign: bool = False) -> str:
 
 
 def extra(
-    blocks: list[dict[str, Mapping[str, str]]], column: str, interval: float = 0.0
+    blocks: list[dict[str, dict[str, str]]], column: str, interval: float = 0.0
 ) -> list[float]:
     """Return by how much a column is above nobody listening, block by block.
 
@@ -222,7 +223,7 @@ def extra(
     return [each / interval for each in per_poll(blocks, column)]
 
 
-def per_poll(blocks: list[dict[str, Mapping[str, str]]], column: str) -> list[float]:
+def per_poll(blocks: list[dict[str, dict[str, str]]], column: str) -> list[float]:
     """Return what one poll costs the robot, block by block: ms of CPU, or bytes."""
     return [
         _above(block, "polled", column)
@@ -232,7 +233,7 @@ def per_poll(blocks: list[dict[str, Mapping[str, str]]], column: str) -> list[fl
     ]
 
 
-def _above(block: dict[str, Mapping[str, str]], arm: str, column: str) -> float:
+def _above(block: dict[str, dict[str, str]], arm: str, column: str) -> float:
     return float(block[arm][column]) - float(block["none"][column])
 
 
@@ -243,7 +244,7 @@ def render(result: Results) -> str:
     return result.write_markdown(_table(blocks), _polls(blocks))
 
 
-def _table(blocks: list[dict[str, Mapping[str, str]]]) -> list[str]:
+def _table(blocks: list[dict[str, dict[str, str]]]) -> list[str]:
     rows = [{"what": "nobody listens"}, {"what": "more with the exporter attached"}]
     rows += [{"what": f"more with a poll every {title}"} for title, _ in INTERVALS]
     for column, _, unit, digits in QUANTITIES:
@@ -256,10 +257,14 @@ def _table(blocks: list[dict[str, Mapping[str, str]]]) -> list[str]:
         row["memory"] = f"{mean(float(block[arm]['memory']) for block in blocks):.1f} MB"
     titles = [("", "what"), *((title, column) for column, title, *_ in QUANTITIES)]
     titles.append(("memory", "memory"))
-    return table(rows, [(name, lambda row, key=key: row.get(key, "")) for name, key in titles])
+    return table(rows, [(name, partial(_cell, key)) for name, key in titles])
 
 
-def _polls(blocks: list[dict[str, Mapping[str, str]]]) -> list[str]:
+def _cell(key: str, row: Mapping[str, str]) -> str:
+    return row.get(key, "")
+
+
+def _polls(blocks: list[dict[str, dict[str, str]]]) -> list[str]:
     used = [float(block["polled"]["poll_cpu"]) for block in blocks]
     cpu, sent, received = (per_poll(blocks, column) for column, *_ in QUANTITIES)
     text = (
@@ -271,7 +276,7 @@ def _polls(blocks: list[dict[str, Mapping[str, str]]]) -> list[str]:
     return [text]
 
 
-def _plot(result: Results, blocks: list[dict[str, Mapping[str, str]]]) -> None:
+def _plot(result: Results, blocks: list[dict[str, dict[str, str]]]) -> None:
     bars = (("exporter\nattached", 0.0), *((f"poll every\n{name}", at) for name, at in INTERVALS))
     with plots.figure(result.path(".png"), 1, 2) as (cpu, network):
         for axes, columns, unit in (

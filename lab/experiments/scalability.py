@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from math import nan
+from operator import itemgetter
 
 from experiments import plots, results, site
 from experiments.results import Results, numbers, table
@@ -68,7 +69,7 @@ def targets(rows: list[dict[str, str]]) -> list[str]:
         ("measured", "measured"),
         ("", "verdict"),
     ]
-    return table(lines, [(name, lambda row, key=key: row[key]) for name, key in columns])
+    return table(lines, [(name, itemgetter(key)) for name, key in columns])
 
 
 def _cpu(name: str, row: Mapping[str, str]) -> str:

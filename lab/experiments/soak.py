@@ -128,14 +128,13 @@ class Sampler:
         """
         row: dict[str, float] = {"seconds": round(self.elapsed, 1)}
         for server in self._stack.servers:
-            pid = server.process.pid
-            if pid is None or not server.process.alive:
+            if not server.process.alive:
                 raise RuntimeError(server.process.describe())
             row |= {
                 f"{PROGRAMS[server.name]}_{name}": round(value, 3)
-                for name, value in usage(pid)._asdict().items()
+                for name, value in usage(server.process.pid)._asdict().items()
             }
-        database = self._folder / "state.json"
+        database = self._folder / "exporter.db"
         row["exporter_database"] = megabytes([database])
         row["exporter_wal"] = megabytes([Path(f"{database}-wal")])
         row["prometheus_scrapes"], row["prometheus_failed"] = self._scrapes_of_prometheus()

@@ -59,11 +59,11 @@ def generate(seed: int, robots: int, days: float, *, lose: bool = False) -> Stor
     for number in range(robots):
         count = round(random.expovariate(1 / (2 * days)))
         for _ in range(count):
-            what = random.choice(_OF_ROBOT)
-            events += what(random, random.randrange(ticks), robot_name(number))
+            to_robot = random.choice(_OF_ROBOT)
+            events += to_robot(random, random.randrange(ticks), robot_name(number))
     for _ in range(round(random.expovariate(1 / (4 * days)))):
-        what = random.choice(_OF_FLEET)
-        events += what(random, random.randrange(ticks), robots)
+        to_fleet = random.choice(_OF_FLEET)
+        events += to_fleet(random, random.randrange(ticks), robots)
     if lose:
         for _ in range(1 + round(random.expovariate(1 / days))):
             events += _lose(random, random.randrange(ticks))

@@ -75,9 +75,15 @@ class Process:
                 os.killpg(self._child.pid, number)
 
     @property
-    def pid(self) -> int | None:
-        """The id of the program that was started last."""
-        return None if self._child is None else self._child.pid
+    def pid(self) -> int:
+        """The id of the program that was started last.
+
+        Raises:
+            RuntimeError: None was started.
+        """
+        if self._child is None:
+            raise RuntimeError(f"{self.name} was not started")
+        return self._child.pid
 
     @property
     def alive(self) -> bool:

@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_tools.nagios.importer.convert import FLEET, REPORT, Options, convert
+from ros_diagnostics_tools.nagios.importer.convert import FLEET, REPORT, ImportOptions, convert
 from ros_diagnostics_tools.nagios.importer.files import Definition, read
 from ros_diagnostics_tools.nagios.importer.inheritance import Templates
-from ros_diagnostics_tools.nagios.importer.ledger import Ledger
+from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
 from ros_diagnostics_tools.nagios.importer.site import Site
 
 NAGIOS = shutil.which("nagios4", path=f"{os.environ['PATH']}:/usr/sbin")
@@ -93,7 +93,7 @@ def name_of(kind: str, value) -> tuple[str, ...]:
 
 
 def test_hosts_and_services_are_resolved_as_nagios_does(main):
-    ledger = Ledger()
+    ledger = ImportLedger()
     found = read([main])
     things: dict[str, list] = {}
     for thing in Templates(found.definitions, ledger).things():
@@ -133,7 +133,7 @@ def listed(value) -> tuple[set[str], ...]:
 
 
 def test_groups_have_the_members_that_nagios_finds(main):
-    ledger = Ledger()
+    ledger = ImportLedger()
     things: dict[str, list] = {}
     for thing in Templates(read([main]).definitions, ledger).things():
         things.setdefault(thing.kind, []).append(thing)
@@ -148,7 +148,7 @@ def test_groups_have_the_members_that_nagios_finds(main):
 
 
 def test_the_conversion_is_a_valid_fleet(main):
-    made = convert([main], Options("hall"))
+    made = convert([main], ImportOptions("hall"))
 
     (main.parent / FLEET).write_text(made.texts[FLEET])
     assert len(load(main.parent / FLEET).robots) == made.robots >= 1

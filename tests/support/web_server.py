@@ -61,6 +61,7 @@ def problem(scope: str, state: str, **changed: Any) -> dict[str, Any]:
         "well": False,
         "evidence": "",
         "notified": None,
+        "acknowledged": None,
         **changed,
     }
 

@@ -6,6 +6,7 @@ docs/architecture.md says why. A new module gets a line in LAYERS, at its place.
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
@@ -194,6 +195,23 @@ def test_a_reader_can_hold_a_function_in_the_head():
     assert median(sizes) <= 10
     assert sizes[len(sizes) * 9 // 10] < 35
     assert sizes[-1] <= 70
+
+
+# What robots/ received, what faults/ judges and what config/ says are in packages of their own.
+TWICE = {"Component", "Robot", "State"}
+
+
+@pytest.mark.parametrize("tree", [EXPORTER, TOOLS])
+def test_no_two_classes_have_one_name(tree):
+    counted = Counter(
+        node.name
+        for module, path in FILES
+        if module.startswith(f"{tree}.")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+
+    assert {name for name, count in counted.items() if count > 1} <= TWICE
 
 
 def test_every_file_says_what_it_is_for():

@@ -11,7 +11,7 @@ LIMITS = {
     "unchanged": (28, 10),
     "breaking": (160, 22),
     "scrape": (326, 33),
-    "restart": (606, 57),
+    "restart": (614, 57),
 }
 
 

@@ -47,19 +47,10 @@ def limits(of: dict[str, Any]) -> list[str]:
     return [line.split("|")[1] for line in scaling.limits(of).splitlines()[2:]]
 
 
-def test_what_an_exporter_lost_counts_as_work_it_had_to_do():
-    """One that received half of the messages could serve half of the robots."""
-    halved = copy.deepcopy(numbers())
-    for each in halved["exporter"].values():
-        each["received"] /= 2
-
-    robots, fewer = (scaling.costs(each).cpu.reaches(0.7) for each in (numbers(), halved))
-    assert fewer == pytest.approx(robots / 2)
-
-
 def test_the_first_limit_is_listed_first():
     slow = copy.deepcopy(numbers())
-    for size, each in slow["exporter"].items():
-        each["scrape_ms"] = int(size) * 1e3
+    for size, each in slow["prometheus"].items():
+        each["faulty"]["rules"] = int(size)
 
-    assert "a scrape of the rest" in limits(slow)[0]
+    assert "all rules" in limits(slow)[0]
+    assert "all rules" not in limits(numbers())[0]

@@ -7,8 +7,9 @@ from dataclasses import asdict
 from typing import Any
 
 from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.alertmanager import Acknowledgement
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
-from ros_diagnostics_exporter.config.fleet import ValueRule
+from ros_diagnostics_exporter.config.fleet import Source, ValueRule
 from ros_diagnostics_exporter.faults.model import ComponentName, ProblemView, as_texts
 from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Instant, Level
@@ -23,20 +24,56 @@ from ros_diagnostics_exporter.sources.prometheus import Outcome
 # job -> the port of a robot with an address; None where the query has to name it
 PORTS = {"node": 9100, "ssh": 22, "http": 80, "tcp": None}
 PING = "ping"  # has no port
+UPLINK = "uplink"  # may have one, where pings are not possible
 
-Notified = Mapping[Key, Mapping[str, float]]  # of each fault, when receivers were last notified
+
+class Care:
+    """Who was notified of faults that last, and who takes care of them."""
+
+    def __init__(
+        self,
+        notified: Mapping[Key, Mapping[str, float]] | None = None,
+        acknowledgements: Iterable[Acknowledgement] = (),
+    ) -> None:
+        """``notified``: receivers, and when last; None: not known. The newest ack is the last."""
+        self._notified = notified
+        self._acknowledged: dict[Key, list[Acknowledgement]] = {}
+        for each in acknowledgements:
+            self._acknowledged.setdefault(each.fault[1:], []).append(each)
+
+    def of(self, identity: dict[str, str], since: float) -> dict[str, Any]:
+        """The fields of the fault that began then."""
+        key, notified = key_of(identity), self._notified
+        acknowledged = [each for each in self._acknowledged.get(key, ()) if each.is_of(since)]
+        return {
+            "notified": None if notified is None else dict(notified.get(key, {})),
+            "acknowledged": _acknowledgement(acknowledged[-1]) if acknowledged else None,
+        }
 
 
-def fleet_snapshot(state: State, now: Instant, notified: Notified | None = None) -> dict[str, Any]:
+def _acknowledgement(found: Acknowledgement) -> dict[str, Any]:
+    return {
+        "author": found.author,
+        "comment": found.comment,
+        "at": found.at,
+        "until": found.until,
+    }
+
+
+NOBODY = Care()
+_NO_CARE: dict[str, Any] = {"notified": {}, "acknowledged": None}  # of what is not confirmed
+
+
+def fleet_snapshot(state: State, now: Instant, care: Care = NOBODY) -> dict[str, Any]:
     """The whole fleet; times are Unix time.
 
     The problems of a robot and its parts are with the robot, those of sites and of many robots with
-    the fleet. ``notified`` is None where it is not known.
+    the fleet.
     """
     fleet = state.fleet
     problems: dict[str, list[dict[str, Any]]] = {}
     for view in state.problems(now):
-        problems.setdefault(view.identity.robot, []).append(_problem(view, notified))
+        problems.setdefault(view.identity.robot, []).append(_problem(view, care))
     return {
         "fleet": fleet.name,
         "time": now.wall,
@@ -68,9 +105,7 @@ def queries(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
     ]
 
 
-def robot_snapshot(
-    state: State, name: str, now: Instant, notified: Notified | None
-) -> dict[str, Any]:
+def robot_snapshot(state: State, name: str, now: Instant, care: Care) -> dict[str, Any]:
     """A robot's labels, problems and end of maintenance as in ``fleet_snapshot``.
 
     Raises:
@@ -82,13 +117,13 @@ def robot_snapshot(
         "robot": name,
         "labels": dict(robot.settings.labels),
         "maintenance": robot.maintenance,
-        "problems": [_problem(view, notified) for view in views],
+        "problems": [_problem(view, care) for view in views],
     }
     return {**known, **_maintenance(state, known, now)}
 
 
-def faults(state: State, now: Instant, notified: Notified | None = None) -> dict[str, Any]:
-    """All faults that last, the oldest first; times are Unix time, ``notified`` as above."""
+def faults(state: State, now: Instant, care: Care = NOBODY) -> dict[str, Any]:
+    """All faults that last, the oldest first; times are Unix time."""
     lasting = sorted(state.faults(), key=lambda fault: (fault.since, fault.identity))
     return {
         "fleet": state.fleet.name,
@@ -101,14 +136,14 @@ def faults(state: State, now: Instant, notified: Notified | None = None) -> dict
                 "evidence": fault.evidence,
                 "work": fault.work,
                 "labels": dict(fault.labels),
-                "notified": _notified(identity, notified),
+                **care.of(identity, fault.since),
             }
             for fault in lasting
         ],
     }
 
 
-def _problem(view: ProblemView, notified: Notified | None) -> dict[str, Any]:
+def _problem(view: ProblemView, care: Care) -> dict[str, Any]:
     fault = view.fault
     identity = as_texts(view.identity, {} if fault is None else fault.labels)
     return {
@@ -121,12 +156,8 @@ def _problem(view: ProblemView, notified: Notified | None) -> dict[str, Any]:
         "well": view.well,
         "evidence": "" if fault is None else fault.evidence,
         "work": "" if fault is None else fault.work,
-        "notified": {} if fault is None else _notified(identity, notified),
+        **(_NO_CARE if fault is None else care.of(identity, fault.since)),
     }
-
-
-def _notified(identity: dict[str, str], notified: Notified | None) -> dict[str, float] | None:
-    return None if notified is None else dict(notified.get(key_of(identity), {}))
 
 
 def _maintenance(state: State, robot: dict[str, Any], now: Instant) -> dict[str, Any]:
@@ -152,11 +183,21 @@ def _maintenance(state: State, robot: dict[str, Any], now: Instant) -> dict[str,
 def targets(state: State, job: str, port: int | None) -> list[dict[str, Any]]:
     """Prometheus' http_sd list of the robots that have an address, at ``port`` or the job's own.
 
+    Job uplink has what robots name as their uplink; an access point is in no other.
+
     Raises:
         LookupError: there is no such job.
         ValueError: the job needs a port, or has none.
     """
     end = _end(job, port)
+    robots = list(state.visit(lambda robot: robot.settings))
+    uplinks = {each.labels.get("uplink") for each in robots}
+    if job == UPLINK:
+        wanted = [each for each in robots if each.name in uplinks]
+    else:
+        wanted = [
+            each for each in robots if each.source is not Source.QUERIES or each.name not in uplinks
+        ]
     return [
         {
             "targets": [_host(settings.address) + end],
@@ -166,7 +207,7 @@ def targets(state: State, job: str, port: int | None) -> list[dict[str, Any]]:
                 "robot": settings.name,
             },
         }
-        for settings in state.visit(lambda robot: robot.settings)
+        for settings in wanted
         if settings.address is not None
     ]
 
@@ -176,8 +217,10 @@ def _end(job: str, port: int | None) -> str:
         if port is not None:
             raise ValueError("a ping has no port")
         return ""
+    if job == UPLINK:
+        return "" if port is None else f":{port}"
     if job not in PORTS:
-        raise LookupError(f"no job {job!r}; there are {', '.join(sorted([*PORTS, PING]))}")
+        raise LookupError(f"no job {job!r}; there are {', '.join(sorted([*PORTS, PING, UPLINK]))}")
     port = port or PORTS[job]
     if port is None:
         raise ValueError(f"which port? /sd/{job}?port=NUMBER")

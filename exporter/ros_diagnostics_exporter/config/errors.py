@@ -54,7 +54,7 @@ class WrongValueError(ValueError):
         self.below = below
 
 
-class Problem(NamedTuple):
+class Finding(NamedTuple):
     """One thing wrong in one place; ``line`` counts from 1, ``key`` may be empty (a whole file)."""
 
     file: Path
@@ -75,7 +75,7 @@ class ConfigError(ValueError):
     ``sources`` are the files and folders that were read, so that they can be watched for a change.
     """
 
-    def __init__(self, problems: Iterable[Problem], sources: Iterable[Path] = ()) -> None:
+    def __init__(self, problems: Iterable[Finding], sources: Iterable[Path] = ()) -> None:
         self.problems = tuple(sorted(set(problems), key=_place))
         self.sources = tuple(sources)
         super().__init__(self.text(LISTED))
@@ -90,7 +90,7 @@ class ConfigError(ValueError):
         return "\n".join(lines)
 
 
-def _place(problem: Problem) -> tuple[str, int, str]:
+def _place(problem: Finding) -> tuple[str, int, str]:
     return (str(problem.file), problem.line or 0, str(problem))
 
 

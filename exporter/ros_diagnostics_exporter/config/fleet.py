@@ -917,6 +917,12 @@ class Query(Entry):
         example=True,
         default=False,
     )
+    uplink: bool = described(
+        "While one of them is ERROR, the robots that name its robot by the label `uplink` are "
+        "unreachable: their silence, and what is measured of them, is no fault.",
+        example=True,
+        default=False,
+    )
 
     @property
     def name(self) -> str:
@@ -926,7 +932,14 @@ class Query(Entry):
     @property
     def feed(self) -> Feed:
         """What it delivers."""
-        return Feed(self.name, self.group, self.stale_after, self.confirm_after, self.planned_stale)
+        return Feed(
+            self.name,
+            self.group,
+            self.stale_after,
+            self.confirm_after,
+            self.planned_stale,
+            self.uplink,
+        )
 
     @override
     def completed(self, given: Mapping[str, Any]) -> "Query":
@@ -1026,6 +1039,26 @@ class Flapping(Entry):
         return self
 
 
+class Intermittent(Entry):
+    """When faults too short to be confirmed are too many to be chance."""
+
+    changes: Annotated[Count, Field(ge=2, le=20)] = described(
+        "From so many changes of a component's level on; two are one short fault.",
+        example=6,
+        default=4,
+    )
+    within: Duration = described("In this time.", example="1h", default=600.0)
+
+
+class Falling(Entry):
+    """When a value that falls will soon be below its critical threshold."""
+
+    over: Duration = described(
+        "How fast it falls is computed from so long.", example="5m", default=900.0
+    )
+    ahead: Duration = described("How soon it would be too low.", example="1h", default=1800.0)
+
+
 class FaultSettings(Entry, title="Faults"):
     """How the exporter decides which problems are faults, for the whole fleet."""
 
@@ -1049,6 +1082,16 @@ class FaultSettings(Entry, title="Faults"):
         "When components, and robots that come and go, are flapping.",
         example={"start": 0.5},
         default=Flapping(),
+    )
+    intermittent: Intermittent = described(
+        "When a component whose faults end before they are confirmed has an intermittent one.",
+        example={"changes": 6},
+        default=Intermittent(),
+    )
+    falling: Falling = described(
+        "When a value with a critical low threshold falls too fast.",
+        example={"ahead": "1h"},
+        default=Falling(),
     )
     value_hysteresis: Share = described(
         "Share of a threshold by which a value has to come back before its fault ends.",

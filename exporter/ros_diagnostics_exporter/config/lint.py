@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from ros_diagnostics_exporter.config.errors import Problem
+from ros_diagnostics_exporter.config.errors import Finding
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile
 from ros_diagnostics_exporter.config.metric_names import base_unit_for
 from ros_diagnostics_exporter.config.scalars import duration
@@ -32,7 +32,7 @@ def lint(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
     return tuple(str(each) for each in found)
 
 
-def _ephemeral_domains(checked: Checked) -> Iterator[Problem]:
+def _ephemeral_domains(checked: Checked) -> Iterator[Finding]:
     remedy = "prefer 0 to 101 (215 to 232 work on Linux, too)"
     entries: list[tuple[Placed[Any], str, tuple[Domain, ...]]] = [
         *((each, "domain_id", (each.entry.domain_id,)) for each in checked.robots),
@@ -47,7 +47,7 @@ def _ephemeral_domains(checked: Checked) -> Iterator[Problem]:
             yield placed.problem(key, what=what, remedy=remedy)
 
 
-def _late(checked: Checked) -> Iterator[Problem]:
+def _late(checked: Checked) -> Iterator[Finding]:
     """A number without a unit is seconds, which is easily taken for milliseconds."""
     for placed in checked.profiles:
         places: list[tuple[str | int, ...]] = [("stale_after",)]
@@ -61,7 +61,7 @@ def _late(checked: Checked) -> Iterator[Problem]:
                 yield placed.problem(*place, what=what, remedy=remedy)
 
 
-def _units(checked: Checked) -> Iterator[Problem]:
+def _units(checked: Checked) -> Iterator[Finding]:
     for placed in checked.profiles:
         for at, value in _entries(placed, "values"):
             metric = value.get("metric")
@@ -83,7 +83,7 @@ def _entries(placed: Placed[Profile], key: str) -> Iterator[tuple[int, dict[str,
         yield at, {name: each for name, each in entry.items() if each is not None}
 
 
-def _labels_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Problem]:
+def _labels_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Finding]:
     """A downtime that selects by a label that no robot has is never active."""
     known = {"robot", "fleet"}
     known.update(*(each.labels for each in fleet.robots))
@@ -97,7 +97,7 @@ def _labels_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Problem]:
                 yield placed.problem("selector", label, what=what, remedy=remedy)
 
 
-def _nothing_to_watch(checked: Checked, fleet: Fleet) -> Iterator[Problem]:
+def _nothing_to_watch(checked: Checked, fleet: Fleet) -> Iterator[Finding]:
     if not (fleet.robots or fleet.discoveries or fleet.shared):
         what = "no robots, discovery or shared topics, so there is nothing to watch"
         yield checked.document.problem(

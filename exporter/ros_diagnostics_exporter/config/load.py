@@ -11,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from ros_diagnostics_exporter.config.errors import LISTED, ConfigError, Problem, shortened
+from ros_diagnostics_exporter.config.errors import LISTED, ConfigError, Finding, shortened
 from ros_diagnostics_exporter.config.fleet import (
     Discovery,
     Fleet,
@@ -69,7 +69,7 @@ def sources(fleet_or_path: Fleet | Path) -> tuple[Path, ...]:
         return error.sources
 
 
-def _fleet(document: Document, sources_read: list[Path], problems: list[Problem]) -> Fleet | None:
+def _fleet(document: Document, sources_read: list[Path], problems: list[Finding]) -> Fleet | None:
     """The Fleet that the document and its folders describe; problems are added to `problems`."""
     if not isinstance(document.data, dict):
         what = "is empty" if document.data is None else "is not a mapping"
@@ -121,7 +121,7 @@ def _without_sections(data: dict[str, Any]) -> dict[str, Any]:
 def _sections(
     document: Document,
     sources_read: list[Path],
-    problems: list[Problem],
+    problems: list[Finding],
     *,
     stale_is_critical: bool,
 ) -> tuple[Checked, dict[str, Profile]]:
@@ -177,7 +177,7 @@ class _Folders:
         self,
         document: Document,
         sources: list[Path],
-        problems: list[Problem],
+        problems: list[Finding],
         profiles: dict[str, Profile],
     ) -> None:
         self._document = document
@@ -205,7 +205,7 @@ class _Folders:
             return []
         except OSError as error:
             what, remedy = f"cannot be read ({error.strerror})", "let this user read the folder"
-            self._problems.append(Problem(folder, None, "", what, remedy))
+            self._problems.append(Finding(folder, None, "", what, remedy))
             return []
         # Editors use hidden names until a file is complete.
         return [

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ros_diagnostics_exporter.config.errors import Problem, quoted, suggestion
+from ros_diagnostics_exporter.config.errors import Finding, quoted, suggestion
 from ros_diagnostics_exporter.config.fleet import ALL, DEFAULT, Profile
 from ros_diagnostics_exporter.config.keys import validated
 from ros_diagnostics_exporter.config.validate import Placed, validate
@@ -16,7 +16,7 @@ _Content = Mapping[str, Any]  # of a profile, as it is in the file
 
 
 def resolved(
-    document: Document, problems: list[Problem], *, stale_is_critical: bool
+    document: Document, problems: list[Finding], *, stale_is_critical: bool
 ) -> tuple[list[Placed[Profile]], dict[str, Profile]]:
     """(The valid entries of the file, every profile by name, `default` always among them).
 
@@ -47,7 +47,7 @@ class _Resolver:
         self, entries: Mapping[str, Placed[Profile]], known: Iterable[str], base: _Content
     ) -> None:
         self.entries = entries
-        self.problems: list[Problem] = []
+        self.problems: list[Finding] = []
         self._known = sorted(known)  # also those that are invalid
         self._base = base
         self._made: dict[str, _Content | None] = {}  # None: invalid, with a problem

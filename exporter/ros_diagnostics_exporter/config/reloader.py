@@ -12,7 +12,7 @@ from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from pathlib import Path
 
-from ros_diagnostics_exporter.config.errors import ConfigError, Problem
+from ros_diagnostics_exporter.config.errors import ConfigError, Finding
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.events import Event
@@ -96,7 +96,7 @@ class Reloader:
         except FutureTimeoutError:  # in Python 3.10 not the built-in one
             what = f"has not been read after {TIMEOUT:.0f} s"
             remedy = "check whether its disk or network folder responds; the result is logged"
-            raise ConfigError([Problem(self._path, None, "", what, remedy)]) from None
+            raise ConfigError([Finding(self._path, None, "", what, remedy)]) from None
 
     def tick(self) -> None:
         """Log once if a read hangs."""

@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 
 from pydantic import ValidationError
 
-from ros_diagnostics_exporter.config.errors import MOST, Problem, explanation, quoted
+from ros_diagnostics_exporter.config.errors import MOST, Finding, explanation, quoted
 from ros_diagnostics_exporter.config.fleet import (
     Discovery,
     Limits,
@@ -37,7 +37,7 @@ class Placed(Generic[T]):
     data: Any  # as it is in the file
     entry: T
 
-    def problem(self, *below: str | int, what: str, remedy: str) -> Problem:
+    def problem(self, *below: str | int, what: str, remedy: str) -> Finding:
         """A problem with this entry, or with what is `below` it."""
         return self.document.problem((*self.path, *below), what, remedy)
 
@@ -50,7 +50,7 @@ def validate(
     document: Document,
     items: Iterable[tuple[KeyPath, Any]],
     kind: type[T],
-    problems: list[Problem],
+    problems: list[Finding],
     profiles: Mapping[str, Profile] | None = None,
 ) -> list[Placed[T]]:
     """The valid ones among items with their places; what is wrong is added to `problems`.
@@ -91,11 +91,12 @@ _WAY_OUT = (
 )
 
 
-def find_conflicts(checked: Checked, limits: Limits) -> Iterator[Problem]:
+def find_conflicts(checked: Checked, limits: Limits) -> Iterator[Finding]:
     """Names and topics that are used twice, more robots or queries than the limit."""
     yield from _same_names(checked.robots)
     yield from _same_topics(checked)
     yield from _same_queries(checked.queries)
+    yield from _uplinks_in_circles(checked.robots)
     if len(checked.queries) > MAX_QUERIES:
         what = f"{len(checked.queries)} queries are declared, above the limit of {MAX_QUERIES}"
         yield checked.document.problem(("queries",), what, "have one expression for all robots")
@@ -104,7 +105,7 @@ def find_conflicts(checked: Checked, limits: Limits) -> Iterator[Problem]:
         yield checked.document.problem(("limits", "robots"), what, "raise limits.robots")
 
 
-def find_unreached(checked: Checked) -> Iterator[Problem]:
+def find_unreached(checked: Checked) -> Iterator[Finding]:
     """Entries that need zenoh; of a config that does not say how to reach it."""
     entries: list[Placed[Any]] = [*checked.robots, *checked.discovery, *checked.shared]
     for placed in entries:
@@ -115,7 +116,7 @@ def find_unreached(checked: Checked) -> Iterator[Problem]:
             )
 
 
-def _same_names(robots: list[Placed[Robot]]) -> Iterator[Problem]:
+def _same_names(robots: list[Placed[Robot]]) -> Iterator[Finding]:
     first: dict[str, Placed[Robot]] = {}
     for placed in robots:
         name = placed.entry.name
@@ -125,7 +126,19 @@ def _same_names(robots: list[Placed[Robot]]) -> Iterator[Problem]:
             yield placed.problem("name", what=what, remedy="give each robot a name of its own")
 
 
-def _same_queries(queries: list[Placed[Query]]) -> Iterator[Problem]:
+def _uplinks_in_circles(robots: list[Placed[Robot]]) -> Iterator[Finding]:
+    """Each of a circle would be unreachable because of the others, and none of them a fault."""
+    uplinks = {each.entry.name: each.entry.labels.get("uplink") for each in robots}
+    for placed in robots:
+        path = [placed.entry.name]
+        while (uplink := uplinks.get(path[-1])) and uplink not in path:
+            path.append(uplink)
+        if uplink == path[0]:
+            what = f"is reached through itself: {' -> '.join(map(quoted, [*path, uplink]))}"
+            yield placed.problem("labels", "uplink", what=what, remedy="remove one of them")
+
+
+def _same_queries(queries: list[Placed[Query]]) -> Iterator[Finding]:
     first: dict[str, Placed[Query]] = {}
     for placed in queries:
         name = placed.entry.name
@@ -136,7 +149,7 @@ def _same_queries(queries: list[Placed[Query]]) -> Iterator[Problem]:
             yield placed.problem("component", what=what, remedy=remedy)
 
 
-def _same_topics(checked: Checked) -> Iterator[Problem]:
+def _same_topics(checked: Checked) -> Iterator[Finding]:
     users: dict[tuple[Domain, str], str] = {}
     for each in checked.shared:
         key = (each.entry.domain_id, each.entry.topic)
@@ -159,7 +172,7 @@ def _same_topics(checked: Checked) -> Iterator[Problem]:
             users[key] = f"that of robot {quoted(robot.name)} in {placed.place()}"
 
 
-def _other_source(placed: Placed[Robot]) -> Iterator[Problem]:
+def _other_source(placed: Placed[Robot]) -> Iterator[Finding]:
     """A robot on a shared topic has the topic's source."""
     robot, source = placed.entry, placed.data.get("source")
     if source is not None and source != robot.source.value:

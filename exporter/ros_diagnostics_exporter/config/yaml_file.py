@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from ros_diagnostics_exporter.config.errors import Problem
+from ros_diagnostics_exporter.config.errors import Finding
 from ros_diagnostics_exporter.files import read_regular
 
 KeyPath = tuple[str | int, ...]
@@ -82,9 +82,9 @@ class Document(NamedTuple):
                 text += f".{part}" if text else part
         return text
 
-    def problem(self, path: KeyPath, what: str, remedy: str) -> Problem:
+    def problem(self, path: KeyPath, what: str, remedy: str) -> Finding:
         """A problem with the value at `path`."""
-        return Problem(self.path, self.line(path), self.key(path), what, remedy)
+        return Finding(self.path, self.line(path), self.key(path), what, remedy)
 
 
 def inside(data: Any, path: KeyPath) -> Any:
@@ -103,7 +103,7 @@ def _entry_name(entry: Any) -> str | None:
     return name if isinstance(name, str) and name.isprintable() and len(name) <= 40 else None
 
 
-def read(path: Path) -> tuple[Document | None, list[Problem]]:
+def read(path: Path) -> tuple[Document | None, list[Finding]]:
     """Read one file; no document if nothing in it can be used."""
     try:
         node = _compose(_text(path))
@@ -111,11 +111,11 @@ def read(path: Path) -> tuple[Document | None, list[Problem]]:
         data = tree.value(node, ())
     except UnusableError as error:
         line, what, remedy = error.found
-        return None, [Problem(path, line, "", what, remedy)]
+        return None, [Finding(path, line, "", what, remedy)]
     invalid = frozenset(where for _, where, _, _ in tree.found)
     document = Document(path, data, tree.lines, invalid)
     problems = [
-        Problem(path, line, document.key(where), what, remedy)
+        Finding(path, line, document.key(where), what, remedy)
         for line, where, what, remedy in tree.found
     ]
     return document, problems

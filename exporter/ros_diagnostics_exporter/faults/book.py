@@ -7,8 +7,9 @@ from math import inf
 from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings
-from ros_diagnostics_exporter.faults.model import ComponentName, Identity, Scope
+from ros_diagnostics_exporter.faults.model import ComponentName, Identity, Scope, State
 from ros_diagnostics_exporter.faults.records import (
+    TREND_STEPS,
     Cause,
     Component,
     Ended,
@@ -21,9 +22,21 @@ from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSet
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.model import Instant
 
-TimerKind = Literal["confirm", "cover", "returned", "presence", "flaps", "settled", "hours", "ends"]
+TimerKind = Literal[
+    "confirm",
+    "cover",
+    "returned",
+    "reachable",
+    "presence",
+    "flaps",
+    "trends",
+    "settled",
+    "hours",
+    "ends",
+]
 Timer = tuple[TimerKind, "Problem | Cause | Robot | Component | None"]
 FLEET_ROW: RowKey = ("fleet", ())
+UPLINK_TIME = 15.0  # seconds in which a query has noticed that an uplink does not answer
 
 
 class Book:
@@ -139,18 +152,30 @@ class Book:
             return len(self.present.get(cause.name, ()))
         return sum(map(len, self.present.values()))
 
-    def confirm_after(self, problem: Problem) -> float:
-        """Seconds in trouble after which the problem is a fault."""
-        identity = problem.identity
-        if identity.state == "flapping":
-            return 0.0
-        if identity.state == "pending":
-            return self.settings.pending_after
-        if problem.component is not None:
-            return problem.component.settings.confirm_after
-        if problem.robot is not None:
-            return problem.robot.settings.confirm_after
-        return self.settings.confirm_after
+    def due(self, problem: Problem) -> float:
+        """When (monotonic) the problem may be a fault at the earliest."""
+        clock, state, component = problem.clock, problem.identity.state, problem.component
+        if state is State.FLAPPING:
+            return clock
+        if state is State.PENDING:
+            return clock + self.settings.pending_after
+        if state is State.FALLING:
+            return clock + 2 * self.settings.falling.over / TREND_STEPS
+        if component is not None:
+            settings = component.settings
+            if settings.measured:
+                clock = max(clock, component.robot.returned_until)  # it was not reached before
+            return clock + settings.confirm_after
+        robot = problem.robot
+        clock += self.settings.confirm_after if robot is None else robot.settings.confirm_after
+        return clock + UPLINK_TIME if self._may_be_behind(problem) else clock
+
+    def _may_be_behind(self, problem: Problem) -> bool:
+        """Whether it may turn out that an uplink explains what is common to robots, or silence."""
+        robots = [problem.robot] if problem.robot and problem.identity.state is State.SILENT else []
+        if problem.cause is not None and problem.robot is None:
+            robots = [self.robots[name] for name in problem.cause.counted if name in self.robots]
+        return any(robot.settings.uplink in self.robots for robot in robots)
 
 
 def _drop_from_owner(problem: Problem) -> None:

@@ -20,32 +20,35 @@ from ros_diagnostics_exporter.model import Instant, Level
 def count_component(book: Book, component: Component) -> None:
     """Count a component, or not, towards what many robots have in common.
 
-    It counts from when it is CRITICAL, out of maintenance, until it is received better.
+    It counts from when it is CRITICAL, out of maintenance, until it is received better, or, where
+    it is measured, until what the robot is behind explains it.
     """
-    fresh = component.level is Level.ERROR and not component.maintenance
-    counted = fresh or (component.counted and component.level not in (Level.OK, Level.WARN))
-    if not (counted or component.counted):
+    explained = component.settings.measured and component.robot.unreachable
+    fresh = component.level is Level.ERROR and not (component.maintenance or explained)
+    lasts = component.counted and component.level not in (Level.OK, Level.WARN)
+    if not (fresh or lasts or component.counted):
         return
+    cause = book.cause(Scope.COMMON, component.name.component)
+    counted = fresh or (lasts and (cause.is_fault or not explained))
     if counted != component.counted:
         component.counted = counted
         book.write(component)
-    cause = book.cause(Scope.COMMON, component.name.component)
     cause.count(component.robot.name, component.name.group, counts=counted, fresh=fresh)
     book.touched_causes[cause] = None
 
 
 def count_robot(book: Book, robot: Robot, now: Instant) -> None:
-    """Count a robot, or not, towards the silence of its site, until it is back.
+    """Count a robot, or not, towards the silence of its site, until it is back or unreachable.
 
     That nothing was received of it since a start is no silence within restart_grace.
     """
-    silent = robot.presence is Presence.SILENT and not robot.maintenance
+    silent = robot.presence is Presence.SILENT and not (robot.maintenance or robot.unreachable)
     fresh = silent and (robot.counted or now.mono >= book.grace_until)
-    counted = fresh or (robot.counted and not robot.up)
-    if not (counted or robot.counted):
+    lasts = robot.counted and not robot.up
+    if not (fresh or lasts or robot.counted):
         return
-    robot.counted = counted
     cause = book.cause(Scope.SITE, robot.settings.site)
+    counted = robot.counted = fresh or (lasts and (cause.is_fault or not robot.unreachable))
     cause.count(robot.name, "", counts=counted, fresh=fresh)
     book.touched_causes[cause] = None
 
@@ -170,7 +173,8 @@ def _counts(book: Book, cause: Cause, now: Instant) -> tuple[int, int]:
         if each.since is not None and each.name.component not in robot.maintained
     ]
     needed = _settings(book, cause).needed(robot.total)
-    nothing_known = not robot.up or robot.maintenance or now.mono < robot.returned_until
+    is_quiet = robot.maintenance or robot.unreachable_since is not None
+    nothing_known = not robot.up or is_quiet or now.mono < robot.returned_until
     if nothing_known or len(troubled) < needed / 2:
         return len(troubled), 0
     own = sum(not book.covered(Scope.COMMON, each.name.component, now) for each in troubled)

@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.faults import (
     presence,
     removal,
     rows,
+    trends,
 )
 from ros_diagnostics_exporter.faults.book import FLEET_ROW, Book
 from ros_diagnostics_exporter.faults.model import (
@@ -110,6 +111,10 @@ class Faults:
             presence.settle(book, at)
         elif kind == "presence":
             presence.decay(book, record, at)
+        elif kind == "trends":
+            trends.sample(book, record, at)
+        elif kind == "reachable":
+            presence.become_reachable(book, record, at)
         else:
             presence.touch_all(book, record)
 
@@ -162,6 +167,16 @@ class Faults:
             robot = self._robot(name)
             if robot.maintenance != is_planned:
                 presence.set_maintenance(self._book, robot, now, planned=is_planned)
+        return changes + judge.settle(self._book, now)
+
+    def unreachable(self, changed: Mapping[str, bool], now: Instant) -> list[Change]:
+        """Note robots whose absence an uplink or a DDS domain explains (True), or no longer does.
+
+        What explains it has failed by itself; so all of them are to be given together.
+        """
+        changes = self.advance(now)
+        for name, is_unreachable in changed.items():
+            presence.set_unreachable(self._book, self._robot(name), now, is_so=is_unreachable)
         return changes + judge.settle(self._book, now)
 
     def components_in_maintenance(
@@ -243,7 +258,9 @@ class Faults:
         known = self._robot(robot)
         if known.up:
             for report in reports:
-                changes += components.report_value(self._book, (known, name, settings), report, now)
+                of = known, name, settings
+                changes += components.report_value(self._book, of, report, now)
+                trends.follow(self._book, of, report, now)
         return changes + judge.settle(self._book, now)
 
     def check_changed(
@@ -317,7 +334,7 @@ class Faults:
             yield ProblemView(
                 identity=problem.identity,
                 since=problem.since.wall,
-                due=at_mono(problem.clock + book.confirm_after(problem), now).wall,
+                due=at_mono(book.due(problem), now).wall,
                 fault=problem.fault,
                 quiet=quiet if well or problem.fault is None else None,
                 well=well,

@@ -40,7 +40,7 @@ def _judge(book: Book, problem: Problem, now: Instant) -> Change | None:
     if problem.verdict is Verdict.WELL:
         _drop(book, problem)
         return None
-    due = problem.clock + book.confirm_after(problem)
+    due = book.due(problem)
     if now.mono < due:
         book.timers.set(("confirm", problem), due)
         return None

@@ -11,6 +11,7 @@ from ros_diagnostics_exporter.faults.records import Presence, Problem, Robot
 from ros_diagnostics_exporter.model import Instant
 
 _UP, _DOWN = 1, 0  # states of a robot's history
+TIME_TO_RETURN = 60.0  # seconds at most for robots to be received after what they are behind is
 
 
 def fall_silent(book: Book, robot: Robot, since: Instant, now: Instant, *, counts: bool) -> None:
@@ -67,6 +68,30 @@ def come_back(book: Book, robot: Robot, now: Instant) -> None:
 def set_maintenance(book: Book, robot: Robot, now: Instant, *, planned: bool) -> None:
     """Begin or end the quiet of a planned downtime."""
     robot.maintenance = planned
+    _count_anew(book, robot, now)
+
+
+def set_unreachable(book: Book, robot: Robot, now: Instant, *, is_so: bool) -> None:
+    """Begin the quiet of a robot that is behind what fails, or end it in as long as it lasted."""
+    if is_so:
+        book.timers.clear(("reachable", robot))
+        if not robot.unreachable:
+            robot.unreachable_since = now.mono
+            _count_anew(book, robot, now)
+    elif robot.unreachable_since is not None:
+        lasted = min(now.mono - robot.unreachable_since, TIME_TO_RETURN)
+        book.timers.set(("reachable", robot), now.mono + lasted)
+
+
+def become_reachable(book: Book, robot: Robot, now: Instant) -> None:
+    """Judge by itself what is absent, now that nothing explains it any more."""
+    robot.unreachable_since = None
+    robot.returned_until = max(robot.returned_until, now.mono)
+    _count_anew(book, robot, now)
+
+
+def _count_anew(book: Book, robot: Robot, now: Instant) -> None:
+    """Judge all about a robot, and what many robots have in common, by a quiet that changed."""
     for component in robot.components.values():
         causes.count_component(book, component)
     _note_presence(book, robot, now)

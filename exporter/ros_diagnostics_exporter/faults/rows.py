@@ -227,7 +227,8 @@ def _of_component(component: Component, clock: _Clock) -> OfComponent:
 def _of_history(history: FlapHistory | None, clock: _Clock) -> History | None:
     if history is None:
         return None
-    return History(slots=list(history.slots), last=history.last + clock.offset)
+    changed = [mono + clock.offset for mono in history.changed]
+    return History(slots=list(history.slots), last=history.last + clock.offset, changed=changed)
 
 
 # -- reading -----------------------------------------------------------------------------------
@@ -266,7 +267,11 @@ def _read_component(book: Book, key: tuple[str, ...], stored: OfComponent, clock
 
 
 def _read_history(stored: History | None, clock: _Clock) -> FlapHistory | None:
-    return None if stored is None else FlapHistory(stored.slots, clock.mono(stored.last))
+    if stored is None:
+        return None
+    history = FlapHistory(stored.slots, clock.mono(stored.last))
+    history.changed = tuple(map(clock.mono, stored.changed))
+    return history
 
 
 def _read_cause(book: Book, key: tuple[str, ...], stored: OfCause, clock: _Clock) -> None:
@@ -346,7 +351,7 @@ def _bound_problem(book: Book, problem: Problem, now: Instant) -> None:
     latest = now
     component = problem.component if problem.identity.scope is Scope.COMPONENT else None
     if problem.fault is not None:
-        latest = at_mono(now.mono - book.confirm_after(problem), now)
+        latest = at_mono(now.mono - (book.due(problem) - problem.clock), now)
     if problem.clock > now.mono:
         problem.clock = latest.mono
     if problem.since.wall > now.wall:
@@ -358,6 +363,7 @@ def _bound_problem(book: Book, problem: Problem, now: Instant) -> None:
 def _bound_history(history: FlapHistory | None, now: Instant) -> None:
     if history is not None:
         history.last = min(history.last, now.mono)
+        history.changed = tuple(min(mono, now.mono) for mono in history.changed)
 
 
 def _not_after(then: Instant | None, now: Instant) -> Instant | None:
@@ -381,7 +387,7 @@ def _set_timers(book: Book) -> None:
         timers.set(("settled", None), book.grace_until)
     for problem in book.problems.values():
         if problem.fault is None:
-            timers.set(("confirm", problem), problem.clock + book.confirm_after(problem))
+            timers.set(("confirm", problem), book.due(problem))
     for cause in (*book.causes.values(), *(robot.many for robot in book.robots.values())):
         if cause.covers_until > -inf:
             timers.set(("cover", cause), cause.covers_until)

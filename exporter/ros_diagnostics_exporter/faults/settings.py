@@ -25,11 +25,20 @@ class RobotSettings:
         """The site whose robots may fall silent together; "" is one too."""
         return self.labels.get("site", "")
 
+    @property
+    def uplink(self) -> str:
+        """The robot-like entry through which it is reached; "" where there is none."""
+        return self.labels.get("uplink", "")
+
 
 @dataclass(frozen=True)
 class ComponentSettings:
-    """What holds for one component, the robot's and the fleet's defaults applied."""
+    """What holds for one component, the robot's and the fleet's defaults applied.
+
+    ``measured``: by a query rather than by the robot, so also while the robot is not reached.
+    """
 
     confirm_after: float = 10.0
     planned_stale: bool = False
     stale_is_critical: bool = False
+    measured: bool = False

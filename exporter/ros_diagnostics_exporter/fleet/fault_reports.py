@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from math import inf, nextafter
 from typing import Literal
 
@@ -109,11 +110,24 @@ class FaultReports:
                 reports.maintained = reports.robot.maintained
                 self._record(self._faults.components_in_maintenance(name, reports.maintained, now))
 
+    def _report_unreachable(self, now: Instant) -> None:
+        """Report which robots something that fails is in front of, or no longer is."""
+        changed = {
+            name: not reports.robot.network.is_reached
+            for name, reports in self._robots.items()
+            if reports.robot.network.is_reached == reports.unreachable
+        }
+        for name, is_unreachable in changed.items():
+            self._robots[name].unreachable = is_unreachable
+        if changed:
+            self._record(self._faults.unreachable(changed, now))
+
     def tick(self, now: Instant, *, slow: bool) -> None:
         """Let time pass; to be called a few times a second, once a second with ``slow``."""
         now = self._time(now)
         if slow:
             self._report_maintenance(now)
+            self._report_unreachable(now)
         self._record(self._faults.advance(now))
 
     def restore(self, rows: Iterable[Row], now: Instant) -> None:
@@ -259,10 +273,10 @@ class FaultReports:
 class RobotReports:
     """One robot, and what was reported of it.
 
-    ``maintenance`` and ``maintained`` are as last reported. ``_awaited`` are components of which
-    nothing is received, and from when on (monotonic) an array of the robot shows that they are
-    absent: if none comes it is the robot that is silent, and before that a slow driver is no stale
-    component.
+    ``maintenance``, ``maintained`` and ``unreachable`` are as last reported. ``_awaited`` are
+    components of which nothing is received, and from when on (monotonic) an array of the robot
+    shows that they are absent: if none comes it is the robot that is silent, and before that a slow
+    driver is no stale component.
     """
 
     def __init__(self, robot: Robot, events: deque[Event]) -> None:
@@ -270,6 +284,7 @@ class RobotReports:
         self._events = events
         self.maintenance = False
         self.maintained: frozenset[str] = frozenset()
+        self.unreachable = False
         self._settings = robot.settings
         self._limits = robot.limits
         self._declared = robot.declared
@@ -316,7 +331,7 @@ class RobotReports:
     def start_over(self, faults: Faults, now: Instant) -> list[Change]:
         """Report all of it to another engine, but its downtime."""
         self._presence, self.maintenance = None, self.robot.maintenance
-        self.maintained = frozenset()
+        self.maintained, self.unreachable = frozenset(), False
         components = self.robot.components
         self._names, self._names_version = _names(components), self.robot.versions.names
         return self.configure(faults, now) + self._forget_ignored(faults, now)
@@ -561,7 +576,7 @@ class RobotReports:
         if quiet.known and level is not Level.STALE:
             return ComponentReport(name, Level.OK, settings)
         # As a STALE that is planned: nothing begins, and nothing ends.
-        settings = ComponentSettings(settings.confirm_after, planned_stale=True)
+        settings = replace(settings, planned_stale=True, stale_is_critical=False)
         return ComponentReport(name, Level.STALE, settings)
 
     def _component_settings(self, component: Component) -> ComponentSettings:
@@ -575,6 +590,7 @@ class RobotReports:
             profile.confirm_after if own is None else own,
             planned,
             profile.stale_is_critical and not planned,
+            component.feed is not None,
         )
 
     # -- values and checks -------------------------------------------------------------------

@@ -236,6 +236,8 @@ class State:
                     continue  # dropped meanwhile
                 if not robot.up:
                     self._faults.update(robot, now)
+                uplink = self._registry.robots.get(robot.settings.labels.get("uplink", ""))
+                robot.set_uplink_up(up=uplink is None or not uplink.fails_as_uplink)
                 if changed:
                     robot.update_maintenance(self.fleet, now)
                 self._registry.forget_absent(robot, now)

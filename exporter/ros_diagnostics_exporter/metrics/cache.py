@@ -11,7 +11,7 @@ from ros_diagnostics_exporter.faults.model import ComponentName
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import Level
-from ros_diagnostics_exporter.robots.component import Component, Value
+from ros_diagnostics_exporter.robots.component import Component, ExportedValue
 from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_exporter.robots.versions import Versions
 from ros_diagnostics_exporter.texts import escape
@@ -38,9 +38,9 @@ class _Values:
     def __init__(self) -> None:
         self.labels: list[str] = []
         self.own: list[str] = []
-        self.values: list[Value] = []
+        self.values: list[ExportedValue] = []
 
-    def add(self, labels: str, own: str, value: Value) -> None:
+    def add(self, labels: str, own: str, value: ExportedValue) -> None:
         self.labels.append(labels)
         self.own.append(own)
         self.values.append(value)
@@ -336,7 +336,7 @@ def _labels_of_value(key: str, unit: str | None) -> str:
     return f',key="{escape(key)}"{own}}} '
 
 
-def _families_of(value: Value) -> list[str]:
+def _families_of(value: ExportedValue) -> list[str]:
     """The names of the families that have a sample of it."""
     names = [] if value.metric is None else [value.metric]
     monitored = value.rule is not None and value.rule.thresholds

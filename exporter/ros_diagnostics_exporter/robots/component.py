@@ -256,7 +256,7 @@ FindRule = Callable[[str], "ValueRule | None"]  # key -> the config's rule for i
 
 
 @dataclass(slots=True)
-class Value:
+class ExportedValue:
     """One number as it is exported; ``metric`` is the name that the config gives it, or None.
 
     ``rejected``: it has another unit than at first and is not exported.
@@ -327,11 +327,11 @@ class ComponentValues:
         ``find_rule`` is None where the config has no rule for any value of this component,
         ``judged`` whether it may ask at any moment what they are.
         """
-        self._all: list[Value] = []
+        self._all: list[ExportedValue] = []
         # for each key-value the number that a text without a unit sets; None where more is to do
-        self._plain: list[Value | None] = []
+        self._plain: list[ExportedValue | None] = []
         # for each of the other key-values its numbers; None for one that a limit rejects
-        self._rows: dict[int, list[Value | None]] = {}
+        self._rows: dict[int, list[ExportedValue | None]] = {}
         self._series = 0  # series
         self._pairs: Pairs = ()  # of the last status
         self._keys: tuple[str, ...] = ()  # of those that were parsed last
@@ -346,7 +346,7 @@ class ComponentValues:
         self._judged = judged
 
     @property
-    def all(self) -> list[Value]:
+    def all(self) -> list[ExportedValue]:
         """The numbers, in their order; those with another unit than at first among them."""
         self.parse()
         return self._all
@@ -405,7 +405,7 @@ class ComponentValues:
         self._versions.structure += 1
         return True
 
-    def exported(self, pairs: Pairs) -> list[list[Value]]:
+    def exported(self, pairs: Pairs) -> list[list[ExportedValue]]:
         """For each of the key-values its numbers that are exported.
 
         None at all where these are not the key-values of the last update.
@@ -418,7 +418,7 @@ class ComponentValues:
             for row in range(len(pairs))
         ]
 
-    def _numbers(self, row: int) -> list[Value | None]:
+    def _numbers(self, row: int) -> list[ExportedValue | None]:
         plain = self._plain[row]
         return self._rows[row] if plain is None else [plain]
 
@@ -440,7 +440,7 @@ class ComponentValues:
                 value.number = number.value
         return True
 
-    def _stays_rejected(self, value: Value | None, number: Number) -> bool:
+    def _stays_rejected(self, value: ExportedValue | None, number: Number) -> bool:
         """Count a rejected number; False if it would be accepted now.
 
         So what is beyond a limit does not cause a rebuild at each array.
@@ -466,14 +466,14 @@ class ComponentValues:
             if plain is None:
                 self._rows[row] = numbers
 
-    def _add_all(self, pair: tuple[str, str], taken: dict[str, int]) -> list[Value | None]:
+    def _add_all(self, pair: tuple[str, str], taken: dict[str, int]) -> list[ExportedValue | None]:
         if self._is_list_beyond(pair):
             return [None]
         found = self._read(*pair)
         rule = self._rules.get(pair[0])
         return [self._add(number, rule, taken) for number in found]
 
-    def _plain_value(self, key: str, numbers: list[Value | None]) -> Value | None:
+    def _plain_value(self, key: str, numbers: list[ExportedValue | None]) -> ExportedValue | None:
         """The number of a key-value of which a text without a unit changes nothing else."""
         value = numbers[0] if len(numbers) == 1 else None
         if value is None or value.rejected or self._rules.get(key) is not None:
@@ -513,7 +513,9 @@ class ComponentValues:
             self._rules[key] = self._find_rule(key)
         return self._rules.get(key)
 
-    def _add(self, number: Number, rule: ValueRule | None, taken: dict[str, int]) -> Value | None:
+    def _add(
+        self, number: Number, rule: ValueRule | None, taken: dict[str, int]
+    ) -> ExportedValue | None:
         """A number with a unique key and the unit that the key had at first.
 
         None where a limit rejects it. ``taken`` are the keys before it, see `unique_name`.
@@ -524,7 +526,7 @@ class ComponentValues:
             return None
         key = unique_name(truncate(number.key, self._limits[1]), taken, "#")
         unit = self._unit(key, number)
-        value = Value(key, unit, number.value, rule.metric if rule else None, rule)
+        value = ExportedValue(key, unit, number.value, rule.metric if rule else None, rule)
         if unit != number.unit and math.isfinite(number.value):
             value.rejected = True
             self._reject("unit_changed", key)

@@ -11,10 +11,11 @@ _NO_PUBLISHER = Endpoint(0)
 class Network:
     """The endpoints of one robot's topics as the ROS graph last showed them."""
 
-    __slots__ = ("_endpoints", "domain_up")
+    __slots__ = ("_endpoints", "domain_up", "uplink_up")
 
-    def __init__(self, *, domain_up: bool = True) -> None:
+    def __init__(self, *, domain_up: bool = True, uplink_up: bool = True) -> None:
         self.domain_up = domain_up
+        self.uplink_up = uplink_up
         self._endpoints: dict[str, Endpoint] = {}
 
     def update(self, topic: str, endpoint: Endpoint | None) -> bool:
@@ -31,10 +32,17 @@ class Network:
         return sum(endpoint.publishers for endpoint in self._endpoints.values())
 
     @property
+    def is_reached(self) -> bool:
+        """Whether nothing that the robot is behind is known to fail."""
+        return self.domain_up and self.uplink_up
+
+    @property
     def obstacle(self) -> SilentReason | None:
         """The reason, if the graph shows why nothing can be received."""
         if not self.domain_up:
             return "domain_unreachable"
+        if not self.uplink_up:
+            return "uplink_down"
         if any(endpoint.wrong_type for endpoint in self._endpoints.values()):
             return "wrong_type"
         if not self.publishers and any(each.is_cut_off for each in self._endpoints.values()):

@@ -22,6 +22,7 @@ SilentReason = Literal[
     "wrong_type",
     "unreachable",
     "domain_unreachable",
+    "uplink_down",
 ]
 # The silent reason of robots that are rejected by a limit: nothing else is known about them.
 OVER_LIMIT = "limit"

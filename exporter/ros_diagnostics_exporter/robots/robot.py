@@ -18,7 +18,7 @@ from ros_diagnostics_exporter.model import (
     Level,
     Status,
 )
-from ros_diagnostics_exporter.robots.component import STALE, Component
+from ros_diagnostics_exporter.robots.component import OK, STALE, Component
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
 from ros_diagnostics_exporter.robots.maintenance import (
@@ -121,7 +121,8 @@ class Robot:
             self._has_no_ros = settings.source is config.Source.QUERIES
         if _topics_of(settings) != _topics_of(self.settings):
             is_same_domain = settings.domain_id == self.settings.domain_id
-            self.network = Network(domain_up=self.network.domain_up or not is_same_domain)
+            domain_up = self.network.domain_up or not is_same_domain
+            self.network = Network(domain_up=domain_up, uplink_up=self.network.uplink_up)
             self.versions.receipt += 1
         rules_changed = (settings.profile, limits) != (self.settings.profile, self.limits)
         self.settings, self.limits = settings, limits
@@ -297,6 +298,22 @@ class Robot:
             self.seen_mono = now.mono
             self.versions.receipt += 1
 
+    def set_uplink_up(self, *, up: bool) -> None:
+        """Set whether what the robot is reached through answers."""
+        if up != self.network.uplink_up:
+            self.network.uplink_up = up
+            self.versions.receipt += 1
+
+    @property
+    def fails_as_uplink(self) -> bool:
+        """Whether the robots that are reached through it are not: what is STALE is as it was."""
+        return any(
+            each.feed is not None
+            and each.feed.uplink
+            and Level.ERROR in (each.level, each.before_stale)
+            for each in self.components
+        )
+
     # -- events ------------------------------------------------------------------------------
 
     def record(self, after: str, now: Instant) -> None:
@@ -304,7 +321,7 @@ class Robot:
         self._events.append(Event(now.wall, "robot", self.settings.name, after=after))
 
     def _record_change(self, component: Component, before: int, now: Instant) -> None:
-        if before >= 0:
+        if before >= 0 or component.level != OK:  # the first level is one where it is trouble
             self._record_level(component, before, _LEVEL_NAMES[component.level], now)
 
     def _record_level(self, component: Component, before: int, after: str, now: Instant) -> None:
@@ -315,7 +332,7 @@ class Robot:
                 robot=self.settings.name,
                 group=component.group,
                 component=component.label,
-                before=_LEVEL_NAMES[before],
+                before=_LEVEL_NAMES[before] if before >= 0 else "",
                 after=after,
                 message=component.message,
             )

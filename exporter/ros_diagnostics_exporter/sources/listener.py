@@ -20,7 +20,7 @@ LEAVE_TIME = 5.0  # seconds that domains are waited for when they are left
 
 
 class Listener:
-    """Joins the domains and keeps their subscriptions in step with what is wanted; a `Source`."""
+    """An `ArraySource` that joins the domains and subscribes to what is wanted there."""
 
     name = "topics"
 

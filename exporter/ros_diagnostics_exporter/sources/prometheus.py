@@ -35,7 +35,7 @@ _SEVERITY = {"warning": Level.WARN, "critical": Level.ERROR}
 NO_URL = "the exporter runs without --prometheus.url"
 
 
-class Receiver(Protocol):
+class AnswerReceiver(Protocol):
     """What the source reports to; all methods are called from its threads."""
 
     def receive_answer(
@@ -72,12 +72,12 @@ class _Row(NamedTuple):
 
 
 class Prometheus:
-    """Asks one Prometheus; a `Source`. Without a client every query has an error that says so."""
+    """An `ArraySource` that asks one Prometheus; without a client every query has an error."""
 
     name = "prometheus"
 
     def __init__(
-        self, receiver: Receiver, client: Client | None, clocks: Callable[[], Instant]
+        self, receiver: AnswerReceiver, client: Client | None, clocks: Callable[[], Instant]
     ) -> None:
         self._receiver = receiver
         self._client = client
@@ -133,7 +133,7 @@ class _Asked:
     def __init__(
         self,
         settings: tuple[Query, str, float],
-        receiver: Receiver,
+        receiver: AnswerReceiver,
         client: Client | None,
         clocks: Callable[[], Instant],
     ) -> None:

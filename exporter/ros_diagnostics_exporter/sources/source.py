@@ -22,7 +22,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.loops import Loop
 
 
-class Source(Protocol):
+class ArraySource(Protocol):
     """One kind of feeds; none of its methods waits for another program for longer than seconds."""
 
     @property

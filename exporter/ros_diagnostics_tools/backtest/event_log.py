@@ -86,7 +86,7 @@ class EventLog:
     def _of_robot(self, name: str) -> Iterator[_Row]:
         timeline, stale_after = self._timelines[name], self._stale_after[name]
         raw = not self.places[name].name.endswith("_agg")
-        levels, up, at = dict(timeline.first), timeline.up, self.begin
+        levels, up, at = timeline.at_first(), timeline.up, self.begin
         silent = [step.at for step in timeline.steps if step.up is False]
         for step in (*timeline.steps, _Step(self.end, {}, None)):
             while silent and silent[0] < step.at:
@@ -117,11 +117,18 @@ class _Step:
 
 @dataclass
 class _Timeline:
-    """A robot as the log has it; ``first`` are its components before the first step."""
+    """A robot as the log has it.
 
-    first: dict[_Name, tuple[Level, str]]
+    ``first`` are its components before the first step; None: it was not known then.
+    """
+
+    first: dict[_Name, tuple[Level, str] | None]
     up: bool
     steps: list[_Step]
+
+    def at_first(self) -> dict[_Name, tuple[Level, str]]:
+        """The components that were known before the first step."""
+        return {name: known for name, known in self.first.items() if known is not None}
 
 
 def _robots(path: Path) -> Iterator[tuple[str, PersistedRobot]]:
@@ -177,7 +184,8 @@ def _note(robot: _Timeline, step: _Step, event: Event) -> None:
         step.up = event.after == "heard" if event.after != "known" else step.up
         return
     name = event.group, event.component
-    robot.first.setdefault(name, (_LEVELS.get(event.before, Level.OK), ""))
+    known = (_LEVELS[event.before], "") if event.before else None  # "": first received then
+    robot.first.setdefault(name, known)
     if event.after in _LEVELS:  # else it was forgotten
         step.levels[name] = _LEVELS[event.after], event.message
 

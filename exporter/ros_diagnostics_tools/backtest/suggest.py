@@ -22,7 +22,7 @@ from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.durations import written
 from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Instant, Level
-from ros_diagnostics_exporter.robots.component import Component, Value
+from ros_diagnostics_exporter.robots.component import Component, ExportedValue
 from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_tools.backtest import words
 from ros_diagnostics_tools.backtest.ledger import confirm_after
@@ -116,7 +116,7 @@ class Statistics:
                     self.values[profile, component.name, value.key].add(value.number, ok=ok)
 
 
-def _is_free(value: Value) -> bool:
+def _is_free(value: ExportedValue) -> bool:
     """Whether a value is a number without a threshold of its own."""
     return math.isfinite(value.number) and not (value.rule and value.rule.thresholds)
 

@@ -45,7 +45,7 @@ COLUMNS = ("Fleet", "Part", "State", "Since", "Acknowledged by", "Comment")
 PREFIX = "RosDiagnostics"  # of the names of all alerts of the rules
 
 
-class Wanted(NamedTuple):
+class WantedProblem(NamedTuple):
     """What the arguments name; None where they name no such thing."""
 
     fleet: str | None
@@ -99,7 +99,7 @@ def command(
 
     They do not escalate then. A fault's acknowledgement ends with the fault.
     """
-    wanted, client = Wanted(**named), servers.alertmanager
+    wanted, client = WantedProblem(**named), servers.alertmanager
     if lists:
         _list(client, wanted.fleet, output)
         return
@@ -116,7 +116,7 @@ def command(
             print(each["text"])  # noqa: T201
 
 
-def _check(wanted: Wanted) -> None:
+def _check(wanted: WantedProblem) -> None:
     named = [wanted.robot, wanted.site, wanted.common, wanted.alert]
     if named.count(None) == len(named):
         raise click.UsageError("give a ROBOT, --site, --common or --alert; or --list")
@@ -171,7 +171,7 @@ class Problem:
         """Fleet and part, safe to print."""
         return one_line(f"{self.labels.get('fleet', '')}/{self.part}")
 
-    def is_wanted(self, wanted: Wanted) -> bool:
+    def is_wanted(self, wanted: WantedProblem) -> bool:
         """Whether the command's arguments name it."""
         labels = self.labels
         if wanted.site is not None:
@@ -239,7 +239,7 @@ def acknowledged(problem: Problem, silences: Iterable[dict[str, Any]]) -> dict[s
 
 
 def _acknowledge(
-    client: Client, wanted: Wanted, author: str, comment: str, lasts: float | None
+    client: Client, wanted: WantedProblem, author: str, comment: str, lasts: float | None
 ) -> list[dict[str, Any]]:
     """Acknowledge what is wanted; what was done, each with its text."""
     start, done = datetime.now(timezone.utc), []
@@ -258,7 +258,7 @@ def _acknowledge(
     return done
 
 
-def _cancel(client: Client, wanted: Wanted) -> list[dict[str, Any]]:
+def _cancel(client: Client, wanted: WantedProblem) -> list[dict[str, Any]]:
     """Take the acknowledgements back of what is wanted."""
     silences, done = client.get("/api/v2/silences"), []
     for problem in _find(client, wanted):
@@ -293,7 +293,7 @@ def _minute(silenced: dict[str, Any]) -> str:
     return str(silenced["endsAt"])[:16].replace("T", " ")
 
 
-def _find(client: Client, wanted: Wanted) -> list[Problem]:
+def _find(client: Client, wanted: WantedProblem) -> list[Problem]:
     """What the arguments name, of one fleet."""
     known = problems(_alerts(client, wanted.fleet))
     found = [problem for problem in known if problem.is_wanted(wanted)]
@@ -306,7 +306,7 @@ def _find(client: Client, wanted: Wanted) -> list[Problem]:
     return found
 
 
-def _not_firing(wanted: Wanted, known: Sequence[Problem]) -> str:
+def _not_firing(wanted: WantedProblem, known: Sequence[Problem]) -> str:
     others = ", ".join(dict.fromkeys(f"{each.name} {each.state}" for each in known))
     more = f"there are alerts for {others}" if others else "no alert is firing"
     return f"no alert is firing for {str(wanted)!r}; {more}"

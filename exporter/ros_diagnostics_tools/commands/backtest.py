@@ -34,7 +34,7 @@ JOB = {"job": "ros-diagnostics", "instance": "backtest"}
 
 
 @dataclass(frozen=True)
-class Options:
+class BacktestOptions:
     """The command line."""
 
     bags: tuple[str, ...]
@@ -125,7 +125,7 @@ def command(**given: Any) -> None:
     an exporter's database (a copy: its file --storage.path), of which levels and silences are
     judged. Several are merged by time; what lies between them counts as a stopped exporter.
     """
-    options = Options(**given)
+    options = BacktestOptions(**given)
     if options.output == "csv" and (options.compare or options.suggest):
         raise click.UsageError("--output csv has notifications only: take --output json")
     try:
@@ -134,7 +134,7 @@ def command(**given: Any) -> None:
         raise NotDoneError(str(error)) from error
 
 
-def _run(options: Options) -> None:
+def _run(options: BacktestOptions) -> None:
     fleet = load(options.config)
     other = None if options.compare is None else load(options.compare)
     domain_id = _domain(fleet, options)
@@ -149,7 +149,7 @@ def _run(options: Options) -> None:
         _print(options, judged)
 
 
-def _domain(fleet: Fleet, options: Options) -> Domain | None:
+def _domain(fleet: Fleet, options: BacktestOptions) -> Domain | None:
     """The domain that recordings without one of their own are of; None where it is not clear."""
     if options.domain_id is not None:
         return options.domain_id
@@ -175,7 +175,7 @@ class _Judged:
 
     def __init__(
         self,
-        options: Options,
+        options: BacktestOptions,
         fleet: Fleet,
         other: Fleet | None,
         recordings: Recordings,
@@ -263,7 +263,7 @@ class _progress:  # noqa: N801 - used as a function
 # -- output ------------------------------------------------------------------------------------
 
 
-def _print(options: Options, judged: _Judged) -> None:
+def _print(options: BacktestOptions, judged: _Judged) -> None:
     if options.output == "csv":
         sys.stdout.write(report.as_csv(judged.result))
     elif options.output == "json":

@@ -32,7 +32,7 @@ from ros_diagnostics_exporter.model import Downtime
 from ros_diagnostics_exporter.severity import clock
 from ros_diagnostics_exporter.texts import escape, nearest, one_line, printable
 from ros_diagnostics_tools.errors import NotDoneError
-from ros_diagnostics_tools.pairs import Pair
+from ros_diagnostics_tools.pairs import NamedPair
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import (
     cells,
@@ -57,7 +57,7 @@ class Planned(NamedTuple):
     downtime: Downtime
 
 
-class Wanted(NamedTuple):
+class WantedDowntime(NamedTuple):
     """Whose downtime: one robot, perhaps one component of it, or all robots with these labels."""
 
     robot: str
@@ -81,7 +81,7 @@ Examples:
 @click.option("--site", help="All robots of this site, instead of ROBOT.")
 @click.option(
     "--selector",
-    type=Pair("label", "LABEL=VALUE, such as team=arms"),
+    type=NamedPair("label", "LABEL=VALUE, such as team=arms"),
     multiple=True,
     metavar="LABEL=VALUE",
     help="All robots with this label; repeatable: with all of them.",
@@ -150,7 +150,7 @@ def _duration(given: list[str]) -> float:
     return Duration().convert(given.pop(), None, None)
 
 
-def _wanted(given: list[str], labels: dict[str, str]) -> Wanted:
+def _wanted(given: list[str], labels: dict[str, str]) -> WantedDowntime:
     if labels and given:
         raise click.UsageError("--site and --selector stand for ROBOT: give one or the other")
     if not labels and len(given) not in (1, 2):
@@ -158,10 +158,12 @@ def _wanted(given: list[str], labels: dict[str, str]) -> Wanted:
     robot, component = ("", "") if labels else (given[0], given[1] if len(given) > 1 else "")
     if not (robot or labels) or max(len(robot), len(component)) > NAME_LENGTH:
         raise click.UsageError(f"a name has 1 to {NAME_LENGTH} characters")
-    return Wanted(robot, component, labels)
+    return WantedDowntime(robot, component, labels)
 
 
-def _plan(servers: Servers, fleet: str | None, wanted: Wanted, planned: Downtime) -> list[Planned]:
+def _plan(
+    servers: Servers, fleet: str | None, wanted: WantedDowntime, planned: Downtime
+) -> list[Planned]:
     """Plan it for each robot; wait until the exporter follows where it holds now."""
     exporter, checked = servers.exporter, True
     try:
@@ -186,7 +188,7 @@ def _plan(servers: Servers, fleet: str | None, wanted: Wanted, planned: Downtime
     return done
 
 
-def _known(exporter: Client, fleet: str | None, wanted: Wanted) -> tuple[str, list[str]]:
+def _known(exporter: Client, fleet: str | None, wanted: WantedDowntime) -> tuple[str, list[str]]:
     """The fleet and the robots that are meant.
 
     Raises:
@@ -235,7 +237,7 @@ def _is_followed(exporter: Client, planned: list[Planned]) -> bool:
     return False
 
 
-def _cancel(servers: Servers, fleet: str | None, wanted: Wanted) -> list[Planned]:
+def _cancel(servers: Servers, fleet: str | None, wanted: WantedDowntime) -> list[Planned]:
     planned = _planned(servers.alertmanager, fleet)
     robots = {wanted.robot}
     if wanted.labels:

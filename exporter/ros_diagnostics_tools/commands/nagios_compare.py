@@ -24,14 +24,14 @@ from ros_diagnostics_tools.nagios.comparison import log
 from ros_diagnostics_tools.nagios.comparison.differences import Differences, compare
 from ros_diagnostics_tools.nagios.comparison.here import EventsError, Here, follow
 from ros_diagnostics_tools.nagios.comparison.notice import Notice
-from ros_diagnostics_tools.pairs import Pair
+from ros_diagnostics_tools.pairs import NamedPair
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import cells, make_console, print_json, with_output
 from ros_diagnostics_tools.times import Duration, Moment
 
 
 @dataclass(frozen=True)
-class Options:
+class CompareOptions:
     """The command line."""
 
     servers: Servers
@@ -57,7 +57,7 @@ Example:
 @click.option(
     "--service",
     multiple=True,
-    type=Pair("service", "SERVICE=PATTERN, such as motors=Motor for a service with -N Motor"),
+    type=NamedPair("service", "SERVICE=PATTERN, such as motors=Motor for a service with -N Motor"),
     metavar="NAME=PATTERN",
     help="The service of Nagios that checks with -N PATTERN; repeatable.  [default: the pattern is "
     "the service's name]",
@@ -97,7 +97,7 @@ def command(**given: Any) -> int:
     LOG is nagios.log and its archives, in any order; - is the standard input. Exit code 0: both
     notified the same; 1: they disagree; 2: nothing could be compared.
     """
-    options = Options(**given)
+    options = CompareOptions(**given)
     try:
         theirs = log.read(options.logs)
         events, robots = _recorded(options)
@@ -106,7 +106,7 @@ def command(**given: Any) -> int:
         raise UnusableError(str(error)) from error
 
 
-def _recorded(options: Options) -> tuple[list[dict[str, Any]], set[str]]:
+def _recorded(options: CompareOptions) -> tuple[list[dict[str, Any]], set[str]]:
     """The events here, and the names of the robots; of a file those that it names."""
     if options.events is None:
         client = options.servers.exporter
@@ -125,7 +125,7 @@ def _recorded(options: Options) -> tuple[list[dict[str, Any]], set[str]]:
 
 
 def _compare(
-    options: Options, theirs: log.Log, events: list[dict[str, Any]], robots: set[str]
+    options: CompareOptions, theirs: log.Log, events: list[dict[str, Any]], robots: set[str]
 ) -> int:
     since, until = _span(options, theirs, events)
     compared = [each for each in theirs.notices if each.robot in robots]
@@ -147,7 +147,9 @@ def _compare(
     return 0 if found.agree else NO
 
 
-def _span(options: Options, theirs: log.Log, events: list[dict[str, Any]]) -> tuple[float, float]:
+def _span(
+    options: CompareOptions, theirs: log.Log, events: list[dict[str, Any]]
+) -> tuple[float, float]:
     """The time that both sides were recorded in, or the part of it that is asked for."""
     first = min((each["time"] for each in events if "time" in each), default=theirs.begin)
     since = theirs.begin if options.since is None else options.since.timestamp()

@@ -15,7 +15,7 @@ import click
 from ros_diagnostics_exporter.config.errors import WrongValueError
 from ros_diagnostics_exporter.config.scalars import name, time_zone
 from ros_diagnostics_tools.errors import NotDoneError
-from ros_diagnostics_tools.nagios.importer.convert import REPORT, Converted, Options, convert
+from ros_diagnostics_tools.nagios.importer.convert import REPORT, Converted, ImportOptions, convert
 from ros_diagnostics_tools.nagios.importer.files import NagiosError
 from ros_diagnostics_tools.terminal import print_json, with_output
 
@@ -89,7 +89,7 @@ def command(
     service whose plug-in has ros, robot or diagnostics in its file name; --plugin names another.
     """
     try:
-        converted = convert(list(files), Options(fleet, plugin, time_zone))
+        converted = convert(list(files), ImportOptions(fleet, plugin, time_zone))
     except NagiosError as error:
         raise NotDoneError(str(error)) from error
     _write(converted, folder, force=force)

@@ -16,7 +16,7 @@ import click
 import yaml
 
 from ros_diagnostics_exporter import __version__
-from ros_diagnostics_exporter.config.errors import ConfigError, Problem, quoted, suggestion
+from ros_diagnostics_exporter.config.errors import ConfigError, Finding, quoted, suggestion
 from ros_diagnostics_exporter.durations import written
 from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_tools.errors import NO, UnusableError
@@ -123,7 +123,7 @@ def _build(
     if to.resolve() == config.resolve() or to.resolve().parent != config.resolve().parent:
         what = f"{to} cannot be the output"
         remedy = f"name another file in the folder of {config.name}, as its templates are there"
-        raise ConfigError([Problem(config, None, "", what, remedy)])
+        raise ConfigError([Finding(config, None, "", what, remedy)])
     header = "\n".join(
         [
             f"# Built by ros-diagnostics oncall {__version__} from {config} and {rota.file}:",
@@ -216,7 +216,7 @@ def _icalendar(rota: Rota, person: str | None) -> None:
     known = sorted({name for level in rota.oncall.levels for name in level.everybody()})
     if person not in (None, *known):
         what, remedy = f"{quoted(person)} is never on call", suggestion(person or "", known)
-        raise ConfigError([Problem(Path("--person"), None, "", what, remedy)])
+        raise ConfigError([Finding(Path("--person"), None, "", what, remedy)])
     people = {person} if person else set(known)
     duties = rota.oncall.duties(rota.now, rota.now + rota.ahead)
     sys.stdout.buffer.write(calendar(duties, rota.now, people))

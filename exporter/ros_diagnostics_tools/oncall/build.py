@@ -20,7 +20,7 @@ from typing import Any
 import yaml
 
 from ros_diagnostics_exporter import durations
-from ros_diagnostics_exporter.config.errors import ConfigError, Problem, quoted
+from ros_diagnostics_exporter.config.errors import ConfigError, Finding, quoted
 from ros_diagnostics_tools.oncall.file import Level, OnCall, Person
 from ros_diagnostics_tools.oncall.rota import Duty
 
@@ -206,7 +206,7 @@ def _copies(config: yaml.Node, kind: str, people: Sequence[Person]) -> list[yaml
     return [copy.deepcopy(config)]
 
 
-def _misfits(oncall: OnCall, site: _Configuration) -> Iterator[Problem]:
+def _misfits(oncall: OnCall, site: _Configuration) -> Iterator[Finding]:
     """What of oncall.yml does not fit the configuration, or the other way round."""
     for level in oncall.levels:
         like = [name for name in level.like if name in site.receivers]
@@ -233,7 +233,7 @@ def _misfits(oncall: OnCall, site: _Configuration) -> Iterator[Problem]:
         yield from _route_misfits(oncall, level, site)
 
 
-def _route_misfits(oncall: OnCall, level: Level, site: _Configuration) -> Iterator[Problem]:
+def _route_misfits(oncall: OnCall, level: Level, site: _Configuration) -> Iterator[Finding]:
     routes = site.routes_to(level.receiver)
     if not routes:
         what = f"no route of {site.path.name} has the receiver {quoted(level.receiver)}"
@@ -245,7 +245,7 @@ def _route_misfits(oncall: OnCall, level: Level, site: _Configuration) -> Iterat
             if (own := _get(node, key)) is not None:
                 what = f"{quoted(key)} is not possible in the route to {quoted(level.receiver)}"
                 remedy = "remove it: hours are in oncall.yml"
-                yield Problem(site.path, own.start_mark.line + 1, "route", what, remedy)
+                yield Finding(site.path, own.start_mark.line + 1, "route", what, remedy)
 
 
 class _Configuration:
@@ -260,7 +260,7 @@ class _Configuration:
             self._routes = [*_below(_get(self.root, "route"), _GROUP_INTERVAL)]
         except ValueError as error:  # a group_interval
             what, remedy = str(error), "write it like 5s or 1m30s"
-            raise ConfigError([Problem(path, None, "route", what, remedy)]) from None
+            raise ConfigError([Finding(path, None, "route", what, remedy)]) from None
 
     def routes_to(self, receiver: str) -> list[tuple[yaml.MappingNode, float]]:
         """The routes that name this receiver, with their group_interval in seconds."""
@@ -292,12 +292,12 @@ def _compose(path: Path) -> yaml.Node:
         node = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.BaseLoader)
     except OSError as error:
         what = f"cannot be read ({error.strerror})"
-        raise ConfigError([Problem(path, None, "", what, remedy)]) from None
+        raise ConfigError([Finding(path, None, "", what, remedy)]) from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         what = f"is not valid YAML ({error})"
-        raise ConfigError([Problem(path, None, "", what, remedy)]) from None
+        raise ConfigError([Finding(path, None, "", what, remedy)]) from None
     if not isinstance(node, yaml.MappingNode) or _get(node, "route") is None:
-        raise ConfigError([Problem(path, None, "", "has no route", remedy)])
+        raise ConfigError([Finding(path, None, "", "has no route", remedy)])
     return node
 
 

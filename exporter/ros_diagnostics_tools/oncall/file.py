@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationErr
 
 from ros_diagnostics_exporter.config.errors import (
     ConfigError,
-    Problem,
+    Finding,
     WrongValueError,
     explanation,
     quoted,
@@ -213,7 +213,7 @@ class OnCall:
             for level in found
         }
 
-    def _clashes(self, level: Level, found: list[Stretch], begin: datetime) -> Iterator[Problem]:
+    def _clashes(self, level: Level, found: list[Stretch], begin: datetime) -> Iterator[Finding]:
         wrong = [each for each in found if len(each.people) != 1]
         more = (
             f", and {len(wrong) - _SHOWN} more gaps or overlaps until {self.local(found[-1].end)}"
@@ -254,7 +254,7 @@ def load(path: Path) -> OnCall:
     return _resolved(document, content)
 
 
-def _unknown(document: Document, content: OnCallFile) -> Iterator[Problem]:
+def _unknown(document: Document, content: OnCallFile) -> Iterator[Finding]:
     """Names of people, teams and levels that are not in the file; overrides that end early."""
     people, teams = list(content.people), [team.name for team in content.teams]
     levels = [level for team in content.teams for level in team.levels]
@@ -282,7 +282,7 @@ def _unknown(document: Document, content: OnCallFile) -> Iterator[Problem]:
             yield document.problem(where, f"{quoted(name)} is unknown", suggestion(name, known))
 
 
-def _twice(document: Document, content: OnCallFile) -> Iterator[Problem]:
+def _twice(document: Document, content: OnCallFile) -> Iterator[Finding]:
     for at, team in enumerate(content.teams):
         before = content.teams[:at]
         if team.name in [other.name for other in before]:
@@ -295,7 +295,7 @@ def _twice(document: Document, content: OnCallFile) -> Iterator[Problem]:
             return
 
 
-def _wide(document: Document, content: OnCallFile) -> Iterator[Problem]:
+def _wide(document: Document, content: OnCallFile) -> Iterator[Finding]:
     """Overrides that would put one person on call at several levels at once."""
     for at, entry in enumerate(content.overrides or ()):
         levels = [

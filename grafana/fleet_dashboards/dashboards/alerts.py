@@ -13,8 +13,9 @@ from fleet_dashboards.lib.promql import HELD, reached, settled
 from fleet_dashboards.lib.tables import Column
 
 _FLEET = 'fleet=~"$fleet"'
-# Watchdog and canary fire to show that alerts arrive: they are about no robot.
-_ALERTS = f'{_FLEET}, alertname!~"RosDiagnostics(Watchdog|Canary)"'
+# Watchdog and canary fire to show that alerts arrive: they are about no robot. Unacknowledged
+# repeats another alert, and is only suppressed by an acknowledgement: it goes on firing.
+_ALERTS = f'{_FLEET}, alertname!~"RosDiagnostics(Watchdog|Canary|Unacknowledged)"'
 _FIRES = f'alertstate="firing", {_ALERTS}'
 _FIRING = f"ALERTS{{{_FIRES}}}"
 _ALERT = "alertname, severity, fleet, site, robot, component"
@@ -28,6 +29,20 @@ COMPONENT = (
 )
 SEVERITY = Column(
     "severity", "Severity", mappings=palette.severity_mappings(), width=90, background=True
+)
+# The same as a number: Grafana sorts by what is shown only, and texts by their letters.
+SEVERITY_RANKS = {severity: rank for rank, severity in enumerate(reversed(palette.SEVERITIES), 1)}
+SEVERITY_RANK = SEVERITY._replace(
+    field="A",
+    mappings=palette.words(
+        {
+            "0": ("other", None),
+            **{
+                str(rank): (severity, palette.SEVERITIES[severity])
+                for severity, rank in SEVERITY_RANKS.items()
+            },
+        }
+    ),
 )
 
 
@@ -118,8 +133,13 @@ def acknowledged_count() -> stat.Panel:
 
 # --- Firing alerts and acknowledged faults ---
 
+# When Prometheus was restarted, most alerts become active anew; faults do not begin anew.
 _ACTIVE_SINCE = f"""
 min by ({_ALERT}) (
+    {_FIRING} * 0
+  + on (fault) group_left ()
+    max by (fault) ({HELD}{{fault!=""}})
+  or
     ALERTS_FOR_STATE{{{_ALERTS}}}
   and ignoring (alertstate)
     {_FIRING}
@@ -129,10 +149,9 @@ min by ({_ALERT}) (
 
 def _by_severity() -> str:
     """Return a series for each firing alert; the worse its severity, the greater its value."""
-    worst_first = list(palette.SEVERITIES)
     ordered = [
         f'group by ({_ALERT}) (ALERTS{{severity="{severity}", {_FIRES}}}) * {rank}'
-        for rank, severity in enumerate(reversed(worst_first), 1)
+        for severity, rank in SEVERITY_RANKS.items()
     ]
     return "\nor\n".join([*ordered, f"group by ({_ALERT}) ({_FIRING}) * 0"])
 
@@ -141,16 +160,16 @@ def firing_alerts() -> table.Panel:
     """List the firing alerts."""
     return tables.joined(
         "Firing alerts",
-        "Which alerts fire, where, and since when? Since is when the alert became active; the "
-        "problem itself may be older.",
+        "Which alerts fire, where, and since when? The worst first. Since is when the trouble "
+        "began, of what is no fault of a robot when the alert became active. What is escalated "
+        "because nobody acknowledged it is not listed twice.",
         {
             "A": _by_severity(),
             "B": f"{_ACTIVE_SINCE} * 1000",
             "C": f"floor(time() - {_ACTIVE_SINCE})",
         },
         [
-            SEVERITY,
-            Column("A", "Order", hidden=True),
+            SEVERITY_RANK,
             Column("alertname", "Alert", width=330),
             *COMPONENT,
             Column("site", "Site", min_width=90),
@@ -159,7 +178,7 @@ def firing_alerts() -> table.Panel:
             tables.FLEET,
         ],
         empty=tables.Empty("No alert fires", _EVALUATED, "alertname"),
-        sort=("Order", "Since"),
+        sort=("Severity", "Since"),
         by=_ALERT,
     )
 
@@ -206,10 +225,15 @@ def firing_over_time() -> timeseries.Panel:
     return panels.stacked(panel).min(0).axis_soft_max(4).decimals(0).span(24).height(8)
 
 
-# ALERTS_FOR_STATE is the time at which the alert became active: each other value is another time.
+# Of a fault each other start is another time, which a restart of Prometheus is not; of other alerts
+# each other time at which they became active, ALERTS_FOR_STATE.
 _TIMES_FIRED = f"""
 sum by ({_ALERT}) (
-    1 + changes(ALERTS_FOR_STATE{{{_ALERTS}}}[$__range])
+    max without (alertstate) (max_over_time({_FIRING}[$__range]))
+  * on (fault) group_left ()
+    sum by (fault) (1 + changes({HELD}{{fault!=""}}[$__range]))
+  or
+    1 + changes(ALERTS_FOR_STATE{{fault="", {_ALERTS}}}[$__range])
   and
     max without (alertstate) (max_over_time({_FIRING}[$__range]))
 )
@@ -306,8 +330,9 @@ def flapping() -> table.Panel:
         "ratio is Nagios' weighted share of changes over the last 21 states; changes count since "
         "the exporter started.",
         {
-            "A": f"max {by} (ros_diagnostics_component_flap_ratio{{{_FLEET}}}) >= 0.2",
-            "B": f'max {by} ({HELD}{{{_FLEET}, scope="flapping"}}) * 1000',
+            # It begins above one ratio and ends below another: the fault, not a ratio, says so.
+            "B": f'max {by} ({HELD}{{{_FLEET}, scope="flapping", state="flapping"}}) * 1000',
+            "A": f"max {by} (ros_diagnostics_component_flap_ratio{{{_FLEET}}})",
             # Not increase() over the range: that would read the range of every component.
             "C": f"max {by} (ros_diagnostics_component_changes_total{{{_FLEET}}})",
         },

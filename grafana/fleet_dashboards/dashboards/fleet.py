@@ -272,7 +272,7 @@ def robots() -> table.Panel:
             "C": f"""
               count by (fleet, robot) ({_IN_TROUBLE})
             or
-              {_RANK} * 0
+              max by (fleet, robot) ({_RANK}) * 0
             """,
             "E": f'min by (fleet, robot) ({HELD}{{fleet=~"$fleet", robot!=""}}) * 1000',
             "F": 'max by (fleet, robot) (ros_diagnostics_robot_maintenance{fleet=~"$fleet"})',

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.builders import stat
-from grafana_foundation_sdk.models import dashboard
+from grafana_foundation_sdk.models import common, dashboard
 
 from fleet_dashboards.lib import links, palette, panels
 from fleet_dashboards.lib.promql import label
 
 _FLEET = 'fleet=~"$fleet"'
 _EXPORTERS = f"exporter:ros_diagnostics_exporter:held{{{_FLEET}}}"
+_HELD = "exporter:ros_diagnostics_exporter:held"
+_JOBS = 'job=~"(.*/)?ros-diagnostics(-exporter|-faults)?"'
 _SENT = "prometheus_notifications_errors_total"
+# At a centre series have the label site. How long ago, in minutes, anything of it was recorded.
+_SILENT_SITE = f"""
+    floor(
+        (time() - max by (site) (max_over_time(timestamp({_HELD}{{site!=""}})[1d:1m]))) / 60
+    ) >= 2
+"""
 
 # Expression (1: broken, 2: not known) and the text; $1 is the label's value.
 _BROKEN = (
@@ -21,14 +29,46 @@ _BROKEN = (
         "fleet",
     ),
     (
-        "vector(1) unless on () exporter:ros_diagnostics_exporter:held",
-        "No exporter was ever scraped, or the rules are not evaluated",
+        f"group by (instance) (up{{{_JOBS}}} == 0) unless on (instance) {_HELD}",
+        "Exporter $1 has never answered: none of its robots is monitored",
+        "instance",
+    ),
+    (
+        f"""
+        group by (fleet) (
+            group by (fleet, exporter) (last_over_time({_HELD}{{{_FLEET}, site=""}}[1h]))
+          unless on (fleet, exporter)
+            {_HELD}
+          and on ()
+            {_HELD}
+        )
+        """,
+        "An exporter of $1 is no longer scraped: its robots are not monitored",
+        "fleet",
+    ),
+    (
+        f"group by (fleet) (ros_diagnostics_exporter_settled{{{_FLEET}}} == 0) * 2",
+        "The exporter of $1 has just started: what it has not received yet is not known",
+        "fleet",
+    ),
+    (
+        f'vector(1) unless on () ({_HELD} or last_over_time({_HELD}{{site!=""}}[1d]))',
+        "No exporter is scraped, or the rules are not evaluated",
         "",
     ),
     (
-        "group(time() - timestamp(exporter:ros_diagnostics_exporter:held) > 60)",
+        f'group(time() - timestamp({_HELD}{{site=""}}) > 60)',
         "The rules are not evaluated",
         "",
+    ),
+    (
+        f"""
+        label_join(
+          count_values by (site) ("for", {_SILENT_SITE}), "site", " for ", "site", "for"
+        )
+        """,
+        "Nothing received from site $1 min: its robots are as they were before",
+        "site",
     ),
     (
         "max(prometheus_notifications_alertmanagers_discovered) < bool 1 == 1",
@@ -89,6 +129,7 @@ def monitoring() -> stat.Panel:
             ],
         )
         .data_links([link])
+        .orientation(common.VizOrientation.HORIZONTAL)  # several lines, below one another
         .height(2)
         .span(18)
     )

@@ -152,6 +152,7 @@ SILENT_REASONS = {
     "wrong_type": "its topic has another message type",
     "unreachable": "what connected it by zenoh is gone: its bridge, or the network",
     "domain_unreachable": "its DDS domain could not be joined, or no zenoh router answers",
+    "uplink_down": "its uplink does not answer",
     "limit": "not received: the limit of robots is reached",
 }
 
@@ -165,6 +166,7 @@ SHORT_REASONS = {
     "wrong_type": "wrong type",
     "unreachable": "not connected",
     "domain_unreachable": "domain down",
+    "uplink_down": "uplink down",
     "limit": "over the limit",
 }
 

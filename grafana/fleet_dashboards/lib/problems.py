@@ -33,10 +33,8 @@ _KINDS = (
     _Kind('scope="component", state="stale"', palette.STALE),
     _Kind('scope="component", state="warning"', palette.WARNING),
     _Kind('scope="value", state="critical"', palette.CRITICAL, named_by="key"),
-    _Kind('scope="value", state="warning"', palette.WARNING, named_by="key"),
+    _Kind('scope="value", severity="warning"', palette.WARNING, named_by="key"),
     _Kind('scope="check"', palette.CRITICAL, named_by="check"),
-    _Kind('scope="host", state="critical"', palette.CRITICAL, named_by="check"),
-    _Kind('scope="host", state="warning"', palette.WARNING, named_by="check"),
     _Kind('scope="robot", state="silent"', palette.UNKNOWN),
     _Kind('scope="robot", state="pending"', palette.PENDING),
     _Kind('scope="robot", state="flapping"', palette.WARNING, "comes and goes"),
@@ -50,7 +48,8 @@ _KINDS = (
         palette.WARNING,
         "many components failed at once",
     ),
-    _Kind('scope="flapping"', palette.WARNING, "flapping"),
+    _Kind('scope="flapping", state="flapping"', palette.WARNING, "flapping"),
+    _Kind('scope="flapping", state="intermittent"', palette.WARNING, "intermittent"),
     _Kind('scope="site"', palette.UNKNOWN, "many robots of the site are silent"),
     _Kind('scope="common"', palette.CRITICAL, "on many robots at once"),
 )
@@ -183,7 +182,8 @@ def _notified(matchers: str, states: str) -> str:
     or
       max by (fleet, robot) ({_RECEIVED}{{{states}}})
 """
-    behind = "robot:ros_diagnostics_robot:behind"
+    reasons = 'reason=~"uplink_down|domain_unreachable"'
+    behind = f"max by (fleet, robot) (ros_diagnostics_robot_silent_reason{{{reasons}}} == 1)"
     why_not = {
         f"{nobody} and on ({IDENTITY}) {ACKNOWLEDGED}": "no: acknowledged",
         nobody: "not yet",

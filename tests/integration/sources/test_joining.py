@@ -170,9 +170,7 @@ def test_a_domain_whose_thread_stands_still_is_not_ready(
     monkeypatch.setattr(service.state, "receive", hang)
     robots.send("/here/diagnostics", COOL)
     assert stuck.wait(30)
-    until(
-        lambda: ready() == f"no message was taken for 2 s in domain {ros_domain}", "not ready"
-    )
+    until(lambda: ready() == f"no message was taken for 2 s in domain {ros_domain}", "not ready")
     go_on.set()
     until(lambda: ready() is None, "the exporter is ready again")
 

@@ -6,7 +6,8 @@ import re
 
 import pytest
 
-from ros_diagnostics_exporter.api.snapshot import faults, fleet_snapshot
+from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
+from ros_diagnostics_exporter.api.snapshot import Care, faults, fleet_snapshot
 from ros_diagnostics_exporter.config.fleet import (
     Check,
     ComponentRule,
@@ -129,6 +130,24 @@ def test_a_problem_is_soft_until_it_is_confirmed_and_keeps_its_since():
     (fault,) = faults(driver.state, driver.now)["faults"]
     same = fault.keys() & hard.keys()
     assert {key: fault[key] for key in same} == {key: hard[key] for key in same}
+
+
+def test_a_fault_has_who_acknowledged_it_and_the_next_one_has_not():
+    driver = StateDriver()
+    driver.raw_every(1, 60, HOT)
+    (fault,) = faults(driver.state, driver.now)["faults"]
+    named = identity_of({**fault, "fleet": "f"})
+    of_this = Acknowledgement(named, fault["since"], "ann", "spare part", WALL + 55, WALL + 99)
+    of_last = of_this._replace(since=fault["since"] - 3600, author="bob")
+    care = Care(None, [of_this, of_last])
+
+    (robot_row,) = fleet_snapshot(driver.state, driver.now, care)["robots"]
+    (problem,) = robot_row["problems"]
+
+    taken = {"author": "ann", "comment": "spare part", "at": WALL + 55, "until": WALL + 99}
+    assert problem["acknowledged"] == taken
+    assert faults(driver.state, driver.now, care)["faults"][0]["acknowledged"] == taken
+    assert robot(driver)["problems"][0]["acknowledged"] is None
 
 
 def test_a_silent_robot_has_the_problem_since_its_last_message():

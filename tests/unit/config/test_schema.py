@@ -62,6 +62,8 @@ WHOLE = {
     "Bound": lambda entry: {"profiles": {"default": {"values": [{"thresholds": {"low": entry}}]}}},
     "FaultSettings": lambda entry: {"faults": entry},
     "Flapping": lambda entry: {"faults": {"flapping": entry}},
+    "Intermittent": lambda entry: {"faults": {"intermittent": entry}},
+    "Falling": lambda entry: {"faults": {"falling": entry}},
     "Many": lambda entry: {"faults": {"many": entry}},
     "Site": lambda entry: {"faults": {"site": entry}},
     "Common": lambda entry: {"faults": {"common": entry}},
@@ -146,7 +148,9 @@ def test_default_in_the_schema_applies_to_a_missing_key(load_data, name):
 
 
 # Wrong only together with the rest of the file.
-BETWEEN_ENTRIES = {"one-topic", "duplicate-robots", "profiles", "limits", "faults-order"}
+BETWEEN_ENTRIES = {
+    *("one-topic", "duplicate-robots", "profiles", "limits", "faults-order", "uplinks"),
+}
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("bad-*.yml")), ids=lambda path: path.stem)

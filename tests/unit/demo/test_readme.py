@@ -31,28 +31,6 @@ def blocks(language: str, text: str = README) -> list[str]:
     return re.findall(rf"^ *```{language}\n(.*?)^ *```", text, re.MULTILINE | re.DOTALL)
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
-def test_every_link_to_a_file_leads_somewhere(document):
-    links = re.findall(r"\]\((?!https?:|#)([^)#]+)", document.read_text())
-
-    assert links
-    assert not [link for link in links if not (document.parent / link).exists()]
-
-
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
-def test_every_link_to_a_heading_leads_somewhere(document):
-    links = re.findall(r"\]\((?!https?:)([^)#]*\.md|)#([^)]+)\)", document.read_text())
-    for name, anchor in links:
-        page = document.parent / name if name else document
-        assert anchor in anchors(page), f"{name}#{anchor}"
-
-
-def anchors(page: Path) -> set[str]:
-    """As GitHub makes them of headings."""
-    headings = re.findall(r"^#+ (.+)$", page.read_text(), re.MULTILINE)
-    return {re.sub(r"[^\w -]", "", each.lower()).replace(" ", "-") for each in headings}
-
-
 @pytest.mark.parametrize("shown", [*blocks("yaml"), *blocks("yaml", ONE_HALL)])
 def test_the_fleet_yml_is_valid(tmp_path, shown):
     (tmp_path / "fleet.yml").write_text(shown)

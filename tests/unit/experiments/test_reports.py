@@ -7,10 +7,10 @@ import shutil
 
 import pytest
 
-from experiments.pages import DOCS
+from experiments.machine import CHECKOUT
 from experiments.results import Results
 
-FOLDER = DOCS / "experiments"
+FOLDER = CHECKOUT / "docs" / "experiments"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.csv") if path.stem != "soak")
 
 

@@ -1,4 +1,4 @@
-"""Results on disk, and the pages that show them."""
+"""Results on disk."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 
 import pytest
 
-from experiments import pages, results
+from experiments import results
 from experiments.results import Results, table
 
 
@@ -79,22 +79,3 @@ def test_a_report_names_machine_versions_commit_and_seed(tmp_path):
 def test_without_anything_measured_a_report_says_so(tmp_path):
     with pytest.raises(SystemExit, match="nothing measured yet"):
         results.run(Results(tmp_path, "some"), options(tmp_path, report=True), [], None, render)
-
-
-def test_a_page_has_the_text_and_the_plot_of_a_result(tmp_path):
-    (tmp_path / "speed.md").write_text("| 1 |\n")
-    (tmp_path / "speed.png").write_bytes(b"")
-    page = "before\n<!-- result: speed -->\nold\n<!-- end -->\nafter\n"
-
-    text = pages.filled(page, tmp_path)
-
-    assert "old" not in text
-    assert f"![speed]({tmp_path.name}/speed.png)\n\n| 1 |\n" in text
-    assert text.startswith("before\n")
-    assert text.endswith("<!-- end -->\nafter\n")
-    assert pages.filled(text, tmp_path) == text
-
-
-@pytest.mark.parametrize("name", pages.PAGES)
-def test_a_page_shows_results(name):
-    assert "<!-- result: " in (pages.DOCS / name).read_text()

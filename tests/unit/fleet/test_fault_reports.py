@@ -939,6 +939,18 @@ def test_a_name_that_is_numbered_is_that_of_the_api_too(monkeypatch):
     assert [each.level for each in driver.robot.components] == [ERROR]
 
 
+def test_a_downtime_of_a_numbered_name_is_of_that_component_alone(monkeypatch):
+    monkeypatch.setattr(
+        "ros_diagnostics_exporter.robots.components.truncate", lambda text, _length: text[:5]
+    )
+    driver = settled(Status(OK, "Motor a"), Status(OK, "Motor b"))
+    driver.state.plan([planned("Motor~2", 0)], driver.now)
+    stand(driver, 12, Status(ERROR, "Motor a"), Status(ERROR, "Motor b"))
+    assert faults(driver) == {("component", "critical", "r", "Motor")}
+    quiet = {each.identity.component: each.quiet for each in driver.state.problems(driver.now, "r")}
+    assert quiet == {"Motor": None, "Motor~2": Reason.MAINTENANCE}
+
+
 def test_a_component_keeps_its_label_when_another_of_its_name_has_gone(monkeypatch):
     parts = [Status(level, f"Motor {letter}") for level, letter in ((OK, "a"), (ERROR, "b"))]
     monkeypatch.setattr(

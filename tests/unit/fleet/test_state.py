@@ -20,9 +20,11 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
+from ros_diagnostics_exporter.events import filled
 from ros_diagnostics_exporter.faults.model import State
 from ros_diagnostics_exporter.fleet.registry import TIME_TO_PUBLISH
 from ros_diagnostics_exporter.model import Endpoint, Status, Topic
+from ros_diagnostics_exporter.severity import event_text
 from support.recordings import CASES, aggregated, raw
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
 
@@ -124,6 +126,17 @@ def test_every_change_is_an_event():
     event = driver.events[-1]
     assert (event.kind, event.robot, event.component) == ("level", "r", "Motor 1")
     assert (event.before, event.after, event.message) == ("OK", "ERROR", "Hot")
+
+
+def test_the_first_level_of_a_component_is_an_event_where_it_is_not_ok():
+    driver = StateDriver()
+    driver.raw(HOT, LASER)
+
+    found = [each for each in driver.events if each.kind == "level"]
+    assert [(each.component, each.before, each.after) for each in found] == [
+        ("Motor 1", "", "ERROR")
+    ]
+    assert event_text(filled(found[0])) == "Motor 1 new → ERROR: Hot"
 
 
 def test_a_message_is_renewed_with_the_level_or_when_more_than_its_digits_change():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from ros_diagnostics_exporter.api.snapshot import targets
-from ros_diagnostics_exporter.config.fleet import Fleet, Robot
+from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from support.state_driver import StateDriver
 
 ROBOTS = (
@@ -47,5 +47,22 @@ def test_tcp_has_no_usual_port_and_ping_none_at_all(state):
 
 
 def test_a_job_that_there_is_not_is_told_with_those_that_there_are(state):
-    with pytest.raises(LookupError, match="http, node, ping, ssh, tcp"):
+    with pytest.raises(LookupError, match="http, node, ping, ssh, tcp, uplink"):
         targets(state, "nodes", None)
+
+
+def test_what_robots_name_as_uplink_is_pinged_as_such_and_has_no_other_check():
+    robots = (
+        Robot("r", address="10.0.0.1", labels={"uplink": "ap"}),
+        Robot("far", address="10.0.0.2", labels={"uplink": "r"}),
+        Robot("ap", address="ap.lan", source=Source.QUERIES),
+        Robot("dock", address="dock.lan", source=Source.QUERIES),
+    )
+    state = StateDriver(fleet=Fleet("f", robots)).state
+
+    def names(job: str) -> list[str]:
+        return [each["labels"]["robot"] for each in targets(state, job, None)]
+
+    assert names("uplink") == ["ap", "r"]
+    assert names("ping") == names("ssh") == ["dock", "far", "r"]
+    assert targets(state, "uplink", 443)[0]["targets"] == ["ap.lan:443"]

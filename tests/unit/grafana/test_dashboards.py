@@ -206,6 +206,19 @@ def test_an_empty_table_shows_a_text_and_an_empty_cell_nothing(panel):
     assert columns == without_text
 
 
+@pytest.mark.parametrize("panel", ALL_PANELS)
+def test_a_table_is_sorted_by_columns_that_it_shows(panel):
+    """Grafana ignores the sort by a hidden one."""
+    hidden = {
+        override["matcher"]["options"]
+        for override in panel["fieldConfig"]["overrides"]
+        if {"id": "custom.hidden", "value": True} in override["properties"]
+    }
+    sorted_by = {each["displayName"] for each in panel["options"].get("sortBy") or ()}
+
+    assert not sorted_by & hidden
+
+
 def shown_unit(unit: str) -> str:
     return {"degC": "°C", "degF": "°F"}.get(unit, unit)
 

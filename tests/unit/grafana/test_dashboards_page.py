@@ -23,19 +23,5 @@ def test_the_table_of_nagios_pages_and_rqt_views_names_panels_that_exist():
     assert named - PANELS == set()
 
 
-def test_the_pages_of_nagios_portal_name_panels_that_exist():
-    text = (ROOT / "docs" / "nagios.md").read_text(encoding="utf-8")
-    section = text.partition("## The portal, page by page")[2].partition("\n## ")[0]
-    titles = {board["title"] for board in BOARDS.values()}
-    named = {
-        tuple(each.split(" / ", 1))
-        for each in re.findall("`([^`]+)`", section)
-        if each.partition(" / ")[0] in titles
-    }
-
-    assert len(named) > 20
-    assert named - PANELS == set()
-
-
 def test_the_page_has_the_path_of_every_dashboard():
     assert set(re.findall(r"`/d/([\w-]+)`", PAGE)) == set(BOARDS)

@@ -331,6 +331,21 @@ def test_a_robots_page_has_its_components_problems_first_and_its_events():
     assert events.index("silent") < events.index("hot")
 
 
+def test_a_problem_has_who_takes_care_of_it_and_that_it_is_part_of_a_larger_one():
+    taken = {"author": "ann", "comment": "<spare part>", "at": 1_000.0, "until": 9_000.0}
+    motor = component("Motor 1", "ERROR")
+    own = broken(notified={"email": 1_000.0}, acknowledged=taken)
+    part = broken(confirmed=None, quiet="common")
+
+    assert (
+        "acknowledged by ann: &lt;spare part&gt;; notified 1 min ago: email</span>"
+        in robot_page(fleet(robot("r", motor, problems=[own])), "r", [])
+    )
+    assert "for 1 min; one notification for all</span>" in robot_page(
+        fleet(robot("r", motor, problems=[part])), "r", []
+    )
+
+
 def test_a_robots_page_has_the_ledger_of_its_faults_and_who_was_notified():
     motor = component("Motor 1", "ERROR")
     of = fleet(robot("r", motor, problems=[broken(notified={"email": 1_000.0})]))

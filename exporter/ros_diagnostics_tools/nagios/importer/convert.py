@@ -12,25 +12,24 @@ from ros_diagnostics_exporter.config.scalars import time_zone
 from ros_diagnostics_tools.nagios.importer import advice, files, inhibition, robots, rotas, routes
 from ros_diagnostics_tools.nagios.importer.files import Definition, Directive, NagiosError
 from ros_diagnostics_tools.nagios.importer.inheritance import NOT_INHERITED, Templates, Thing
-from ros_diagnostics_tools.nagios.importer.ledger import Ledger
+from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
 from ros_diagnostics_tools.nagios.importer.site import Site
 
-FLEET, ROUTES, UPLINKS, ONCALL, REPORT = (
+FLEET, ROUTES, ONCALL, REPORT = (
     *("fleet.yml", "alertmanager-routes.yml"),
-    *("uplinks.yml", "oncall.yml", "report.txt"),
+    *("oncall.yml", "report.txt"),
 )
 MADE = "Made by ros-diagnostics nagios import"
 HEADERS = {
     FLEET: f"{MADE}. Namespaces are made of names: compare with `ros2 topic list`.",
     ROUTES: f"{MADE}: put each list before what the list of the same name in\n"
     "# alertmanager.yml has (routes: those below route).",
-    UPLINKS: f"{MADE}, for prometheus/targets.",
     ONCALL: f"{MADE}: contacts that relieve one another. Until it is built into\n"
     "# alertmanager.yml, all of them receive what their receiver is sent.",
 }
 
 
-class Options(NamedTuple):
+class ImportOptions(NamedTuple):
     """What the files do not say."""
 
     fleet: str
@@ -45,18 +44,18 @@ class Converted(NamedTuple):
     """
 
     texts: dict[str, str]
-    ledger: Ledger
+    ledger: ImportLedger
     robots: int
     commands: tuple[str, ...]
 
 
-def convert(paths: list[Path], options: Options) -> Converted:
+def convert(paths: list[Path], options: ImportOptions) -> Converted:
     """Convert the objects of ``paths``, main files, object files and folders.
 
     Raises:
         NagiosError: Nagios would not read them.
     """
-    found, ledger = files.read(paths), Ledger()
+    found, ledger = files.read(paths), ImportLedger()
     templates = Templates(found.definitions, ledger)
     site = _site(found, templates, ledger)
     its_robots = robots.find(site, options.plugins)
@@ -65,13 +64,11 @@ def convert(paths: list[Path], options: Options) -> Converted:
     routing = routes.routing(site, its_robots, zone)
     oncall = rotas.content(site, routing.rotas, zone)
     rules = inhibition.rules(site, its_robots)
-    uplinks = robots.uplinks(site, its_robots, options.fleet)
     _account_for_commands(site, its_robots)
     _account_for_rest(found, templates, ledger)
     contents: dict[str, Any] = {
         FLEET: fleet,
         ROUTES: routing.content(rules),
-        **({UPLINKS: uplinks} if uplinks else {}),
         **({ONCALL: oncall} if oncall else {}),
     }
     texts = {name: _yaml(name, content) for name, content in contents.items()}
@@ -90,7 +87,7 @@ def _time_zone(site: Site, given: str | None) -> str:
         raise NagiosError(f"use_timezone: {error}; name the zone with --time-zone") from None
 
 
-def _site(found: files.Read, templates: Templates, ledger: Ledger) -> Site:
+def _site(found: files.Read, templates: Templates, ledger: ImportLedger) -> Site:
     settings = {each.key: each for each in found.settings if each.kind == "main"}
     macros = {each.key: each for each in found.settings if each.kind == "resource"}
     things: dict[str, list[Thing]] = {}
@@ -111,7 +108,7 @@ def _account_for_commands(site: Site, its_robots: list[robots.Robot]) -> None:
                 command.take("command_line", "the checks of services")
 
 
-def _account_for_rest(found: files.Read, templates: Templates, ledger: Ledger) -> None:
+def _account_for_rest(found: files.Read, templates: Templates, ledger: ImportLedger) -> None:
     """Report every line that nothing has translated or reported."""
     for setting in found.settings:
         if setting.key in files.INCLUDES:
@@ -133,7 +130,7 @@ def _why(definition: Definition, directive: Directive, templates: Templates) -> 
     return advice.advice(directive)
 
 
-def report(ledger: Ledger) -> str:
+def report(ledger: ImportLedger) -> str:
     """What became of each line: what has no equivalent and what to do, then where others went."""
     lost = [f"{_line(each)}: {'; '.join(why)}" for each, why in ledger.lost_rows]
     translated = [f"{_line(each)} -> {'; '.join(where)}" for each, where in ledger.translated_rows]

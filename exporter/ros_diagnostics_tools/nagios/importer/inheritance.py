@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ros_diagnostics_tools.nagios.importer.files import Definition, Directive, NagiosError
-from ros_diagnostics_tools.nagios.importer.ledger import Ledger
+from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
 
 NOT_INHERITED = frozenset({"name", "use", "register"})
 # What a leading + adds to: the lists that xodtemplate.c passes to get_inherited_string.
@@ -29,7 +29,7 @@ Values = dict[str, tuple[str, tuple[Directive, ...]]]
 class Thing:
     """One object with everything that it inherits. ``values``: key -> value and its lines."""
 
-    def __init__(self, definition: Definition, values: Values, ledger: Ledger) -> None:
+    def __init__(self, definition: Definition, values: Values, ledger: ImportLedger) -> None:
         self.kind = definition.kind
         self.definition = definition
         self.values = values
@@ -77,7 +77,7 @@ class Thing:
 class Templates:
     """Fills in the templates of all definitions."""
 
-    def __init__(self, definitions: Iterable[Definition], ledger: Ledger) -> None:
+    def __init__(self, definitions: Iterable[Definition], ledger: ImportLedger) -> None:
         self._definitions = list(definitions)
         self._ledger = ledger
         self._named = {

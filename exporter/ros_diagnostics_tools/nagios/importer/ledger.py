@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from ros_diagnostics_tools.nagios.importer.files import Directive
 
 
-class Ledger:
+class ImportLedger:
     """The account of all directives."""
 
     def __init__(self) -> None:

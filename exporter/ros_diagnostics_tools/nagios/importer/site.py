@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from ros_diagnostics_tools.nagios.importer.files import Directive
 from ros_diagnostics_tools.nagios.importer.inheritance import Thing
-from ros_diagnostics_tools.nagios.importer.ledger import Ledger
+from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
 
 SECONDS = 60.0  # interval_length of Nagios where nagios.cfg does not say
 
@@ -34,7 +34,7 @@ class Service:
 class Site:
     """All objects by kind and name, and the settings of the main file."""
 
-    ledger: Ledger
+    ledger: ImportLedger
     settings: dict[str, Directive]
     things: dict[str, list[Thing]] = field(default_factory=dict)
     macros: dict[str, Directive] = field(default_factory=dict)

@@ -220,3 +220,18 @@ def test_a_bag_in_sqlite_is_no_log(tmp_path):
     [file] = bag.glob("*.db3")
 
     assert texts(judged(fleet(), file)) == ["10 20 40 motor critical"]
+
+
+def test_a_component_that_is_first_received_in_trouble_is_not_known_before(tmp_path):
+    events = [
+        Event(BEGIN, "robot", "r", after="heard"),
+        Event(BEGIN + 20, "level", "r", "", "motor", "", "ERROR"),
+        Event(BEGIN + 60, "level", "r", "", "motor", "ERROR", "OK"),
+    ]
+    log = write_log(tmp_path / "state.db", events)
+
+    with closing(Recordings([RecordingSource(log, fleet=fleet())])) as recordings:
+        arrays = [(each.at - BEGIN, each.decode().statuses) for each in recordings.messages()]
+
+    assert min(at for at, statuses in arrays if statuses) == 20
+    assert texts(read(fleet(), log)) == ["20 30 60 motor critical"]

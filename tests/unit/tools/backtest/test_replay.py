@@ -53,6 +53,17 @@ def test_what_is_over_before_it_is_confirmed_is_a_short_outage(tmp_path):
     assert (outage.begin, outage.end) == (BEGIN + 40, BEGIN + 43)
 
 
+def test_what_is_in_trouble_from_the_first_message_on_is_an_outage(tmp_path):
+    bag = write_bag(tmp_path / "bag", every_second(range(60), {"motor": range(45), "arm": [0, 1]}))
+
+    found = judged(fleet(), bag).outages
+
+    assert [(each.component, each.seconds, each.verdict) for each in found] == [
+        ("arm", 2, "short"),
+        ("motor", 45, "notified"),
+    ]
+
+
 def test_a_silent_robot_is_notified_and_its_components_are_not(tmp_path):
     seconds = [*range(60), *range(120, 200)]
     bag = write_bag(tmp_path / "bag", every_second(seconds, {"motor": []}))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_tools.nagios.importer.advice import ADVICE, TRANSLATED
-from ros_diagnostics_tools.nagios.importer.convert import FLEET, Options, convert
+from ros_diagnostics_tools.nagios.importer.convert import FLEET, ImportOptions, convert
 from ros_diagnostics_tools.nagios.importer.files import KINDS, NagiosError, read
 
 NAMES = ("a", "b", "c-1", "1.2", "*", "!a", "Motor")
@@ -70,7 +70,7 @@ def test_every_line_is_translated_or_reported_and_the_fleet_is_valid(tmp_path_fa
     path = folder / "objects.cfg"
     path.write_text(text(objects), encoding="utf-8")
     try:
-        made = convert([path], Options("f"))
+        made = convert([path], ImportOptions("f"))
     except NagiosError as error:
         assert str(path) in str(error)  # noqa: PT017 - either is right, and this is how it must be
         return

@@ -7,7 +7,7 @@ import pytest
 from ros_diagnostics_tools.nagios.importer.files import Directive, read
 from ros_diagnostics_tools.nagios.importer.hours import hours
 from ros_diagnostics_tools.nagios.importer.inheritance import Templates
-from ros_diagnostics_tools.nagios.importer.ledger import Ledger
+from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
 from ros_diagnostics_tools.nagios.importer.site import Site
 
 WEEK = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
@@ -18,7 +18,7 @@ def found(tmp_path, *lines: str, others: str = ""):
     path = tmp_path / "periods.cfg"
     body = "\n".join(lines)
     path.write_text(f"define timeperiod {{\ntimeperiod_name p\n{body}\n}}\n{others}")
-    ledger = Ledger()
+    ledger = ImportLedger()
     things = Templates(read([path]).definitions, ledger).things()
     settings: dict[str, Directive] = {}
     return hours(Site(ledger, settings, {"timeperiod": things}), "p"), ledger

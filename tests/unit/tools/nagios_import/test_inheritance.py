@@ -6,13 +6,13 @@ import pytest
 
 from ros_diagnostics_tools.nagios.importer.files import NagiosError, read
 from ros_diagnostics_tools.nagios.importer.inheritance import Templates
-from ros_diagnostics_tools.nagios.importer.ledger import Ledger
+from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
 
 
 def things(tmp_path, *definitions: str):
     path = tmp_path / "objects.cfg"
     path.write_text("".join(f"define host {{\n{each}\n}}\n" for each in definitions))
-    templates = Templates(read([path]).definitions, Ledger())
+    templates = Templates(read([path]).definitions, ImportLedger())
     return {thing.get("host_name"): thing for thing in templates.things()}
 
 

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta, timezone
 import pytest
 import yaml
 
-from ros_diagnostics_tools.nagios.importer.convert import ONCALL, ROUTES, Options, convert
+from ros_diagnostics_tools.nagios.importer.convert import ONCALL, ROUTES, ImportOptions, convert
 from ros_diagnostics_tools.oncall.file import load
 
 DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
@@ -55,7 +55,7 @@ def converted(tmp_path, night: str):
     nights = [f"{day} {night}" for day in DAYS]
     path = tmp_path / "site.cfg"
     path.write_text(SITE.format(day="\n    ".join(lines), night="\n    ".join(nights)))
-    return convert([path], Options("f", time_zone="Europe/Berlin"))
+    return convert([path], ImportOptions("f", time_zone="Europe/Berlin"))
 
 
 def test_hours_that_share_out_the_week_are_shifts(tmp_path):

@@ -1,0 +1,51 @@
+"""Links of the documentation lead somewhere, and each claim names a test that exists."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).parents[3]
+PAGES = sorted([*CHECKOUT.glob("*.md"), *(CHECKOUT / "docs").rglob("*.md")])
+# A claim and the test that shows it: one comment each, as the name of a test may have commas.
+SHOWN_BY = re.compile(r"<!-- shown by: (tests/\S+\.py.*?) -->")
+
+
+def shown_by(page: Path) -> set[str]:
+    return set(SHOWN_BY.findall(page.read_text("utf-8")))
+
+
+def anchors(page: Path) -> set[str]:
+    """As GitHub makes them of headings."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text("utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", each.lower()).replace(" ", "-") for each in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(CHECKOUT)))
+def test_every_link_leads_to_a_file_and_a_heading(page: Path):
+    for name, anchor in re.findall(
+        r"\]\((?!https?:)([^)#]*)(?:#([^)]+))?\)", page.read_text("utf-8")
+    ):
+        target = page.parent / name if name else page
+        assert target.exists(), name
+        assert not anchor or anchor in anchors(target), f"{name}#{anchor}"
+
+
+def test_every_test_that_a_claim_names_exists():
+    named = {test for page in PAGES for test in shown_by(page)}
+    files = sorted({test.partition("::")[0] for test in named})
+    missing = [each for each in files if not (CHECKOUT / each).exists()]
+    assert not missing
+
+    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:xdist", *files]
+    collected = subprocess.run(
+        command, cwd=CHECKOUT, capture_output=True, text=True, timeout=300, check=False
+    ).stdout
+    cases = set(collected.splitlines())
+    tests = cases | {case.partition("[")[0] for case in cases}
+
+    assert named - tests == set()

@@ -1,0 +1,256 @@
+"""Robots behind an uplink, or a DDS domain, that fails: its fault alone, decided before theirs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Query, Robot, Source
+from ros_diagnostics_exporter.model import Array, Status, Topic
+from support.state_driver import ERROR, OK, StateDriver
+
+ALL = ("r", "r2", "r3", "r4", "r5", "r6")
+WIRED = "w"
+UPLINK_PING = Query("x", "ping", "Uplink", "robot", interval=5.0, confirm_after=20.0, uplink=True)
+HOST_PING = Query("y", "ping", robot="robot", confirm_after=60.0)
+
+
+def robot(name: str, uplink: str = "ap", **more) -> Robot:
+    topics = {"topic_agg": f"/{name}/diagnostics_agg", "topic_raw": f"/{name}/diagnostics"}
+    return Robot(
+        name, source=Source.RAW, profile=Profile(), labels={"uplink": uplink}, **topics, **more
+    )
+
+
+def access_point(name: str, uplink: str = "") -> Robot:
+    return Robot(name, source=Source.QUERIES, profile=Profile(), labels={"uplink": uplink})
+
+
+class Driver(StateDriver):
+    """Six robots behind the access point ``ap``, which is behind ``router``, and a wired one."""
+
+    def __init__(self) -> None:
+        points = access_point("ap", "router"), access_point("router")
+        robots = (*map(robot, ALL), robot(WIRED, uplink=""), *points)
+        super().__init__(fleet=Fleet("f", robots, queries=(UPLINK_PING, HOST_PING)))
+        self.received: set[str] = {*ALL, WIRED}
+        self.failing: set[str] = set()
+        self.asked = True
+        self.began: list[str] = []
+        self.ended: list[str] = []
+
+    def pass_to(self, end: float) -> None:
+        """Let the robots that are received publish, and Prometheus answer every 5 s."""
+        while self.now.mono < end:
+            second = int(self.now.mono)
+            for name in sorted(self.received):
+                array = Array(0.0, (Status(OK, "Motor"),), 100)
+                self.state.receive(Topic(0, f"/{name}/diagnostics"), array, self.now)
+            if self.asked and second % 5 == 0:
+                self._answer(UPLINK_PING, ("ap", "router"))
+                self._answer(HOST_PING, ALL)
+            self.at(second + 1)
+        for event in self.state.take_events():
+            what = f"{event.robot or event.site} {event.component or event.state}".strip()
+            if event.kind == "fault_began":
+                self.began.append(what)
+            elif event.kind == "fault_ended":
+                self.ended.append(what)
+
+    def _answer(self, query: Query, robots: Iterable[str]) -> None:
+        statuses = {
+            name: (Status(ERROR if name in self.failing else OK, "ping"),) for name in robots
+        }
+        self.state.receive_answer(query.feed, statuses, self.now)
+
+    def quiet(self, name: str) -> dict[str, str]:
+        """Why the problems of a robot are quiet."""
+        return {
+            each.identity.component or each.identity.state.value: each.quiet.value
+            for each in self.state.problems(self.now, name)
+            if each.quiet is not None
+        }
+
+
+@pytest.fixture
+def driver() -> Driver:
+    found = Driver()
+    found.pass_to(60)
+    return found
+
+
+def fail(driver: Driver, *uplinks: str) -> None:
+    """All robots behind it are gone, with what they are reached through."""
+    driver.received -= set(ALL)
+    driver.failing |= {*uplinks, *ALL}
+
+
+def heal(driver: Driver) -> None:
+    driver.failing -= {"ap", "router"}
+
+
+def test_an_uplink_that_fails_is_one_fault_and_its_robots_and_their_site_are_none(driver):
+    fail(driver, "ap")
+    driver.pass_to(600)
+    assert driver.began == ["ap ping"]
+    assert driver.quiet("r") == {"silent": "unreachable", "ping": "unreachable"}
+    reasons = {"fleet": "f", "robot": "r", "reason": "uplink_down"}
+    assert driver.sample("robot_silent_reason", **reasons) == 1
+
+    heal(driver)
+    driver.pass_to(620)
+    assert driver.ended == ["ap ping"]
+    driver.received |= set(ALL)
+    driver.failing.clear()
+    driver.pass_to(900)
+    assert (driver.began, driver.ended) == (["ap ping"], ["ap ping"])
+
+
+def test_what_is_still_silent_when_the_uplink_is_back_begins_after_the_others_had_time(driver):
+    fail(driver, "ap")
+    driver.pass_to(600)
+    heal(driver)
+    driver.pass_to(610)
+    driver.received |= set(ALL) - {"r"}
+    driver.failing -= driver.received
+    driver.pass_to(655)
+    assert driver.began == ["ap ping"]
+    driver.pass_to(665)
+    assert driver.began == ["ap ping", "r silent"]
+    driver.received.add("r")
+    driver.failing.clear()
+    driver.pass_to(800)
+    assert (driver.began, driver.ended) == (["ap ping", "r silent"], ["ap ping", "r silent"])
+
+
+def test_a_robot_of_the_same_site_that_is_not_behind_it_is_a_fault_of_its_own(driver):
+    fail(driver, "ap")
+    driver.pass_to(100)
+    driver.received.discard(WIRED)
+    driver.pass_to(140)
+    assert driver.began == ["ap ping", "w silent"]
+
+
+def test_a_site_that_was_a_fault_before_ends_only_with_its_robots_return(driver):
+    driver.received.clear()
+    driver.pass_to(120)
+    assert driver.began == ["silent"]
+    driver.failing.add("ap")
+    driver.pass_to(300)
+    assert driver.ended == []
+    heal(driver)
+    driver.received |= {*ALL, WIRED}
+    driver.pass_to(600)
+    assert sorted(driver.ended) == sorted(driver.began)
+
+
+def test_behind_an_uplink_that_is_behind_another_the_outermost_is_the_fault(driver):
+    fail(driver, "ap", "router")
+    driver.pass_to(600)
+    assert driver.began == ["router ping"]
+    assert driver.quiet("ap") == {"ping": "unreachable"}
+    heal(driver)
+    driver.received |= set(ALL)
+    driver.failing.clear()
+    driver.pass_to(900)
+    assert (driver.began, driver.ended) == (["router ping"], ["router ping"])
+
+
+def test_a_silence_that_began_before_goes_on_and_ends_with_the_robots_return(driver):
+    driver.received.discard("r")
+    driver.pass_to(120)
+    assert driver.began == ["r silent"]
+    fail(driver, "ap")
+    driver.pass_to(600)
+    heal(driver)
+    driver.received |= set(ALL)
+    driver.failing.clear()
+    driver.pass_to(900)
+    assert driver.began == ["r silent", "ap ping"]
+    assert sorted(driver.ended) == ["ap ping", "r silent"]
+
+
+def test_a_silence_with_its_uplink_up_waits_until_the_ping_is_known_and_is_a_fault_then(driver):
+    driver.received.discard("r")
+    driver.pass_to(85)
+    assert driver.began == []
+    driver.pass_to(95)
+    assert driver.began == ["r silent"]
+
+
+def test_one_lost_ping_is_no_fault_and_delays_a_silence_by_seconds(driver):
+    driver.failing.add("ap")
+    driver.pass_to(64)
+    heal(driver)
+    driver.received.discard("r")
+    driver.pass_to(100)
+    assert driver.began == ["r silent"]
+
+
+def test_without_prometheus_an_uplink_that_failed_still_does_and_nothing_begins_or_ends(driver):
+    fail(driver, "ap")
+    driver.pass_to(300)
+    driver.asked = False
+    driver.pass_to(1000)
+    assert (driver.began, driver.ended) == (["ap ping"], [])
+    driver.asked = True
+    heal(driver)
+    driver.received |= set(ALL)
+    driver.failing.clear()
+    driver.pass_to(1300)
+    assert (driver.began, driver.ended) == (["ap ping"], ["ap ping"])
+
+
+def test_without_prometheus_robots_of_an_uplink_that_answered_last_are_silent_themselves(driver):
+    driver.asked = False
+    driver.received.discard("r")
+    driver.pass_to(300)
+    assert driver.began == ["r silent"]
+
+
+def test_a_robot_of_which_messages_are_received_has_its_own_faults_behind_a_failing_uplink(driver):
+    driver.failing |= {"ap", "r"}
+    driver.pass_to(300)
+    assert driver.began == ["ap ping"]
+    driver.state.receive(
+        Topic(0, "/r/diagnostics"), Array(0.0, (Status(ERROR, "Laser"),), 100), driver.now
+    )
+    driver.pass_to(330)
+    assert driver.began == ["ap ping", "r Laser"]
+
+
+def test_what_is_measured_of_a_robot_counts_from_its_return(driver):
+    driver.received.discard("r")
+    driver.failing.add("r")
+    driver.pass_to(300)
+    assert driver.began == ["r silent"]
+    driver.received.add("r")
+    driver.pass_to(304)
+    driver.failing.discard("r")
+    driver.pass_to(500)
+    assert (driver.began, driver.ended) == (["r silent"], ["r silent"])
+
+
+def test_a_ping_that_fails_while_its_robot_is_received_is_a_fault_of_its_own(driver):
+    driver.failing.add("r")
+    driver.pass_to(115)
+    assert driver.began == []
+    driver.pass_to(130)
+    assert driver.began == ["r ping"]
+
+
+def test_a_domain_that_cannot_be_joined_explains_that_its_robots_are_silent():
+    driver = Driver()
+    config = driver.state.fleet
+    own = replace(config.robots[0], domain_id=7)
+    driver.state.configure(replace(config, robots=(own, *config.robots[1:])), driver.now)
+    driver.pass_to(30)
+    driver.state.domain_failed(7, "no route", driver.now)
+    driver.pass_to(300)
+    assert driver.began == []
+    assert set(driver.quiet("r").values()) == {"unreachable"}
+    driver.state.domain_joined(7)
+    driver.pass_to(1000)
+    assert driver.began == ["r pending"]

@@ -1,0 +1,61 @@
+"""What dashboards show while the monitoring is in trouble, by promtool with the shipped rules.
+
+in_trouble.yml has the situations. Each has series as in a promtool test, and what a panel shows at
+some times: a line for each series that its query must return.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from support.committed_dashboards import filled, queries
+from support.shipped_rules import CENTRE_RULE_FILES, RULE_FILES, run_tool
+
+SITUATIONS = yaml.safe_load((Path(__file__).parent / "in_trouble.yml").read_text())
+QUERIES = {(each.board, each.place, each.ref): each for each in queries()}
+RULES = {"site": RULE_FILES, "centre": CENTRE_RULE_FILES, "none": []}
+
+
+@pytest.mark.parametrize("situation", SITUATIONS, ids=lambda each: each["name"])
+def test_a_panel_shows(situation: dict[str, Any], tmp_path: Path):
+    document = {
+        "rule_files": [str(file) for file in RULES[situation["rules"]]],
+        "evaluation_interval": "5s",
+        "tests": [
+            {
+                "interval": "5s",
+                "input_series": [
+                    {"series": series, "values": values}
+                    for series, values in situation["series"].items()
+                ],
+                "promql_expr_test": [_expected(each) for each in situation["shown"]],
+            }
+        ],
+    }
+    file = tmp_path / "in_trouble.yml"
+    file.write_text(yaml.safe_dump(document, allow_unicode=True))
+
+    run_tool("promtool", "test", "rules", file)
+
+
+def _expected(shown: dict[str, Any]) -> dict[str, Any]:
+    query = QUERIES[shown["board"], shown["panel"], shown.get("ref", "A")]
+    expr = filled(query.expr, shown.get("variables"))
+    if labels := shown.get("by"):  # what else the query returns is not of interest
+        expr = f"max by ({labels}) (\n{expr}\n)"
+    return {
+        "expr": expr,
+        "eval_time": shown["at"],
+        "exp_samples": [_sample(cell) for cell in shown["cells"]],
+    }
+
+
+def _sample(cell: str) -> dict[str, Any]:
+    parts = re.fullmatch(r"(\{.*\}) (\S+)", cell)
+    assert parts, f"not a cell: {cell}"
+    return {"labels": parts[1], "value": float(parts[2])}
