@@ -11,7 +11,7 @@ LIMITS = {
     "unchanged": (28, 10),
     "breaking": (154, 22),
     "scrape": (324, 33),
-    "restart": (613, 56),
+    "restart": (614, 57),
 }
 
 

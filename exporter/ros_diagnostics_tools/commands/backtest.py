@@ -17,6 +17,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.model import Domain
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.backtest import compare, report, suggest, words
 from ros_diagnostics_tools.backtest.event_log import is_event_log
@@ -150,14 +151,14 @@ def _run(options: BacktestOptions) -> None:
         _print(options, judged)
 
 
-def _domain(fleet: Fleet, options: BacktestOptions) -> int | None:
+def _domain(fleet: Fleet, options: BacktestOptions) -> Domain | None:
     """The domain that recordings without one of their own are of; None where it is not clear."""
     if options.domain_id is not None:
         return options.domain_id
     return fleet.domain_ids[0] if len(fleet.domain_ids) == 1 else None
 
 
-def _source(bag: str, fleet: Fleet, domain_id: int | None, namespace: str) -> RecordingSource:
+def _source(bag: str, fleet: Fleet, domain_id: Domain | None, namespace: str) -> RecordingSource:
     if is_event_log(Path(bag)):
         return RecordingSource(Path(bag), fleet=fleet)
     path, at = Path(bag), re.fullmatch(r"(.+)@([0-9]{1,3})", bag)
