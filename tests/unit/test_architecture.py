@@ -27,7 +27,8 @@ TREES = {
 # Of each tree its packages and modules: each imports only from lines above its own.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
-        ("model", "durations", "file_watcher", "files", "loops", "regex", "texts", "weekly", "zstd"),
+        ("model", "durations", "file_watcher", "files", "loops", "regex", "texts"),
+        ("weekly", "zstd"),
         ("events", "http_client", "logs", "severity"),
         ("config",),
         ("decode",),
@@ -38,7 +39,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("notifications",),
         ("canary",),
         ("fleet",),
-        ("storage",),
+        ("capsules", "storage"),
         ("metrics",),
         ("api",),
         ("web",),

@@ -49,4 +49,3 @@ def test_every_test_that_a_claim_names_exists():
     tests = cases | {case.partition("[")[0] for case in cases}
 
     assert named - tests == set()
-
