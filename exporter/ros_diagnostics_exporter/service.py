@@ -341,6 +341,7 @@ class Service:
         """The newest capsule of a fault; LookupError if there is none."""
         if self._capsules is None:
             raise LookupError("no capsules are kept: the exporter runs with --storage.path=none")
+        self._record_events()
         return self._capsules.read(fault, ros.read_clocks())
 
     def find_events(self, wanted: Wanted) -> Iterable[dict[str, Any]]:

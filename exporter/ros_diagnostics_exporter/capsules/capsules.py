@@ -86,7 +86,10 @@ class Capsules:
         self.rings.compress()
         written = False
         while self._waiting and self._waiting[0].due <= now.mono:
-            self._write(self._waiting.popleft(), now)
+            try:
+                self._write(self._waiting[0], now)
+            finally:
+                self._waiting.popleft()  # one that cannot be written is not tried again
             written = True
         if written:
             self._prune(now)

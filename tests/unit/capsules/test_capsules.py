@@ -16,6 +16,7 @@ from ros_diagnostics_exporter.decode.cdr import Decoder
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Instant, Topic
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
+from ros_diagnostics_tools.main import main
 from virtual_robots.model import Status
 from virtual_robots.recording.cdr import encode_array
 
@@ -195,3 +196,50 @@ def test_a_config_that_cannot_be_read_is_said(tmp_path):
     assert "cannot be read" in config_lines(tmp_path / "none.yml", "r")
     (tmp_path / "bad.yml").write_text("a: [")
     assert "cannot be read" in config_lines(tmp_path / "bad.yml", "r")
+
+
+FLEET = "fleet: f\nrobots: [{name: r, topic: /r/diagnostics, source: raw}]\n"
+
+
+@pytest.fixture
+def recorded(tmp_path, config, capsules, capsys):
+    """A function (arguments): (exit code, result, standard error) of judging a capsule."""
+    config.write_text(FLEET)
+    decoder = Decoder()
+    for second in range(111):
+        level = 2 if second >= 90 else 0
+        data = encode_array([Status(level, "motor", "m", "m", ())], WALL + second)
+        capsules.rings.receive(TOPICS[1], decoder.decode(data), at(second))
+    path = tmp_path / "capsule.mcap"
+    path.write_bytes(capsule(capsules))
+
+    def judge(*arguments):
+        code = main(["backtest", "--output", "json", *arguments, str(path)])
+        captured = capsys.readouterr()
+        return code, json.loads(captured.out), captured.err
+
+    return judge
+
+
+def test_it_replays_by_what_is_attached(recorded):
+    code, found, err = recorded()
+
+    assert (code, err) == (0, "")
+    (fault,) = found["notifications"]
+    assert (fault["since"] - WALL, fault["notified"] - WALL) == (90, 100)
+    assert fault["component"] == "motor"
+
+
+def test_another_config_is_judged_and_says_when_it_is_too_short(recorded, tmp_path):
+    other = tmp_path / "other.yml"
+    other.write_text(FLEET + "profiles: {default: {confirm_after: 15s}}\n")
+    code, found, err = recorded("--config", str(other))
+    assert (code, err) == (0, "")
+    assert [each["notified"] - WALL for each in found["notifications"]] == [105]
+
+    other.write_text(FLEET + "profiles: {default: {confirm_after: 2m}}\n")
+    code, found, err = recorded("--config", str(other))
+    assert (code, found["notifications"]) == (0, [])
+    assert "too short to know: the capsule shows 20s of the trouble" in err
+    assert "confirmed after 2m" in err
+    assert found["warnings"] == [err.strip().removeprefix("ros-diagnostics: ")]
