@@ -44,17 +44,49 @@ _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_IN
 _ATTACHMENT, _ATTACHMENT_INDEX, _STATISTICS, _METADATA, _METADATA_INDEX = range(9, 14)
 _DATA_END = 15
 _message = struct.Struct("<BQHIQQ")
+_pair = struct.Struct("<QQ")
 
 
 class Chunk(NamedTuple):
-    """Messages of one channel, compressed: ``times`` (ns) and ``offsets`` of each."""
+    """Messages of one channel, compressed.
+
+    ``begin`` and ``end`` are the times (ns) of the first and the last, ``entries`` the time and the
+    offset of each.
+    """
 
     channel: int
-    times: tuple[int, ...]
-    offsets: tuple[int, ...]
+    begin: int
+    end: int
+    entries: bytes
     size: int
     checksum: int
     data: bytes
+
+
+class OpenChunk:
+    """A chunk that is filled: as bytes, which take less memory than messages do."""
+
+    __slots__ = ("begin", "channel", "content", "end", "index")
+
+    def __init__(self, channel: int) -> None:
+        self.channel = channel
+        self.begin = self.end = 0
+        self.content = bytearray()
+        self.index = bytearray()
+
+    def append(self, time: int, data: bytes) -> None:
+        """Append a message in CDR; ``time`` is in ns."""
+        self.begin = min(self.begin or time, time)
+        self.end = max(self.end, time)
+        self.index += _pair.pack(time, len(self.content))
+        self.content += _message.pack(_MESSAGE, 22 + len(data), self.channel, 0, time, time)
+        self.content += data
+
+    def compressed(self) -> Chunk:
+        """What is in it."""
+        checksum, data = crc32(self.content), zstd.compress(self.content, LEVEL)
+        times, size = (self.begin, self.end), len(self.content)
+        return Chunk(self.channel, *times, bytes(self.index), size, checksum, data)
 
 
 class Attachment(NamedTuple):
@@ -63,19 +95,6 @@ class Attachment(NamedTuple):
     name: str
     media_type: str
     content: bytes
-
-
-def chunk(channel: int, messages: Sequence[tuple[int, bytes]]) -> Chunk:
-    """Compress messages, (time in ns, CDR) each, at least one."""
-    parts, offsets, at = [], [], 0
-    for time, data in messages:
-        offsets.append(at)
-        parts += [_message.pack(_MESSAGE, 22 + len(data), channel, 0, time, time), data]
-        at += _message.size + len(data)
-    content = b"".join(parts)
-    times = tuple(time for time, _data in messages)
-    packed = zstd.compress(content, LEVEL)
-    return Chunk(channel, times, tuple(offsets), at, crc32(content), packed)
 
 
 class _Writer:
@@ -106,7 +125,7 @@ def write(
     described = [_schema(), *(_channel(number, name) for number, name in topics.items())]
     for record in described:
         out.add(record)
-    listed = sorted(chunks, key=lambda each: each.times)
+    listed = sorted(chunks, key=lambda each: each.begin)
     for each in listed:
         _add_chunk(out, each)
     files = list(attachments)
@@ -114,7 +133,7 @@ def write(
         _add_attachment(out, file, time)
     for name, fields in metadata.items():
         place = out.add(_record(_METADATA, _text(name), _map(fields)))
-        out.summary.append(_record(_METADATA_INDEX, struct.pack("<QQ", *place), _text(name)))
+        out.summary.append(_record(_METADATA_INDEX, _pair.pack(*place), _text(name)))
     out.add(_record(_DATA_END, struct.pack("<I", 0)))
     start = out.size
     statistics = _statistics(topics, listed, len(files), len(metadata))
@@ -135,25 +154,23 @@ def _channel(number: int, topic: str) -> bytes:
 
 
 def _add_chunk(out: _Writer, chunk: Chunk) -> None:
-    times = struct.pack("<QQ", min(chunk.times), max(chunk.times))
+    times = _pair.pack(chunk.begin, chunk.end)
     body = (struct.pack("<QI", chunk.size, chunk.checksum), _text("zstd"))
     place = out.add(_record(_CHUNK, times, *body, struct.pack("<Q", len(chunk.data)), chunk.data))
-    pairs = [struct.pack("<QQ", *each) for each in zip(chunk.times, chunk.offsets, strict=True)]
-    entries = b"".join(pairs)
-    fields = struct.pack("<HI", chunk.channel, len(entries)), entries
+    fields = struct.pack("<HI", chunk.channel, len(chunk.entries)), chunk.entries
     at, length = out.add(_record(_MESSAGE_INDEX, *fields))
     offsets = struct.pack("<IHQ", 10, chunk.channel, at)
-    sizes = struct.pack("<QQ", len(chunk.data), chunk.size)
+    sizes = _pair.pack(len(chunk.data), chunk.size)
     rest = offsets, struct.pack("<Q", length), _text("zstd"), sizes
-    out.summary.append(_record(_CHUNK_INDEX, times, struct.pack("<QQ", *place), *rest))
+    out.summary.append(_record(_CHUNK_INDEX, times, _pair.pack(*place), *rest))
 
 
 def _add_attachment(out: _Writer, file: Attachment, time: int) -> None:
     names = _text(file.name), _text(file.media_type)
-    times, size = struct.pack("<QQ", time, time), struct.pack("<Q", len(file.content))
+    times, size = _pair.pack(time, time), struct.pack("<Q", len(file.content))
     body = b"".join((times, *names, size, file.content))
     place = out.add(_record(_ATTACHMENT, body, struct.pack("<I", crc32(body))))
-    index = struct.pack("<QQ", *place), times, size, *names
+    index = _pair.pack(*place), times, size, *names
     out.summary.append(_record(_ATTACHMENT_INDEX, *index))
 
 
@@ -162,10 +179,10 @@ def _statistics(
 ) -> bytes:
     counts = dict.fromkeys(topics, 0)
     for each in chunks:
-        counts[each.channel] += len(each.times)
-    times = [time for each in chunks for time in each.times] or [0]
+        counts[each.channel] += len(each.entries) // _pair.size
+    begin, end = min(each.begin for each in chunks), max(each.end for each in chunks)
     numbers = sum(counts.values()), 1, len(topics), attachments, metadata, len(chunks)
-    fields = struct.pack("<QHIIII", *numbers), struct.pack("<QQ", min(times), max(times))
+    fields = struct.pack("<QHIIII", *numbers), _pair.pack(begin, end)
     pairs = b"".join(struct.pack("<HQ", *each) for each in counts.items())
     return _record(_STATISTICS, *fields, struct.pack("<I", len(pairs)), pairs)
 

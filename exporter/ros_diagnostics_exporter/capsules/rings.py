@@ -8,56 +8,54 @@ from __future__ import annotations
 import threading
 from collections import deque
 
-from ros_diagnostics_exporter.capsules.mcap import Chunk, chunk
+from ros_diagnostics_exporter.capsules.mcap import Chunk, OpenChunk
 from ros_diagnostics_exporter.decode.cdr import is_cdr
 from ros_diagnostics_exporter.model import Array, Instant, Topic
 
 BEFORE, AFTER = 60.0, 10.0  # seconds of a capsule before and after the begin of its fault
-CHUNK = 32 << 10  # bytes of a chunk before it is compressed
+CHUNK = 16 << 10  # bytes of a chunk before it is compressed
 WAITING = 16 << 20  # bytes that wait for `compress`; what is beyond is dropped
-RING = 44 << 10  # compressed bytes of one topic; the oldest are dropped beyond
+RING = 40 << 10  # compressed bytes of one topic; the oldest are dropped beyond
 
 
 class Ring:
     """The last messages of one topic; ``channel`` is its number in every file."""
 
-    __slots__ = ("_chunks", "_open", "_open_bytes", "channel")
+    __slots__ = ("_chunks", "_open", "channel")
 
     def __init__(self, channel: int) -> None:
         self.channel = channel
         self._chunks: deque[Chunk] = deque()
-        self._open: list[tuple[int, bytes]] = []
-        self._open_bytes = 0
+        self._open = OpenChunk(channel)
 
     def append(self, time: int, data: bytes) -> None:
         """Append a message, and compress what a chunk is full of."""
-        self._open.append((time, data))
-        self._open_bytes += len(data)
-        if self._open_bytes >= CHUNK:
-            self._chunks.append(chunk(self.channel, self._open))
-            self._open, self._open_bytes = [], 0
+        self._open.append(time, data)
+        if len(self._open.content) >= CHUNK:
+            self._chunks.append(self._open.compressed())
+            self._open = OpenChunk(self.channel)
             self._drop(time - int((BEFORE + AFTER) * 1e9))
 
     def _drop(self, oldest: int) -> None:
         size = sum(len(each.data) for each in self._chunks)
-        while len(self._chunks) > 1 and (size > RING or self._chunks[0].times[-1] < oldest):
+        while len(self._chunks) > 1 and (size > RING or self._chunks[0].end < oldest):
             size -= len(self._chunks.popleft().data)
 
     @property
     def size(self) -> int:
         """Bytes in memory."""
-        return self._open_bytes + sum(len(each.data) for each in self._chunks)
+        return len(self._open.content) + sum(len(each.data) for each in self._chunks)
 
     def chunks(self, begin: int, end: int) -> list[Chunk]:
         """The chunks with what was received from ``begin`` to ``end`` (ns), and some before.
 
         Of a topic on which nothing was received of late, its last messages.
         """
-        found = [*self._chunks, *([chunk(self.channel, self._open)] if self._open else [])]
+        found = [*self._chunks, *([self._open.compressed()] if self._open.index else [])]
         if not found:
             return []
-        begin = min(begin, found[-1].times[-1] - int(BEFORE * 1e9))
-        return [each for each in found if each.times[-1] >= begin and each.times[0] <= end]
+        begin = min(begin, found[-1].end - int(BEFORE * 1e9))
+        return [each for each in found if each.end >= begin and each.begin <= end]
 
 
 class Rings:
