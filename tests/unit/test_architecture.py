@@ -47,7 +47,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("notifications",),
         ("canary",),
         ("fleet",),
-        ("storage",),
+        ("capsules", "storage"),
         ("metrics",),
         ("api",),
         ("web",),
