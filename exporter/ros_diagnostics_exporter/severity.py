@@ -37,6 +37,7 @@ QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condit
     "site": "many robots of the site are silent",
     "common": "the same component failed on many robots",
     "many": "many components of the robot failed at once",
+    "fault": "a worse fault of it is confirmed",
     "condition": "by its condition in fleet.yml",
     "hours": "outside of warning hours",
 }
@@ -65,7 +66,11 @@ _AFTER = {
     "rejected": "was rejected",
 }
 _OF_STATE = {"silent": "UNKNOWN", "pending": "PENDING"}  # all others by their severity
-_WORSE = {"warning": ("stale", "critical"), "stale": ("critical",)}
+_WORSE = {
+    "warning": ("stale", "critical"),
+    "stale": ("critical",),
+    "falling": ("warning", "critical"),
+}
 
 
 class ShownProblem(NamedTuple):
@@ -296,7 +301,7 @@ def _message(
     scope, state = problem["scope"], problem["state"]
     if component is not None and not problem["well"]:
         if scope == "flapping":
-            return f"flapping: {component['flap_ratio']:.0%} of its last states were changes"
+            return _changing_text(state, component)
         if scope == "value":
             return value_text(problem, component) or str(problem["evidence"])
         return component_text(component)
@@ -306,6 +311,12 @@ def _message(
     if scope == "robot" and state in {"silent", "pending"}:
         return silent_text(of["silent_reason"]) or str(problem["evidence"])
     return str(problem["evidence"])
+
+
+def _changing_text(state: str, component: dict[str, Any]) -> str:
+    if state == "intermittent":
+        return f"intermittent: {component_text(component)}"
+    return f"flapping: {component['flap_ratio']:.0%} of its last states were changes"
 
 
 def component_text(component: dict[str, Any]) -> str:
@@ -332,7 +343,7 @@ def value_text(problem: dict[str, Any], component: dict[str, Any]) -> str:
             is_it = (value["key"], each["bound"], each["severity"]) == (
                 problem["key"],
                 problem["bound"],
-                problem["severity"],
+                "critical" if problem["state"] == "falling" else problem["severity"],
             )
             if is_it and value["number"] is not None:
                 unit = f" {value['unit']}" if value["unit"] else ""

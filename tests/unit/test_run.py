@@ -232,7 +232,9 @@ def test_what_was_not_installed_completely_is_installed_by_the_next_run(machine)
     assert "ERROR: the disk is full" in done.stderr
     (machine.folder / "offline").unlink()
     assert machine.run("mutate").returncode == 0
-    assert machine.pip()[-3:] == ["--group test --group dashboards --group docs"] * 2 + ["--group mutation"]
+    assert machine.pip()[-3:] == ["--group test --group dashboards --group docs"] * 2 + [
+        "--group mutation"
+    ]
 
 
 def test_without_a_network_the_first_run_says_so_in_one_sentence(machine):

@@ -945,6 +945,26 @@ class Flapping(Entry):
         return self
 
 
+class Intermittent(Entry):
+    """When faults too short to be confirmed are too many to be chance."""
+
+    changes: Annotated[Count, Field(ge=2, le=20)] = described(
+        "From so many changes of a component's level on; two are one short fault.",
+        example=6,
+        default=4,
+    )
+    within: Duration = described("In this time.", example="1h", default=600.0)
+
+
+class Falling(Entry):
+    """When a value that falls will soon be below its critical threshold."""
+
+    over: Duration = described(
+        "How fast it falls is computed from so long.", example="5m", default=900.0
+    )
+    ahead: Duration = described("How soon it would be too low.", example="1h", default=1800.0)
+
+
 class FaultSettings(Entry, title="Faults"):
     """How the exporter decides which problems are faults, for the whole fleet."""
 
@@ -968,6 +988,16 @@ class FaultSettings(Entry, title="Faults"):
         "When components, and robots that come and go, are flapping.",
         example={"start": 0.5},
         default=Flapping(),
+    )
+    intermittent: Intermittent = described(
+        "When a component whose faults end before they are confirmed has an intermittent one.",
+        example={"changes": 6},
+        default=Intermittent(),
+    )
+    falling: Falling = described(
+        "When a value with a critical low threshold falls too fast.",
+        example={"ahead": "1h"},
+        default=Falling(),
     )
     value_hysteresis: Share = described(
         "Share of a threshold by which a value has to come back before its fault ends.",

@@ -82,6 +82,10 @@ def _prepare_robot(
         component = _component(book, robot, ComponentName(identity.group, identity.component))
         if identity.scope is Scope.COMPONENT:
             component.since = component.since or since
+        elif identity.state is State.INTERMITTENT and component.flaps is None:
+            component.flaps = FlapHistory([Level.OK] * SLOTS, now.mono)
+            component.flaps.changed = (now.mono,) * book.settings.intermittent.changes
+            components.wake(book, component)
         elif identity.scope is Scope.FLAPPING and component.flaps is None:
             component.flaps = _restless(now, Level.OK, Level.ERROR)
             book.flapped[component.robot.name] = None

@@ -9,6 +9,7 @@ from typing import Literal
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.model import ComponentName, Identity, Scope, State
 from ros_diagnostics_exporter.faults.records import (
+    TREND_STEPS,
     Cause,
     Component,
     Ended,
@@ -22,7 +23,16 @@ from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.model import Instant
 
 TimerKind = Literal[
-    "confirm", "cover", "returned", "reachable", "presence", "flaps", "settled", "hours", "ends"
+    "confirm",
+    "cover",
+    "returned",
+    "reachable",
+    "presence",
+    "flaps",
+    "trends",
+    "settled",
+    "hours",
+    "ends",
 ]
 Timer = tuple[TimerKind, "Problem | Cause | Robot | Component | None"]
 FLEET_ROW: RowKey = ("fleet", ())
@@ -149,6 +159,8 @@ class Book:
             return clock
         if state is State.PENDING:
             return clock + self.settings.pending_after
+        if state is State.FALLING:
+            return clock + 2 * self.settings.falling.over / TREND_STEPS
         if component is not None:
             settings = component.settings
             if settings.measured:

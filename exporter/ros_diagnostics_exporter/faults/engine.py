@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.faults import (
     presence,
     removal,
     rows,
+    trends,
 )
 from ros_diagnostics_exporter.faults.book import FLEET_ROW, Book
 from ros_diagnostics_exporter.faults.model import (
@@ -110,6 +111,8 @@ class Faults:
             presence.settle(book, at)
         elif kind == "presence":
             presence.decay(book, record, at)
+        elif kind == "trends":
+            trends.sample(book, record, at)
         elif kind == "reachable":
             presence.become_reachable(book, record, at)
         else:
@@ -255,7 +258,9 @@ class Faults:
         known = self._robot(robot)
         if known.up:
             for report in reports:
-                changes += components.report_value(self._book, (known, name, settings), report, now)
+                of = known, name, settings
+                changes += components.report_value(self._book, of, report, now)
+                trends.follow(self._book, of, report, now)
         return changes + judge.settle(self._book, now)
 
     def check_changed(

@@ -21,7 +21,7 @@ class Scope(str, Enum):
     VALUE = "value"
     CHECK = "check"
     ROBOT = "robot"
-    FLAPPING = "flapping"  # of a component
+    FLAPPING = "flapping"  # of a component, or intermittent
     SITE = "site"
     COMMON = "common"
 
@@ -32,9 +32,11 @@ class State(str, Enum):
     WARNING = "warning"
     STALE = "stale"
     CRITICAL = "critical"
+    FALLING = "falling"
     SILENT = "silent"
     PENDING = "pending"
     FLAPPING = "flapping"
+    INTERMITTENT = "intermittent"
     MANY = "many"
 
 
@@ -179,6 +181,7 @@ class Reason(str, Enum):
     SITE = "site"
     COMMON = "common"
     MANY = "many"
+    FAULT = "fault"  # a worse one of the same is confirmed
     CONDITION = "condition"  # fleet.yml's `when` or `unless`
     HOURS = "hours"  # outside of the hours in which warnings begin
 

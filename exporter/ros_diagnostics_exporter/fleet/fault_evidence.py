@@ -82,14 +82,16 @@ def _of_component(identity: Identity, component: Component, robot: Robot) -> Ite
 
 
 def _monitored(identity: Identity, component: Component) -> Iterator[str]:
-    """The number and the threshold that it is beyond."""
+    """The number and the threshold that it is beyond, or falls to."""
+    severity, how = identity.state.value, "below" if identity.bound == "low" else "above"
+    if identity.state is State.FALLING:
+        severity, how = "critical", "falling to"
     for value in component.values.all:
         if value.key == identity.key and value.rule is not None:
             for each in value.rule.thresholds:
-                if (each.bound, each.severity) == (identity.bound, identity.state.value):
+                if (each.bound, each.severity) == (identity.bound, severity):
                     unit = f" {_text(value.unit)}" if value.unit else ""
-                    beyond = "below" if each.bound == "low" else "above"
-                    yield f"{value.number:g}{unit}, {beyond} the threshold of {each.value:g}{unit}"
+                    yield f"{value.number:g}{unit}, {how} the threshold of {each.value:g}{unit}"
 
 
 def _of_robot(identity: Identity, robot: Robot) -> Iterator[str]:

@@ -74,6 +74,8 @@ class EventLog:
             if name in settings
         }
         self.unknown = sorted(self._timelines.keys() - self.places.keys())
+        self.others: dict[str, str] = {}
+        self.warnings: list[str] = []
         self._stale_after = {name: settings[name].profile.stale_after for name in self.places}
         self.topics = set(self.places)
         self.count = round((self.end - self.begin) / HEARTBEAT) * len(self.places)

@@ -47,7 +47,7 @@ def parts(result: Result) -> list[Part]:
         began = each.began
         known = part(began.robot, began.group, began.component)
         known.notified += 1
-        known.flapping += began.scope == "flapping"
+        known.flapping += began.state == "flapping"
     for outage in result.outages:
         _add(part(outage.robot, outage.group, outage.component), outage)
     return [found[key] for key in sorted(found, key=lambda key: tuple(map(natural, key)))]
@@ -148,6 +148,7 @@ def as_json(result: Result) -> dict[str, Any]:
         "begin": result.begin,
         "end": result.end,
         "messages": result.messages,
+        "undecodable_messages": result.undecodable,
         "robots": list(result.robots),
         "unknown_topics": list(result.unknown),
         "notifications": [notification(each, result.end) for each in result.notifications],

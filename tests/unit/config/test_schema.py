@@ -62,6 +62,8 @@ WHOLE = {
     "Bound": lambda entry: {"profiles": {"default": {"values": [{"thresholds": {"low": entry}}]}}},
     "FaultSettings": lambda entry: {"faults": entry},
     "Flapping": lambda entry: {"faults": {"flapping": entry}},
+    "Intermittent": lambda entry: {"faults": {"intermittent": entry}},
+    "Falling": lambda entry: {"faults": {"falling": entry}},
     "Many": lambda entry: {"faults": {"many": entry}},
     "Site": lambda entry: {"faults": {"site": entry}},
     "Common": lambda entry: {"faults": {"common": entry}},

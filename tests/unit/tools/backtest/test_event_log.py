@@ -13,11 +13,8 @@ from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.storage.database import Changes, Database
-from ros_diagnostics_tools.backtest.recordings import (
-    RecordingError,
-    Recordings,
-    RecordingSource,
-)
+from ros_diagnostics_tools.backtest.formats import RecordingError
+from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, play
 from ros_diagnostics_tools.main import main
 from support.bags import BEGIN, TOPIC, every_second, fleet, judged, texts, write_bag
