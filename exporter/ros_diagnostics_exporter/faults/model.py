@@ -24,6 +24,7 @@ class Scope(str, Enum):
     FLAPPING = "flapping"  # of a component, or intermittent
     SITE = "site"
     COMMON = "common"
+    CLOCK = "clock"  # of the exporter
 
 
 class State(str, Enum):
@@ -38,6 +39,7 @@ class State(str, Enum):
     FLAPPING = "flapping"
     INTERMITTENT = "intermittent"
     MANY = "many"
+    CLOCK = "clock"
 
 
 class Identity(NamedTuple):
@@ -136,6 +138,13 @@ class ComponentName(NamedTuple):
 
     group: str
     component: str
+
+
+class Followed(NamedTuple):
+    """What is kept of a component in time: when its trouble began (Unix time), how it flaps."""
+
+    since: float | None
+    flap_ratio: float  # 0..1
 
 
 class ComponentReport(NamedTuple):

@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.faults.model import (
     ComponentName,
     End,
     Fault,
+    Followed,
     ProblemView,
     Row,
 )
@@ -389,9 +390,9 @@ class State:
         with self._lock:
             return self._faults.problems(now, robot)
 
-    def flap_ratios(self, robot: Robot) -> dict[ComponentName, float]:
-        """How often the components of a robot that is visited changed of late (0..1)."""
-        return self._faults.flap_ratios(robot)
+    def followed(self, robot: Robot) -> dict[ComponentName, Followed]:
+        """What is kept of the components of a robot that is visited, in trouble now or before."""
+        return self._faults.followed(robot)
 
     def downtimes(self, robot: str) -> tuple[Downtime, ...]:
         """The downtimes of a robot and its components that people planned; some may lie ahead."""

@@ -133,8 +133,7 @@ def read_from_exporters() -> list[Any]:
     absence = {f"RosDiagnosticsExporter{what}" for what in ("Down", "Absent", "NeverAnswered")}
     return [
         pytest.param(rule["alert"], rule["expr"], id=rule["alert"])
-        for name in ("monitoring.yml", "robots.yml")
-        for group in yaml.safe_load((PROMETHEUS / "rules" / name).read_text())["groups"]
+        for group in yaml.safe_load((PROMETHEUS / "rules" / "monitoring.yml").read_text())["groups"]
         for rule in group["rules"]
         if "alert" in rule and rule["alert"] not in absence
     ]
@@ -154,7 +153,7 @@ def test_an_alert_is_held_while_what_it_is_about_does_not_answer(name: str, expr
 
 def test_the_alerts_about_robots_are_short():
     """Lines of expressions of all rules that alerts of robots and components need."""
-    files = ("faults.yml", "robots.yml", "escalation.yml")
+    files = ("faults.yml", "escalation.yml")
     lines = [
         line
         for name in files
