@@ -59,12 +59,12 @@ _OF_ROBOT = {
     "clock": "robot's clock is wrong",
 }
 _AFTER = {
-    "heard": "is received",
+    "received": "is received",
     "silent": "is silent",
     "known": "was found",
     "forgotten": "removed",
     "read": "was read",
-    "refused": "was rejected",
+    "rejected": "was rejected",
 }
 _OF_STATE = {"silent": "UNKNOWN", "pending": "PENDING"}  # all others by their severity
 _WORSE = {

@@ -145,7 +145,7 @@ class Robot:
     def receive(self, array: Array, now: Instant, *, raw: bool) -> None:
         """Update the robot and its components from an array of the raw or aggregated topic."""
         if not self.up:
-            self.record("heard", now)
+            self.record("received", now)
         self.up = True
         self.undecodable = False
         self.last_mono, self.last_wall = now
@@ -167,7 +167,7 @@ class Robot:
         self.measured.apply(feed, statuses, now)
         if statuses and self._has_no_ros:
             if not self.up:
-                self.record("heard", now)
+                self.record("received", now)
             self.up = True
             self.last_mono, self.last_wall = now
             self.versions.receipt += 1

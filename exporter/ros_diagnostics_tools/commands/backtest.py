@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,11 +18,12 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.texts import one_line
-from ros_diagnostics_tools.backtest import compare, report, suggest
+from ros_diagnostics_tools.backtest import compare, report, suggest, words
 from ros_diagnostics_tools.backtest.event_log import is_event_log
+from ros_diagnostics_tools.backtest.formats import RecordingError
 from ros_diagnostics_tools.backtest.ledger import confirm_after
 from ros_diagnostics_tools.backtest.openmetrics import Samples
-from ros_diagnostics_tools.backtest.recordings import RecordingError, Recordings, RecordingSource
+from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, Result, play
 from ros_diagnostics_tools.errors import NotDoneError
 from ros_diagnostics_tools.terminal import make_table, print_json, with_output
@@ -120,9 +121,10 @@ Into the history of Prometheus:
 def command(**given: Any) -> None:
     """Judge recorded diagnostics as the exporter would have, and print what it would have notified.
 
-    BAG is a rosbag2 folder, a .db3, .mcap or .json recording of diagnostic_msgs/DiagnosticArray, or
-    an exporter's database (a copy: its file --storage.path), of which levels and silences are
-    judged. Several are merged by time; what lies between them counts as a stopped exporter.
+    BAG is a recording of diagnostic_msgs/DiagnosticArray: a rosbag2 folder, .mcap, .db3, .bag of
+    ROS 1, .json, or a .zip of them; or an exporter's database (a copy: its file --storage.path), of
+    which levels and silences are judged. Several are merged by time; what lies between them
+    counts as a stopped exporter.
     """
     options = BacktestOptions(**given)
     if options.output == "csv" and (options.compare or options.suggest):
@@ -211,7 +213,9 @@ class _Judged:
         self.seconds = time.perf_counter() - begin
         if self._samples is not None:
             self._samples.close()
-        _warn(self.result, self._recordings.unknown)
+        self.warnings = _warnings(self.result, self._recordings)
+        for each in self.warnings:
+            print(f"ros-diagnostics: {each}", file=sys.stderr)  # noqa: T201
 
     def comparison(self) -> compare.Comparison | None:
         """What the other configuration changes; None without one."""
@@ -229,16 +233,23 @@ class _Judged:
         return suggest.suggest(self.result, self.statistics, self.first.state)
 
 
-def _warn(result: Result, robots: Sequence[str]) -> None:
-    """Name the topics, and robots of event logs, that nobody judged; fail if there is no other."""
-    unknown = ", ".join(map(one_line, (*result.unknown, *robots)))
+def _warnings(result: Result, recordings: Recordings) -> list[str]:
+    """What of the recordings was not judged; raises NothingJudgedError if that is all."""
+    unknown = ", ".join(map(one_line, (*result.unknown, *recordings.unknown)))
+    warnings = list(map(one_line, recordings.warnings))
     if not result.messages:
         raise NothingJudgedError(
             f"the configuration has no robot for the recorded topics ({unknown}): add it, or put "
             "them below a namespace with --namespace"
         )
     if unknown:
-        print(f"ros-diagnostics: of no robot of the configuration: {unknown}", file=sys.stderr)  # noqa: T201
+        warnings.append(f"of no robot of the configuration: {unknown}")
+    if result.undecodable:
+        number = f"{result.undecodable} of {words.count(result.messages, 'message')}"
+        warnings.append(f"{number} cannot be decoded: {one_line(result.reason)}")
+    if result.undecodable == result.messages:
+        raise NothingJudgedError("; ".join(warnings))
+    return warnings
 
 
 class _progress:  # noqa: N801 - used as a function
@@ -272,7 +283,11 @@ def _print(options: BacktestOptions, judged: _Judged) -> None:
 
 
 def _as_json(judged: _Judged) -> dict[str, Any]:
-    content = {**report.as_json(judged.result), "seconds": judged.seconds}
+    content = {
+        **report.as_json(judged.result),
+        "warnings": judged.warnings,
+        "seconds": judged.seconds,
+    }
     comparison, suggestions = judged.comparison(), judged.suggestions()
     if comparison is not None:
         content["comparison"] = compare.as_json(comparison, judged.result.end, report.notification)

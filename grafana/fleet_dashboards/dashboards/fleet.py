@@ -11,7 +11,14 @@ from grafana_foundation_sdk.models import common
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
 from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY, problem_rows, problem_table
-from fleet_dashboards.lib.promql import HELD, in_order, message_age, reached, settled
+from fleet_dashboards.lib.promql import (
+    HELD,
+    HELD_OF_ROBOT,
+    in_order,
+    message_age,
+    reached,
+    settled,
+)
 from fleet_dashboards.lib.tables import Column
 
 # The robots that the filters select; other expressions are joined to these.
@@ -97,7 +104,6 @@ def _listed(handled: str) -> str:
         of_states=_STATES,
         selected=f"and on (fleet, robot) {_SELECTED}",
         covered=f"""
-    unless on (fleet, component) {HELD}{{scope="common"}}
     unless on (fleet, robot) {HELD}{{scope="robot", state=~"many|flapping"}}
 """,
         filters=f"""
@@ -265,7 +271,7 @@ def robots() -> table.Panel:
     return tables.joined(
         "Robots",
         "What is the state of each robot, and how old is its last message? Since is when its "
-        "oldest confirmed fault began.",
+        "oldest confirmed fault began, also one of its site or of many robots.",
         {
             "A": in_order(found),
             "B": message_age('fleet=~"$fleet"'),
@@ -274,7 +280,7 @@ def robots() -> table.Panel:
             or
               max by (fleet, robot) ({_RANK}) * 0
             """,
-            "E": f'min by (fleet, robot) ({HELD}{{fleet=~"$fleet", robot!=""}}) * 1000',
+            "E": f'min by (fleet, robot) ({HELD_OF_ROBOT}{{fleet=~"$fleet"}}) * 1000',
             "F": 'max by (fleet, robot) (ros_diagnostics_robot_maintenance{fleet=~"$fleet"})',
         },
         [

@@ -8,7 +8,7 @@ from grafana_foundation_sdk.builders import table
 
 from fleet_dashboards.lib import links, palette, tables
 from fleet_dashboards.lib.palette import State
-from fleet_dashboards.lib.promql import HELD, label
+from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, label
 from fleet_dashboards.lib.tables import Column
 
 # A fault's identity; a row has the labels of it that apply.
@@ -26,6 +26,7 @@ class _Kind(NamedTuple):
     state: State
     text: str = ""
     named_by: str = ""  # the label before the evidence
+    of_many: bool = False  # robots
 
 
 _KINDS = (
@@ -35,8 +36,6 @@ _KINDS = (
     _Kind('scope="value", state="critical"', palette.CRITICAL, named_by="key"),
     _Kind('scope="value", severity="warning"', palette.WARNING, named_by="key"),
     _Kind('scope="check"', palette.CRITICAL, named_by="check"),
-    _Kind('scope="host", state="critical"', palette.CRITICAL, named_by="check"),
-    _Kind('scope="host", state="warning"', palette.WARNING, named_by="check"),
     _Kind('scope="robot", state="silent"', palette.UNKNOWN),
     _Kind('scope="robot", state="pending"', palette.PENDING),
     _Kind('scope="robot", state="flapping"', palette.WARNING, "comes and goes"),
@@ -52,18 +51,21 @@ _KINDS = (
     ),
     _Kind('scope="flapping", state="flapping"', palette.WARNING, "flapping"),
     _Kind('scope="flapping", state="intermittent"', palette.WARNING, "intermittent"),
-    _Kind('scope="site"', palette.UNKNOWN, "many robots of the site are silent"),
-    _Kind('scope="common"', palette.CRITICAL, "on many robots at once"),
+    _Kind('scope="site"', palette.UNKNOWN, "many robots of the site are silent", of_many=True),
+    _Kind('scope="common"', palette.CRITICAL, "on many robots at once", of_many=True),
 )
 
 
-def _confirmed(matchers: str) -> str:
+def _confirmed(matchers: str, members: str) -> str:
     """Return the confirmed faults with the rank of their states, and a message."""
-    return "\nor\n".join(_ranked(kind, matchers) for kind in _KINDS)
+    return "\nor\n".join(_ranked(kind, matchers, members) for kind in _KINDS)
 
 
-def _ranked(kind: _Kind, matchers: str) -> str:
-    found = f"{HELD}{{{matchers}, {kind.matchers}}} * 0 + {kind.state.rank}"
+def _ranked(kind: _Kind, matchers: str, members: str) -> str:
+    found = f"{HELD}{{{matchers}, {kind.matchers}}}"
+    if kind.of_many and members:
+        found = f"({found} and on (fault) {HELD_OF_ROBOT}{{{members}}})"
+    found = f"{found} * 0 + {kind.state.rank}"
     if kind.state is palette.WARNING:
         worse = f'{HELD}{{{matchers}, state=~"critical|stale"}}'
         found = f"({found} unless on ({_NESTED}) {worse})"
@@ -89,15 +91,14 @@ def _soft(matchers: str, covered: str) -> str:
     component = f"""
     {components}
     unless on ({_COMPONENT}) ({components} == 2 and on ({_COMPONENT}) {planned} == 1)
-    unless on ({_COMPONENT}) {HELD}{{scope=~"component|flapping"}}
+    unless on ({_COMPONENT}) {HELD_OF_ROBOT}{{scope=~"component|flapping|common"}}
     unless on (fleet, robot) ({silent})
 {covered}
 """
     robot = f"""
     {robots} and on (fleet, robot) ({silent})
     unless on (fleet, robot) {HELD}{{scope="robot", state=~"silent|pending|flapping"}}
-    unless on (fleet, robot)
-      (robot:ros_diagnostics:info and on (fleet, site) {HELD}{{scope="site"}})
+    unless on (fleet, robot) {HELD_OF_ROBOT}{{scope="site"}}
 """
     # Of few components, before they are grouped: there are messages of all.
     message = f"""
@@ -184,7 +185,8 @@ def _notified(matchers: str, states: str) -> str:
     or
       max by (fleet, robot) ({_RECEIVED}{{{states}}})
 """
-    behind = "robot:ros_diagnostics_robot:behind"
+    reasons = 'reason=~"uplink_down|domain_unreachable"'
+    behind = f"max by (fleet, robot) (ros_diagnostics_robot_silent_reason{{{reasons}}} == 1)"
     why_not = {
         f"{nobody} and on ({IDENTITY}) {ACKNOWLEDGED}": "no: acknowledged",
         nobody: "not yet",
@@ -240,6 +242,7 @@ def problem_rows(
     selected: str = "",
     covered: str = "",
     filters: str = "",
+    members: str = "",
 ) -> str:
     """Return a series with the rank of its state for each problem.
 
@@ -249,10 +252,11 @@ def problem_rows(
         selected: Restricts what is not confirmed; PromQL that follows its expression.
         covered: Leaves out of that what belongs to a larger fault; PromQL, too.
         filters: Of the variables, for all rows; PromQL, too.
+        members: Of faults of many robots only those that these are part of, by labels of robots.
     """
     return f"""
   max by ({IDENTITY}, message, confirmed) (
-{_confirmed(matchers)}
+{_confirmed(matchers, members)}
 or
     {_soft(of_states or matchers, covered)}
     {selected}

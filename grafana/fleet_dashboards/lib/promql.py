@@ -8,6 +8,8 @@ Recorded states (prometheus/rules) are preferred to computing them again: they a
 from __future__ import annotations
 
 HELD = "fleet:ros_diagnostics_fault_start:held"
+# The same of each robot, with those of sites and of many robots that it is part of.
+HELD_OF_ROBOT = "robot:ros_diagnostics_fault_start:held"
 # Series that belong to no value: the exporter's own families, recorded series, alerts.
 _OTHERS = "ros_diagnostics_.*|ALERTS.*|.*:.*"
 

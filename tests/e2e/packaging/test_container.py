@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 import yaml
 
+from ros_diagnostics_exporter import __version__
 from support import debian
 from support.newcomer import IGNORED, blocks
 from testbed.configuration import CHECKOUT
@@ -27,7 +28,7 @@ from testbed.processes import Process
 ABSENT = debian.why_not("podman", "curl", "ip")
 PAGE = "docs/install-container.md"
 NAME = "ros-diagnostics-exporter"
-IMAGE = f"{NAME}:0.1.0"
+IMAGE = f"{NAME}:{__version__}"
 FLEET = 'fleet: hall\ndiscovery: [{topic: "/{robot}/diagnostics_agg"}]\n'
 # ./run test --all installs it there.
 COMPOSE = Path(sys.prefix) / "deployment" / "bin" / "podman-compose"

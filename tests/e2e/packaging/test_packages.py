@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -20,6 +22,7 @@ from testbed.polling import until
 from testbed.processes import Process
 
 ROOT = Path(__file__).parents[3]
+ROLE = ROOT / "packaging" / "ansible" / "roles" / "ros_diagnostics_exporter"
 UNIT = ROOT / "packaging" / "ros-diagnostics-exporter.service"
 
 pytestmark = pytest.mark.e2e
@@ -110,6 +113,44 @@ def test_the_unit_and_the_containerfile_start_what_the_wheel_installs():
     assert {started[1], entry[1], "virtual-robots", "check_ros_diagnostics"} <= set(scripts)
     for copied in re.findall(r"^COPY (?!--from)(.+) \S+$", containerfile, re.MULTILINE):
         assert all((ROOT / name).exists() for name in copied.split())
+
+
+def test_the_unit_names_documentation_that_the_package_has_and_bounds_its_memory():
+    unit = UNIT.read_text()
+    (page,) = re.findall(r"^Documentation=file:///usr/share/doc/\S+/(\S+)\.gz$", unit, re.MULTILINE)
+    build = (ROOT / "packaging" / "build-deb").read_text()
+    assert re.search(rf"for page in .*\b{re.escape(page)}\b", build)
+    assert re.search(r"^MemoryMax=\d+G$", unit, re.MULTILINE)
+
+
+def test_the_containers_user_and_group_exist_and_its_base_is_pinned_by_digest():
+    containerfile = (ROOT / "packaging" / "Containerfile").read_text()
+    user = re.search(r"^USER (\d+):(\d+)$", containerfile, re.MULTILINE)
+    assert user is not None
+    assert f"groupadd --system --gid {user[2]} " in containerfile
+    assert f"--uid {user[1]} --gid {user[2]} " in containerfile
+    assert re.search(r"^ARG BASE=\S+/python@sha256:[0-9a-f]{64}$", containerfile, re.MULTILINE)
+
+
+def test_ansible_validates_a_fleet_beside_the_folders_that_it_names(tmp_path):
+    tasks = yaml.safe_load((ROLE / "tasks" / "main.yml").read_text())
+    (validate,) = (each["ansible.builtin.copy"].get("validate") for each in tasks[2:3])
+    etc = tmp_path / "etc"
+    (etc / "robots").mkdir(parents=True)
+    (etc / "robots" / "one.yml").write_text("name: turtlebot\ntopic: /diagnostics_agg\n")
+    copied = tmp_path / "ansible" / "source"  # where Ansible has the file before it is validated
+    copied.parent.mkdir()
+    copied.write_text("fleet: hall\nrobots_folder: robots\n")
+    # As Ansible runs it: without a shell.
+    command = shlex.split(validate.replace("/etc/ros-diagnostics-exporter", str(etc)) % copied)
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    report = run(*command, env=os.environ | {"PATH": path})
+
+    assert "turtlebot" in report
+    copied.write_text("fleet: [1\n")
+    wrong = subprocess.run(command, env=os.environ | {"PATH": path}, check=False)
+    assert wrong.returncode == 2
+    assert [each.name for each in etc.iterdir()] == ["robots"]
 
 
 def test_compose_mounts_existing_files_and_pins_every_image():

@@ -97,10 +97,23 @@ def write_hall(folder: Path, domain_id: int, components: int = 25) -> Path:
             "fleet": "hall",
             "limits": {"components": components},
             "profiles": PROFILES,
-            "robots": robots,
+            "robots": [*robots, {"name": "ap_9", "source": "queries", "address": UPLINK}],
             "discovery": [_found(domain_id, "scrapped")],
+            "queries": [_probed("uplink", uplink=True), _probed("ping")],
         },
     )
+
+
+def _probed(what: str, *, uplink: bool = False) -> dict[str, Any]:
+    """The query of docs/examples that judges the probes of a job."""
+    return {
+        "expr": f'min by (fleet, robot) (probe_success{{job="ros-diagnostics-{what}"}})',
+        "component": what,
+        "thresholds": {"low": {"critical": 0.5}},
+        "interval": "5s",
+        "confirm_after": "6s",
+        "uplink": uplink,
+    }
 
 
 def write_shaft(folder: Path, domain_id: int) -> Path:

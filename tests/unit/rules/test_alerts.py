@@ -25,11 +25,7 @@ HEADINGS = ["Meaning", "First step", "If that does not help", "Who", "Tuning"]
 FORMER = ["Meaning", "Impact", "Diagnosis", "Mitigation", "Tuning"]
 SCREEN = 50  # lines
 # The first step depends on what the alert is about, and the mail has it.
-OF_ANOTHER = {
-    "RosDiagnosticsUnacknowledged",
-    "RosDiagnosticsHostCritical",
-    "RosDiagnosticsHostWarning",
-}
+OF_ANOTHER = {"RosDiagnosticsUnacknowledged"}
 WORDS = (ROOT / "alertmanager" / "templates" / "words.tmpl").read_text()
 SEVERITIES = {"critical", "warning", "info"}
 ESCALATION = {"RosDiagnosticsUnacknowledged"}
@@ -125,11 +121,9 @@ def test_only_the_hold_reads_what_it_records():
 
     assert itself == {
         "exporter:ros_diagnostics_exporter:held",
-        "fleet:ros_diagnostics_fault_start:held",  # of scope `host`
         "fleet:ros_diagnostics_fault_start:latest",
-        "host_check:ros_diagnostics_host:held",
-        "host_check:ros_diagnostics_host:start",
         "robot:ros_diagnostics:info",
+        "robot:ros_diagnostics_fault_start:held",
         "site_component:ros_diagnostics_fault:held",
         SLOT,
     }
