@@ -35,6 +35,7 @@ TimerKind = Literal[
     "ends",
 ]
 Timer = tuple[TimerKind, "Problem | Cause | Robot | Component | None"]
+CLOCK_TIME = 60.0  # seconds for which a clock has to be wrong: longer than arrays are buffered
 FLEET_ROW: RowKey = ("fleet", ())
 UPLINK_TIME = 15.0  # seconds in which a query has noticed that an uplink does not answer
 
@@ -164,6 +165,8 @@ class Book:
             return clock
         if state is State.PENDING:
             return clock + self.settings.pending_after
+        if state is State.CLOCK:
+            return clock + CLOCK_TIME
         if state is State.FALLING:
             return clock + 2 * self.settings.falling.over / TREND_STEPS
         if component is not None:

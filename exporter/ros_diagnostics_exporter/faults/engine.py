@@ -14,6 +14,7 @@ from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults import (
     adoption,
     causes,
+    clocks,
     components,
     ends,
     hours,
@@ -226,6 +227,12 @@ class Faults:
         """Note that a robot never received lost the publishers for which it counted as silent."""
         changes = self.advance(now)
         presence.become_pending(self._book, self._robot(name), now)
+        return changes + judge.settle(self._book, now)
+
+    def clocks(self, offsets: Mapping[str, float], now: Instant) -> list[Change]:
+        """Take how far the clocks of all robots that are received differ, in seconds, by robot."""
+        changes = self.advance(now)
+        clocks.judge(self._book, offsets, now)
         return changes + judge.settle(self._book, now)
 
     def components_changed(

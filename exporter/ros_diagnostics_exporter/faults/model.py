@@ -24,6 +24,7 @@ class Scope(str, Enum):
     FLAPPING = "flapping"  # of a component, or intermittent
     SITE = "site"
     COMMON = "common"
+    CLOCK = "clock"  # of the exporter
 
 
 class State(str, Enum):
@@ -38,6 +39,7 @@ class State(str, Enum):
     FLAPPING = "flapping"
     INTERMITTENT = "intermittent"
     MANY = "many"
+    CLOCK = "clock"
 
 
 class Identity(NamedTuple):
@@ -87,6 +89,15 @@ def as_texts(identity: Identity, own: Mapping[str, str]) -> dict[str, str]:
         "severity": severity_of(identity),
         "site": identity.site or own.get("site", ""),
     }
+
+
+def identity_of(texts: Mapping[str, str]) -> Identity:
+    """The identity of which these are the texts, see `as_texts`."""
+    scope, state = Scope(texts["scope"]), State(texts["state"])
+    own = {each: texts[each] for each in ("robot", "group", "component", "check", "key", "bound")}
+    site = texts["site"] if scope is Scope.SITE else ""
+    severity = texts["severity"] if state is State.MANY else ""
+    return Identity(scope, state, **own, site=site, severity=severity)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Source, Threshold, ValueRule
 from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.faults.clocks import LIMIT
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import (
     Change,
@@ -123,12 +124,22 @@ class FaultReports:
         if changed:
             self._record(self._faults.unreachable(changed, now))
 
+    def _clocks(self) -> dict[str, float]:
+        """How far the clocks of robots differ that are received, and have one."""
+        robots = ((name, reports.robot) for name, reports in self._robots.items())
+        return {
+            name: robot.clock_offset
+            for name, robot in robots
+            if robot.up and robot.clock_offset is not None
+        }
+
     def tick(self, now: Instant, *, slow: bool) -> None:
         """Let time pass; to be called a few times a second, once a second with ``slow``."""
         now = self._time(now)
         if slow:
             self._report_maintenance(now)
             self._report_unreachable(now)
+            self._record(self._faults.clocks(self._clocks(), now))
         self._record(self._faults.advance(now))
 
     def restore(self, rows: Iterable[Row], now: Instant) -> None:
@@ -185,13 +196,9 @@ class FaultReports:
         return reports.robot, reports.find(ComponentName(identity.group, identity.component))
 
     def _troubled(self, identity: Identity) -> Iterator[str]:
-        """The robots that a site's or a common cause counts."""
+        """The robots that a fault of no robot counts."""
         for name, reports in self._robots.items():
-            if identity.scope is Scope.SITE:
-                site = reports.robot.settings.labels.get("site", "")
-                if site == identity.site and not reports.robot.up:
-                    yield name
-            elif identity.scope is Scope.COMMON and reports.has_error(identity.component):
+            if _is_part(reports, identity):
                 yield name
 
     # -- asked -------------------------------------------------------------------------------
@@ -652,6 +659,16 @@ class RobotReports:
             if check in expected:
                 changes += faults.check_changed(robot, check, sum(counts), expected[check], now)
         return changes
+
+
+def _is_part(reports: RobotReports, identity: Identity) -> bool:
+    """Whether a fault of no robot counts this one."""
+    robot = reports.robot
+    if identity.scope is Scope.SITE:
+        return robot.settings.labels.get("site", "") == identity.site and not robot.up
+    if identity.scope is Scope.CLOCK:
+        return robot.up and abs(robot.clock_offset or 0.0) > LIMIT
+    return reports.has_error(identity.component)
 
 
 def _event(what: str, fault: Fault, at: float) -> Event:

@@ -1005,3 +1005,27 @@ def test_an_array_in_which_nothing_changed_reports_nothing(monkeypatch):
     assert reported == []
     driver.raw(MOTOR, LASER)
     assert [robot for robot, *_more in reported] == ["r"]
+
+
+def test_a_clock_that_differs_is_a_fault_of_its_robot_with_the_difference():
+    driver = settled(MOTOR)
+    for _ in range(65):
+        driver.at(driver.now.mono + 1)
+        driver.raw(MOTOR, stamp=driver.now.wall - 90)
+    assert faults(driver) == {("robot", "clock", "r")}
+    (fault,) = driver.state.faults()
+    assert fault.evidence == "its clock is 90 s behind the exporter's"
+    for _ in range(3):
+        driver.at(driver.now.mono + 1)
+        driver.raw(MOTOR, stamp=driver.now.wall)
+    assert faults(driver) == set()
+
+
+def test_a_value_that_falls_is_a_fault_with_the_threshold_that_it_falls_to():
+    low = ValueRule(key=re.compile("Charge"), thresholds=(Threshold("low", "critical", 10.0),))
+    driver = settled(MOTOR, values=(low,))
+    for minute in range(26):
+        stand(driver, 60, MOTOR._replace(values=(("Charge", f"{60 - minute} %"),)))
+    assert faults(driver) == {("value", "falling", "r", "Motor", "Charge", "low")}
+    (fault,) = driver.state.faults()
+    assert fault.evidence.partition(";")[0] == "37 %, falling to the threshold of 10 %"
