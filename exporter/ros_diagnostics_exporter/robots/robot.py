@@ -377,7 +377,6 @@ class Robot:
             if component is not None:
                 component.restore(each, now)
                 self.measured.restored(each.identity)
-        self.versions.levels += 1
         self.versions.receipt += 1
 
 

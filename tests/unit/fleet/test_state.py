@@ -504,6 +504,15 @@ def test_forget_takes_out_what_a_person_names():
     assert [each.name for each in driver.robot.components] == ["Laser 1"]
 
 
+def test_what_a_person_forgets_is_known_again_with_the_next_array():
+    driver = StateDriver(Source.AGG)
+    array = tree(Parts=[HOT, LASER])
+    driver.agg(*array)
+    driver.state.forget("r", "Motor 1", driver.now)
+    driver.agg(*array)
+    assert driver.level("Motor 1") == ERROR
+
+
 # -- fleet --------------------------------------------------
 
 

@@ -12,6 +12,7 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
@@ -64,9 +65,17 @@ RICH = replace(
             Pattern("Motor"),
             unless=(Condition("Laser is ERROR", (Pattern("Laser"),), levels=(ERROR,)),),
         ),
+        ComponentRule(
+            Pattern("Arm"),
+            unless=(Condition("Laser", (Pattern("Laser"),), key=(Pattern("Volt"),), above=3.0),),
+        ),
     ),
     values=(
-        ValueRule(key=Pattern("Charge"), thresholds=(Threshold("low", "critical", 10.0),)),
+        ValueRule(
+            key=Pattern("Charge"),
+            thresholds=(Threshold("low", "critical", 10.0),),
+            unless=(Condition("Laser is ERROR", (Pattern("Laser"),), levels=(ERROR,)),),
+        ),
         ValueRule(key=Pattern("Volt"), metric="ros_voltage_volts", scale=0.5),
     ),
 )
@@ -166,6 +175,9 @@ events = st.one_of(
     st.tuples(st.just("forget"), st.sampled_from(["r1", "r2", "r3"]), names | st.none()),
     st.tuples(st.just("restart")),
 )
+LASER = Status(OK, "Laser", "", "", (("Volt", "5"),))
+BATTERY = Status(OK, "Battery", "", "", (("Charge", "5"),))
+MOTOR = Status(OK, "Motor", "", "", (("Charge", "50"),))
 # What is rendered after a step, as the two scrape jobs do; nothing: between two scrapes.
 SCRAPES = {"all": ALL_PARTS, "faults": frozenset({Part.FAULTS}), "none": frozenset[Part]()}
 scrapes = st.sampled_from(["all", "all", "faults", "none"])
@@ -297,6 +309,16 @@ def check_problems(text: list[str], state: State, now: Instant) -> None:
     assert {name for name, level in troubled.items() if level in "12"} <= problems.keys()
 
 
+def check_reported(state: State, now: Instant) -> None:
+    """To report all of every robot again is to report nothing new."""
+    reports, book = state._faults, state._faults._faults._book
+    known = {each: problem.verdict for each, problem in book.problems.items()}
+    for robot in state.robots.values():
+        reports._robots[robot.settings.name]._everything = True
+        reports._record(reports._robots[robot.settings.name].update(reports._faults, now))
+    assert {each: problem.verdict for each, problem in book.problems.items()} == known
+
+
 def names_in(text: list[str], family: str) -> dict[Name, str]:
     """The samples of a family, of robots that are up."""
     up = {line.split('"')[3] for line in text if "_robot_up{" in line and line.endswith(" 1.0")}
@@ -345,6 +367,23 @@ def check(history: list[tuple[tuple[object, ...], str]]) -> None:
         played.storage.close()
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        [("raw", "/r2/d", (MOTOR,)), ("again", ("values", (("Charge", "5"),)))],
+        [("raw", "/r2/d", (BATTERY,)), ("again", ("level", STALE)), ("again", ("level", OK))],
+        [("raw", "/r2/d", (BATTERY, LASER)), ("again", ("level", ERROR))],
+        [("raw", "/r1/d", (LASER,)), ("again", ("level", ERROR))],
+    ],
+)
+def test_to_report_all_of_a_robot_again_is_to_report_nothing_new(tmp_path, changes):
+    played = History(tmp_path)
+    for what, *how in changes:
+        played.do(what, *how)
+        check_reported(played.state, played.now)
+    played.storage.close()
+
+
 def compare_written(played: History, folder: Path) -> None:
     """What was written step by step gives what is written at once, and every fault."""
     played.save()
@@ -371,6 +410,60 @@ OTHER_TOPIC = 3  # the fleet in which r1 has others
 @example([(("again", ("level", ERROR)), "all"), (("restart",), "all"), (("regroup", "Top"), "all")])
 @example([(("again", ("level", ERROR)), "all"), (("again", ("message", "hot")), "all")])
 @example([(("again", ("level", OK)), "all"), (("again", ("hardware_id", "r4")), "all")])
+@example(  # in maintenance, where nothing else follows a level
+    [
+        (("again", ("level", WARN)), "all"),
+        (("plan", [Downtime("r1", "", WALL, WALL + 1e6, "me", "")]), "all"),
+        (("again", ("level", ERROR)), "all"),
+    ]
+)
+@example(  # quiet by a value of another component
+    [
+        (("raw", "/r2/d", (Status(STALE, "Arm: left"), LASER)), "all"),
+        (("again", ("values", (("Volt", "12.5"),))), "all"),
+    ]
+)
+@example(  # a value beyond its threshold, before and after its component is STALE
+    [
+        (("raw", "/r2/d", (MOTOR,)), "all"),
+        (("again", ("values", (("Charge", "5"),))), "all"),
+        (("again", ("level", STALE)), "all"),
+        (("again", ("level", OK)), "all"),
+        (("again", ("values", ())), "all"),
+    ]
+)
+@example(  # a value that is quiet by another component
+    [
+        (("raw", "/r2/d", (BATTERY, LASER)), "all"),
+        (("again", ("level", ERROR)), "all"),
+        (("again", ("level", OK)), "all"),
+    ]
+)
+@example(  # a value that no rule judges
+    [
+        (("raw", "/r1/d", (LASER,)), "all"),
+        (("again", ("values", (("Volt", "12.5"),))), "all"),
+    ]
+)
+@example([(("again", ("level", OK)), "all"), (("dropped", "/r1/d"), "all")])
+@example([(("domain", True), "all"), (("undecodable", "/r1/d"), "all")])
+@example([(("again", ("level", OK)), "all"), (("wait", 7.0), "all")])
+@example([(("again", ("level", OK)), "all"), (("graph", {"/r1/d": Endpoint(1)}), "all")])
+@example([(("wait", 0.5), "all"), (("domain", False), "all")])
+@example(
+    [
+        (("raw", "/r1/d_agg", (Status(OK, "/Base"), Status(OK, "/Base/Motor"))), "all"),
+        (("raw", "/r1/d_agg", (Status(WARN, "/Base"), Status(OK, "/Base/Motor"))), "all"),
+    ]
+)
+@example(  # forgotten, and received again
+    [
+        (("aggregate", "/r1/d_agg", {"Base": [Status(OK, "Motor"), Status(OK, "Laser")]}), "all"),
+        (("forget", "r1", "Motor"), "all"),
+        (("aggregate", "/r1/d_agg", {"Base": [Status(OK, "Motor"), Status(OK, "Laser")]}), "all"),
+        (("regroup", "Top"), "all"),
+    ]
+)
 @example(  # a flap ratio that falls while nothing else changes
     [
         (("again", ("level", OK)), "all"),
