@@ -161,7 +161,7 @@ def problems() -> table.Panel:
         _MATCHERS,
         of_states=_STATES,
         proof=_PROOF,
-    ).height(8)
+    ).height(7)
 
 
 # --- The fleet as a whole ---

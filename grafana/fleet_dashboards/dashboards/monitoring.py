@@ -319,9 +319,7 @@ def alertmanagers() -> stat.Panel:
         "To how many Alertmanagers does Prometheus send alerts?",
         "max by (instance) (prometheus_notifications_alertmanagers_discovered)",
     )
-    colours = panels.steps((None, palette.CRITICAL.colour), (1, palette.NOTHING))
-    none = palette.special(dashboard.SpecialValueMatch.NULL, panels.NO_DATA)
-    return panels.on_colour(panel).thresholds(colours).mappings([none])
+    return panels.on_colour(panel, (0, palette.CRITICAL.colour), (1, palette.NOTHING))
 
 
 def prometheus_series() -> stat.Panel:
@@ -437,10 +435,9 @@ def canaries_in_time() -> stat.Panel:
         """,
         unit="percentunit",
     )
-    colours = panels.steps((None, palette.CRITICAL.colour), (0.99, palette.NOTHING))
     none = palette.special(dashboard.SpecialValueMatch.NA_N, "none yet")
-    panel = panels.on_colour(panel).thresholds(colours).mappings([none]).decimals(2)
-    return panel.height(8).span(6)
+    panel = panels.on_colour(panel, (0, palette.CRITICAL.colour), (0.99, palette.NOTHING))
+    return panel.mappings([none]).decimals(2).height(8).span(6)
 
 
 def canary_under_way() -> stat.Panel:

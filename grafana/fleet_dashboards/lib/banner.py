@@ -129,8 +129,8 @@ def monitoring() -> stat.Panel:
             ],
         )
         .data_links([link])
-        .orientation(common.VizOrientation.HORIZONTAL)  # several lines, below one another
-        .height(2)
+        .orientation(common.VizOrientation.HORIZONTAL)  # up to three lines, below one another
+        .height(3)
         .span(18)
     )
 
