@@ -16,6 +16,7 @@ BESIDE = {
     "SECURITY.md": "SECURITY.md",
     "CONTRIBUTING.md": "CONTRIBUTING.md",
 }
+SHIM = "iframe-worker.js"  # in place of one from another server
 LINK = re.compile(r"(!?)\[([^\]]*)\]\((?!https?:|#)([^)#\s]+)(#[^)]*)?\)")
 
 
@@ -32,7 +33,9 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that are beside docs/."""
+    """Add the pages that are beside docs/, and what search needs in a folder."""
+    script = (CHECKOUT / "tools" / SHIM).read_text(encoding="utf-8")
+    files.append(File.generated(config, SHIM, content=script))
     for source, page in BESIDE.items():
         text = (CHECKOUT / source).read_text(encoding="utf-8")
         files.append(File.generated(config, page, content=moved(text, ".", files)))

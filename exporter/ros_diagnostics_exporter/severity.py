@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.texts import natural
@@ -48,7 +48,8 @@ SILENT = {  # why a robot is silent
     "mute": "its publisher sends nothing",
     "undecodable": "its messages cannot be decoded",
     "wrong_type": "its topics have another type",
-    "domain_unreachable": "its DDS domain cannot be joined",
+    "unreachable": "what connected it by zenoh is gone: its bridge, or the network",
+    "domain_unreachable": "its DDS domain cannot be joined, or no zenoh router answers",
     "uplink_down": "its uplink does not answer",
 }
 _OF_ROBOT = {
@@ -56,6 +57,7 @@ _OF_ROBOT = {
     "pending": "robot was never received",
     "flapping": "robot comes and goes",
     "many": "many components failed at once",
+    "clock": "robot's clock is wrong",
 }
 _AFTER = {
     "received": "is received",
@@ -204,6 +206,7 @@ def subject(problem: dict[str, Any]) -> str:
         "flapping": path,
         "site": f"many robots of site {problem['site'] or '(none)'} are silent",
         "common": f"{problem['component']} of many robots",
+        "clock": "the exporter's clock is wrong",
     }[problem["scope"]]
 
 
@@ -349,6 +352,13 @@ def value_text(problem: dict[str, Any], component: dict[str, Any]) -> str:
                 unit = f" {value['unit']}" if value["unit"] else ""
                 return f"{value['number']:g}{unit}, {each['bound']} threshold {each['value']:g}"
     return ""
+
+
+def query_text(query: Mapping[str, Any]) -> str:
+    """How the running exporter's query is answered; why it is not, in Prometheus' words."""
+    answered = f"{query['rows']} components, {query['skipped']} elements of no robot of this fleet"
+    how = {None: "not answered yet", "": answered}.get(query["error"], query["error"])
+    return f"{query['name']}: {how}"
 
 
 def clock(unix: float, now: float, *, local: bool, seconds: bool = True) -> str:

@@ -7,6 +7,7 @@ from urllib.parse import quote
 from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.builders import stat, statetimeline, table, timeseries
 from grafana_foundation_sdk.models import common
+from grafana_foundation_sdk.models.prometheus import PromQueryFormat
 
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
@@ -15,6 +16,7 @@ from fleet_dashboards.lib.promql import (
     HELD,
     HELD_OF_ROBOT,
     in_order,
+    label,
     message_age,
     reached,
     settled,
@@ -45,6 +47,7 @@ def build() -> builders.Dashboard:
             robots_by_state(),
             number_of_problems(),
             problems(),
+            wall(),
             states_of_robots(),
             health(),
             share_working(),
@@ -152,13 +155,13 @@ def problems() -> table.Panel:
         "the oldest. The message is that at the time of confirmation, with values and what else "
         "was wrong; of what is not confirmed yet, the present one. A silent robot is one row, and "
         "so is what has one cause on many robots. Confirmed problems have lasted for their "
-        "confirm_after, and an alert fires. Unhandled, at the top, leaves out what is acknowledged "
-        "or planned.",
+        "confirm_after, and an alert fires. Care is who has it or was notified, or why nobody was. "
+        "Unhandled, at the top, leaves out what is acknowledged or planned.",
         _PROBLEMS,
         _MATCHERS,
         of_states=_STATES,
         proof=_PROOF,
-    ).height(12)
+    ).height(8)
 
 
 # --- The fleet as a whole ---
@@ -231,15 +234,54 @@ def health() -> timeseries.Panel:
 # --- Robots ---
 
 
+def wall() -> stat.Panel:
+    """Show a tile for each robot in the colour of its state; a click opens the robot."""
+    found = f"""
+      ({_RANK} ${{state:raw}})
+    * on (fleet, robot) group_left (site, robot_group)
+      {_SELECTED}
+    """
+    sorted_by = f'label_join({in_order(found)}, "place", " ", "site", "robot_group", "order")'
+    query = panels.at_end(label(sorted_by, "name", "$1", "robot", "(.*)"))
+    # Each row becomes a field: its other columns are labels, for the link.
+    fields = [
+        {"fieldName": "Time", "handlerKey": "__ignore"},
+        {"fieldName": "name", "handlerKey": "field.name"},
+        {"fieldName": "Value", "handlerKey": "field.value"},
+    ]
+    link = builders.DashboardLink("Open this robot").url(links.TO_ROBOT_OF_SERIES)
+    panel = panels.number(
+        "All robots",
+        "In which state is each robot? A tile for each, by site, group and name. A click opens "
+        "the robot.",
+        found,
+    )
+    return (
+        panels.on_colour(panel.mappings(palette.state_mappings()))
+        .targets([query.format(PromQueryFormat.TABLE)])
+        .transformations(
+            [
+                tables.step("sortBy", fields={}, sort=[{"field": "place"}]),
+                tables.step("rowsToFields", mappings=fields),
+            ]
+        )
+        .text_mode(common.BigValueTextMode.NAME)
+        .display_name("${__field.name}")  # without labels
+        .data_links([link])
+        .span(24)
+        .height(7)
+    )
+
+
 def states_of_robots() -> statetimeline.Panel:
     """Show the states of the worst robots over time."""
     link = builders.DashboardLink("Open this robot").url(links.TO_ROBOT_OF_SERIES)
     # The worst are chosen at the end of the range, so that the rows stay the same over all of it.
     # Every point queries all robots: hence the series of one value a minute, and few points.
     expr = f"""
-      robot:ros_diagnostics_state:max1m{{fleet=~"$fleet"}}
+      max_over_time(robot:ros_diagnostics_state:max1m{{fleet=~"$fleet"}}[$__rate_interval])
     and on (fleet, robot)
-      topk(50,
+      topk(15,
           ({_RANK} @ end() ${{state:raw}})
         and on (fleet, robot)
           {_SELECTED} @ end()
@@ -247,11 +289,11 @@ def states_of_robots() -> statetimeline.Panel:
     """
     panel = panels.timeline(
         "States of the robots",
-        "When was which robot in which state? The worst state of each minute, half a minute late. "
-        "At most 50 robots, the worst at the end of the range: filter to see others.",
-        panels.over_time(in_order(expr), "{{robot}}"),
+        "When was which robot in which state? The worst state of each minute or step, half a "
+        "minute late. The 15 robots that are worst at the end of the range: filter to see others.",
+        panels.over_time(in_order(expr), "{{fleet}}/{{robot}}"),
     )
-    return panel.max_data_points(400).data_links([link]).height(9)
+    return panel.max_data_points(400).data_links([link]).height(8)
 
 
 _IN_TROUBLE = """
@@ -278,7 +320,7 @@ def robots() -> table.Panel:
             "C": f"""
               count by (fleet, robot) ({_IN_TROUBLE})
             or
-              max by (fleet, robot) ({_RANK}) * 0
+              max by (fleet, robot) (ros_diagnostics_robot_up{{fleet=~"$fleet"}}) * 0
             """,
             "E": f'min by (fleet, robot) ({HELD_OF_ROBOT}{{fleet=~"$fleet"}}) * 1000',
             "F": 'max by (fleet, robot) (ros_diagnostics_robot_maintenance{fleet=~"$fleet"})',

@@ -187,7 +187,7 @@ def problems() -> table.Panel:
         _FAULTS,
         of_states=_ROBOT,
         proof=f"{settled(variables.FLEET, of='fleet')} and on (fleet) {received}",
-        hidden=("Robot", "Maintenance", "Fleet"),
+        hidden=("Robot",),
     ).height(7)
 
 

@@ -15,11 +15,14 @@ _OTHERS = "ros_diagnostics_.*|ALERTS.*|.*:.*"
 
 
 def component_rank(matchers: str) -> str:
-    """Return the rank of each component, OK ones included: only others have a recorded rank."""
+    """Return the rank of each component, OK ones included: only others have a recorded rank.
+
+    That ends when the exporter dies, and levels, which are scraped less often, some seconds later.
+    """
     return (
         "max by (fleet, robot, group, component) ("
         f"component:ros_diagnostics_state:rank{{{matchers}}}"
-        f" or ros_diagnostics_component_level{{{matchers}}} * 0)"
+        f" or ros_diagnostics_component_level{{{matchers}}} == 0)"
     )
 
 

@@ -30,6 +30,7 @@ def test_every_page_and_runbook_is_there_and_can_be_found(site: Path):
     index = (site / "search" / "search_index.json").read_text("utf-8")
     assert '"alerts/RosDiagnosticsRobotSilent.html' in index
     assert "SECURITY.html" in index
+    assert "iframe-worker.js" in (site / "index.html").read_text("utf-8")  # finds in a folder, too
 
 
 def test_nothing_is_taken_from_another_server(site: Path):
