@@ -11,6 +11,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+from support import skips
 from testbed import domains, ports
 from testbed.processes import Process
 
@@ -36,7 +37,19 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--all", action="store_true", help="also run the tests marked slow")
+    parser.addoption("--no-skips", action="store_true", help="a skip is a failure: ./run nightly")
     parser.addoption("--update", action="store_true", help="rewrite the expected texts")
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is None or not session.config.getoption("--no-skips"):
+        return
+    refused = skips.refused(each.longrepr for each in reporter.stats.get("skipped", ()))
+    for line in refused:
+        reporter.write_line(line, red=True)
+    if refused:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

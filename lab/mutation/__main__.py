@@ -46,9 +46,12 @@ def main() -> None:
                 options.mutants, options.seed
             )
             killed = tested - len(survivors)
-            print(f"{package}: {killed} of {tested} killed, {killed / tested:.0%}", flush=True)
-            for place, change in survivors:
-                print(f"  {place}\n{change}", flush=True)
+            lines = [f"{package}: {killed} of {tested} killed, {killed / tested:.0%}"]
+            lines.extend(f"  {place}\n{change}" for place, change in survivors)
+            print("\n".join(lines), flush=True)
+            if options.report:
+                with options.report.open("a") as report:
+                    report.writelines(f"{line}\n" for line in lines)
 
 
 def _arguments() -> argparse.ArgumentParser:
@@ -57,6 +60,9 @@ def _arguments() -> argparse.ArgumentParser:
         "package", nargs="*", metavar="PACKAGE", help=f"of {', '.join(PACKAGES)}; all if none"
     )
     parser.add_argument("--mutants", type=int, default=20, help="of each package (%(default)s)")
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE", help="append scores and survivors to it, too"
+    )
     parser.add_argument("--seed", type=int, default=1, help="which are drawn (%(default)s)")
     return parser
 

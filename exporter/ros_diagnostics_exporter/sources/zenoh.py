@@ -175,7 +175,8 @@ class ZenohNetwork(Reception):
 
     @override
     def data(self, taken: zenoh.Sample) -> bytes:
-        return taken.payload.to_bytes()
+        message: bytes = taken.payload.to_bytes()
+        return message
 
 
 def _config(settings: Zenoh) -> Any:

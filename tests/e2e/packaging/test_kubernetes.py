@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import subprocess
@@ -20,6 +19,7 @@ import yaml
 
 import prometheus_operator
 from ros_diagnostics_exporter import __version__
+from support.go import go
 from testbed import domains, http
 from testbed.configuration import CHECKOUT
 from testbed.polling import until
@@ -170,22 +170,6 @@ def overlays(folder: Path) -> tuple[Path, Path]:
         (folder / name / "kustomization.yaml").write_text(content)
         (folder / name / "fleet.yml").write_text("fleet: yokohama\n")
     return folder / "site", folder / "hall-2"
-
-
-def go(*arguments: str, cwd: Path, **environment: str) -> str:
-    if shutil.which("go") is None:
-        pytest.skip("needs Go")
-    done = subprocess.run(
-        ["go", *arguments],
-        cwd=cwd,
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        timeout=800,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 @pytest.mark.slow

@@ -1,0 +1,28 @@
+"""Which tests may be skipped where a skip is a failure (`--no-skips`): tests/allowed_skips.yml."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import yaml
+
+from testbed.configuration import CHECKOUT
+
+LIST = CHECKOUT / "tests" / "allowed_skips.yml"
+MOST = 3
+
+
+def allowed() -> dict[str, str]:
+    """The reasons that pytest prints of skips that are no failure, each with why that is so."""
+    found: dict[str, str] = yaml.safe_load(LIST.read_text()) or {}
+    return found
+
+
+def refused(skipped: Iterable[tuple[str, int, str]]) -> list[str]:
+    """A line for each skip (file, line, reason) that is not allowed."""
+    fine = allowed()
+    return [
+        f"skipped, which is a failure here: {path}:{line}: {reason}"
+        for path, line, reason in skipped
+        if reason.removeprefix("Skipped: ") not in fine
+    ]
