@@ -1,6 +1,6 @@
 """The version of the package, in the files that name it: `__version__` is the one place.
 
-Releases are three numbers: what follows the project's name, and package.xml's and kustomize's keys.
+Releases are three numbers: what follows the project's name, and keys of their own.
 """
 
 from __future__ import annotations
@@ -19,9 +19,12 @@ FILES = (
     "exporter/package.xml",
     "packaging/ansible/roles/ros_diagnostics_exporter/defaults/main.yml",
     "packaging/kubernetes/base/exporter.yaml",
+    "sim/pyproject.toml",
 )
 PLACE = re.compile(
-    r"((?:ros-diagnostics-exporter|virtual-robots)[:_]|<version>|newTag: )\d+\.\d+\.\d+"
+    r"((?:ros-diagnostics-exporter|virtual-robots)[:_]|<version>|newTag: |^version = .)"
+    r"\d+\.\d+\.\d+",
+    re.MULTILINE,
 )
 
 

@@ -52,12 +52,13 @@ class Array(NamedTuple):
     """One diagnostic_msgs/DiagnosticArray.
 
     ``stamp`` is header.stamp in seconds since the epoch (0.0 where the publisher left it out);
-    ``size`` is the length of the serialized message in bytes.
+    ``size`` is the length of the serialized message in bytes, ``raw`` that message.
     """
 
     stamp: float
     statuses: tuple[Status, ...]
     size: int = 0
+    raw: bytes = b""
 
 
 class Feed(NamedTuple):

@@ -9,6 +9,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Collection, Iterable
+from dataclasses import asdict
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -17,9 +18,11 @@ from typing import Any
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.api import ledger, snapshot
 from ros_diagnostics_exporter.canary import Canary
+from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
+from ros_diagnostics_exporter.faults.model import fault_id, identity_of
 from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
@@ -48,6 +51,7 @@ class Service:
     TICK = 0.25  # seconds between two turns of the loop that lets time pass
     SAVE = 0.1  # ... of the one that saves, which writes less often
     FOLLOW = 1.0  # ... of the one that joins domains
+    CAPSULES = 1.0  # ... of the one that compresses what was received
     UNMATCHED = 60.0  # ... of the one that looks for entries of fleet.yml that match nothing
     ADOPT = 60.0  # ... between two looks at which alerts fire, once it has settled
     HANGING = 30.0  # seconds after which a turn of a vital loop hangs
@@ -77,6 +81,7 @@ class Service:
             older = storage.find_events
             self.events = EventLog(storage.load(self.state, now), older)
         self._notifications = self._restore_notifications(older, now.wall)
+        self._capsules = None if storage is None else self._make_capsules(storage.path, config_file)
         self._canary = Canary(now)
         self._reloader = Reloader(
             config_file,
@@ -92,6 +97,8 @@ class Service:
         self._storage_loop = Loop("storage", self.SAVE, self._save)
         self._join_loop = Loop("domains", self.FOLLOW, self._follow_domains)
         self._others = [Loop("unmatched", self.UNMATCHED, self._find_unmatched)]
+        if self._capsules is not None:
+            self._others.append(Loop("capsules", self.CAPSULES, self._keep_capsules))
         if alertmanager is not None:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
@@ -171,6 +178,16 @@ class Service:
             for event in self._notifications.acknowledge(self._acknowledged()):
                 self._record(event)
 
+    def _make_capsules(self, database: Path, config_file: Path) -> Capsules:
+        folder = database.with_name(f"{database.stem}.capsules")
+        capsules = Capsules(folder, config_file, self.state.topics_of)
+        self.state.recorder = capsules.rings.receive
+        return capsules
+
+    def _keep_capsules(self) -> None:
+        if self._capsules is not None:
+            self._capsules.turn(read_clocks())
+
     def _find_unmatched(self) -> None:
         self.state.find_unmatched(read_clocks())
 
@@ -231,6 +248,10 @@ class Service:
     def _record(self, event: Event) -> None:
         self.events.record(event)
         self._notifications.note(event)
+        if self._capsules is not None and event.kind == "fault_began" and event.robot:
+            fleet = self.state.fleet
+            fault = fault_id(fleet.name, fleet.exporter, identity_of(asdict(event)))
+            self._capsules.note(fault, event, read_clocks())
 
     def _restore_notifications(
         self, find: Callable[[Wanted], Iterable[Numbered]], wall: float
@@ -316,6 +337,13 @@ class Service:
 
     def _care(self) -> snapshot.Care:
         return snapshot.Care(self._notifications.lasting(), self._acknowledged())
+
+    def capsule(self, fault: str) -> bytes:
+        """The newest capsule of a fault; LookupError if there is none."""
+        if self._capsules is None:
+            raise LookupError("no capsules are kept: the exporter runs with --storage.path=none")
+        self._record_events()
+        return self._capsules.read(fault, read_clocks())
 
     def find_events(self, wanted: Wanted) -> Iterable[dict[str, Any]]:
         """The events that match the filter, newest first."""

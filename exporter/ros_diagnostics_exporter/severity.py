@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.texts import natural
@@ -57,14 +57,15 @@ _OF_ROBOT = {
     "pending": "robot was never received",
     "flapping": "robot comes and goes",
     "many": "many components failed at once",
+    "clock": "robot's clock is wrong",
 }
 _AFTER = {
-    "heard": "is received",
+    "received": "is received",
     "silent": "is silent",
     "known": "was found",
     "forgotten": "removed",
     "read": "was read",
-    "refused": "was rejected",
+    "rejected": "was rejected",
 }
 _OF_STATE = {"silent": "UNKNOWN", "pending": "PENDING"}  # all others by their severity
 _WORSE = {
@@ -205,6 +206,7 @@ def subject(problem: dict[str, Any]) -> str:
         "flapping": path,
         "site": f"many robots of site {problem['site'] or '(none)'} are silent",
         "common": f"{problem['component']} of many robots",
+        "clock": "the exporter's clock is wrong",
     }[problem["scope"]]
 
 
@@ -350,6 +352,13 @@ def value_text(problem: dict[str, Any], component: dict[str, Any]) -> str:
                 unit = f" {value['unit']}" if value["unit"] else ""
                 return f"{value['number']:g}{unit}, {each['bound']} threshold {each['value']:g}"
     return ""
+
+
+def query_text(query: Mapping[str, Any]) -> str:
+    """How the running exporter's query is answered; why it is not, in Prometheus' words."""
+    answered = f"{query['rows']} components, {query['skipped']} elements of no robot of this fleet"
+    how = {None: "not answered yet", "": answered}.get(query["error"], query["error"])
+    return f"{query['name']}: {how}"
 
 
 def clock(unix: float, now: float, *, local: bool, seconds: bool = True) -> str:

@@ -6,6 +6,10 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
+
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
@@ -92,3 +96,35 @@ def texts(result: Result) -> list[str]:
         + f" {each.began.component or each.began.robot} {each.began.state}"
         for each in result.notifications
     ]
+
+
+def write_ros1(path: Path, rows: Iterable[Row], *, topic_type: str = ARRAY) -> Path:
+    """A .bag of ROS 1 of these arrays."""
+    types = get_typestore(Stores.ROS1_NOETIC)
+    with Writer(path) as writer:
+        connections: dict[str, Connection] = {}
+        for second, topic, statuses in rows:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, topic_type, typestore=types)
+            at = round((BEGIN + second) * 1e9)
+            writer.write(connections[topic], at, ros1_array(statuses))
+    return path
+
+
+def ros1_array(statuses: Iterable[Status]) -> bytes:
+    """A DiagnosticArray as ROS 1 serializes it, by the library's own serializer."""
+    types = get_typestore(Stores.ROS1_NOETIC)
+    kind = {name.rpartition("/")[2]: each for name, each in types.types.items()}
+    time = types.types["builtin_interfaces/msg/Time"]
+    header = kind["Header"](seq=7, stamp=time(sec=int(BEGIN), nanosec=5), frame_id="base")
+    found = [
+        kind["DiagnosticStatus"](
+            level=each.level,
+            name=each.name,
+            message=each.message,
+            hardware_id=each.hardware_id,
+            values=[kind["KeyValue"](key=key, value=value) for key, value in each.values],
+        )
+        for each in statuses
+    ]
+    return bytes(types.serialize_ros1(kind["DiagnosticArray"](header=header, status=found), ARRAY))

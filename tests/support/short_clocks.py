@@ -19,7 +19,7 @@ MILLISECONDS = {"ms": 1, "s": 1000, "m": 60_000, "h": 3_600_000, "d": 86_400_000
 DURATION = re.compile(r"(?:(?<=\[)|(?<=\d[smh]:)|(?<=offset ))(\d+)(ms|s|m|h)\b")
 # Seconds that are numbers in an expression: file, the rule's name, as shipped, scaled.
 SECONDS = (("availability.yml", "robot:ros_diagnostics_part_seconds:sum5m", "300", "30"),)
-FILES = ("faults", "states", "robots", "availability", "monitoring")
+FILES = ("faults", "states", "availability", "monitoring")
 SCALED = tuple(f"{name}.yml" for name in FILES)
 SLOT = "robot:ros_diagnostics_part_seconds:sum5m"  # counts the evaluations of states.yml
 

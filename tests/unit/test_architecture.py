@@ -27,7 +27,16 @@ TREES = {
 # Of each tree its packages and modules: each imports only from lines above its own.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
-        ("model", "durations", "file_watcher", "files", "regex", "texts", "weekly"),
+        (
+            "model",
+            "durations",
+            "file_watcher",
+            "files",
+            "regex",
+            "texts",
+            "weekly",
+            "zstd",
+        ),
         ("events", "http_client", "logs", "loops", "severity"),
         ("config",),
         ("decode",),
@@ -38,7 +47,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("notifications",),
         ("canary",),
         ("fleet",),
-        ("storage",),
+        ("capsules", "storage"),
         ("metrics",),
         ("api",),
         ("web",),

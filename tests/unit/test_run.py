@@ -65,13 +65,14 @@ class Machine:
         self.folder = folder
         self.policy = folder / "sbin" / "policy-rc.d"
         self.checkout = folder / "checkout"
-        for each in ("bin", "sbin", "checkout/packaging", "checkout/lab/bench"):
+        for each in ("bin", "sbin", "checkout/packaging/locks", "checkout/lab/bench"):
             (folder / each).mkdir(parents=True)
         for name in ("run", "pyproject.toml", "packaging/install-packages"):
             text = (CHECKOUT / name).read_text()
             # Nothing here may touch the machine itself.
             text = text.replace("/usr/sbin/", f"{self.policy.parent}/")
             (self.checkout / name).write_text(text)
+        (self.checkout / "packaging/locks/versions.txt").write_text("one==1\n")
         (self.checkout / "lab/bench/rules.py").write_text("if __name__ == '__main__': ...\n")
         for name in BASICS:
             self.program(name, f'#!/bin/sh\nexec {shutil.which(name)} "$@"\n')
@@ -205,21 +206,33 @@ def test_bench_installs_the_servers_and_runs(machine):
 
 
 def test_a_verb_installs_the_packages_that_it_needs_once(machine):
-    first = "--upgrade pip>=25.1"
-    project = "--editable .[ros,demo]"
-    tools = ["--group test --group dashboards", "--group mutation"]
+    first = "--require-hashes --requirement packaging/locks/build.txt"
+    own = "--no-build-isolation --editable"
+    versions = "--constraint packaging/locks/versions.txt"
+    project = [
+        "--require-hashes --requirement packaging/locks/demo.txt",
+        f"{versions} {own} .[ros,demo]",
+        f"--no-deps {own} ./sim",
+    ]
+    test = "--group test --group dashboards --group docs"
+    tools = [f"{versions} {test}", f"{versions} --group mutation"]
 
     machine.run("demo")
-    assert machine.pip() == [first, project]
+    assert machine.pip() == [first, *project]
     machine.run("mutate")
-    assert machine.pip() == [first, project, *tools]
+    assert machine.pip() == [first, *project, *tools]
     machine.run("mutate")
-    assert machine.pip() == [first, project, *tools]
+    assert machine.pip() == [first, *project, *tools]
 
     with (machine.checkout / "pyproject.toml").open("a") as file:
         file.write("# another version\n")
     machine.run("mutate")
-    assert machine.pip() == [first, project, *tools, project, *tools]
+    assert machine.pip() == [first, *project, *tools, *project, *tools]
+
+    with (machine.checkout / "packaging/locks/versions.txt").open("a") as file:
+        file.write("two==2\n")
+    machine.run("demo")
+    assert machine.pip() == [first, *project, *tools, *project, *tools, *project]
 
 
 def test_what_was_not_installed_completely_is_installed_by_the_next_run(machine):
@@ -232,7 +245,8 @@ def test_what_was_not_installed_completely_is_installed_by_the_next_run(machine)
     assert "ERROR: the disk is full" in done.stderr
     (machine.folder / "offline").unlink()
     assert machine.run("mutate").returncode == 0
-    assert machine.pip()[-3:] == ["--group test --group dashboards"] * 2 + ["--group mutation"]
+    *_, failed, repeated, other = machine.pip()
+    assert failed == repeated != other
 
 
 def test_without_a_network_the_first_run_says_so_in_one_sentence(machine):

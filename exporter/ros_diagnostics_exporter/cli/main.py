@@ -9,8 +9,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from ros_diagnostics_exporter import logs
 from ros_diagnostics_exporter.alertmanager import Alertmanager
@@ -22,6 +21,7 @@ from ros_diagnostics_exporter.fleet.unmatched import find_unmatched, known_from_
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import ZENOH
 from ros_diagnostics_exporter.service import Service
+from ros_diagnostics_exporter.severity import query_text
 from ros_diagnostics_exporter.sources.dds import RosMissingError, check_ros, split_arguments
 from ros_diagnostics_exporter.sources.prometheus import TIMEOUT
 from ros_diagnostics_exporter.sources.zenoh import ZenohMissingError, check_zenoh
@@ -76,17 +76,10 @@ def _check(options: argparse.Namespace) -> int:
         known = known_from_json(live)
         found = find_unmatched(fleet, known, time.time())
         print(f"unmatched ({len(found)}):", *found, sep="\n  ")  # noqa: T201
-        asked = [*map(_asked, live.get("queries", ()))]
+        asked = [*map(query_text, live.get("queries", ()))]
         if asked:
             print(f"queries ({len(asked)}):", *asked, sep="\n  ")  # noqa: T201
     return 0
-
-
-def _asked(query: Mapping[str, Any]) -> str:
-    """How the running exporter's query is answered, for people."""
-    answered = f"{query['rows']} components, {query['skipped']} elements of no robot of this fleet"
-    how = {None: "not answered yet", "": answered}.get(query["error"], query["error"])
-    return f"{query['name']}: {how}"
 
 
 def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:

@@ -27,6 +27,7 @@ def lint(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
         *_late(checked),
         *_units(checked),
         *_labels_of_no_robot(checked, fleet),
+        *_uplinks_of_no_entry(checked),
         *_nothing_to_watch(checked, fleet),
     ]
     return tuple(str(each) for each in found)
@@ -95,6 +96,21 @@ def _labels_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Finding]:
                 what = f"no robot has the label {label}, so this downtime is never active"
                 remedy = f"select by one of {', '.join(sorted(known))}"
                 yield placed.problem("selector", label, what=what, remedy=remedy)
+
+
+def _uplinks_of_no_entry(checked: Checked) -> Iterator[Finding]:
+    """An uplink that is no entry of its own is not pinged, and explains no silence."""
+    known = {each.entry.name for each in checked.robots}
+    entries: list[Placed[Any]] = [*checked.robots, *checked.discovery, *checked.shared]
+    for placed in entries:
+        uplink = placed.entry.labels.get("uplink")
+        if uplink is not None and uplink not in known:
+            known.add(uplink)  # once is enough
+            what = (
+                f"is {uplink}, which is no robot of this file, so its failure explains no silence"
+            )
+            remedy = f"add {{name: {uplink}, source: queries, address: ...}} to robots"
+            yield placed.problem("labels", "uplink", what=what, remedy=remedy)
 
 
 def _nothing_to_watch(checked: Checked, fleet: Fleet) -> Iterator[Finding]:

@@ -168,7 +168,6 @@ def _judge_intermittent(book: Book, component: Component, now: Instant) -> None:
 
 
 def _judge_flapping(book: Book, component: Component, flaps: FlapHistory, now: Instant) -> None:
-    book.flapped[component.robot.name] = None
     problem = component.problems.get(State.FLAPPING)
     settings = book.settings
     verdict = verdicts.of_flapping(

@@ -24,6 +24,7 @@ class Scope(str, Enum):
     FLAPPING = "flapping"  # of a component, or intermittent
     SITE = "site"
     COMMON = "common"
+    CLOCK = "clock"  # of the exporter
 
 
 class State(str, Enum):
@@ -38,6 +39,7 @@ class State(str, Enum):
     FLAPPING = "flapping"
     INTERMITTENT = "intermittent"
     MANY = "many"
+    CLOCK = "clock"
 
 
 class Identity(NamedTuple):
@@ -89,6 +91,15 @@ def as_texts(identity: Identity, own: Mapping[str, str]) -> dict[str, str]:
     }
 
 
+def identity_of(texts: Mapping[str, str]) -> Identity:
+    """The identity of which these are the texts, see `as_texts`."""
+    scope, state = Scope(texts["scope"]), State(texts["state"])
+    own = {each: texts[each] for each in ("robot", "group", "component", "check", "key", "bound")}
+    site = texts["site"] if scope is Scope.SITE else ""
+    severity = texts["severity"] if state is State.MANY else ""
+    return Identity(scope, state, **own, site=site, severity=severity)
+
+
 @dataclass(frozen=True)
 class Fault:
     """A confirmed problem.
@@ -136,6 +147,13 @@ class ComponentName(NamedTuple):
 
     group: str
     component: str
+
+
+class Followed(NamedTuple):
+    """What is kept of a component in time: when its trouble began (Unix time), how it flaps."""
+
+    since: float | None
+    flap_ratio: float  # 0..1
 
 
 class ComponentReport(NamedTuple):

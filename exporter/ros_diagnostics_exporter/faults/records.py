@@ -97,6 +97,7 @@ class Component:
         "flaps",
         "level",
         "name",
+        "noted",
         "problems",
         "robot",
         "row",
@@ -116,6 +117,8 @@ class Component:
         self.values: dict[ValueKey, Problem] = {}
         self.flaps: FlapHistory | None = None
         self.counted = False
+        # (since, flap ratio) when a change of them was last noted
+        self.noted: tuple[Instant | None, float | None] | None = None
 
     @property
     def flapping(self) -> bool:

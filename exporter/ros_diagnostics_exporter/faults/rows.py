@@ -309,6 +309,8 @@ def give_to_owner(book: Book, problem: Problem) -> None:
     """Have a problem where what it is about finds it."""
     identity = problem.identity
     robot = problem.robot = book.robots[identity.robot] if identity.robot else None
+    if identity.scope is Scope.CLOCK:
+        return
     if robot is None or identity.state is State.MANY:
         of = identity.site if identity.scope is Scope.SITE else identity.component
         cause = book.cause(identity.scope, of) if robot is None else robot.many

@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.faults.model import (
     ComponentName,
     End,
     Fault,
+    Followed,
     ProblemView,
     Row,
 )
@@ -65,6 +66,7 @@ class State:
         self._downtimes: tuple[Downtime, ...] = ()  # that people planned
         self._downtimes_changed = False  # since their row was taken
         self._feeds = {each.name: each.feed for each in fleet.queries}
+        self.recorder: Callable[[Topic, Array, Instant], None] | None = None  # of what is received
         self.unmatched = UnmatchedWatch()  # entries of the config that match nothing
         self._faults = FaultReports(fleet, now, self._events)
         self._registry = RobotRegistry(fleet, now, self._events, self._faults)
@@ -73,6 +75,8 @@ class State:
 
     def receive(self, topic: Topic, array: Array, now: Instant) -> None:
         """Update the robots whose array this is; ``topic`` is one of `wanted_topics`."""
+        if self.recorder is not None:
+            self.recorder(topic, array, now)
         original, array = array, truncate_array(array)  # without the lock: it looks at every text
         with self._lock:
             if array is not original:
@@ -377,6 +381,16 @@ class State:
         with self._lock:
             return [robot for _name, robot in sorted(self._registry.robots.items())]
 
+    def topics_of(self, name: str) -> tuple[Topic, ...]:
+        """The topics on which a robot may be received, those that robots share among them."""
+        with self._lock:
+            robot = self._registry.robots.get(name)
+            if robot is None:
+                return ()
+            settings, shared = robot.settings, self._registry.shared_topics if robot.shared else ()
+            own = (each for each in (settings.topic_agg, settings.topic_raw) if each)
+            return (*(Topic(settings.domain_id, each) for each in own), *shared)
+
     def faults(self) -> list[Fault]:
         """All faults that last."""
         with self._lock:
@@ -401,9 +415,9 @@ class State:
         with self._lock:
             return self._faults.problems(now, robot)
 
-    def flap_ratios(self, robot: Robot) -> dict[ComponentName, float]:
-        """How often the components of a robot that is visited changed of late (0..1)."""
-        return self._faults.flap_ratios(robot)
+    def followed(self, robot: Robot) -> dict[ComponentName, Followed]:
+        """What is kept of the components of a robot that is visited, in trouble now or before."""
+        return self._faults.followed(robot)
 
     def downtimes(self, robot: str) -> tuple[Downtime, ...]:
         """The downtimes of a robot and its components that people planned; some may lie ahead."""

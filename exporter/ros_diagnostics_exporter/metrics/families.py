@@ -204,6 +204,13 @@ SITE_RECEIVED = _family(
     (*EXPORTER, "site"),
     part=Part.FAULTS,
 )
+DOWNTIME_ROBOTS = _family(
+    "downtime_robots",
+    "gauge",
+    "Robots that are in a planned downtime: its name in fleet.yml, or a person's comment and name.",
+    (*EXPORTER, "downtime", "author", "site", "team"),
+    part=Part.FAULTS,
+)
 FLEET_FAMILIES = (
     ROBOT_INFO,
     ROBOT_UP,
@@ -292,6 +299,7 @@ FAULT_FAMILIES = (
     FAULT_INFO,
     FAULT_END,
     SITE_RECEIVED,
+    DOWNTIME_ROBOTS,
     FAULT_ACKNOWLEDGED,
     FAULT_NOTIFIED,
 )

@@ -191,6 +191,7 @@ def decode(data: bytes) -> Array:
             for status in message.status
         ),
         len(data),
+        data,
     )
 
 

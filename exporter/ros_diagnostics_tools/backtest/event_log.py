@@ -74,6 +74,8 @@ class EventLog:
             if name in settings
         }
         self.unknown = sorted(self._timelines.keys() - self.places.keys())
+        self.others: dict[str, str] = {}
+        self.warnings: list[str] = []
         self._stale_after = {name: settings[name].profile.stale_after for name in self.places}
         self.topics = set(self.places)
         self.count = round((self.end - self.begin) / HEARTBEAT) * len(self.places)
@@ -181,7 +183,7 @@ def _timelines(
 
 def _note(robot: _Timeline, step: _Step, event: Event) -> None:
     if event.kind == "robot":
-        step.up = event.after == "heard" if event.after != "known" else step.up
+        step.up = event.after == "received" if event.after != "known" else step.up
         return
     name = event.group, event.component
     known = (_LEVELS[event.before], "") if event.before else None  # "": first received then

@@ -1,31 +1,29 @@
-"""Recorded diagnostics in order of time: rosbag2 (sqlite3, mcap), the JSON form, event logs.
+"""Recorded diagnostics in order of time: bags of ROS 2 and ROS 1, JSON, event logs.
 
-Reads no clock and imports no ROS. Bags are read by the library `rosbags`, the extra `[backtest]`.
+Reads no clock and imports no ROS.
 """
 
 from __future__ import annotations
 
 import heapq
-import json
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.decode import cdr
-from ros_diagnostics_exporter.model import Array, Domain, Status, Topic
+from ros_diagnostics_exporter.model import Array, Domain, Topic
+from ros_diagnostics_exporter.texts import one_line
+from ros_diagnostics_tools.backtest import ros1
 from ros_diagnostics_tools.backtest.event_log import EventLog, EventLogError, is_event_log
+from ros_diagnostics_tools.backtest.files import open_files
+from ros_diagnostics_tools.backtest.formats import TYPE, Format, RecordingError, Ros1
 
-TYPE = "diagnostic_msgs/msg/DiagnosticArray"
-SHOWN = 300  # characters of a library's error about a damaged file
+OTHERS = 5  # topics of other types that are named
 PAUSE = 1.0  # seconds between two recordings from which on nobody was recording
-
-
-class RecordingError(Exception):
-    """A file cannot be read as a recording; the text names it."""
 
 
 class Message(NamedTuple):
@@ -37,7 +35,11 @@ class Message(NamedTuple):
 
     def decode(self) -> Array:
         """The array. Raises ValueError where the bytes are none."""
-        return cdr.decode(self.content) if isinstance(self.content, bytes) else self.content
+        if isinstance(self.content, Array):
+            return self.content
+        if isinstance(self.content, Ros1):
+            return ros1.decode(self.content)
+        return cdr.decode(self.content)
 
 
 @dataclass(frozen=True)
@@ -63,29 +65,64 @@ class Recording:
 
     def __init__(self, source: RecordingSource) -> None:
         self.source = source
-        opened = _open(source)
-        self._opened: _Json | _Bag | EventLog = opened
-        self.is_event_log = isinstance(opened, EventLog)
-        self.topics = sorted(opened.topics)
-        self._places = opened.places if isinstance(opened, EventLog) else {}
-        self.unknown = opened.unknown if isinstance(opened, EventLog) else []
-        if not self.topics and not self.is_event_log:
-            opened.close()
-            raise RecordingError(f"{source.path}: holds no {TYPE}; record /diagnostics_agg")
-        self.count, self.begin, self.end = opened.count, opened.begin, opened.end
+        self._places: dict[str, Topic] = {}
+        self.unknown: list[str] = []
+        self.is_event_log = source.fleet is not None and is_event_log(source.path)
+        self._files: list[Format]
+        with ExitStack() as stack:
+            if source.fleet is not None and self.is_event_log:
+                self._files = [stack.enter_context(closing(self._event_log(source.fleet)))]
+            else:
+                self._files = open_files(source.path, stack)
+                self._check()
+            self._stack = stack.pop_all()
+        self.topics = sorted({topic for each in self._files for topic in each.topics})
+        self.count = sum(each.count for each in self._files)
+        own = [each for each in self._files if each.topics] or self._files
+        self.begin = min(each.begin for each in own)
+        self.end = max(each.end for each in own)
+
+    def _event_log(self, fleet: Fleet) -> EventLog:
+        try:
+            log = EventLog(self.source.path, fleet)
+        except EventLogError as error:
+            raise RecordingError(f"{self.source.path}: {error}") from error
+        self._places, self.unknown = log.places, log.unknown
+        return log
+
+    def _check(self) -> None:
+        """Raise RecordingError where nothing of it is diagnostics."""
+        if any(each.topics for each in self._files):
+            return
+        others = sorted({pair for each in self._files for pair in each.others.items()})
+        named = ", ".join(one_line(f"{topic} ({kind})") for topic, kind in others[:OTHERS])
+        parts = [
+            f"{self.source.path}: holds no {TYPE}; record /diagnostics_agg",
+            f"it has {len(others)} topics: {named}" if others else "",
+            *(warning for each in self._files for warning in each.warnings),
+        ]
+        raise RecordingError("; ".join(filter(None, parts)))
+
+    @property
+    def warnings(self) -> list[str]:
+        """What could not be read of it."""
+        return [warning for each in self._files for warning in each.warnings]
 
     def close(self) -> None:
-        """Close the file."""
-        self._opened.close()
+        """Close the files."""
+        self._stack.close()
 
     def topic(self, name: str) -> Topic:
         """The topic that a recorded one stands for; in an event log, a robot's name does."""
-        return self._places.get(name) or Topic(self.source.domain_id, self.source.namespace + name)
+        name_here = name if name.startswith("/") else f"/{name}"  # ROS 1 records some without
+        known = self._places.get(name)
+        return known or Topic(self.source.domain_id, self.source.namespace + name_here)
 
     def messages(self) -> Iterator[Message]:
-        """All of it in order of time. Raises RecordingError where it is damaged."""
+        """All of it in order of time, up to where a file is damaged."""
         topics = {name: self.topic(name) for name in self.topics}
-        for at, name, content in self._opened.messages():
+        files = (each.messages() for each in self._files)
+        for at, name, content in heapq.merge(*files, key=itemgetter(0)):
             yield Message(at, topics[name], content)
 
 
@@ -123,105 +160,11 @@ class Recordings:
                 found.append(Period(begin, end))
         return found
 
+    @property
+    def warnings(self) -> list[str]:
+        """What could not be read of them; of damage, once all messages were taken."""
+        return [warning for each in self.all for warning in each.warnings]
+
     def messages(self) -> Iterator[Message]:
-        """All messages in order of time. Raises RecordingError where a file is damaged."""
+        """All messages in order of time."""
         yield from heapq.merge(*(each.messages() for each in self.all), key=attrgetter("at"))
-
-
-def _open(source: RecordingSource) -> _Json | _Bag | EventLog:
-    if source.path.suffix == ".json":
-        return _Json(source.path)
-    if source.fleet is None or not is_event_log(source.path):
-        return _Bag(source.path)
-    try:
-        return EventLog(source.path, source.fleet)
-    except EventLogError as error:
-        raise RecordingError(f"{source.path}: {error}") from error
-
-
-_Row = tuple[float, str, "bytes | Array"]
-
-
-class _Bag:
-    """A bag's folder, or a .db3 or .mcap file."""
-
-    def __init__(self, path: Path) -> None:
-        try:
-            from rosbags.rosbag2 import Reader  # noqa: PLC0415 - an extra
-        except ImportError as error:
-            raise RecordingError(
-                f"{path}: reading bags needs the extra [backtest] ({error}): "
-                "pip install 'ros-diagnostics-exporter[backtest]'"
-            ) from error
-        if not path.exists():
-            raise RecordingError(f"{path}: there is no such file or folder")
-        self._path = path
-        try:
-            self._reader = Reader(path)
-            self._reader.open()
-        except Exception as error:  # a damaged file makes the library raise anything
-            raise RecordingError(f"{path}: cannot be read as a bag: {_text(error)}") from error
-        self._wanted = [each for each in self._reader.connections if each.msgtype == TYPE]
-        self.topics = {each.topic for each in self._wanted}
-        self.count = sum(each.msgcount for each in self._wanted)
-        self.begin, self.end = self._reader.start_time / 1e9, self._reader.end_time / 1e9
-
-    def messages(self) -> Iterator[_Row]:
-        count = 0
-        try:
-            for connection, at, data in self._reader.messages(self._wanted):
-                yield at / 1e9, connection.topic, bytes(data)
-                count += 1
-        except Exception as error:  # as above
-            raise RecordingError(
-                f"{self._path}: is damaged after {count} messages: {_text(error)}"
-            ) from error
-
-    def close(self) -> None:
-        self._reader.close()
-
-
-class _Json:
-    """A .json file of this project's recordings: docs/virtual-robots.md describes it."""
-
-    def __init__(self, path: Path) -> None:
-        try:
-            document = json.loads(path.read_text(encoding="utf-8"))
-            self._rows = list(_rows(document))
-        except OSError as error:
-            raise RecordingError(f"{path}: cannot be read: {error.strerror}") from error
-        except (KeyError, TypeError, AttributeError) as error:
-            raise RecordingError(f"{path}: is no recording of diagnostics: {error!r}") from error
-        except (ValueError, RecursionError) as error:
-            raise RecordingError(f"{path}: is not JSON: {_text(error)}") from error
-        self._rows.sort(key=lambda row: row[0])
-        self.topics = {topic for _at, topic, _array in self._rows}
-        self.count = len(self._rows)
-        times = [at for at, _topic, _array in self._rows] or [0.0]
-        self.begin, self.end = times[0], times[-1]
-
-    def messages(self) -> Iterator[_Row]:
-        return iter(self._rows)
-
-    def close(self) -> None:
-        self._rows.clear()
-
-
-def _rows(document: dict[str, Any]) -> Iterator[_Row]:
-    begin, topic = float(document["t0_unix"]), str(document["topic"])
-    for raw in document["messages"]:
-        if isinstance(raw.get("status"), list):  # others are events, or a status alone
-            stamp = raw["header"]["stamp"]
-            statuses = tuple(map(_status, raw["status"]))
-            array = Array(stamp["sec"] + stamp["nanosec"] * 1e-9, statuses)
-            yield begin + float(raw["t"]), topic, array
-
-
-def _status(raw: dict[str, Any]) -> Status:
-    values = tuple((str(pair["key"]), str(pair["value"])) for pair in raw["values"])
-    texts = str(raw["name"]), str(raw["message"]), str(raw["hardware_id"])
-    return Status(int(raw["level"]), *texts, values)
-
-
-def _text(error: Exception) -> str:
-    return (str(error) or type(error).__name__)[:SHOWN]

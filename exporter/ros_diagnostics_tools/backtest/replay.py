@@ -27,7 +27,8 @@ class Result:
     """What one configuration makes of the recording; times are Unix time.
 
     ``robots`` are those of whom something was received; ``unknown`` the topics that no robot of
-    the configuration has.
+    the configuration has; ``undecodable`` how many of the messages could not be decoded, and
+    ``reason`` what is wrong with the first of them.
     """
 
     fleet: Fleet
@@ -36,6 +37,8 @@ class Result:
     messages: int
     robots: tuple[str, ...]
     unknown: tuple[str, ...]
+    undecodable: int = 0
+    reason: str = ""
     notifications: list[Notification] = field(default_factory=list)
     outages: list[Outage] = field(default_factory=list)
 
@@ -67,7 +70,8 @@ class Replay:
         self._seen: dict[Domain, dict[str, Endpoint]] = {}
         self._wanted: dict[Domain, dict[str, bool]] = {}
         self._look_at = self._begin
-        self._messages = 0
+        self._messages = self._undecodable = 0
+        self._reason = ""
 
     def _instant(self, wall: float) -> Instant:
         return Instant(wall - self._begin, wall)
@@ -88,6 +92,8 @@ class Replay:
         try:
             array = message.decode()
         except ValueError as error:
+            self._undecodable += 1
+            self._reason = self._reason or f"{message.topic.name}: {error}"
             self.state.reject_undecodable(message.topic, str(error), now)
         else:
             self.state.receive(message.topic, array, now)
@@ -145,6 +151,8 @@ class Replay:
             messages=self._messages,
             robots=tuple(filter(None, received)),
             unknown=tuple(sorted(self._unknown())),
+            undecodable=self._undecodable,
+            reason=self._reason,
             notifications=self.ledger.notifications,
             outages=self.ledger.outages(self.state, self._last),
         )

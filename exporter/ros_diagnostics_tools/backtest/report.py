@@ -148,6 +148,7 @@ def as_json(result: Result) -> dict[str, Any]:
         "begin": result.begin,
         "end": result.end,
         "messages": result.messages,
+        "undecodable_messages": result.undecodable,
         "robots": list(result.robots),
         "unknown_topics": list(result.unknown),
         "notifications": [notification(each, result.end) for each in result.notifications],

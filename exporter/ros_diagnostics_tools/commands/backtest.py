@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TextIO
 
 import click
@@ -19,11 +20,14 @@ from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Domain
 from ros_diagnostics_exporter.texts import one_line
-from ros_diagnostics_tools.backtest import compare, report, suggest
+from ros_diagnostics_tools.backtest import compare, report, suggest, words
+from ros_diagnostics_tools.backtest.capsule import Capsule, too_short
+from ros_diagnostics_tools.backtest.capsule import read as read_capsule
 from ros_diagnostics_tools.backtest.event_log import is_event_log
+from ros_diagnostics_tools.backtest.formats import RecordingError
 from ros_diagnostics_tools.backtest.ledger import confirm_after
 from ros_diagnostics_tools.backtest.openmetrics import Samples
-from ros_diagnostics_tools.backtest.recordings import RecordingError, Recordings, RecordingSource
+from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from ros_diagnostics_tools.backtest.replay import Replay, Result, play
 from ros_diagnostics_tools.errors import NotDoneError
 from ros_diagnostics_tools.terminal import make_table, print_json, with_output
@@ -38,7 +42,7 @@ class BacktestOptions:
     """The command line."""
 
     bags: tuple[str, ...]
-    config: Path
+    config: Path | None
     compare: Path | None
     suggest: bool
     openmetrics: Path | None
@@ -81,9 +85,7 @@ Into the history of Prometheus:
 @click.option(
     "--config",
     type=PATH,
-    default=Path("fleet.yml"),
-    show_default=True,
-    help="The fleet's configuration.",
+    help="The fleet's configuration.  [default: fleet.yml; of a capsule, what is attached to it]",
 )
 @click.option(
     "--compare", type=PATH, help="Another configuration: print in words what it would change."
@@ -121,9 +123,10 @@ Into the history of Prometheus:
 def command(**given: Any) -> None:
     """Judge recorded diagnostics as the exporter would have, and print what it would have notified.
 
-    BAG is a rosbag2 folder, a .db3, .mcap or .json recording of diagnostic_msgs/DiagnosticArray, or
-    an exporter's database (a copy: its file --storage.path), of which levels and silences are
-    judged. Several are merged by time; what lies between them counts as a stopped exporter.
+    BAG is a recording of diagnostic_msgs/DiagnosticArray: a rosbag2 folder, .mcap, .db3, .bag of
+    ROS 1, .json, or a .zip of them; or an exporter's database (a copy: its file --storage.path), of
+    which levels and silences are judged. Several are merged by time; what lies between them
+    counts as a stopped exporter.
     """
     options = BacktestOptions(**given)
     if options.output == "csv" and (options.compare or options.suggest):
@@ -135,9 +138,10 @@ def command(**given: Any) -> None:
 
 
 def _run(options: BacktestOptions) -> None:
-    fleet = load(options.config)
+    capsule = read_capsule(Path(options.bags[0])) if len(options.bags) == 1 else None
+    fleet = _fleet(options, capsule)
     other = None if options.compare is None else load(options.compare)
-    domain_id = _domain(fleet, options)
+    domain_id = _domain(fleet, options, capsule)
     sources = [_source(bag, fleet, domain_id, options.namespace or "") for bag in options.bags]
     with ExitStack() as stack:
         recordings = stack.enter_context(closing(Recordings(sources)))
@@ -145,14 +149,26 @@ def _run(options: BacktestOptions) -> None:
         if options.openmetrics is not None:
             out = stack.enter_context(options.openmetrics.open("w", encoding="utf-8"))
         judged = _Judged(options, fleet, other, recordings, out)
-        judged.play()
+        judged.play(capsule)
         _print(options, judged)
 
 
-def _domain(fleet: Fleet, options: BacktestOptions) -> Domain | None:
+def _fleet(options: BacktestOptions, capsule: Capsule | None) -> Fleet:
+    """What to judge by."""
+    if options.config is None and capsule is not None:
+        with TemporaryDirectory() as folder:
+            path = Path(folder, "fleet.yml")
+            path.write_bytes(capsule.config)
+            return load(path)
+    return load(options.config or Path("fleet.yml"))
+
+
+def _domain(fleet: Fleet, options: BacktestOptions, capsule: Capsule | None) -> Domain | None:
     """The domain that recordings without one of their own are of; None where it is not clear."""
     if options.domain_id is not None:
         return options.domain_id
+    if capsule is not None and len(capsule.fault.get("domain_ids", ())) == 1:
+        return int(capsule.fault["domain_ids"][0])
     return fleet.domain_ids[0] if len(fleet.domain_ids) == 1 else None
 
 
@@ -199,7 +215,7 @@ class _Judged:
         self.second = None if other is None else Replay(other, recordings)
         self.seconds = 0.0
 
-    def play(self) -> None:
+    def play(self, capsule: Capsule | None) -> None:
         """Judge all messages."""
         replays = [self.first, *([] if self.second is None else [self.second])]
         begin = time.perf_counter()
@@ -212,7 +228,12 @@ class _Judged:
         self.seconds = time.perf_counter() - begin
         if self._samples is not None:
             self._samples.close()
-        _warn(self.result, self._recordings.unknown)
+        self.warnings = _warnings(self.result, self._recordings)
+        if capsule is not None:
+            for replay in replays:
+                self.warnings += too_short(capsule, replay.result(), replay.state)
+        for each in self.warnings:
+            print(f"ros-diagnostics: {each}", file=sys.stderr)  # noqa: T201
 
     def comparison(self) -> compare.Comparison | None:
         """What the other configuration changes; None without one."""
@@ -230,16 +251,23 @@ class _Judged:
         return suggest.suggest(self.result, self.statistics, self.first.state)
 
 
-def _warn(result: Result, robots: Sequence[str]) -> None:
-    """Name the topics, and robots of event logs, that nobody judged; fail if there is no other."""
-    unknown = ", ".join(map(one_line, (*result.unknown, *robots)))
+def _warnings(result: Result, recordings: Recordings) -> list[str]:
+    """What of the recordings was not judged; raises NothingJudgedError if that is all."""
+    unknown = ", ".join(map(one_line, (*result.unknown, *recordings.unknown)))
+    warnings = list(map(one_line, recordings.warnings))
     if not result.messages:
         raise NothingJudgedError(
             f"the configuration has no robot for the recorded topics ({unknown}): add it, or put "
             "them below a namespace with --namespace"
         )
     if unknown:
-        print(f"ros-diagnostics: of no robot of the configuration: {unknown}", file=sys.stderr)  # noqa: T201
+        warnings.append(f"of no robot of the configuration: {unknown}")
+    if result.undecodable:
+        number = f"{result.undecodable} of {words.count(result.messages, 'message')}"
+        warnings.append(f"{number} cannot be decoded: {one_line(result.reason)}")
+    if result.undecodable == result.messages:
+        raise NothingJudgedError("; ".join(warnings))
+    return warnings
 
 
 class _progress:  # noqa: N801 - used as a function
@@ -273,7 +301,11 @@ def _print(options: BacktestOptions, judged: _Judged) -> None:
 
 
 def _as_json(judged: _Judged) -> dict[str, Any]:
-    content = {**report.as_json(judged.result), "seconds": judged.seconds}
+    content = {
+        **report.as_json(judged.result),
+        "warnings": judged.warnings,
+        "seconds": judged.seconds,
+    }
     comparison, suggestions = judged.comparison(), judged.suggestions()
     if comparison is not None:
         content["comparison"] = compare.as_json(comparison, judged.result.end, report.notification)

@@ -92,6 +92,10 @@ def test_the_service_and_its_monitor_select_the_pod():
     scrapes = [(each["interval"], each["params"]) for each in monitor["endpoints"]]
     assert scrapes == list(prometheus_operator.SCRAPES.values())
     assert {each["port"] for each in monitor["endpoints"]} == {port["name"]}
+    jobs = [each["relabelings"] for each in monitor["endpoints"]]
+    assert jobs == [
+        [{"targetLabel": "job", "replacement": job}] for job in prometheus_operator.SCRAPES
+    ]
 
 
 def test_the_pod_is_that_of_the_containerfile():

@@ -44,11 +44,15 @@ def test_what_is_built_serves_a_fleet_from_an_empty_environment(tmp_path, kind):
     venv.create(tmp_path / "builder", with_pip=True)
     builder = tmp_path / "builder" / "bin" / "python"
     run(builder, "-m", "pip", "install", "--quiet", "build")
-    run(builder, "-m", "build", "--outdir", tmp_path / "dist", ROOT)  # the wheel from the sdist
-    (built,) = (tmp_path / "dist").glob(kind)
+    for each in (ROOT, ROOT / "sim"):
+        run(builder, "-m", "build", "--outdir", tmp_path / each.name, each)  # wheel from sdist
+    (built,) = (tmp_path / ROOT.name).glob(kind)
+    (simulator,) = (tmp_path / "sim").glob(kind)
     venv.create(tmp_path / "empty", with_pip=True)
     bin_ = tmp_path / "empty" / "bin"
     run(bin_ / "pip", "install", "--quiet", f"{built}[ros]", cwd=tmp_path)
+    assert not (bin_ / "virtual-robots").exists()
+    run(bin_ / "pip", "install", "--quiet", simulator, cwd=tmp_path)
     address = f"127.0.0.1:{ports.free_port()}"
     with domains.lease() as domain:
         (tmp_path / "fleet.yml").write_text(
@@ -92,6 +96,20 @@ def served(address: str) -> set[str]:
     return {robot["robot"] for robot in robots if robot["up"]}
 
 
+@pytest.mark.slow
+def test_a_package_with_another_hash_than_the_locks_is_refused(tmp_path):
+    lock = (ROOT / "packaging" / "locks" / "build.txt").read_text()
+    options = ["--quiet", "--no-deps", "--require-hashes", "--dest", tmp_path, "--requirement"]
+    download = [sys.executable, "-m", "pip", "download", *options, tmp_path / "lock.txt"]
+    (tmp_path / "lock.txt").write_text(lock)
+    run(*download)
+
+    (tmp_path / "lock.txt").write_text(re.sub(r"(sha256:)[0-9a-f]{2}", r"\g<1>00", lock))
+    done = subprocess.run(download, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "DO NOT MATCH THE HASHES" in done.stderr
+
+
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
 def test_systemd_accepts_the_unit_and_rates_it_secure(tmp_path):
     unit = tmp_path / UNIT.name
@@ -110,7 +128,8 @@ def test_the_unit_and_the_containerfile_start_what_the_wheel_installs():
     scripts = re.findall(r"^(\S+) = \"\w+\.", (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     assert started is not None
     assert entry is not None
-    assert {started[1], entry[1], "virtual-robots", "check_ros_diagnostics"} <= set(scripts)
+    assert {started[1], entry[1], "check_ros_diagnostics"} <= set(scripts)
+    assert "virtual-robots" not in scripts
     for copied in re.findall(r"^COPY (?!--from)(.+) \S+$", containerfile, re.MULTILINE):
         assert all((ROOT / name).exists() for name in copied.split())
 

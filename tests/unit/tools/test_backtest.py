@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import json
+import sqlite3
+from contextlib import closing
 
 import pytest
 
@@ -151,3 +153,35 @@ def test_a_missing_recording_exits_with_1(run, tmp_path):
 
     assert code == 1
     assert "there is no such file or folder" in err
+
+
+def cut(bag, cut_off, of):
+    """Every so many-th message of a bag without its last bytes."""
+    (file,) = bag.glob("*.db3")
+    with closing(sqlite3.connect(file)) as connection, connection:
+        connection.execute(
+            "UPDATE messages SET data = substr(data, 1, length(data) - ?) WHERE id % ? = 0",
+            (cut_off, of),
+        )
+    return str(file)
+
+
+def test_undecodable_messages_are_counted(run, tmp_path):
+    bag = write_bag(tmp_path / "cut", every_second(range(100), {"motor": []}), "sqlite3")
+
+    code, out, err = run("--output", "json", bag=cut(bag, 7, 2))
+
+    assert code == 0
+    assert "50 of 100 messages cannot be decoded: /r/diagnostics: ends within" in err
+    found = json.loads(out)
+    assert found["undecodable_messages"] == 50
+    assert [f"ros-diagnostics: {each}" for each in found["warnings"]] == err.splitlines()
+
+
+def test_a_bag_of_which_nothing_can_be_decoded_is_an_error(run, tmp_path):
+    bag = write_bag(tmp_path / "cut", every_second(range(100), {"motor": []}), "sqlite3")
+
+    code, _out, err = run(bag=cut(bag, 7, 1))
+
+    assert code == 1
+    assert "100 of 100 messages cannot be decoded: /r/diagnostics: ends within" in err

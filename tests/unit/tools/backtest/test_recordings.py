@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+import sqlite3
+import struct
+import zipfile
 from contextlib import closing
 
 import pytest
 
-from ros_diagnostics_tools.backtest.recordings import (
-    Period,
-    RecordingError,
-    Recordings,
-    RecordingSource,
-)
-from support.bags import BEGIN, every_second, write_bag
+from ros_diagnostics_exporter import zstd
+from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_tools.backtest import ros1
+from ros_diagnostics_tools.backtest.formats import RecordingError
+from ros_diagnostics_tools.backtest.recordings import Period, Recordings, RecordingSource
+from support.bags import BEGIN, TOPIC, every_second, ros1_array, write_bag, write_ros1
 from virtual_robots.recording.bags import STATUS
 
 
@@ -28,7 +32,9 @@ def error(*paths):
 
 def test_a_missing_file_is_named(tmp_path):
     assert error(tmp_path / "no") == f"{tmp_path / 'no'}: there is no such file or folder"
-    assert "No such file" in error(tmp_path / "no.json")
+    other = tmp_path / "notes.txt"
+    other.write_text("-")
+    assert error(other).startswith(f"{other}: is no recording, and has none: .mcap, .db3, .bag")
 
 
 @pytest.mark.parametrize(
@@ -52,21 +58,190 @@ def test_a_wrong_json_file_is_named_with_what_is_wrong(tmp_path, content, what):
 def test_a_bag_without_diagnostics_says_what_to_record(tmp_path):
     bag = write_bag(tmp_path / "bag", every_second(range(3), {"motor": []}), topic_type=STATUS)
 
-    assert (
-        error(bag)
-        == f"{bag}: holds no diagnostic_msgs/msg/DiagnosticArray; record /diagnostics_agg"
+    assert error(bag) == (
+        f"{bag}: holds no diagnostic_msgs/msg/DiagnosticArray; record /diagnostics_agg; "
+        f"it has 1 topics: {TOPIC} ({STATUS})"
     )
 
 
-def test_a_damaged_bag_is_named(tmp_path):
-    bag = write_bag(tmp_path / "bag", every_second(range(2000), {"motor": []}))
-    (file,) = bag.glob("*.mcap")
-    content = bytearray(file.read_bytes())
-    middle = len(content) // 2
-    content[middle : middle + 4096] = b"\xff" * 4096
-    file.write_bytes(content)
+ROWS = every_second(range(2000), {"motor": [*range(40, 90), 1999]})
 
-    assert error(file).startswith(f"{file}: ")
+
+def read(path):
+    """(seconds of the messages, statuses of the first, warnings) of a recording."""
+    with closing(opened(path)) as recordings:
+        messages = list(recordings.messages())
+        decoded = messages[0].decode().statuses if messages else ()
+        return [round(each.at - BEGIN) for each in messages], decoded, recordings.warnings
+
+
+def damaged(file, place, content):
+    """Overwrite a part of a file, or with None cut it off there."""
+    data = bytearray(file.read_bytes())
+    at = round(len(data) * place)
+    data[at:] = b"" if content is None else content + data[at + len(content) :]
+    file.write_bytes(data)
+    return file
+
+
+@pytest.mark.parametrize("content", [None, b"\xff" * 4096])
+def test_a_damaged_mcap_is_read_up_to_the_damage(tmp_path, content):
+    long = (Status(0, "motor", "x" * 1000),)  # so that it has several chunks
+    bag = write_bag(tmp_path / "bag", ((float(each), TOPIC, long) for each in range(3000)))
+    (file,) = bag.glob("*.mcap")
+    seconds, _statuses, (warning,) = read(damaged(file, 0.7, content))
+
+    assert seconds == list(range(len(seconds)))
+    assert (2090 if content is None else 900) < len(seconds) < 2110
+    assert warning.startswith(f"{file}: is damaged and read up to there: ")
+    assert warning.endswith("; `mcap recover bag.mcap` writes what is whole of it")
+
+
+def test_an_mcap_that_was_not_closed_is_read_whole(tmp_path):
+    bag = write_bag(tmp_path / "bag", ROWS)
+    (file,) = bag.glob("*.mcap")
+    with file.open("rb") as content:
+        content.seek(-37, 2)
+        (summary,) = struct.unpack_from("<Q", content.read(), 9)
+    file.write_bytes(file.read_bytes()[:summary])
+
+    seconds, _statuses, (warning,) = read(file)
+
+    assert seconds == list(range(2000))
+    assert "ends without a footer" in warning
+
+
+def test_a_damaged_db3_is_read_up_to_the_damage(tmp_path):
+    bag = write_bag(tmp_path / "bag", ROWS, "sqlite3")
+    (file,) = bag.glob("*.db3")
+    assert "`sqlite3 cut.db3 .recover` may find more" in error(
+        damaged(shutil.copy(file, tmp_path / "cut.db3"), 0.6, None)
+    )
+    seconds, _statuses, (warning,) = read(damaged(file, 0.6, b"\xff" * 9000))
+
+    assert seconds == list(range(len(seconds)))
+    assert 0 < len(seconds) < 2000
+    assert "`sqlite3 bag.db3 .recover` may find more" in warning
+
+
+def test_a_bag_of_ros_1_gives_what_one_of_ros_2_does(tmp_path):
+    values = (("Temperature (C)", "41"), ("Ünit", ""))
+    rows = [(0.0, "diagnostics", (Status(2, "motor", "hot", "m-1", values),))]
+
+    _seconds, statuses, warnings = read(write_ros1(tmp_path / "one.bag", rows))
+
+    assert statuses == rows[0][2]
+    assert warnings == []
+    with closing(opened(tmp_path / "one.bag")) as recordings:
+        assert {each.name for each in recordings.topics} == {"/diagnostics"}
+
+
+def test_a_damaged_bag_of_ros_1_names_the_way_out(tmp_path):
+    file = write_ros1(tmp_path / "one.bag", ROWS)
+
+    assert "`rosbag reindex one.bag`" in error(damaged(file, 0.5, None))
+
+
+@pytest.mark.parametrize("length", range(62))
+def test_a_cut_message_of_ros_1_is_undecodable(length):
+    whole = ros1_array((Status(2, "motor", "hot", "m-1", (("a", "b"),)),))
+
+    assert len(whole) == 62
+    with pytest.raises(ValueError, match="is no DiagnosticArray of ROS 1"):
+        ros1.decode(whole[:length])
+
+
+def test_split_bags_zips_and_compressed_files_are_read_without_metadata(tmp_path):
+    split = tmp_path / "split"
+    split.mkdir()
+    for number, storage in enumerate(("sqlite3", "mcap")):
+        rows = every_second(range(number * 30, number * 30 + 30), {"motor": []})
+        (file,) = write_bag(tmp_path / f"part{number}", rows, storage).glob("part*")
+        file.rename(split / file.name)
+    with zipfile.ZipFile(tmp_path / "all.zip", "w") as archive:
+        for file in split.iterdir():
+            archive.write(file, f"bag/{file.name}")
+    packed = tmp_path / "part0.db3.zstd"
+    packed.write_bytes(zstd.compress((split / "part0.db3").read_bytes()))
+
+    assert read(split)[0] == list(range(60))
+    assert read(tmp_path / "all.zip")[0] == list(range(60))
+    assert read(packed)[0] == list(range(30))
+    with closing(opened(split)) as recordings:
+        assert len(recordings.periods) == 1
+
+
+def test_a_topic_of_another_encoding_is_named_and_the_rest_is_read(tmp_path):
+    rows = [*every_second(range(9), {"a": []}), *every_second(range(9), {"b": []}, topic="/o")]
+    bag = write_bag(tmp_path / "bag", sorted(rows), "sqlite3")
+    (file,) = bag.glob("*.db3")
+    with closing(sqlite3.connect(file)) as connection, connection:
+        connection.execute("UPDATE topics SET serialization_format = 'json' WHERE name = '/o'")
+
+    seconds, _statuses, warnings = read(file)
+
+    assert (seconds, warnings) == (list(range(9)), [f"{file}: /o is encoded as json, not read"])
+
+
+def test_a_channel_of_another_encoding_is_named_and_the_rest_is_read(tmp_path):
+    rows = [*every_second(range(9), {"a": []}), *every_second(range(9), {"b": []}, topic="/o")]
+    (file,) = write_bag(tmp_path / "bag", sorted(rows)).glob("*.mcap")
+    content = file.read_bytes()
+    changed = content.replace(b"\x02\0\0\0/o\x03\0\0\0cdr", b"\x02\0\0\0/o\x03\0\0\0xml")
+    assert changed != content
+    file.write_bytes(changed)
+
+    seconds, _statuses, warnings = read(file)
+
+    assert (seconds, warnings) == (list(range(9)), [f"{file}: /o is encoded as xml, not read"])
+
+
+STATUS_2 = {"name": "motor", "message": "hot", "hardware_id": "m", "values": []}
+
+
+@pytest.mark.parametrize("level", [2, "\x02"])
+@pytest.mark.parametrize("separator", ["\n", "\n---\n", ""])
+def test_messages_as_ros_prints_them_are_read(tmp_path, level, separator):
+    path = tmp_path / "echo.json"
+    stamps = {"sec": int(BEGIN), "nanosec": 0}, {"secs": int(BEGIN) + 1, "nsecs": 0}
+    messages = [
+        {"header": {"stamp": stamp, "frame_id": ""}, "status": [{**STATUS_2, "level": level}]}
+        for stamp in stamps
+    ]
+    path.write_text(separator.join(map(json.dumps, messages)))
+
+    seconds, statuses, warnings = read(path)
+
+    assert (seconds, warnings) == ([0, 1], [])
+    assert statuses == (Status(2, "motor", "hot", "m", ()),)
+    path.write_text(json.dumps(messages[0]) + json.dumps(messages[1])[:-3])
+    seconds, _statuses, (warning,) = read(path)
+    assert seconds == [0]
+    assert warning.startswith(f"{path}: is damaged after 1 messages: ")
+
+
+def test_results_of_driving_log_replayer_are_read(tmp_path):
+    path = tmp_path / "result.json"
+    info = {"Name": "front", "Level": 2, "GroundBlockageRatio": "0.4"}
+    frame = {
+        "Ego": {"x": 1.0},
+        "Visibility": [{"Result": "Success", "Info": [{"Level": 0, "Visibility": "0.9"}]}],
+        "Blockage": [{"Result": "Fail", "Info": [info]}],
+    }
+    entries = [
+        {"Condition": {"Blockage": {}}},
+        {"Result": {}, "Stamp": {"System": 1.0}, "Frame": {}},
+        {"Result": {}, "Stamp": {"System": 1.0, "ROS": BEGIN + 3}, "Frame": frame},
+    ]
+    path.write_text(json.dumps(entries))
+
+    seconds, statuses, _warnings = read(path)
+
+    assert seconds == [3]
+    assert statuses == (
+        Status(0, "Visibility", "", "", (("Visibility", "0.9"),)),
+        Status(2, "Blockage: front", "", "", (("GroundBlockageRatio", "0.4"),)),
+    )
 
 
 def test_several_are_merged_by_time_and_their_pauses_are_known(tmp_path):
