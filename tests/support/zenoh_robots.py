@@ -1,7 +1,6 @@
 """A zenoh router, and robots behind bridges, from the test process itself.
 
-A bridge declares the tokens of zenoh-bridge-ros2dds 1.10.2, which `tests/e2e/test_zenoh_bridge.py`
-compares with the real one's.
+A bridge declares the tokens that zenoh-bridge-ros2dds 1.10.2 does (its liveliness_mgt.rs).
 """
 
 from __future__ import annotations
@@ -19,7 +18,9 @@ from testbed.polling import until
 TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 
 
-def session(mode: str, *, connect: Sequence[str] = (), listen: Sequence[str] = (), **more):
+def session(
+    mode: str, *, base=None, connect: Sequence[str] = (), listen: Sequence[str] = (), **more
+):
     values = {
         "mode": mode,
         "connect/endpoints": list(connect),
@@ -28,7 +29,7 @@ def session(mode: str, *, connect: Sequence[str] = (), listen: Sequence[str] = (
         "scouting/gossip/enabled": False,
         **more,
     }
-    config = zenoh.Config()
+    config = base or zenoh.Config()
     for key, value in values.items():
         config.insert_json5(key, json.dumps(value))
     return zenoh.open(config)
@@ -54,8 +55,10 @@ class Router:
 class Bridge:
     """A session at the router with the topics of a robot."""
 
-    def __init__(self, locator: str) -> None:
-        self._session = session("client", connect=[locator])
+    def __init__(self, locator: str, user: str = "", password: str = "") -> None:
+        access = {"user": user, "password": password} if user else {}
+        more = {f"transport/auth/usrpwd/{key}": value for key, value in access.items()}
+        self._session = session("client", connect=[locator], **more)
         self._id = self._session.zid()
         self._publishers = {}
         self._tokens = {}
@@ -88,6 +91,15 @@ class Bridge:
 
     def send_bytes(self, topic: str, data: bytes) -> None:
         self._publishers[topic].put(data)
+
+    def receive(self, key: str) -> list[str]:
+        """The keys of what others put, as it comes."""
+        received: list[str] = []
+        self._receiving = self._session.declare_subscriber(
+            key,
+            lambda sample: received.append(str(sample.key_expr)),
+        )
+        return received
 
     def withdraw(self, topic: str) -> None:
         self._tokens.pop(topic).undeclare()

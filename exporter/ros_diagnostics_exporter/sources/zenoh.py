@@ -199,6 +199,7 @@ def _config(settings: Zenoh) -> Any:
         "listen/endpoints": [],
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
+        "transport/shared_memory/enabled": False,  # with whoever else is on this host
         **{f"transport/link/tls/{key}": str(path) for key, path in tls.items() if path is not None},
     }
     if settings.cert_file is not None:
