@@ -13,6 +13,7 @@ import config_schema
 import mail_pictures
 import metrics_reference
 import prometheus_operator
+import versions
 from bench import scaling
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -35,6 +36,7 @@ GENERATORS: dict[str, Callable[[], Files]] = {
     "rules for Kubernetes": prometheus_operator.files,
     "dashboards": dashboards,
     "tables of docs/scaling.md": scaling.files,
+    "versions": versions.files,
 }
 
 

@@ -1,3 +1,3 @@
 """Prometheus exporter for the diagnostics of a fleet of ROS 2 robots."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -45,7 +45,7 @@ SAME = 1.0  # seconds by which an acknowledgement may differ from when its fault
 _MOMENT = re.compile(
     r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(?: \+0000 UTC|Z|([+-]\d\d:\d\d))"
 )
-_PARTS = ("component", "check", "key", "uplink", "step")  # what an alert is about
+_PARTS = ("component", "check", "key", "step")  # what an alert is about
 _Answer = TypeVar("_Answer")
 _UUID = re.compile(r"[0-9a-f-]{36}")
 
@@ -320,7 +320,7 @@ def _explain(client: Client, labels: Mapping[str, str | None], size: int) -> lis
     alerts = _alerts(client, labels, size)[:EXPLAINED]
     known = {each["fingerprint"]: each for each in alerts}
     inhibiting = {name for each in alerts for name in each["status"]["inhibitedBy"]}
-    if inhibiting - known.keys():  # such as an uplink, which is of no robot
+    if inhibiting - known.keys():  # one of no robot
         of_fleet = _alerts(client, {"fleet": labels["fleet"]}, size)
         known |= {each["fingerprint"]: each for each in of_fleet}
     silencing = {name for each in alerts for name in each["status"]["silencedBy"][:EXPLAINED]}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.texts import natural
@@ -37,6 +37,7 @@ QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condit
     "site": "many robots of the site are silent",
     "common": "the same component failed on many robots",
     "many": "many components of the robot failed at once",
+    "fault": "a worse fault of it is confirmed",
     "condition": "by its condition in fleet.yml",
     "hours": "outside of warning hours",
 }
@@ -47,7 +48,8 @@ SILENT = {  # why a robot is silent
     "mute": "its publisher sends nothing",
     "undecodable": "its messages cannot be decoded",
     "wrong_type": "its topics have another type",
-    "domain_unreachable": "its DDS domain cannot be joined",
+    "unreachable": "what connected it by zenoh is gone: its bridge, or the network",
+    "domain_unreachable": "its DDS domain cannot be joined, or no zenoh router answers",
     "uplink_down": "its uplink does not answer",
 }
 _OF_ROBOT = {
@@ -55,17 +57,22 @@ _OF_ROBOT = {
     "pending": "robot was never received",
     "flapping": "robot comes and goes",
     "many": "many components failed at once",
+    "clock": "robot's clock is wrong",
 }
 _AFTER = {
-    "heard": "is received",
+    "received": "is received",
     "silent": "is silent",
     "known": "was found",
     "forgotten": "removed",
     "read": "was read",
-    "refused": "was rejected",
+    "rejected": "was rejected",
 }
 _OF_STATE = {"silent": "UNKNOWN", "pending": "PENDING"}  # all others by their severity
-_WORSE = {"warning": ("stale", "critical"), "stale": ("critical",)}
+_WORSE = {
+    "warning": ("stale", "critical"),
+    "stale": ("critical",),
+    "falling": ("warning", "critical"),
+}
 
 
 class ShownProblem(NamedTuple):
@@ -199,6 +206,7 @@ def subject(problem: dict[str, Any]) -> str:
         "flapping": path,
         "site": f"many robots of site {problem['site'] or '(none)'} are silent",
         "common": f"{problem['component']} of many robots",
+        "clock": "the exporter's clock is wrong",
     }[problem["scope"]]
 
 
@@ -296,7 +304,7 @@ def _message(
     scope, state = problem["scope"], problem["state"]
     if component is not None and not problem["well"]:
         if scope == "flapping":
-            return f"flapping: {component['flap_ratio']:.0%} of its last states were changes"
+            return _changing_text(state, component)
         if scope == "value":
             return value_text(problem, component) or str(problem["evidence"])
         return component_text(component)
@@ -306,6 +314,12 @@ def _message(
     if scope == "robot" and state in {"silent", "pending"}:
         return silent_text(of["silent_reason"]) or str(problem["evidence"])
     return str(problem["evidence"])
+
+
+def _changing_text(state: str, component: dict[str, Any]) -> str:
+    if state == "intermittent":
+        return f"intermittent: {component_text(component)}"
+    return f"flapping: {component['flap_ratio']:.0%} of its last states were changes"
 
 
 def component_text(component: dict[str, Any]) -> str:
@@ -332,12 +346,19 @@ def value_text(problem: dict[str, Any], component: dict[str, Any]) -> str:
             is_it = (value["key"], each["bound"], each["severity"]) == (
                 problem["key"],
                 problem["bound"],
-                problem["severity"],
+                "critical" if problem["state"] == "falling" else problem["severity"],
             )
             if is_it and value["number"] is not None:
                 unit = f" {value['unit']}" if value["unit"] else ""
                 return f"{value['number']:g}{unit}, {each['bound']} threshold {each['value']:g}"
     return ""
+
+
+def query_text(query: Mapping[str, Any]) -> str:
+    """How the running exporter's query is answered; why it is not, in Prometheus' words."""
+    answered = f"{query['rows']} components, {query['skipped']} elements of no robot of this fleet"
+    how = {None: "not answered yet", "": answered}.get(query["error"], query["error"])
+    return f"{query['name']}: {how}"
 
 
 def clock(unix: float, now: float, *, local: bool, seconds: bool = True) -> str:

@@ -40,11 +40,8 @@ def text(robots: int, end: float) -> Iterator[str]:
     yield from _sums(robots, begin)
     for name, labels, value_of in (
         (
-            "fleet:ros_diagnostics_fault_start:held",
-            (
-                ',scope="component",state="critical",severity="critical"'
-                ',group="/Motor",component="Motor 1"'
-            ),
+            "robot:ros_diagnostics_fault_start:held",
+            (',scope="component",severity="critical",group="/Motor",component="Motor 1"'),
             _since,
         ),
         ("robot:ros_diagnostics_down:seconds", "", _seconds),

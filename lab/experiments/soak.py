@@ -134,7 +134,7 @@ class Sampler:
                 f"{PROGRAMS[server.name]}_{name}": round(value, 3)
                 for name, value in usage(server.process.pid)._asdict().items()
             }
-        database = self._folder / "state.json"
+        database = self._folder / "exporter.db"
         row["exporter_database"] = megabytes([database])
         row["exporter_wal"] = megabytes([Path(f"{database}-wal")])
         row["prometheus_scrapes"], row["prometheus_failed"] = self._scrapes_of_prometheus()

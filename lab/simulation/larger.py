@@ -195,7 +195,7 @@ def _place(event: Event) -> Place:
     if event.scope == "common":
         return "common", event.component
     if event.scope == "flapping":
-        return "flapping", f"{event.robot} {event.component}"
+        return event.state, f"{event.robot} {event.component}"
     return event.state, event.robot if event.scope == "robot" else str(event)
 
 

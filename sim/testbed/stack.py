@@ -124,7 +124,7 @@ def _prepare(folder: Path, domain_id: int, plan: Plan, inbox: Inbox) -> Stack:
         server(
             "ros-diagnostics-exporter",
             programs.exporter(
-                configs.fleet, addresses.exporter, folder / "state.json", addresses.alertmanager
+                configs.fleet, addresses.exporter, folder / "exporter.db", addresses.alertmanager
             ),
             addresses.exporter,
         ),

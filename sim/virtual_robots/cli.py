@@ -27,10 +27,10 @@ COMMANDS = """commands:
   virtual-robots COMMAND --help    options of a command
 """
 NO_ROS = """virtual-robots: ROS 2 cannot be imported ({error}).
-Install it with this package: pip install 'ros-diagnostics-exporter[ros]'
+Install it with this package: pip install 'ros-diagnostics-virtual-robots[ros]'
 or source a ROS 2 installation first: source /opt/ros/jazzy/setup.bash"""
 NO_ROSBAGS = """virtual-robots: recordings need the library rosbags ({error}).
-Install it with this package: pip install 'ros-diagnostics-exporter[demo]'"""
+Install it with this package: pip install 'ros-diagnostics-virtual-robots[bags]'"""
 ROS_PACKAGES = ("rclpy", "diagnostic_msgs.msg", "rcl_interfaces.srv")
 
 

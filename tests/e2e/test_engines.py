@@ -1,8 +1,8 @@
 """The shipped rules, unchanged but for short durations, on every engine that may evaluate them.
 
-A fault and its recovery, the death of the exporter in it, a silent robot, and the load of a
-robot's computer, on the Prometheus in PATH (or $PROMETHEUS), the same with concurrent evaluation
-where it has that, and vmalert over VictoriaMetrics.
+A fault and its recovery, the death of the exporter in it, and a silent robot, on the Prometheus in
+PATH (or $PROMETHEUS), the same with concurrent evaluation where it has that, and vmalert over
+VictoriaMetrics.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import subprocess
 import urllib.request
 from collections.abc import Iterator
 from contextlib import ExitStack
-from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 
 import pytest
@@ -22,7 +21,6 @@ import yaml
 
 from e2e.rule_scenarios.stack import Orders
 from support import short_clocks, victoriametrics
-from support.loopback import answering
 from testbed import domains, http, programs, servers
 from testbed.configuration import CHECKOUT
 from testbed.polling import until
@@ -44,29 +42,10 @@ SILENT = "RobotSilent robot_2"
 DOWN = "ExporterDown"
 
 
-class Computer:
-    """The address at which the load of a robot's computer is served, as node_exporter does."""
-
-    def __init__(self, stack: ExitStack) -> None:
-        self.load = 1.0
-        computer = self
-
-        class Metrics(BaseHTTPRequestHandler):
-            def do_GET(self) -> None:
-                self.send_response(200)
-                self.end_headers()
-                self.wfile.write(f"node_load1 {computer.load}\n".encode())
-
-        self.address = stack.enter_context(answering(Metrics))
-
-
 class Site:
-    """Two robots, their exporter, a computer and one engine; which alerts fire."""
+    """Two robots, their exporter and one engine; which alerts fire."""
 
-    def __init__(
-        self, exporter: Process, address: str, alerts: str, orders: Orders, computer: Computer
-    ) -> None:
-        self.computer = computer
+    def __init__(self, exporter: Process, address: str, alerts: str, orders: Orders) -> None:
         self.exporter = exporter
         self.address = address
         self.orders = orders
@@ -113,8 +92,7 @@ def _name(alert: dict[str, dict[str, str]]) -> str:
 def site(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Site]:
     address = f"127.0.0.1:{free_port()}"
     with ExitStack() as stack:
-        computer = Computer(stack)
-        config = _prometheus(tmp_path, address, computer.address)
+        config = _prometheus(tmp_path, address)
         domain = stack.enter_context(domains.lease())
         environment = domains.environment(domain) | {"ROS_LOG_DIR": str(tmp_path / "ros-log")}
         (tmp_path / "fleet.yml").write_text(FLEET.format(domain=domain))
@@ -130,21 +108,15 @@ def site(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Site]:
         stack.callback(orders.close)
         start = _vmalert if request.param == "vmalert" else _start_prometheus
         alerts = start(stack, tmp_path, config, concurrent=request.param == "concurrent")
-        yield Site(exporter, address, alerts, orders, computer)
+        yield Site(exporter, address, alerts, orders)
 
 
-def _prometheus(folder: Path, exporter: str, computer: str) -> Path:
+def _prometheus(folder: Path, exporter: str) -> Path:
     shutil.copytree(CHECKOUT / "prometheus", folder / "prometheus")
     targets = folder / "prometheus" / "targets"
     for path in targets.glob("*.yml"):
         path.write_text("[]")
     (targets / "ros-diagnostics.yml").write_text(yaml.safe_dump([{"targets": [exporter]}]))
-    target = {"targets": [computer], "labels": {"fleet": "hall", "robot": "robot_1"}}
-    job = {"job_name": "ros-diagnostics-node", "static_configs": [target]}
-    short_clocks.edit(
-        folder / "prometheus" / "prometheus.yml",
-        lambda config: config["scrape_configs"].append(job),
-    )
     short_clocks.set_interval(folder / "prometheus", SECONDS)
     short_clocks.scale(folder / "prometheus" / "rules")
     return folder / "prometheus" / "prometheus.yml"
@@ -190,16 +162,4 @@ def test_a_fault_the_death_of_its_exporter_and_a_silent_robot(site: Site):
     site.orders.give([("robot_1/Motor 1", "ok")])
     site.becomes(SILENT)
     site.orders.give([("robot_2", "resume")])
-    site.becomes()
-
-
-def test_a_warning_of_a_computer_that_becomes_critical_and_is_over(site: Site):
-    until(site.ready, "the exporter receives both robots", 60)
-    site.computer.load = 5.5
-    site.becomes("HostWarning robot_1")
-    site.computer.load = 12.25
-    site.becomes("HostWarning robot_1", "HostCritical robot_1", keeps="HostWarning robot_1")
-    evidence = {_name(each): each["annotations"].get("evidence") for each in site.alerts()}
-    assert evidence["HostCritical"] == "12.25 load average"
-    site.computer.load = 1.0
     site.becomes()

@@ -6,15 +6,18 @@ node_exporter reads a folder in place of /proc, so that the test says what the l
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from http.server import BaseHTTPRequestHandler
+from math import inf
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
+from ros_diagnostics_tools.main import main
 from support import host_checks, prometheus_site
 from support.link import Link
 from support.loopback import answering
@@ -31,7 +34,13 @@ pytestmark = pytest.mark.slow
 QUERIES = CHECKOUT / "docs" / "examples" / "queries" / "queries.d" / "hosts.yml"
 FLEET = """
 fleet: hall
-robots: [{{name: robot_1, namespace: /robot_1, domain_id: {domain}, address: 127.0.0.1}}]
+robots:
+  - name: robot_1
+    namespace: /robot_1
+    domain_id: {domain}
+    address: 127.0.0.1
+    labels: {{uplink: ap_1}}
+  - {{name: ap_1, source: queries, address: 127.0.0.1}}
 faults: {{restart_grace: 1s}}
 """
 
@@ -52,6 +61,9 @@ class Site:
         self.inbox = inbox
         self.exporter = ""
         self.prometheus: Link  # as the exporter reaches it
+        self.uplink: Link  # as it is probed
+        self.robots: Process
+        self.alertmanager = ""
         self.load(0.5)
 
     def load(self, one: float) -> None:
@@ -64,8 +76,8 @@ class Site:
 
     def robot(self) -> dict[str, Any]:
         """The robot as the API has it."""
-        (robot,) = get_json(self.exporter, "/api/v1/fleet")["robots"]
-        return dict(robot)
+        robots = get_json(self.exporter, "/api/v1/fleet")["robots"]
+        return next(dict(each) for each in robots if each["robot"] == "robot_1")
 
     def component(self, name: str) -> dict[str, Any]:
         """A component of the robot; empty if there is none."""
@@ -129,8 +141,9 @@ def site(tmp_path: Path) -> Iterator[Site]:
         (tmp_path / "queries.d").mkdir()
         (tmp_path / "queries.d" / "hosts.yml").write_text(yaml.safe_dump(queries(tmp_path)))
         (tmp_path / "fleet.yml").write_text(FLEET.format(domain=domain))
-        found.prometheus = Link(prometheus)
+        found.prometheus, found.uplink = Link(prometheus), Link(page)
         stack.callback(found.prometheus.close)
+        stack.callback(found.uplink.close)
         commands = {
             "robots": programs.virtual_robots(1, 1, domain),
             "exporter": [
@@ -144,6 +157,8 @@ def site(tmp_path: Path) -> Iterator[Site]:
             process = Process(name, argv, domains.environment(domain), tmp_path / f"{name}.log")
             stack.callback(process.stop)
             process.start()
+            if name == "robots":
+                found.robots = process
         until(lambda: answers(exporter, "/-/ready"), "the exporter is ready", 120)
         port = page.rpartition(":")[2]
         jobs = host_checks.jobs(
@@ -153,11 +168,13 @@ def site(tmp_path: Path) -> Iterator[Site]:
                 "/sd/node": f"/sd/node?port={node.rpartition(':')[2]}",
                 "/sd/http": f"/sd/http?port={port}",
                 "?port=11311": f"?port={port}",
+                # What may not send pings finds every host down (test_hosts.py).
+                "[icmp]": "[tcp_connect]",
+                "/sd/uplink": f"/sd/uplink?port={found.uplink.address.rpartition(':')[2]}",
             },
-            # What may not send pings finds every host down (test_hosts.py); nobody serves SSH.
-            ["ros-diagnostics-ping", "ros-diagnostics-uplink", "ros-diagnostics-ssh"],
+            ["ros-diagnostics-ping", "ros-diagnostics-ssh"],  # nobody serves SSH
         )
-        stack.enter_context(
+        servers = stack.enter_context(
             prometheus_site.running(
                 tmp_path,
                 {"hall": exporter},
@@ -166,10 +183,13 @@ def site(tmp_path: Path) -> Iterator[Site]:
                 prometheus=prometheus,
             )
         )
+        found.alertmanager = servers.alertmanager
         yield found
 
 
-def test_a_hosts_disk_load_and_services_are_components_with_a_mail_and_a_recovery(site: Site):
+def test_a_hosts_disk_load_and_services_are_components_with_a_mail_and_a_recovery(
+    site: Site, capsys: pytest.CaptureFixture[str]
+):
     disk = f"disk {site.folder}"
     until(lambda: site.level(disk) == "WARN", lambda: str(site.robot()["components"]), 60)
     until(lambda: site.level("load 1m") == "OK", "the load is measured", 60)
@@ -182,6 +202,10 @@ def test_a_hosts_disk_load_and_services_are_components_with_a_mail_and_a_recover
     site.load(11)
     problem = "** PROBLEM ** hall/robot_1 load 1m is CRITICAL"
     until(lambda: problem in site.subjects(), lambda: str(site.subjects()), 90)
+    url = f"http://{site.alertmanager}"
+    who = ("--author", "ann", "--comment", "a map is being built", "--alertmanager", url)
+    assert main(["ack", "robot_1", "load 1m", *who]) == 0
+    assert "hall/robot_1 load 1m CRITICAL" in capsys.readouterr().out
     site.load(0.5)
     recovery = "** RECOVERY ** hall/robot_1 load 1m is no longer CRITICAL"
     until(lambda: recovery in site.subjects(), lambda: str(site.subjects()), 90)
@@ -212,3 +236,28 @@ def test_without_prometheus_its_components_are_stale_and_no_fault_begins_or_ends
     site.prometheus.heal()
     until(lambda: site.level(disk) == "WARN", "the disk is measured again", 60)
     assert faults() == before
+
+
+def test_an_uplink_that_is_gone_is_one_mail_and_its_robot_none(site: Site):
+    until(lambda: site.robot()["up"] and site.level("http") == "OK", "the robot is well", 90)
+    site.uplink.cut()
+    site.robots.stop()
+    problem = "** PROBLEM ** hall/ap_1 uplink is CRITICAL"
+    until(lambda: problem in site.subjects(), lambda: str(site.subjects()), 90)
+
+    def silence() -> dict[str, Any]:
+        found = (each for each in site.robot()["problems"] if each["state"] == "silent")
+        return next(found, {"due": inf, "quiet": ""})
+
+    # All that could have made it a fault is over.
+    until(lambda: time.time() > silence()["due"], lambda: str(silence()), 90)
+    assert silence()["quiet"] == "unreachable"
+    assert site.robot()["silent_reason"] == "uplink_down"
+
+    site.uplink.heal()
+    site.robots.start()
+    recovery = "** RECOVERY ** hall/ap_1 uplink is no longer CRITICAL"
+    until(lambda: recovery in site.subjects(), lambda: str(site.subjects()), 90)
+    until(lambda: site.robot()["up"], "the robot is back", 90)
+    disk = "** PROBLEM ** hall/robot_1 disk"
+    assert [each for each in site.subjects() if not each.startswith(disk)] == [problem, recovery]

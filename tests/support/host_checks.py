@@ -10,7 +10,6 @@ from typing import Any
 
 import yaml
 
-from support import short_clocks
 from testbed.configuration import CHECKOUT
 from testbed.http import answers, get
 from testbed.polling import until
@@ -33,20 +32,6 @@ modules:
 """
 
 
-def only_probes(prometheus: Path) -> None:
-    """Confirm problems of hosts after 2 s, and let none depend on how busy this machine is."""
-
-    def change(document: dict[str, Any]) -> None:
-        thresholds = document["groups"][0]["rules"]
-        thresholds[0]["expr"] = "vector(2)"
-        measured = {"load", "users", "processes", "disk"}
-        thresholds[:] = [
-            each for each in thresholds if each.get("labels", {}).get("check") not in measured
-        ]
-
-    short_clocks.edit(prometheus / "rules" / "hosts.yml", change)
-
-
 def ping_error(blackbox: str) -> str:
     """The error of a blackbox exporter that may not send pings, from its log; empty if it may."""
     path = "/probe?module=icmp&target=127.0.0.1&debug=true"
@@ -67,7 +52,7 @@ def jobs(replaced: Mapping[str, str], removed: Sequence[str] = ()) -> list[dict[
     _rest, mark, end = text.partition("  # --- Hosts:")
     assert mark
     shown = "\n".join(re.sub(r"^  # (?!---)", "  ", line) for line in end.splitlines()[1:])
-    for old, new in {"30s": "1s", **replaced}.items():
+    for old, new in replaced.items():
         assert old in shown
         shown = shown.replace(old, new)
     found: list[dict[str, Any]] = yaml.safe_load(shown)

@@ -18,12 +18,8 @@ MILLISECONDS = {"ms": 1, "s": 1000, "m": 60_000, "h": 3_600_000, "d": 86_400_000
 # The length of a range or an offset; not a name or a number that only looks like a duration.
 DURATION = re.compile(r"(?:(?<=\[)|(?<=\d[smh]:)|(?<=offset ))(\d+)(ms|s|m|h)\b")
 # Seconds that are numbers in an expression: file, the rule's name, as shipped, scaled.
-SECONDS = (
-    ("availability.yml", "robot:ros_diagnostics_part_seconds:sum5m", "300", "30"),
-    ("robots.yml", "RosDiagnosticsValueFalling", "1800", "600"),
-    ("hosts.yml", "host_check:ros_diagnostics_confirm_after:seconds", "60", "6"),
-)
-FILES = ("faults", "states", "robots", "hosts", "availability", "monitoring")
+SECONDS = (("availability.yml", "robot:ros_diagnostics_part_seconds:sum5m", "300", "30"),)
+FILES = ("faults", "states", "availability", "monitoring")
 SCALED = tuple(f"{name}.yml" for name in FILES)
 SLOT = "robot:ros_diagnostics_part_seconds:sum5m"  # counts the evaluations of states.yml
 

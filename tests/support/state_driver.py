@@ -135,6 +135,9 @@ class StateDriver:
     def level(self, name: str) -> int:
         return self.component(name).level
 
+    def problem_since(self, name: str) -> float | None:
+        return self.sample("component_problem_since_timestamp_seconds", component=name)
+
     def samples(self) -> dict[str, dict[tuple[tuple[str, str], ...], float]]:
         """What a scrape shows: family's sample name -> sorted labels -> value."""
         found: dict[str, dict[tuple[tuple[str, str], ...], float]] = {}

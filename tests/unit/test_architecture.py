@@ -27,9 +27,17 @@ TREES = {
 # Of each tree its packages and modules: each imports only from lines above its own.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
-        ("model", "durations", "file_watcher", "files", "loops", "regex", "texts"),
-        ("weekly", "zstd"),
-        ("events", "http_client", "logs", "severity"),
+        (
+            "model",
+            "durations",
+            "file_watcher",
+            "files",
+            "regex",
+            "texts",
+            "weekly",
+            "zstd",
+        ),
+        ("events", "http_client", "logs", "loops", "severity"),
         ("config",),
         ("decode",),
         ("sources",),

@@ -42,7 +42,13 @@ cat >"$folder/bin/python" <<'END'
 case "$*" in
 *grafana_foundation_sdk*) exit 1 ;;
 --version) echo "Python 3.10.13" ;;
-*) echo "python $*" >>FOLDER/calls ;;
+*)
+    echo "python $*" >>FOLDER/calls
+    case "$*" in *"pip install"*) if [ -e FOLDER/offline ]; then
+        cat FOLDER/offline >&2
+        exit 1
+    fi ;; esac
+    ;;
 esac
 END
 for name in ruff mypy; do
@@ -59,13 +65,14 @@ class Machine:
         self.folder = folder
         self.policy = folder / "sbin" / "policy-rc.d"
         self.checkout = folder / "checkout"
-        for each in ("bin", "sbin", "checkout/packaging", "checkout/lab/bench"):
+        for each in ("bin", "sbin", "checkout/packaging/locks", "checkout/lab/bench"):
             (folder / each).mkdir(parents=True)
         for name in ("run", "pyproject.toml", "packaging/install-packages"):
             text = (CHECKOUT / name).read_text()
             # Nothing here may touch the machine itself.
             text = text.replace("/usr/sbin/", f"{self.policy.parent}/")
             (self.checkout / name).write_text(text)
+        (self.checkout / "packaging/locks/versions.txt").write_text("one==1\n")
         (self.checkout / "lab/bench/rules.py").write_text("if __name__ == '__main__': ...\n")
         for name in BASICS:
             self.program(name, f'#!/bin/sh\nexec {shutil.which(name)} "$@"\n')
@@ -101,6 +108,11 @@ class Machine:
         (self.folder / "calls").unlink(missing_ok=True)
         script = self.checkout / "packaging" / "install-packages"
         return self.call("sh", script, *packages, kill_at=kill_at).returncode
+
+    def pip(self) -> list[str]:
+        """What pip was told to install, by each call."""
+        calls = (call.partition("-m pip install --quiet ") for call in self.calls())
+        return [arguments for _, found, arguments in calls if found]
 
     def calls(self) -> list[str]:
         path = self.folder / "calls"
@@ -138,6 +150,7 @@ def test_no_service_starts_now_or_at_the_next_boot(machine, original):
     assert "exit 101" in policies
     assert "exit 104" not in policies
     assert "update-rc.d one disable" in machine.calls()
+    assert not [call for call in machine.calls() if call.startswith("dpkg --configure")]
     assert now(machine) == original
     assert [path.name for path in machine.policy.parent.iterdir()] == (
         ["policy-rc.d"] if original else []
@@ -155,6 +168,7 @@ def test_killed_at_any_moment_the_next_run_restores_the_policy(machine, original
         assert machine.install("two") == 0
 
         assert machine.installed() == (["one", "two"] if left.stdout else ["two"])
+        assert ("dpkg --configure -a" in machine.calls()) == bool(left.stdout)
         assert now(machine) == original
         if original:
             assert os.access(machine.policy, os.X_OK)
@@ -189,6 +203,79 @@ def test_bench_installs_the_servers_and_runs(machine):
     assert done.returncode == 0, done.stderr
     assert machine.installed() == ["prometheus", "prometheus-alertmanager"]
     assert machine.calls()[-1] == "python -m bench.rules"
+
+
+def test_a_verb_installs_the_packages_that_it_needs_once(machine):
+    own = "--no-build-isolation --editable"
+    versions = "--constraint packaging/locks/versions.txt"
+    project = [
+        "--require-hashes --requirement packaging/locks/build.txt",
+        "--require-hashes --requirement packaging/locks/demo.txt",
+        f"{versions} {own} .[ros,demo]",
+        f"--no-deps {own} ./sim",
+    ]
+    test = "--group test --group dashboards --group docs"
+    tools = [f"{versions} {test}", f"{versions} --group mutation"]
+
+    machine.run("demo")
+    assert machine.pip() == project
+    machine.run("mutate")
+    assert machine.pip() == [*project, *tools]
+    machine.run("mutate")
+    assert machine.pip() == [*project, *tools]
+
+    with (machine.checkout / "pyproject.toml").open("a") as file:
+        file.write("# another version\n")
+    machine.run("mutate")
+    assert machine.pip() == [*project, *tools, *project, *tools]
+
+    with (machine.checkout / "packaging/locks/versions.txt").open("a") as file:
+        file.write("two==2\n")
+    machine.run("demo")
+    assert machine.pip() == [*project, *tools, *project, *tools, *project]
+
+
+def test_what_was_not_installed_completely_is_installed_by_the_next_run(machine):
+    machine.run("demo")
+    (machine.folder / "offline").write_text("ERROR: the disk is full\n")
+
+    done = machine.run("mutate")
+
+    assert done.returncode == 1
+    assert "ERROR: the disk is full" in done.stderr
+    (machine.folder / "offline").unlink()
+    assert machine.run("mutate").returncode == 0
+    *_, failed, repeated, other = machine.pip()
+    assert failed == repeated != other
+
+
+def test_without_a_network_the_first_run_says_so_in_one_sentence(machine):
+    retry = "WARNING: Retrying (Retry(total=4)) after connection broken by 'NewConnectionError'\n"
+    (machine.folder / "offline").write_text(5 * retry + "ERROR: No matching distribution found\n")
+
+    done = machine.run("demo")
+
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "package index does not answer" in done.stderr
+
+
+@pytest.mark.parametrize("verb", ["demo", "test", "lint", "bench", "mutate", "generate"])
+def test_the_help_of_a_verb_installs_nothing(machine, verb):
+    done = machine.run(verb, "--help")
+
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[1].startswith(f"  {verb} ")
+    assert machine.calls() == []
+
+
+def test_the_help_of_a_verb_that_is_set_up_is_that_of_its_program(machine):
+    machine.run("demo")
+    before = machine.calls()
+
+    machine.run("demo", "--help")
+
+    assert machine.calls() == [*before, "python -m demo --help"]
 
 
 def test_lint_installs_shellcheck_where_it_is_missing(machine):

@@ -10,7 +10,13 @@ from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.alertmanager import Acknowledgement
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
 from ros_diagnostics_exporter.config.fleet import Source, ValueRule
-from ros_diagnostics_exporter.faults.model import ComponentName, ProblemView, as_texts, fault_id
+from ros_diagnostics_exporter.faults.model import (
+    ComponentName,
+    Followed,
+    ProblemView,
+    as_texts,
+    fault_id,
+)
 from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.notifications import Key, key_of
@@ -86,7 +92,7 @@ def fleet_snapshot(state: State, now: Instant, care: Care = NOBODY) -> dict[str,
                 **_maintenance(state, robot, now),
                 "problems": problems.get(robot["robot"], []),
             }
-            for robot in state.visit(lambda robot: _robot(robot, state.flap_ratios(robot)))
+            for robot in state.visit(lambda robot: _robot(robot, state.followed(robot)))
         ],
     }
 
@@ -233,7 +239,7 @@ def _host(address: str | None) -> str:
     return f"[{address}]" if address.count(":") > 1 and not address.startswith("[") else address
 
 
-def _robot(robot: Robot, ratios: Mapping[ComponentName, float]) -> dict[str, Any]:
+def _robot(robot: Robot, followed: Mapping[ComponentName, Followed]) -> dict[str, Any]:
     settings: Settings = robot.settings
     return {
         "robot": settings.name,
@@ -256,7 +262,7 @@ def _robot(robot: Robot, ratios: Mapping[ComponentName, float]) -> dict[str, Any
         "components": [
             _component(
                 component,
-                ratios.get(ComponentName(component.group, component.label), 0.0),
+                followed.get(ComponentName(component.group, component.label)),
                 stale_is_critical=settings.profile.stale_is_critical,
             )
             for component in robot.components
@@ -280,7 +286,7 @@ def _short_checks(robot: Robot) -> Iterator[dict[str, Any]]:
 
 
 def _component(
-    component: Component, flap_ratio: float, *, stale_is_critical: bool
+    component: Component, followed: Followed | None, *, stale_is_critical: bool
 ) -> dict[str, Any]:
     level = Level(component.level).name
     before = None if component.before_stale is None else Level(component.before_stale).name
@@ -300,7 +306,7 @@ def _component(
         "message": component.message,
         "level_since": component.since,
         "changes": component.changes,
-        "flap_ratio": flap_ratio,
+        "flap_ratio": 0.0 if followed is None else followed.flap_ratio,
         "values": list(_values(component)),
     }
 

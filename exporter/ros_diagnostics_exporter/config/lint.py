@@ -12,6 +12,7 @@ from ros_diagnostics_exporter.config.scalars import duration
 from ros_diagnostics_exporter.config.validate import Checked, Placed
 from ros_diagnostics_exporter.config.yaml_file import inside
 from ros_diagnostics_exporter.durations import written
+from ros_diagnostics_exporter.model import Domain
 
 # A domain's ports begin at 7400 + 250 * id; Linux gives 32768 to 60999 to outgoing connections.
 # https://docs.ros.org/en/jazzy/Concepts/Intermediate/About-Domain-ID.html
@@ -26,6 +27,7 @@ def lint(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
         *_late(checked),
         *_units(checked),
         *_labels_of_no_robot(checked, fleet),
+        *_uplinks_of_no_entry(checked),
         *_nothing_to_watch(checked, fleet),
     ]
     return tuple(str(each) for each in found)
@@ -33,7 +35,7 @@ def lint(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
 
 def _ephemeral_domains(checked: Checked) -> Iterator[Finding]:
     remedy = "prefer 0 to 101 (215 to 232 work on Linux, too)"
-    entries: list[tuple[Placed[Any], str, tuple[int, ...]]] = [
+    entries: list[tuple[Placed[Any], str, tuple[Domain, ...]]] = [
         *((each, "domain_id", (each.entry.domain_id,)) for each in checked.robots),
         *((each, "domain_id", (each.entry.domain_id,)) for each in checked.shared),
         *((each, "domain_ids", each.entry.domain_ids) for each in checked.discovery),
@@ -94,6 +96,21 @@ def _labels_of_no_robot(checked: Checked, fleet: Fleet) -> Iterator[Finding]:
                 what = f"no robot has the label {label}, so this downtime is never active"
                 remedy = f"select by one of {', '.join(sorted(known))}"
                 yield placed.problem("selector", label, what=what, remedy=remedy)
+
+
+def _uplinks_of_no_entry(checked: Checked) -> Iterator[Finding]:
+    """An uplink that is no entry of its own is not pinged, and explains no silence."""
+    known = {each.entry.name for each in checked.robots}
+    entries: list[Placed[Any]] = [*checked.robots, *checked.discovery, *checked.shared]
+    for placed in entries:
+        uplink = placed.entry.labels.get("uplink")
+        if uplink is not None and uplink not in known:
+            known.add(uplink)  # once is enough
+            what = (
+                f"is {uplink}, which is no robot of this file, so its failure explains no silence"
+            )
+            remedy = f"add {{name: {uplink}, source: queries, address: ...}} to robots"
+            yield placed.problem("labels", "uplink", what=what, remedy=remedy)
 
 
 def _nothing_to_watch(checked: Checked, fleet: Fleet) -> Iterator[Finding]:

@@ -159,7 +159,7 @@ class Reloader:
         if again:
             return
         message = error.text(LISTED)
-        self._record(Event(self._clocks().wall, "config", after="refused", message=message))
+        self._record(Event(self._clocks().wall, "config", after="rejected", message=message))
         log.error("reload failed (%s); keeping the previous configuration:\n%s", why, error)
 
 

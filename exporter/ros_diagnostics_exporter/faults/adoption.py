@@ -31,7 +31,9 @@ def adopt(book: Book, fault: Fault, now: Instant) -> Change | None:
         return None
     since = Instant(now.mono - max(0.0, now.wall - fault.since), fault.since)
     robot = book.robots.get(identity.robot)
-    if robot is None or identity.state is State.MANY:
+    if identity.scope is Scope.CLOCK:
+        pass  # of no robot, and nothing follows from it
+    elif robot is None or identity.state is State.MANY:
         _prepare_cause(book, identity, since, now)
     else:
         _prepare_robot(book, robot, identity, since, now)
@@ -51,8 +53,7 @@ def adopt(book: Book, fault: Fault, now: Instant) -> Change | None:
 
 def _may_adopt(book: Book, fault: Fault) -> bool:
     identity = fault.identity
-    of_robot = identity.scope not in (Scope.SITE, Scope.COMMON)
-    if of_robot != (identity.robot in book.robots):
+    if bool(identity.robot) != (identity.robot in book.robots):
         return False
     forgotten = book.forgotten.get(identity.robot)
     if identity in book.ended or (forgotten is not None and forgotten.end.at >= fault.since):
@@ -82,9 +83,12 @@ def _prepare_robot(
         component = _component(book, robot, ComponentName(identity.group, identity.component))
         if identity.scope is Scope.COMPONENT:
             component.since = component.since or since
+        elif identity.state is State.INTERMITTENT and component.flaps is None:
+            component.flaps = FlapHistory([Level.OK] * SLOTS, now.mono)
+            component.flaps.changed = (now.mono,) * book.settings.intermittent.changes
+            components.wake(book, component)
         elif identity.scope is Scope.FLAPPING and component.flaps is None:
             component.flaps = _restless(now, Level.OK, Level.ERROR)
-            book.flapped[component.robot.name] = None
             components.wake(book, component)
         book.write(component)
 

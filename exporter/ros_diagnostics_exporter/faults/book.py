@@ -9,6 +9,7 @@ from typing import Literal
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.model import ComponentName, Identity, Scope, State
 from ros_diagnostics_exporter.faults.records import (
+    TREND_STEPS,
     Cause,
     Component,
     Ended,
@@ -22,9 +23,19 @@ from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.model import Instant
 
 TimerKind = Literal[
-    "confirm", "cover", "returned", "reachable", "presence", "flaps", "settled", "hours", "ends"
+    "confirm",
+    "cover",
+    "returned",
+    "reachable",
+    "presence",
+    "flaps",
+    "trends",
+    "settled",
+    "hours",
+    "ends",
 ]
 Timer = tuple[TimerKind, "Problem | Cause | Robot | Component | None"]
+CLOCK_TIME = 60.0  # seconds for which a clock has to be wrong: longer than arrays are buffered
 FLEET_ROW: RowKey = ("fleet", ())
 UPLINK_TIME = 15.0  # seconds in which a query has noticed that an uplink does not answer
 
@@ -48,7 +59,7 @@ class Book:
         self.touched: dict[Problem, None] = {}
         self.touched_causes: dict[Cause, None] = {}
         self.written: dict[RowKey, None] = {}  # rows that differ from what was last taken
-        self.flapped: dict[str, None] = {}  # robots, one of whose components has another flap ratio
+        self.followed: dict[str, None] = {}  # robots of which `Faults.followed` changed
 
     # -- notes -------------------------------------------------------------------------------
 
@@ -63,6 +74,11 @@ class Book:
     def write(self, record: Problem | Cause | Robot | Component) -> None:
         """Have the row of this record written again."""
         self.written[record.row] = None
+        if isinstance(record, Component):
+            follows = record.since, None if record.flaps is None else record.flaps.ratio
+            if follows != record.noted:
+                record.noted = follows
+                self.followed[record.robot.name] = None
 
     # -- records -----------------------------------------------------------------------------
 
@@ -149,6 +165,10 @@ class Book:
             return clock
         if state is State.PENDING:
             return clock + self.settings.pending_after
+        if state is State.CLOCK:
+            return clock + CLOCK_TIME
+        if state is State.FALLING:
+            return clock + 2 * self.settings.falling.over / TREND_STEPS
         if component is not None:
             settings = component.settings
             if settings.measured:

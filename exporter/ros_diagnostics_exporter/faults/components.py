@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 from ros_diagnostics_exporter.config.fleet import Threshold
 from ros_diagnostics_exporter.faults import causes, verdicts
 from ros_diagnostics_exporter.faults.book import Book
@@ -30,10 +32,10 @@ def report_level(book: Book, robot: Robot, report: ComponentReport, now: Instant
         if report.level is Level.OK or planned:
             return
         component = book.add_component(robot, report.name, report.settings)
-    component.settings = report.settings
+    component.settings, component.level = report.settings, report.level
     if not planned:
         _note_change(book, component, report.level, now)
-    component.level = report.level
+    _judge_intermittent(book, component, now)
     if report.level is Level.OK:
         component.since = None
     elif component.since is None and not planned:
@@ -79,6 +81,7 @@ def give_verdict(book: Book, problem: Problem, verdict: Verdict) -> None:
 
 def hold(book: Book, robot: Robot) -> None:
     """Note that nothing fresh is known of any part of the robot."""
+    robot.trends.clear()
     for problem in robot.checks.values():
         give_verdict(book, problem, Verdict.HELD)
     for component in robot.components.values():
@@ -106,6 +109,8 @@ def _note_change(book: Book, component: Component, level: Level, now: Instant) -
     if component.flaps is None:
         component.flaps = FlapHistory([last] * SLOTS, now.mono)
     component.flaps.change(level, now.mono, robot.settings.flap_interval)
+    if component.has_fault and not component.is_intermittent:
+        component.flaps.changed = ()  # people know of what explains them
     _judge_flapping(book, component, component.flaps, now)
 
 
@@ -115,6 +120,9 @@ def decay(book: Book, component: Component, now: Instant) -> None:
     if flaps is None or not component.robot.up:
         return
     flaps.decay(now.mono, component.robot.settings.flap_interval)
+    oldest = now.mono - book.settings.intermittent.within
+    flaps.changed = tuple(mono for mono in flaps.changed if mono > oldest)
+    _judge_intermittent(book, component, now)
     _judge_flapping(book, component, flaps, now)
     book.write(component)
     if component.is_usual:
@@ -125,8 +133,9 @@ def resume(book: Book, component: Component, now: Instant) -> None:
     """Go on counting changes after the robot's silence."""
     if component.flaps is not None:
         component.flaps.last = now.mono
-        _judge_flapping(book, component, component.flaps, now)
-        book.write(component)
+        if component.is_intermittent:  # silence of its robot is no rest
+            component.flaps.changed = (now.mono,) * len(component.flaps.changed)
+        decay(book, component, now)
 
 
 def wake(book: Book, component: Component) -> None:
@@ -134,15 +143,31 @@ def wake(book: Book, component: Component) -> None:
     flaps = component.flaps
     if flaps is None:
         return
+    due = inf
     if flaps.ratio > 0.0:
         due = flaps.last + component.robot.settings.flap_interval
-        book.timers.set_at_latest(("flaps", component), due)  # too early: it is set again then
-    elif flaps.slots[-1] == Level.OK:
+    if flaps.changed:
+        due = min(due, flaps.changed[0] + book.settings.intermittent.within)
+    book.timers.set_at_latest(("flaps", component), due)  # too early: it is set again then
+    if due == inf and flaps.slots[-1] == Level.OK:
         component.flaps = None
 
 
+def _judge_intermittent(book: Book, component: Component, now: Instant) -> None:
+    problem = component.problems.get(State.INTERMITTENT)
+    verdict = verdicts.of_changes(
+        0 if component.flaps is None else len(component.flaps.changed),
+        book.settings.intermittent.changes,
+        component.level,
+        is_fault=component.is_intermittent,
+    )
+    if problem is None and verdict is Verdict.BAD:
+        problem = _add_flapping(book, component, State.INTERMITTENT, now)
+    if problem is not None:
+        give_verdict(book, problem, verdict)
+
+
 def _judge_flapping(book: Book, component: Component, flaps: FlapHistory, now: Instant) -> None:
-    book.flapped[component.robot.name] = None
     problem = component.problems.get(State.FLAPPING)
     settings = book.settings
     verdict = verdicts.of_flapping(
@@ -152,14 +177,18 @@ def _judge_flapping(book: Book, component: Component, flaps: FlapHistory, now: I
         in_trouble=component.flapping,
     )
     if problem is None and verdict is Verdict.BAD:
-        robot = component.robot
-        identity = Identity(Scope.FLAPPING, State.FLAPPING, "", robot.name, *component.name)
-        problem = Problem(identity, now, robot=robot, component=component)
-        component.problems[State.FLAPPING] = book.add_problem(problem)
+        problem = _add_flapping(book, component, State.FLAPPING, now)
     if problem is not None:
         give_verdict(book, problem, verdict)
         book.touch(component.problems.values())
     wake(book, component)
+
+
+def _add_flapping(book: Book, component: Component, state: State, now: Instant) -> Problem:
+    identity = Identity(Scope.FLAPPING, state, "", component.robot.name, *component.name)
+    problem = Problem(identity, now, robot=component.robot, component=component)
+    component.problems[state] = book.add_problem(problem)
+    return problem
 
 
 # -- values and checks -------------------------------------------------------------------------
@@ -206,6 +235,8 @@ def _drop_unwanted(
     if component is None:
         return []
     wanted = {_value_key(report, each) for each in report.thresholds}
+    if (report.key, "low", "critical") in wanted:
+        wanted.add((report.key, "low", "falling"))
     unwanted = [
         problem
         for value_key, problem in component.values.items()

@@ -14,6 +14,7 @@ from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults import (
     adoption,
     causes,
+    clocks,
     components,
     ends,
     hours,
@@ -21,6 +22,7 @@ from ros_diagnostics_exporter.faults import (
     presence,
     removal,
     rows,
+    trends,
 )
 from ros_diagnostics_exporter.faults.book import FLEET_ROW, Book
 from ros_diagnostics_exporter.faults.model import (
@@ -29,6 +31,7 @@ from ros_diagnostics_exporter.faults.model import (
     ComponentReport,
     End,
     Fault,
+    Followed,
     Identity,
     ProblemView,
     Row,
@@ -110,6 +113,8 @@ class Faults:
             presence.settle(book, at)
         elif kind == "presence":
             presence.decay(book, record, at)
+        elif kind == "trends":
+            trends.sample(book, record, at)
         elif kind == "reachable":
             presence.become_reachable(book, record, at)
         else:
@@ -224,6 +229,12 @@ class Faults:
         presence.become_pending(self._book, self._robot(name), now)
         return changes + judge.settle(self._book, now)
 
+    def clocks(self, offsets: Mapping[str, float], now: Instant) -> list[Change]:
+        """Take how far the clocks of all robots that are received differ, in seconds, by robot."""
+        changes = self.advance(now)
+        clocks.judge(self._book, offsets, now)
+        return changes + judge.settle(self._book, now)
+
     def components_changed(
         self, robot: str, reports: Iterable[ComponentReport], total: int, now: Instant
     ) -> list[Change]:
@@ -255,7 +266,9 @@ class Faults:
         known = self._robot(robot)
         if known.up:
             for report in reports:
-                changes += components.report_value(self._book, (known, name, settings), report, now)
+                of = known, name, settings
+                changes += components.report_value(self._book, of, report, now)
+                trends.follow(self._book, of, report, now)
         return changes + judge.settle(self._book, now)
 
     def check_changed(
@@ -351,20 +364,17 @@ class Faults:
         component = known.components.get(name)
         return component is not None and bool(component.problems or component.values)
 
-    def trouble_since(self, robot: str, name: ComponentName) -> float | None:
-        """When a component left OK, Unix time; None if it is well, or nothing counts of it."""
-        component = self._robot(robot).components.get(name)
-        return None if component is None or component.since is None else component.since.wall
+    def followed(self, robot: str) -> dict[ComponentName, Followed]:
+        """What is kept of the components of a robot that are or were in trouble."""
+        return {
+            name: Followed(each.since and each.since.wall, each.flaps.ratio if each.flaps else 0.0)
+            for name, each in self._robot(robot).components.items()
+        }
 
-    def flap_ratios(self, robot: str) -> dict[ComponentName, float]:
-        """How often the components of a robot changed of late (0..1), of those that did."""
-        found = self._robot(robot).components.items()
-        return {name: each.flaps.ratio for name, each in found if each.flaps and each.flaps.ratio}
-
-    def take_flapped(self) -> list[str]:
-        """The robots whose `flap_ratios` changed since they were last taken."""
-        flapped, self._book.flapped = self._book.flapped, {}
-        return list(flapped)
+    def take_followed(self) -> list[str]:
+        """The robots of which `followed` changed since they were last taken."""
+        names, self._book.followed = self._book.followed, {}
+        return list(names)
 
     # -- what outlives the process -----------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""Nagios' flap detection: how often something changed over its last 21 states."""
+"""How often something changed of late: Nagios' flap detection over 21 states, and when."""
 
 from __future__ import annotations
 
@@ -29,16 +29,18 @@ class FlapHistory:
     """The last 21 states of one thing.
 
     A state is recorded at every change, so that no change is ever missed, and otherwise once an
-    interval, so that what has come to rest no longer flaps after 21 intervals.
+    interval, so that what has come to rest no longer flaps after 21 intervals. ``changed`` are the
+    times (monotonic) of its last changes, the oldest first, that no fault explains.
     """
 
-    __slots__ = ("last", "ratio", "slots")
+    __slots__ = ("changed", "last", "ratio", "slots")
 
     def __init__(self, slots: Iterable[int], mono: float) -> None:
         """``slots`` are 21 states, the oldest first, each from 0 to 255."""
         self.slots = bytes(slots)  # of each component there is one: a list takes four times as much
         self.ratio = flap_ratio(self.slots)
         self.last = mono  # when the latest state was recorded
+        self.changed: tuple[float, ...] = ()
 
     def decay(self, mono: float, interval: float) -> bool:
         """Record what the time since the last record adds; True if the ratio may have changed."""
@@ -62,3 +64,4 @@ class FlapHistory:
         self.last = mono
         self.slots = bytes((*self.slots[1:], state))
         self.ratio = flap_ratio(self.slots)
+        self.changed = (*self.changed, mono)[1 - SLOTS :]

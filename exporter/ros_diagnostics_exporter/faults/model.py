@@ -21,9 +21,10 @@ class Scope(str, Enum):
     VALUE = "value"
     CHECK = "check"
     ROBOT = "robot"
-    FLAPPING = "flapping"  # of a component
+    FLAPPING = "flapping"  # of a component, or intermittent
     SITE = "site"
     COMMON = "common"
+    CLOCK = "clock"  # of the exporter
 
 
 class State(str, Enum):
@@ -32,10 +33,13 @@ class State(str, Enum):
     WARNING = "warning"
     STALE = "stale"
     CRITICAL = "critical"
+    FALLING = "falling"
     SILENT = "silent"
     PENDING = "pending"
     FLAPPING = "flapping"
+    INTERMITTENT = "intermittent"
     MANY = "many"
+    CLOCK = "clock"
 
 
 class Identity(NamedTuple):
@@ -145,6 +149,13 @@ class ComponentName(NamedTuple):
     component: str
 
 
+class Followed(NamedTuple):
+    """What is kept of a component in time: when its trouble began (Unix time), how it flaps."""
+
+    since: float | None
+    flap_ratio: float  # 0..1
+
+
 class ComponentReport(NamedTuple):
     """One component's level that counts, and how it is judged."""
 
@@ -188,6 +199,7 @@ class Reason(str, Enum):
     SITE = "site"
     COMMON = "common"
     MANY = "many"
+    FAULT = "fault"  # a worse one of the same is confirmed
     CONDITION = "condition"  # fleet.yml's `when` or `unless`
     HOURS = "hours"  # outside of the hours in which warnings begin
 

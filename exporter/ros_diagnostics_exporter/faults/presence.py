@@ -29,8 +29,9 @@ def fall_silent(book: Book, robot: Robot, since: Instant, now: Instant, *, count
         _note_change(book, robot, _DOWN, now)
     problem.clock = now.mono
     give_verdict(book, problem, Verdict.ABSENT)
-    if State.PENDING in robot.problems:
-        give_verdict(book, robot.problems[State.PENDING], Verdict.HELD)
+    for state in (State.PENDING, State.CLOCK):
+        if state in robot.problems:
+            give_verdict(book, robot.problems[state], Verdict.HELD)
     robot.presence = Presence.SILENT
     components.hold(book, robot)
     _note_presence(book, robot, now)

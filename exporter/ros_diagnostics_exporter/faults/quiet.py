@@ -19,7 +19,7 @@ def why_not_begin(book: Book, problem: Problem, now: Instant) -> Reason | None:
         reason = _of_uplink(problem, robot) or _of_robot(book, problem, robot, now)
         if reason is not None:
             return reason
-    if component is not None and problem.identity.scope is not Scope.VALUE:
+    if component is not None:
         reason = _of_component(book, problem, component, now)
         if reason is not None:
             return reason
@@ -103,11 +103,35 @@ def _of_component(
     book: Book, problem: Problem, component: Component, now: Instant
 ) -> Reason | None:
     """Why the component's own flapping, or what explains its level, keeps it quiet."""
+    if problem.identity.scope is Scope.VALUE:
+        return Reason.FAULT if _is_too_low(problem, component) else None
     flaps = component.problems.get(State.FLAPPING)
     if problem.identity.scope is Scope.COMPONENT and _is_reported(book, flaps, now):
         return Reason.FLAPPING
+    if problem.identity.state is State.INTERMITTENT:
+        reason = _of_changes(book, component)
+        if reason is not None:
+            return reason
     if component.robot.many.covers(now):
         return Reason.MANY
     if book.covered(Scope.COMMON, component.name.component, now):
         return Reason.COMMON
     return None
+
+
+def _of_changes(book: Book, component: Component) -> Reason | None:
+    """Why its changes are no intermittent fault: it flaps, or may soon, or has another fault."""
+    history = component.flaps
+    if component.flapping or (history and history.ratio >= book.settings.flapping.stop):
+        return Reason.FLAPPING
+    return Reason.FAULT if component.has_fault else None
+
+
+def _is_too_low(problem: Problem, component: Component) -> bool:
+    """Whether it is about a value that falls, and it is a fault that it is too low already."""
+    of = problem.identity
+    return of.state is State.FALLING and any(
+        each.fault is not None
+        for (key, bound, _), each in component.values.items()
+        if each is not problem and (key, bound) == (of.key, of.bound)
+    )

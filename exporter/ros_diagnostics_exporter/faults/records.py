@@ -6,10 +6,12 @@ costs one record for each robot.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from enum import Enum
 from math import inf
 
+from ros_diagnostics_exporter.config.fleet import Threshold
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
 from ros_diagnostics_exporter.faults.model import (
     ComponentName,
@@ -23,6 +25,7 @@ from ros_diagnostics_exporter.faults.model import (
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant, Level
 
+TREND_STEPS = 15  # intervals between samples in which a value may be seen to fall
 ValueKey = tuple[str, str, str]  # key, bound, severity
 RowKey = tuple[str, tuple[str, ...]]  # kind, key: the row that a record is written to
 
@@ -94,6 +97,7 @@ class Component:
         "flaps",
         "level",
         "name",
+        "noted",
         "problems",
         "robot",
         "row",
@@ -109,16 +113,33 @@ class Component:
         self.settings = settings
         self.level = Level.OK
         self.since: Instant | None = None
-        self.problems: dict[State, Problem] = {}  # FLAPPING among them
+        self.problems: dict[State, Problem] = {}  # FLAPPING and INTERMITTENT among them
         self.values: dict[ValueKey, Problem] = {}
         self.flaps: FlapHistory | None = None
         self.counted = False
+        # (since, flap ratio) when a change of them was last noted
+        self.noted: tuple[Instant | None, float | None] | None = None
 
     @property
     def flapping(self) -> bool:
         """Whether it changes too often for anything else to be reported of it."""
         problem = self.problems.get(State.FLAPPING)
         return problem is not None and problem.in_trouble
+
+    @property
+    def is_intermittent(self) -> bool:
+        """Whether it is confirmed that it changes again and again."""
+        problem = self.problems.get(State.INTERMITTENT)
+        return problem is not None and problem.fault is not None
+
+    @property
+    def has_fault(self) -> bool:
+        """Whether its level, or how often that changes, is confirmed to be wrong."""
+        return any(
+            problem.fault is not None
+            for state, problem in self.problems.items()
+            if state is not State.INTERMITTENT
+        )
 
     @property
     def maintenance(self) -> bool:
@@ -133,13 +154,29 @@ class Component:
         )
 
 
+class Trend:
+    """A value that is not to fall to its ``threshold``: its latest number, and samples of it.
+
+    ``most`` is the worst verdict that it may have now, ``settings`` those of its component.
+    """
+
+    __slots__ = ("most", "number", "samples", "settings", "threshold")
+
+    def __init__(self) -> None:
+        self.number = 0.0
+        self.threshold = Threshold("low", "critical", 0.0)
+        self.most = Verdict.BAD
+        self.settings = ComponentSettings()
+        self.samples: deque[float] = deque(maxlen=TREND_STEPS + 1)
+
+
 class Robot:
     """One robot, with what is wrong with it and its components.
 
     ``total`` is how many components it has; ``maintained`` the names of those in a downtime of
     their own; ``returned_until`` (monotonic) when what rests on absence may begin after its return;
     ``unreachable_since`` (monotonic) since when an uplink or a DDS domain explains its absence;
-    ``history`` counts its coming and going.
+    ``history`` counts its coming and going; ``trends`` are of values that may fall, by key.
     """
 
     __slots__ = (
@@ -158,6 +195,7 @@ class Robot:
         "row",
         "settings",
         "total",
+        "trends",
         "unreachable_since",
     )
 
@@ -177,6 +215,7 @@ class Robot:
         self.problems: dict[State, Problem] = {}  # SILENT, PENDING, FLAPPING
         self.checks: dict[str, Problem] = {}
         self.components: dict[ComponentName, Component] = {}
+        self.trends: dict[tuple[ComponentName, str], Trend] = {}  # not written: followed anew
         self.many = Cause(Scope.ROBOT, name, self)
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ros_diagnostics_exporter.faults import causes, components, ends
+from ros_diagnostics_exporter.faults import causes, components, ends, trends
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import Change, ComponentName, Scope, State
@@ -24,6 +24,7 @@ def remove_robot(book: Book, robot: Robot, now: Instant) -> list[Change]:
     book.timers.clear(("returned", robot))
     book.timers.clear(("reachable", robot))
     book.timers.clear(("presence", robot))
+    book.timers.clear(("trends", robot))
     book.write(robot.many)
     book.write(robot)
     del book.robots[robot.name]
@@ -32,6 +33,7 @@ def remove_robot(book: Book, robot: Robot, now: Instant) -> list[Change]:
 
 def remove_component(book: Book, robot: Robot, name: ComponentName, now: Instant) -> list[Change]:
     """Take out a component, if it has a record."""
+    trends.drop(robot, name)
     component = robot.components.get(name)
     if component is None:
         return []
@@ -49,6 +51,8 @@ def move_component(
 ) -> list[Change]:
     """Give a component another name: each of its faults ends under the old and begins here."""
     component = robot.components.get(old)
+    if old != new:
+        trends.drop(robot, old)
     if component is None or old == new:
         return []
     changes = remove_component(book, robot, new, now)

@@ -227,7 +227,8 @@ def _of_component(component: Component, clock: _Clock) -> OfComponent:
 def _of_history(history: FlapHistory | None, clock: _Clock) -> History | None:
     if history is None:
         return None
-    return History(slots=list(history.slots), last=history.last + clock.offset)
+    changed = [mono + clock.offset for mono in history.changed]
+    return History(slots=list(history.slots), last=history.last + clock.offset, changed=changed)
 
 
 # -- reading -----------------------------------------------------------------------------------
@@ -266,7 +267,11 @@ def _read_component(book: Book, key: tuple[str, ...], stored: OfComponent, clock
 
 
 def _read_history(stored: History | None, clock: _Clock) -> FlapHistory | None:
-    return None if stored is None else FlapHistory(stored.slots, clock.mono(stored.last))
+    if stored is None:
+        return None
+    history = FlapHistory(stored.slots, clock.mono(stored.last))
+    history.changed = tuple(map(clock.mono, stored.changed))
+    return history
 
 
 def _read_cause(book: Book, key: tuple[str, ...], stored: OfCause, clock: _Clock) -> None:
@@ -304,6 +309,8 @@ def give_to_owner(book: Book, problem: Problem) -> None:
     """Have a problem where what it is about finds it."""
     identity = problem.identity
     robot = problem.robot = book.robots[identity.robot] if identity.robot else None
+    if identity.scope is Scope.CLOCK:
+        return
     if robot is None or identity.state is State.MANY:
         of = identity.site if identity.scope is Scope.SITE else identity.component
         cause = book.cause(identity.scope, of) if robot is None else robot.many
@@ -358,6 +365,7 @@ def _bound_problem(book: Book, problem: Problem, now: Instant) -> None:
 def _bound_history(history: FlapHistory | None, now: Instant) -> None:
     if history is not None:
         history.last = min(history.last, now.mono)
+        history.changed = tuple(min(mono, now.mono) for mono in history.changed)
 
 
 def _not_after(then: Instant | None, now: Instant) -> Instant | None:

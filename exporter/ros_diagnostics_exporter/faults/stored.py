@@ -25,6 +25,7 @@ class History(NamedTuple):
 
     slots: Annotated[list[Number], Field(min_length=SLOTS, max_length=SLOTS)]
     last: Moment
+    changed: Annotated[list[Moment], Field(max_length=SLOTS - 1)]
 
 
 class StoredSettings(NamedTuple):

@@ -60,3 +60,14 @@ def of_value(
 def of_flapping(ratio: float, start: float, stop: float, *, in_trouble: bool) -> Verdict:
     """The verdict on a share of changes."""
     return Verdict.BAD if ratio >= (stop if in_trouble else start) else Verdict.WELL
+
+
+def of_changes(number: int, most: int, level: Level, *, is_fault: bool) -> Verdict:
+    """The verdict on a number of changes: intermittent from ``most`` on.
+
+    A fault ends once fewer than half of that are left, and the component was received OK.
+    """
+    if number >= most:
+        return Verdict.BAD
+    lasts = is_fault and (2 * number >= most or level is not Level.OK)
+    return Verdict.HELD if lasts else Verdict.WELL

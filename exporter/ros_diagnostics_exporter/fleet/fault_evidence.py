@@ -31,10 +31,10 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> str:
     Args:
         identity: Which fault it is.
         find: The robot and the component that a fault is about, if they are known.
-        robots: Those that a site's or a common fault counts.
+        robots: Those that a fault of no robot counts.
     """
     found = find(identity)
-    if identity.scope in (Scope.SITE, Scope.COMMON):
+    if identity.scope in (Scope.SITE, Scope.COMMON, Scope.CLOCK):
         parts = [_listed("robots", robots)]
     elif found is None:
         parts = []
@@ -82,14 +82,16 @@ def _of_component(identity: Identity, component: Component, robot: Robot) -> Ite
 
 
 def _monitored(identity: Identity, component: Component) -> Iterator[str]:
-    """The number and the threshold that it is beyond."""
+    """The number and the threshold that it is beyond, or falls to."""
+    severity, how = identity.state.value, "below" if identity.bound == "low" else "above"
+    if identity.state is State.FALLING:
+        severity, how = "critical", "falling to"
     for value in component.values.all:
         if value.key == identity.key and value.rule is not None:
             for each in value.rule.thresholds:
-                if (each.bound, each.severity) == (identity.bound, identity.state.value):
+                if (each.bound, each.severity) == (identity.bound, severity):
                     unit = f" {_text(value.unit)}" if value.unit else ""
-                    beyond = "below" if each.bound == "low" else "above"
-                    yield f"{value.number:g}{unit}, {beyond} the threshold of {each.value:g}{unit}"
+                    yield f"{value.number:g}{unit}, {how} the threshold of {each.value:g}{unit}"
 
 
 def _of_robot(identity: Identity, robot: Robot) -> Iterator[str]:
@@ -100,6 +102,9 @@ def _of_robot(identity: Identity, robot: Robot) -> Iterator[str]:
             yield f"{found[identity.check]} of {expected[identity.check]} components report"
     elif identity.state is State.MANY:
         yield _listed("components", map(_with_level, _troubled(robot)))
+    elif identity.state is State.CLOCK and robot.clock_offset is not None:
+        where = "behind" if robot.clock_offset > 0 else "ahead of"
+        yield f"its clock is {abs(robot.clock_offset):.0f} s {where} the exporter's"
     elif robot.silent_reason is not None:
         yield SILENT[robot.silent_reason]
 

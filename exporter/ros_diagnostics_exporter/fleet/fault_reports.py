@@ -15,6 +15,7 @@ from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Source, Threshold, ValueRule
 from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.faults.clocks import LIMIT
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import (
     Change,
@@ -22,6 +23,7 @@ from ros_diagnostics_exporter.faults.model import (
     ComponentReport,
     End,
     Fault,
+    Followed,
     Identity,
     ProblemView,
     Row,
@@ -122,12 +124,22 @@ class FaultReports:
         if changed:
             self._record(self._faults.unreachable(changed, now))
 
+    def _clocks(self) -> dict[str, float]:
+        """How far the clocks of robots differ that are received, and have one."""
+        robots = ((name, reports.robot) for name, reports in self._robots.items())
+        return {
+            name: robot.clock_offset
+            for name, robot in robots
+            if robot.up and robot.clock_offset is not None
+        }
+
     def tick(self, now: Instant, *, slow: bool) -> None:
         """Let time pass; to be called a few times a second, once a second with ``slow``."""
         now = self._time(now)
         if slow:
             self._report_maintenance(now)
             self._report_unreachable(now)
+            self._record(self._faults.clocks(self._clocks(), now))
         self._record(self._faults.advance(now))
 
     def restore(self, rows: Iterable[Row], now: Instant) -> None:
@@ -147,7 +159,7 @@ class FaultReports:
                 self._record(faults.forget_robot(key[0], now))
         for reports in self._robots.values():
             self._record(reports.start_over(faults, now))
-            reports.robot.versions.levels += 1  # the former engine's flap ratios are gone
+            reports.robot.versions.levels += 1  # what the former engine followed is gone
         planned = {name: each.maintenance for name, each in self._robots.items()}
         self._record(faults.maintenance(planned, now))
 
@@ -172,7 +184,7 @@ class FaultReports:
             elif what == "recovered":
                 self._faults.describe_end(fault, last_received(fault.identity, self._find))
             self._events.append(_event(what, described, at))
-        for name in self._faults.take_flapped():
+        for name in self._faults.take_followed():
             if name in self._robots:
                 self._robots[name].robot.versions.levels += 1
 
@@ -184,13 +196,9 @@ class FaultReports:
         return reports.robot, reports.find(ComponentName(identity.group, identity.component))
 
     def _troubled(self, identity: Identity) -> Iterator[str]:
-        """The robots that a site's or a common cause counts."""
+        """The robots that a fault of no robot counts."""
         for name, reports in self._robots.items():
-            if identity.scope is Scope.SITE:
-                site = reports.robot.settings.labels.get("site", "")
-                if site == identity.site and not reports.robot.up:
-                    yield name
-            elif identity.scope is Scope.COMMON and reports.has_error(identity.component):
+            if _is_part(reports, identity):
                 yield name
 
     # -- asked -------------------------------------------------------------------------------
@@ -250,9 +258,9 @@ class FaultReports:
             if reports is not None and reports.find(name) is None:  # adopted, never received
                 self._record(self._faults.forget_component(robot, name, now))
 
-    def flap_ratios(self, robot: Robot) -> dict[ComponentName, float]:
-        """How often the components of a robot changed of late (0..1), of those that did."""
-        return self._faults.flap_ratios(robot.settings.name)
+    def followed(self, robot: Robot) -> dict[ComponentName, Followed]:
+        """What is kept of a robot's components that are or were in trouble."""
+        return self._faults.followed(robot.settings.name)
 
     def settled(self, now: Instant) -> bool:
         """Whether what was wrong before the start has been judged again."""
@@ -546,20 +554,15 @@ class RobotReports:
         return changes
 
     def _report_levels(self, faults: Faults, now: Instant, *, renamed: bool) -> list[Change]:
-        reported = {
-            component: self._component_report(component, name)
+        reported = [
+            self._component_report(component, name)
             for component, name in self._to_report(self.robot.components.level_changes)
             if component not in self._awaited
-        }
+        ]
         if not reported and not renamed:
             return []
         robot, total = self.robot.settings.name, len(self.robot.components)
-        changes = faults.components_changed(robot, reported.values(), total, now)
-        for component, report in reported.items():
-            since = faults.trouble_since(robot, report.name)
-            if since is not None:  # a robot's silence is no trouble of its components
-                self.robot.components.set_problem_since(component, since)
-        return changes
+        return faults.components_changed(robot, reported, total, now)
 
     def _to_report(self, changed: Iterable[Component]) -> Iterator[tuple[Component, ComponentName]]:
         for component in self._names if self._everything else changed:
@@ -656,6 +659,16 @@ class RobotReports:
             if check in expected:
                 changes += faults.check_changed(robot, check, sum(counts), expected[check], now)
         return changes
+
+
+def _is_part(reports: RobotReports, identity: Identity) -> bool:
+    """Whether a fault of no robot counts this one."""
+    robot = reports.robot
+    if identity.scope is Scope.SITE:
+        return robot.settings.labels.get("site", "") == identity.site and not robot.up
+    if identity.scope is Scope.CLOCK:
+        return robot.up and abs(robot.clock_offset or 0.0) > LIMIT
+    return reports.has_error(identity.component)
 
 
 def _event(what: str, fault: Fault, at: float) -> Event:

@@ -17,6 +17,7 @@ from ros_diagnostics_exporter.faults.model import (
     ComponentName,
     End,
     Fault,
+    Followed,
     ProblemView,
     Row,
 )
@@ -25,7 +26,17 @@ from ros_diagnostics_exporter.fleet.discovery import SharedTopic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
 from ros_diagnostics_exporter.fleet.registry import RobotRegistry
 from ros_diagnostics_exporter.fleet.unmatched import UnmatchedWatch, find_unmatched, known_robot
-from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Feed, Instant, Status, Topic
+from ros_diagnostics_exporter.model import (
+    Array,
+    Domain,
+    Downtime,
+    Endpoint,
+    Feed,
+    Instant,
+    Status,
+    Topic,
+    place,
+)
 from ros_diagnostics_exporter.robots.limits import truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
@@ -60,7 +71,7 @@ class State:
         self._faults = FaultReports(fleet, now, self._events)
         self._registry = RobotRegistry(fleet, now, self._events, self._faults)
 
-    # -- from ROS: what `sources.dds.Receiver` asks for ----------------------------------------
+    # -- from ROS: what `sources.reception.Receiver` asks for ---------------------------------
 
     def receive(self, topic: Topic, array: Array, now: Instant) -> None:
         """Update the robots whose array this is; ``topic`` is one of `wanted_topics`."""
@@ -114,7 +125,9 @@ class State:
             for robot, _raw in self._registry.bindings.get(topic, ()):
                 robot.count_rejected("rate", count)
 
-    def update_graph(self, domain_id: int, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
+    def update_graph(
+        self, domain_id: Domain, endpoints: Mapping[str, Endpoint], now: Instant
+    ) -> None:
         """Discover robots in one domain's graph, and update which topics have publishers."""
         with self._lock:
             self._registry.discover(domain_id, endpoints, now)
@@ -124,28 +137,28 @@ class State:
                         robot.update_endpoint(topic.name, endpoints.get(topic.name), now)
 
     def note_other_types(
-        self, domain_id: int, types: Mapping[str, tuple[str, ...]], now: Instant
+        self, domain_id: Domain, types: Mapping[str, tuple[str, ...]], now: Instant
     ) -> None:
         """Note the types of all topics of a domain that have no DiagnosticArray, by name."""
         with self._lock:
             self._registry.note_other_types(domain_id, types, now)
 
-    def wanted_topics(self, domain_id: int) -> dict[str, bool]:
+    def wanted_topics(self, domain_id: Domain) -> dict[str, bool]:
         """The topics to be subscribed in a domain: name -> whether robots share it."""
         with self._lock:
             return dict(self._registry.wanted_topics(domain_id))
 
-    def domain_joined(self, domain_id: int) -> None:
+    def domain_joined(self, domain_id: Domain) -> None:
         """Note that a domain was joined."""
         self._set_domain_up(domain_id, up=True)
 
-    def domain_failed(self, domain_id: int, error: str, now: Instant) -> None:
+    def domain_failed(self, domain_id: Domain, error: str, now: Instant) -> None:
         """Note that a domain could not be joined."""
         self._set_domain_up(domain_id, up=False)
         with self._lock:
-            self._events.append(Event(now.wall, "config", message=f"domain {domain_id}: {error}"))
+            self._events.append(Event(now.wall, "config", message=f"{place(domain_id)}: {error}"))
 
-    def _set_domain_up(self, domain_id: int, *, up: bool) -> None:
+    def _set_domain_up(self, domain_id: Domain, *, up: bool) -> None:
         with self._lock:
             for robot in self._registry.robots.values():
                 if robot.settings.domain_id == domain_id and robot.network.domain_up != up:
@@ -402,9 +415,9 @@ class State:
         with self._lock:
             return self._faults.problems(now, robot)
 
-    def flap_ratios(self, robot: Robot) -> dict[ComponentName, float]:
-        """How often the components of a robot that is visited changed of late (0..1)."""
-        return self._faults.flap_ratios(robot)
+    def followed(self, robot: Robot) -> dict[ComponentName, Followed]:
+        """What is kept of the components of a robot that is visited, in trouble now or before."""
+        return self._faults.followed(robot)
 
     def downtimes(self, robot: str) -> tuple[Downtime, ...]:
         """The downtimes of a robot and its components that people planned; some may lie ahead."""

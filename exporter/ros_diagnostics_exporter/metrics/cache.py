@@ -7,7 +7,7 @@ from functools import lru_cache
 from math import isfinite
 
 from ros_diagnostics_exporter.config.fleet import Profile
-from ros_diagnostics_exporter.faults.model import ComponentName
+from ros_diagnostics_exporter.faults.model import ComponentName, Followed
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import Level
@@ -58,7 +58,7 @@ class RobotText:
         fleet: str,
         exporter: str,
         robot: Robot,
-        flap_ratios: Callable[[Robot], Mapping[ComponentName, float]],
+        followed: Callable[[Robot], Mapping[ComponentName, Followed]],
     ) -> None:
         self.fleet = fleet
         self.exporter = exporter
@@ -69,7 +69,7 @@ class RobotText:
         self.promoted: set[str] = set()
         self._base = f'fleet="{escape(fleet)}",robot="{escape(robot.settings.name)}"'
         self._exporter_label = f',exporter="{escape(exporter)}"' if exporter else ""
-        self._flap_ratios = flap_ratios
+        self._followed = followed
         self._seen: Versions | None = None
         self._presence: tuple[bool, str | None] | None = None
         self._receipt_due = self._values_due = True
@@ -263,7 +263,6 @@ class RobotText:
             (metrics.COMPONENT_LEVEL, _level),
             (metrics.COMPONENT_PROBLEM_LEVEL, _problem_level),
             (metrics.COMPONENT_SINCE, _since),
-            (metrics.COMPONENT_PROBLEM_SINCE, _problem_since),
             (metrics.COMPONENT_CHANGES, _changes),
         ):
             name = family.name
@@ -285,19 +284,23 @@ class RobotText:
                 if component.level != Level.OK
             ),
         )
-        self._render_flap_ratios()
+        self._render_followed(shown)
         self._render_checks()
 
-    def _render_flap_ratios(self) -> None:
-        family, ratios = metrics.COMPONENT_FLAP_RATIO, self._flap_ratios(self.robot)
-        self._set(
-            family,
-            [
-                f"{family.name}{labels}}} {round(ratios[name], 6)!r}\n"
-                for each, labels in (self._labels if ratios else ())
-                if (name := ComponentName(each.group, each.label)) in ratios
-            ],
-        )
+    def _render_followed(self, shown: list[tuple[Component, str]]) -> None:
+        """What faults/ keeps; where it keeps nothing, trouble began with the level."""
+        found = self._followed(self.robot)
+        since, ratio = metrics.COMPONENT_PROBLEM_SINCE, metrics.COMPONENT_FLAP_RATIO
+        begins, ratios = [], []
+        for each, labels in shown:
+            own = found.get(ComponentName(each.group, each.label)) if found else None
+            if each.level != Level.OK:
+                begin = each.since if own is None or own.since is None else own.since
+                begins.append(f"{since.name}{labels}}} {round(begin, 3)!r}\n")
+            if own is not None and own.flap_ratio:
+                ratios.append(f"{ratio.name}{labels}}} {round(own.flap_ratio, 6)!r}\n")
+        self._set(since, begins)
+        self._set(ratio, ratios)
 
     def _render_checks(self) -> None:
         family = metrics.CHECK_COMPONENTS
@@ -357,10 +360,6 @@ def _problem_level(component: Component) -> int | None:
 
 def _since(component: Component) -> float:
     return round(component.since, 3)
-
-
-def _problem_since(component: Component) -> float | None:
-    return None if component.problem_since is None else round(component.problem_since, 3)
 
 
 def _changes(component: Component) -> int:

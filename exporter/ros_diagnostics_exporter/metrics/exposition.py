@@ -9,6 +9,7 @@ in both formats, only the headers differ
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import NamedTuple
 
@@ -22,7 +23,7 @@ from ros_diagnostics_exporter.model import ALL_PARTS, Part
 from ros_diagnostics_exporter.notifications import Key
 from ros_diagnostics_exporter.robots.rejections import OVER_LIMIT
 from ros_diagnostics_exporter.robots.robot import Robot
-from ros_diagnostics_exporter.texts import escape
+from ros_diagnostics_exporter.texts import escape, one_line
 
 
 class _Gathered(NamedTuple):
@@ -114,6 +115,7 @@ class Exposition:
                 parts=parts,
             ),
             metrics.SITE_RECEIVED.name: self._received(),
+            metrics.DOWNTIME_ROBOTS.name: self._downtimes(),
         }
 
     def _received(self) -> bytes:
@@ -127,6 +129,24 @@ class Exposition:
         return "".join(
             f"{name}{{{own}{site and ','}{label_pairs({'site': site})}}} {number}\n"
             for site, number in sorted(received.items())
+        ).encode()
+
+    def _downtimes(self) -> bytes:
+        """How many robots of each site and team are in each planned downtime."""
+        fleet, name = self._state.fleet, metrics.DOWNTIME_ROBOTS.name
+        own = {"fleet": fleet.name, "exporter": fleet.exporter}
+        robots = [text.robot for text in self._texts.values() if text.robot.maintenance]
+        numbers = Counter(
+            label_pairs(
+                own
+                | {"downtime": one_line(downtime), "author": one_line(author)}
+                | {each: robot.settings.labels.get(each, "") for each in ("site", "team")}
+            )
+            for robot in robots
+            for downtime, author in robot.planned
+        )
+        return "".join(
+            f"{name}{{{labels}}} {number}\n" for labels, number in sorted(numbers.items())
         ).encode()
 
     def _over_limit(self) -> bytes:
@@ -155,7 +175,7 @@ class Exposition:
         text = self._texts.get(robot.settings.name)
         source = fleet.name, fleet.exporter
         if text is None or text.robot is not robot or (text.fleet, text.exporter) != source:
-            text = RobotText(*source, robot, self._state.flap_ratios)
+            text = RobotText(*source, robot, self._state.followed)
         text.update(everything=everything)
         return text
 

@@ -56,7 +56,8 @@ ROBOT_SILENT_REASON = _family(
     "robot_silent_reason",
     "gauge",
     "Why a robot is not up: the reason that holds is 1, others that once held are 0 (never_seen, "
-    "publisher_gone, mute, undecodable, wrong_type, domain_unreachable, uplink_down, limit).",
+    "publisher_gone, mute, undecodable, wrong_type, unreachable, domain_unreachable, "
+    "uplink_down, limit).",
     (*ROBOT, "reason"),
     part=Part.FAULTS,
 )
@@ -203,6 +204,13 @@ SITE_RECEIVED = _family(
     (*EXPORTER, "site"),
     part=Part.FAULTS,
 )
+DOWNTIME_ROBOTS = _family(
+    "downtime_robots",
+    "gauge",
+    "Robots that are in a planned downtime: its name in fleet.yml, or a person's comment and name.",
+    (*EXPORTER, "downtime", "author", "site", "team"),
+    part=Part.FAULTS,
+)
 FLEET_FAMILIES = (
     ROBOT_INFO,
     ROBOT_UP,
@@ -291,6 +299,7 @@ FAULT_FAMILIES = (
     FAULT_INFO,
     FAULT_END,
     SITE_RECEIVED,
+    DOWNTIME_ROBOTS,
     FAULT_ACKNOWLEDGED,
     FAULT_NOTIFIED,
 )

@@ -1,7 +1,6 @@
 """What is known about one component: its level, since when, and its values.
 
-A level changes only here, so that since, problem since, changes and the level before stale always
-agree.
+A level changes only here, so that since, changes and the level before stale always agree.
 """
 
 from __future__ import annotations
@@ -41,14 +40,13 @@ class Component:
     """One component of one robot.
 
     ``reported`` is the level that the robot reported, ``level`` the one after the config's
-    overrides; both are STALE while nothing fresh is known. ``since`` and ``problem_since`` are Unix
-    time, ``received`` and ``listed`` monotonic: the last fresh status, and the last array that
-    contained the component. ``missing``: the last array of its aggregator does not.
+    overrides; both are STALE while nothing fresh is known. ``since`` is Unix time, ``received`` and
+    ``listed`` monotonic: the last fresh status, and the last array that contained the component.
+    ``missing``: the last array of its aggregator does not.
     """
 
     __slots__ = (
         "_resume",
-        "_was_ok",
         "before_stale",
         "changes",
         "feed",
@@ -64,7 +62,6 @@ class Component:
         "message",
         "missing",
         "name",
-        "problem_since",
         "quiet_because",
         "raw_received",
         "received",
@@ -95,7 +92,6 @@ class Component:
         self.message = ""
         self.before_stale: int | None = None
         self.since = now.wall
-        self.problem_since: float | None = None
         self.quiet_because = ""  # the condition of fleet.yml by which its trouble is no fault now
         self.changes = 0
         self.received: float | None = None
@@ -105,9 +101,9 @@ class Component:
         self.gaps: tuple[float, ...] = ()  # none where only an aggregator lists it
         self.last: Status | None = None
         self.key_values = 0  # key-values that count against the robot's limit
-        # (level, since, problem since) of an earlier process, until a status is received
-        self._resume: tuple[int, float, float | None] | None = None
-        self._was_ok = True
+        self._resume: tuple[int, float] | None = (
+            None  # (level, since) before a start, till received
+        )
 
     @property
     def is_stale(self) -> bool:
@@ -136,11 +132,8 @@ class Component:
         self.reported = reported
         level = self.effective_level(reported)
         resume, self._resume = self._resume, None
-        if reported != STALE and resume is not None:
-            if level == resume[0]:
-                return self._resume_level(*resume)
-            if level != OK and resume[2] is not None:
-                self.problem_since = resume[2]  # the same problem at another level
+        if reported != STALE and resume is not None and level == resume[0]:
+            return self._resume_level(*resume)
         if level == self.level:
             return False
         self._change(level, now)
@@ -152,18 +145,14 @@ class Component:
             self.changes += 1
         self.level = level
         self.since = now.wall
-        if level == OK:
-            self.problem_since = None
-        elif self.problem_since is None:
-            self.problem_since = now.wall
 
-    def _resume_level(self, level: int, since: float, problem_since: float | None) -> bool:
+    def _resume_level(self, level: int, since: float) -> bool:
         """Set what an earlier process knew: the first status since the start has the same level.
 
         True if ``level`` changed.
         """
         changed = level != self.level
-        self.level, self.since, self.problem_since = level, since, problem_since
+        self.level, self.since = level, since
         self.before_stale = None
         return changed
 
@@ -178,19 +167,17 @@ class Component:
 
         STALE that fleet.yml plans counts as the level before it.
         """
-        if self.last is None:
-            return self._was_ok
-        level: int | None = self.effective_level(self.last.level)
-        if level == STALE and self.rule is not None and self.rule.planned_stale:
+        is_planned = self.rule is not None and self.rule.planned_stale
+        level = None if self.last is None else self.effective_level(self.last.level)
+        if level is None or (level == STALE and is_planned):
             level = self.before_stale
         return level in (None, OK) and not self.values.beyond
 
     def persist(self, now: Instant) -> PersistedComponent:
         """What a later process should know."""
-        level, since, problem_since = self.level, self.since, self.problem_since
+        level, since = self.level, self.since
         if self._resume is not None:  # not received since the last start
-            level, since, problem_before = self._resume
-            problem_since = problem_before if problem_since is None else problem_since
+            level, since = self._resume
         return PersistedComponent(
             identity=self.identity,
             group=self.group,
@@ -198,10 +185,8 @@ class Component:
             level=level,
             before_stale=self.before_stale,
             since=since,
-            problem_since=problem_since,
             message=self.message,
             listed=now.wall - (now.mono - self.listed),
-            was_ok=self.was_ok,
         )
 
     def restore(self, persisted: PersistedComponent, now: Instant) -> None:
@@ -210,20 +195,13 @@ class Component:
         self.hardware_id = persisted.hardware_id
         self.listed = now.mono - (now.wall - persisted.listed)
         self.message = persisted.message
-        self._was_ok = persisted.was_ok
         self.reported = STALE
         self.level = self.effective_level(STALE)
         self.before_stale = before if self.level == STALE else None
         self.since = persisted.since
-        problem_since = now.wall if persisted.problem_since is None else persisted.problem_since
         if persisted.level != STALE:
-            self._resume = (
-                persisted.level,
-                persisted.since,
-                None if persisted.level == OK else problem_since,
-            )
+            self._resume = persisted.level, persisted.since
             self.since = now.wall
-        self.problem_since = None if self.level == OK else problem_since
 
     def note_raw(self, mono: float, threshold: float) -> None:
         """Note the receipt of a raw status, and the gap before it.
@@ -401,7 +379,6 @@ class ComponentValues:
                 self._versions.values += changed
                 return changed
         self._rebuild(pairs)
-        self._versions.values += 1
         self._versions.structure += 1
         return True
 

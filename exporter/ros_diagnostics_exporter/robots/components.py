@@ -50,7 +50,6 @@ class Components:
         changed: Callable[[Component, int, Instant], None],
     ) -> None:
         self.by_identity: dict[Identity, Component] = {}
-        self.removals = 0  # how many components were ever removed
         self._profile = profile
         self._limits = limits
         self._series = series
@@ -154,10 +153,8 @@ class Components:
         self._series.remove(SERIES_OF_COMPONENT)
         del self.by_identity[component.identity]
         self._release_label(component)
-        self.removals += 1
         self._versions.names += 1
         self._versions.structure += 1
-        self._versions.levels += 1
 
     def remove_all(self) -> None:
         """Remove all components."""
@@ -212,7 +209,7 @@ class Components:
             component.hardware_id = status.hardware_id
             self._versions.structure += 1
         before = component.last_recorded
-        changed = self._set_level(component, reported, now, notify=False)
+        changed = self._apply_level(component, reported, now)
         if component.set_message(status.message, always=changed) and component.level != OK:
             self._versions.levels += 1
         self._record(component, before, now)  # after the message was set, which the event shows
@@ -221,8 +218,9 @@ class Components:
     def _update_values(self, component: Component, status: Status, now: Instant) -> None:
         """Take the key-values of a status whose level and message are taken already."""
         component.last = status
-        self._count_key_values(component, len(status.values))
-        if component.is_stale:
+        if component.key_values != (count := len(status.values)):
+            self._count_key_values(component, count)
+        if component.reported == STALE:
             return
         component.received = now.mono
         if component.values.update(status.values):
@@ -264,12 +262,6 @@ class Components:
             component.feed = feed
             self.level_changes[component] = None
 
-    def set_problem_since(self, component: Component, since: float) -> None:
-        """Set when the trouble of a component began, where the judgement of faults dates it."""
-        if component.problem_since != since:
-            component.problem_since = since
-            self._versions.levels += 1
-
     def set_quiet(self, component: Component, because: str) -> None:
         """Set by which condition of the config the trouble of a component is no fault; "": none."""
         if component.quiet_because != because:
@@ -292,20 +284,22 @@ class Components:
             if component.feed is None:
                 self._set_level(component, STALE, now)
 
-    def _set_level(
-        self, component: Component, reported: int, now: Instant, *, notify: bool = True
-    ) -> bool:
-        was_stale, before = component.is_stale, component.last_recorded
+    def _set_level(self, component: Component, reported: int, now: Instant) -> None:
+        before = component.last_recorded
+        self._apply_level(component, reported, now)
+        self._record(component, before, now)
+
+    def _apply_level(self, component: Component, reported: int, now: Instant) -> bool:
+        """Set a level, without an event; True if it changed."""
+        former = component.reported
         changed = component.set_reported(reported, now)
-        if was_stale != component.is_stale:  # the numbers of a stale component are not exported
+        if (former == STALE) != (reported == STALE):  # its numbers are not exported
             self._versions.structure += 1
             self.value_changes[component] = None
             self._expect(component, now)
         if changed:
             self._versions.levels += 1
             self.level_changes[component] = None
-        if notify:
-            self._record(component, before, now)
         return changed
 
     def _record(self, component: Component, before: int, now: Instant) -> None:

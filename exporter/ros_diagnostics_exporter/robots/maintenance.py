@@ -1,10 +1,11 @@
-"""Whether a planned downtime holds now: of fleet.yml, or one that a person planned."""
+"""Which planned downtimes hold now: of fleet.yml, and those that a person planned."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from math import inf
+from typing import NamedTuple
 
 from ros_diagnostics_exporter import weekly
 from ros_diagnostics_exporter.config.fleet import Fleet, Maintenance
@@ -13,10 +14,17 @@ from ros_diagnostics_exporter.model import Downtime
 _MOST_WINDOWS = 100  # that are looked at, one after the other
 
 
-def in_maintenance(
+class PlannedBy(NamedTuple):
+    """A planned downtime: its name in fleet.yml, or the comment and author of those of a person."""
+
+    name: str
+    author: str = ""
+
+
+def lasting(
     fleet: Fleet, labels: Mapping[str, str], wall: float, downtimes: Iterable[Downtime] = ()
-) -> bool:
-    """Whether any planned downtime of a whole robot holds.
+) -> frozenset[PlannedBy]:
+    """The planned downtimes of a whole robot that hold.
 
     Args:
         fleet: The config.
@@ -24,9 +32,14 @@ def in_maintenance(
         wall: The time that is asked about, Unix seconds.
         downtimes: Those of this robot that people planned.
     """
-    if any(holds(each, wall) and selects(each, labels) for each in fleet.maintenance):
-        return True
-    return any(each.holds(wall) and not each.component for each in downtimes)
+    of_fleet = (each for each in fleet.maintenance if holds(each, wall))
+    of_people = (each for each in downtimes if each.holds(wall) and not each.component)
+    return frozenset(
+        [
+            *(PlannedBy(each.name) for each in of_fleet if selects(each, labels)),
+            *(PlannedBy(each.comment, each.author) for each in of_people),
+        ]
+    )
 
 
 def components_in_maintenance(downtimes: Iterable[Downtime], wall: float) -> frozenset[str]:

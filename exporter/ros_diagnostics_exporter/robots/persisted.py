@@ -24,16 +24,12 @@ class PersistedComponent(NamedTuple):
     level: Level
     before_stale: Level | None
     since: Moment
-    problem_since: Moment | None
     message: Text
     listed: Moment
-    was_ok: bool  # when last received
 
     def not_after(self, wall: float) -> PersistedComponent:
         """It, with nothing in the future."""
-        problem_since = None if self.problem_since is None else min(self.problem_since, wall)
-        since, listed = min(self.since, wall), min(self.listed, wall)
-        return self._replace(since=since, problem_since=problem_since, listed=listed)
+        return self._replace(since=min(self.since, wall), listed=min(self.listed, wall))
 
 
 Origin = Literal["declared", "discovered", "shared"]  # shared: by a status on a shared topic
@@ -42,7 +38,7 @@ Origin = Literal["declared", "discovered", "shared"]  # shared: by a status on a
 class PersistedRobot(NamedTuple):
     """One robot; ``source`` as decided, ``topic`` where it was discovered or declared."""
 
-    domain_id: Annotated[int, Field(ge=0, le=232)]
+    domain_id: Annotated[int, Field(ge=0, le=232)] | Literal["zenoh"]
     topic: Text
     source: Literal["agg", "raw", "both", "auto", "queries"]
     last_seen: Moment

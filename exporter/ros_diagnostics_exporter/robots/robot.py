@@ -8,13 +8,23 @@ from collections.abc import Callable, Mapping, Sequence
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Feed, Instant, Level, Status
+from ros_diagnostics_exporter.model import (
+    Array,
+    Domain,
+    Downtime,
+    Endpoint,
+    Feed,
+    Instant,
+    Level,
+    Status,
+)
 from ros_diagnostics_exporter.robots.component import OK, STALE, Component
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
 from ros_diagnostics_exporter.robots.maintenance import (
+    PlannedBy,
     components_in_maintenance,
-    in_maintenance,
+    lasting,
 )
 from ros_diagnostics_exporter.robots.measured import MeasuredUpdates, query_of
 from ros_diagnostics_exporter.robots.network import Network
@@ -75,6 +85,7 @@ class Robot:
         self.undecodable = False
         self.network = Network()
         self.maintenance = False
+        self.planned: frozenset[PlannedBy] = frozenset()  # the downtimes that hold
         self.downtimes: tuple[Downtime, ...] = ()  # that people planned
         self.maintained: frozenset[str] = frozenset()  # names of components in one of their own
         self.rejected = Counter[str](dict.fromkeys(REASONS, 0))
@@ -143,7 +154,7 @@ class Robot:
     def receive(self, array: Array, now: Instant, *, raw: bool) -> None:
         """Update the robot and its components from an array of the raw or aggregated topic."""
         if not self.up:
-            self.record("heard", now)
+            self.record("received", now)
         self.up = True
         self.undecodable = False
         self.last_mono, self.last_wall = now
@@ -165,7 +176,7 @@ class Robot:
         self.measured.apply(feed, statuses, now)
         if statuses and self._has_no_ros:
             if not self.up:
-                self.record("heard", now)
+                self.record("received", now)
             self.up = True
             self.last_mono, self.last_wall = now
             self.versions.receipt += 1
@@ -238,10 +249,10 @@ class Robot:
     def update_maintenance(self, fleet: config.Fleet, now: Instant) -> None:
         """Set whether planned downtimes of it and of its components hold now."""
         labels = {**self.settings.labels, "fleet": fleet.name, "robot": self.settings.name}
-        planned = in_maintenance(fleet, labels, now.wall, self.downtimes)
+        self.planned = lasting(fleet, labels, now.wall, self.downtimes)
         self.maintained = components_in_maintenance(self.downtimes, now.wall)
-        if planned != self.maintenance:
-            self.maintenance = planned
+        if bool(self.planned) != self.maintenance:
+            self.maintenance = bool(self.planned)
             self.versions.inventory += 1
 
     def forget(self, component: Component, now: Instant) -> None:
@@ -375,7 +386,7 @@ def accepts(source: config.Source, *, raw: bool) -> bool:
     return source is not (config.Source.AGG if raw else config.Source.RAW)
 
 
-def _topics_of(settings: config.Robot) -> tuple[int, str | None, str | None]:
+def _topics_of(settings: config.Robot) -> tuple[Domain, str | None, str | None]:
     return settings.domain_id, settings.topic_agg, settings.topic_raw
 
 
@@ -392,14 +403,14 @@ class AggregatedUpdates:
         self._reject = reject
         self._reader = TreeReader()
         self._structure: Structure | None = None
-        self._removals = 0  # of the components, when the plan was made
+        self._names = 0  # their version when the plan was made
         self._plan: list[tuple[Component, tuple[int, ...]]] = []
         self._missing: list[Component] = []
 
     def apply(self, statuses: Sequence[Status], now: Instant) -> None:
         """Update the components from one array."""
         structure = self._reader.read(statuses)
-        if structure is not self._structure or self._removals != self._components.removals:
+        if structure is not self._structure or self._names != self._versions.names:
             self._plan_updates(structure, now)
         self._update_groups(statuses, structure)
         for component, rows in self._plan:
@@ -430,7 +441,7 @@ class AggregatedUpdates:
             if component is not None:
                 components.regroup(component, leaf.group)
                 self._plan.append((component, leaf.rows))
-        self._removals = components.removals
+        self._names = self._versions.names
         listed = {component.identity for component, _rows in self._plan}
         # An aggregator that has just started lists no component yet: none is missing because of
         # that. They become STALE after their own time.

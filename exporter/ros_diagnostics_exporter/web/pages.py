@@ -14,6 +14,7 @@ from urllib.parse import quote
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.model import place
 from ros_diagnostics_exporter.severity import (
     COLOURS,
     SEVERITIES,
@@ -24,6 +25,7 @@ from ros_diagnostics_exporter.severity import (
     component_text,
     downtime_texts,
     event_text,
+    query_text,
     shown_problems,
     silent_text,
     span,
@@ -53,6 +55,7 @@ def landing(fleet: dict[str, Any], telemetry_path: str) -> str:
         version=__version__,
         telemetry_path=telemetry_path,
         counts={each: count[each] for each in SEVERITIES if count[each] or each == "OK"},
+        queries=[query_text(each) for each in fleet.get("queries", ()) if each["error"]],
         common=common,
         common_number=common_number,
         troubled=[_troubled(state, robot, now) for state, robot in troubled[:MAX_ROBOTS]],
@@ -151,7 +154,7 @@ def _facts(robot: dict[str, Any], now: float) -> dict[str, str | None]:
     return {
         "Last message": f"{ago}{silent}",
         "Work": robot.get("work", ""),
-        "Topic": f"{robot['topic']} in domain {robot['domain_id']}",
+        "Topic": f"{robot['topic']} in {place(robot['domain_id'])}",
         "Profile": robot["profile"],
         "Address": robot["address"],
         **robot["labels"],

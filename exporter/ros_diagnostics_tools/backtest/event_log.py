@@ -183,7 +183,7 @@ def _timelines(
 
 def _note(robot: _Timeline, step: _Step, event: Event) -> None:
     if event.kind == "robot":
-        step.up = event.after == "heard" if event.after != "known" else step.up
+        step.up = event.after == "received" if event.after != "known" else step.up
         return
     name = event.group, event.component
     known = (_LEVELS[event.before], "") if event.before else None  # "": first received then

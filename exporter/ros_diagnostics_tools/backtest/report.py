@@ -47,7 +47,7 @@ def parts(result: Result) -> list[Part]:
         began = each.began
         known = part(began.robot, began.group, began.component)
         known.notified += 1
-        known.flapping += began.scope == "flapping"
+        known.flapping += began.state == "flapping"
     for outage in result.outages:
         _add(part(outage.robot, outage.group, outage.component), outage)
     return [found[key] for key in sorted(found, key=lambda key: tuple(map(natural, key)))]

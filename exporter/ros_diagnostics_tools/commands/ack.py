@@ -147,6 +147,8 @@ class Problem:
 
     @property
     def _alert(self) -> str:
+        if self.labels.get("scope") == "clock":
+            return "RosDiagnosticsExporterClockOffset"
         return self.labels.get("of", self.labels["alertname"])
 
     @property
@@ -162,8 +164,10 @@ class Problem:
             return f"site {labels.get('site', '')}"
         if self.since and labels["scope"] == "common":
             return f"{labels.get('component', '')} on many robots"
+        if self.since and labels["scope"] == "clock":
+            return f"exporter {labels.get('exporter', '')}".rstrip()
         fault = ("robot", "component", "check", "key", "bound")
-        names = fault if self.since else ("robot", "uplink", "exporter", "instance", "domain_id")
+        names = fault if self.since else ("robot", "exporter", "instance", "domain_id")
         return " ".join(labels[name] for name in names if labels.get(name))
 
     @property
@@ -179,7 +183,8 @@ class Problem:
         if wanted.common is not None:
             return (labels.get("scope"), labels.get("component")) == ("common", wanted.common)
         if wanted.alert is not None:
-            return not self.since and self.state == wanted.alert.removeprefix(PREFIX)
+            is_named = not self.since or labels["scope"] == "clock"
+            return is_named and self._alert == PREFIX + wanted.alert.removeprefix(PREFIX)
         parts = (None, labels.get("component"), labels.get("check"))
         return labels.get("robot") == wanted.robot and wanted.component in parts
 

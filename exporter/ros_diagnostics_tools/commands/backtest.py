@@ -18,6 +18,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.model import Domain
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.backtest import compare, report, suggest, words
 from ros_diagnostics_tools.backtest.capsule import Capsule, too_short
@@ -162,7 +163,7 @@ def _fleet(options: BacktestOptions, capsule: Capsule | None) -> Fleet:
     return load(options.config or Path("fleet.yml"))
 
 
-def _domain(fleet: Fleet, options: BacktestOptions, capsule: Capsule | None) -> int | None:
+def _domain(fleet: Fleet, options: BacktestOptions, capsule: Capsule | None) -> Domain | None:
     """The domain that recordings without one of their own are of; None where it is not clear."""
     if options.domain_id is not None:
         return options.domain_id
@@ -171,7 +172,7 @@ def _domain(fleet: Fleet, options: BacktestOptions, capsule: Capsule | None) -> 
     return fleet.domain_ids[0] if len(fleet.domain_ids) == 1 else None
 
 
-def _source(bag: str, fleet: Fleet, domain_id: int | None, namespace: str) -> RecordingSource:
+def _source(bag: str, fleet: Fleet, domain_id: Domain | None, namespace: str) -> RecordingSource:
     if is_event_log(Path(bag)):
         return RecordingSource(Path(bag), fleet=fleet)
     path, at = Path(bag), re.fullmatch(r"(.+)@([0-9]{1,3})", bag)

@@ -9,7 +9,7 @@ from grafana_foundation_sdk.models import common
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
 from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY
-from fleet_dashboards.lib.promql import HELD, reached, settled
+from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, reached, settled
 from fleet_dashboards.lib.tables import Column
 
 _FLEET = 'fleet=~"$fleet"'
@@ -331,7 +331,7 @@ def flapping() -> table.Panel:
         "the exporter started.",
         {
             # It begins above one ratio and ends below another: the fault, not a ratio, says so.
-            "B": f'max {by} ({HELD}{{{_FLEET}, scope="flapping"}}) * 1000',
+            "B": f'max {by} ({HELD}{{{_FLEET}, scope="flapping", state="flapping"}}) * 1000',
             "A": f"max {by} (ros_diagnostics_component_flap_ratio{{{_FLEET}}})",
             # Not increase() over the range: that would read the range of every component.
             "C": f"max {by} (ros_diagnostics_component_changes_total{{{_FLEET}}})",
@@ -403,10 +403,10 @@ or
 """
 
 
-# A fault is a series: its labels and evidence are fixed, its value is its start.
+# A fault's value is its start: each other start is another time.
 _FAULTS = f"""
   sum by (fleet, robot) (
-    1 + changes({HELD}{{{_FLEET}, severity="critical", robot!=""}}[$__range])
+    1 + changes({HELD_OF_ROBOT}{{{_FLEET}, severity="critical"}}[$__range])
   )
 """
 _LONGEST = f"""
@@ -428,7 +428,7 @@ def availability_of_robots() -> table.Panel:
     return _availability(
         "Availability of the robots",
         f"How reliable was each robot? {SUMS} Faults counts faults of severity critical, silence "
-        "included; longest is the longest time with such a fault. To "
+        "and faults of many robots included; longest is the longest time with such a fault. To "
         "download: menu of the panel, Inspect, Data, Download CSV.",
         _BY_ROBOT,
         [

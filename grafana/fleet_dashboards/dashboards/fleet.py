@@ -7,11 +7,20 @@ from urllib.parse import quote
 from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.builders import stat, statetimeline, table, timeseries
 from grafana_foundation_sdk.models import common
+from grafana_foundation_sdk.models.prometheus import PromQueryFormat
 
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
 from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY, problem_rows, problem_table
-from fleet_dashboards.lib.promql import HELD, in_order, message_age, reached, settled
+from fleet_dashboards.lib.promql import (
+    HELD,
+    HELD_OF_ROBOT,
+    in_order,
+    label,
+    message_age,
+    reached,
+    settled,
+)
 from fleet_dashboards.lib.tables import Column
 
 # The robots that the filters select; other expressions are joined to these.
@@ -38,6 +47,7 @@ def build() -> builders.Dashboard:
             robots_by_state(),
             number_of_problems(),
             problems(),
+            wall(),
             states_of_robots(),
             health(),
             share_working(),
@@ -97,7 +107,6 @@ def _listed(handled: str) -> str:
         of_states=_STATES,
         selected=f"and on (fleet, robot) {_SELECTED}",
         covered=f"""
-    unless on (fleet, component) {HELD}{{scope="common"}}
     unless on (fleet, robot) {HELD}{{scope="robot", state=~"many|flapping"}}
 """,
         filters=f"""
@@ -146,13 +155,13 @@ def problems() -> table.Panel:
         "the oldest. The message is that at the time of confirmation, with values and what else "
         "was wrong; of what is not confirmed yet, the present one. A silent robot is one row, and "
         "so is what has one cause on many robots. Confirmed problems have lasted for their "
-        "confirm_after, and an alert fires. Unhandled, at the top, leaves out what is acknowledged "
-        "or planned.",
+        "confirm_after, and an alert fires. Care is who has it or was notified, or why nobody was. "
+        "Unhandled, at the top, leaves out what is acknowledged or planned.",
         _PROBLEMS,
         _MATCHERS,
         of_states=_STATES,
         proof=_PROOF,
-    ).height(12)
+    ).height(8)
 
 
 # --- The fleet as a whole ---
@@ -225,15 +234,54 @@ def health() -> timeseries.Panel:
 # --- Robots ---
 
 
+def wall() -> stat.Panel:
+    """Show a tile for each robot in the colour of its state; a click opens the robot."""
+    found = f"""
+      ({_RANK} ${{state:raw}})
+    * on (fleet, robot) group_left (site, robot_group)
+      {_SELECTED}
+    """
+    sorted_by = f'label_join({in_order(found)}, "place", " ", "site", "robot_group", "order")'
+    query = panels.at_end(label(sorted_by, "name", "$1", "robot", "(.*)"))
+    # Each row becomes a field: its other columns are labels, for the link.
+    fields = [
+        {"fieldName": "Time", "handlerKey": "__ignore"},
+        {"fieldName": "name", "handlerKey": "field.name"},
+        {"fieldName": "Value", "handlerKey": "field.value"},
+    ]
+    link = builders.DashboardLink("Open this robot").url(links.TO_ROBOT_OF_SERIES)
+    panel = panels.number(
+        "All robots",
+        "In which state is each robot? A tile for each, by site, group and name. A click opens "
+        "the robot.",
+        found,
+    )
+    return (
+        panels.on_colour(panel.mappings(palette.state_mappings()))
+        .targets([query.format(PromQueryFormat.TABLE)])
+        .transformations(
+            [
+                tables.step("sortBy", fields={}, sort=[{"field": "place"}]),
+                tables.step("rowsToFields", mappings=fields),
+            ]
+        )
+        .text_mode(common.BigValueTextMode.NAME)
+        .display_name("${__field.name}")  # without labels
+        .data_links([link])
+        .span(24)
+        .height(7)
+    )
+
+
 def states_of_robots() -> statetimeline.Panel:
     """Show the states of the worst robots over time."""
     link = builders.DashboardLink("Open this robot").url(links.TO_ROBOT_OF_SERIES)
     # The worst are chosen at the end of the range, so that the rows stay the same over all of it.
     # Every point queries all robots: hence the series of one value a minute, and few points.
     expr = f"""
-      robot:ros_diagnostics_state:max1m{{fleet=~"$fleet"}}
+      max_over_time(robot:ros_diagnostics_state:max1m{{fleet=~"$fleet"}}[$__rate_interval])
     and on (fleet, robot)
-      topk(50,
+      topk(15,
           ({_RANK} @ end() ${{state:raw}})
         and on (fleet, robot)
           {_SELECTED} @ end()
@@ -241,11 +289,11 @@ def states_of_robots() -> statetimeline.Panel:
     """
     panel = panels.timeline(
         "States of the robots",
-        "When was which robot in which state? The worst state of each minute, half a minute late. "
-        "At most 50 robots, the worst at the end of the range: filter to see others.",
-        panels.over_time(in_order(expr), "{{robot}}"),
+        "When was which robot in which state? The worst state of each minute or step, half a "
+        "minute late. The 15 robots that are worst at the end of the range: filter to see others.",
+        panels.over_time(in_order(expr), "{{fleet}}/{{robot}}"),
     )
-    return panel.max_data_points(400).data_links([link]).height(9)
+    return panel.max_data_points(400).data_links([link]).height(8)
 
 
 _IN_TROUBLE = """
@@ -265,16 +313,16 @@ def robots() -> table.Panel:
     return tables.joined(
         "Robots",
         "What is the state of each robot, and how old is its last message? Since is when its "
-        "oldest confirmed fault began.",
+        "oldest confirmed fault began, also one of its site or of many robots.",
         {
             "A": in_order(found),
             "B": message_age('fleet=~"$fleet"'),
             "C": f"""
               count by (fleet, robot) ({_IN_TROUBLE})
             or
-              max by (fleet, robot) ({_RANK}) * 0
+              max by (fleet, robot) (ros_diagnostics_robot_up{{fleet=~"$fleet"}}) * 0
             """,
-            "E": f'min by (fleet, robot) ({HELD}{{fleet=~"$fleet", robot!=""}}) * 1000',
+            "E": f'min by (fleet, robot) ({HELD_OF_ROBOT}{{fleet=~"$fleet"}}) * 1000',
             "F": 'max by (fleet, robot) (ros_diagnostics_robot_maintenance{fleet=~"$fleet"})',
         },
         [

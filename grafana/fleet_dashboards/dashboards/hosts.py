@@ -30,7 +30,7 @@ def row(title: str, *content: builder.Builder[dashboard.Panel]) -> builders.Row:
 
 def pings() -> table.Panel:
     """List what blackbox_exporter probes: robots and uplinks, and services of the robots."""
-    by = "job, instance, fleet, robot, uplink"
+    by = "job, instance, fleet, robot"
     probed = 'job=~"ros-diagnostics-.*", fleet=~"$fleet"'
     return tables.joined(
         "Hosts",
@@ -44,7 +44,6 @@ def pings() -> table.Panel:
         [
             Column("A", "State", mappings=UP, width=80, background=True),
             tables.ROBOT,
-            Column("uplink", "Uplink"),
             Column("job", "Check", mappings=CHECK, width=80),
             Column("instance", "Address"),
             Column("B", "Duration", unit="s", width=100),
@@ -185,15 +184,15 @@ def network() -> timeseries.Panel:
 def ping_time() -> timeseries.Panel:
     """Show how long pings take."""
     probed = 'job=~"ros-diagnostics-(ping|uplink)", fleet=~"$fleet"'
-    by = "by (fleet, robot, uplink)"
+    by = "by (fleet, robot)"
     expr = f"""
       max {by} (probe_duration_seconds{{{probed}}})
-    and on (fleet, robot, uplink)
+    and on (fleet, robot)
       topk({LINES}, max {by} (probe_duration_seconds{{{probed}}} @ end()))
     """
     return panels.graph(
         "Ping duration",
         f"Which connections get slow? {SHOWN}; a failed probe lasts until its timeout.",
-        panels.over_time(expr, "{{robot}}{{uplink}}"),
+        panels.over_time(expr, "{{robot}}"),
         unit="s",
     )

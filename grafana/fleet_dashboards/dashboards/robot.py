@@ -12,7 +12,7 @@ from fleet_dashboards.lib.annotations import Annotation
 from fleet_dashboards.lib.dashboard import new_dashboard
 from fleet_dashboards.lib.problems import problem_rows, problem_table
 from fleet_dashboards.lib.promql import (
-    HELD,
+    HELD_OF_ROBOT,
     component_rank,
     label,
     message_age,
@@ -23,6 +23,7 @@ from fleet_dashboards.lib.promql import (
 from fleet_dashboards.lib.tables import Column
 
 _ROBOT = variables.ONE_ROBOT
+_FAULTS = variables.OF_ONE_ROBOT
 _COMPONENTS = f"{_ROBOT}, {variables.COMPONENTS}"
 _BY = "by (fleet, robot, group, component)"
 _RANK = component_rank(_COMPONENTS)
@@ -107,11 +108,12 @@ def state() -> stat.Panel:
 
 def since() -> stat.Panel:
     """Show when the robot's oldest confirmed fault began."""
-    faults = f"{HELD}{{{_ROBOT}}}"
+    faults = f"{HELD_OF_ROBOT}{{{_ROBOT}}}"
     none = f"robot:ros_diagnostics_state:rank{{{_ROBOT}}} * 0"
     return panels.number(
         "Fault since",
-        "Since when has the robot had a confirmed fault? When the oldest that lasts began.",
+        "Since when has the robot had a confirmed fault? When the oldest that lasts began, "
+        "also one of its site or of many robots.",
         f"min by (fleet, robot) ({faults}) * 1000 or on (fleet, robot) {none}",
         tables.TIME,
     ).mappings(palette.words({"0": ("none confirmed", None)}))
@@ -179,11 +181,13 @@ def problems() -> table.Panel:
         "Problems",
         "What is wrong with the robot, since when, and who takes care of it? Errors, warnings, "
         "stale components, values beyond their thresholds, checks that find too little. The "
-        "message is that at the time of confirmation, with values and what else was wrong.",
-        problem_rows(_ROBOT),
-        _ROBOT,
+        "message is that at the time of confirmation, with values and what else was wrong. A fault "
+        "of its site or of many robots is listed, too.",
+        problem_rows(_FAULTS, of_states=_ROBOT, members=_ROBOT),
+        _FAULTS,
+        of_states=_ROBOT,
         proof=f"{settled(variables.FLEET, of='fleet')} and on (fleet) {received}",
-        hidden=("Robot", "Maintenance", "Fleet"),
+        hidden=("Robot",),
     ).height(7)
 
 

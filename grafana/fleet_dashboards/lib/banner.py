@@ -137,12 +137,15 @@ def monitoring() -> stat.Panel:
 
 def data_as_of() -> stat.Panel:
     """Show when the exporters were scraped last: clock and age of the page in one."""
+    scraped = f"timestamp(ros_diagnostics_exporter_settled{{{_FLEET}}})"
+    # Of one that does not answer there is no sample; it is held while its target exists.
+    before = f"max by (instance) (max_over_time({scraped}[1d:1m])) and on (instance) {_HELD}"
     return (
         panels.number(
             "Data as of",
             "How old is this page? When the exporters were last scraped; of several, the one for "
             "which that is longest ago.",
-            f"min(timestamp(ros_diagnostics_exporter_settled{{{_FLEET}}})) * 1000",
+            f"min(\n  max by (instance) ({scraped})\nor\n  ({before})\n) * 1000",
             "dateTimeAsIsoNoDateIfToday",
         )
         .no_value("not known")

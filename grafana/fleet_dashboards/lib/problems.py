@@ -8,7 +8,7 @@ from grafana_foundation_sdk.builders import table
 
 from fleet_dashboards.lib import links, palette, tables
 from fleet_dashboards.lib.palette import State
-from fleet_dashboards.lib.promql import HELD, label
+from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, label
 from fleet_dashboards.lib.tables import Column
 
 # A fault's identity; a row has the labels of it that apply.
@@ -16,7 +16,6 @@ IDENTITY = "fleet, scope, state, site, robot, group, component, check, key, boun
 # A warning goes on under a critical fault of the same component or value: only the worst is shown.
 _NESTED = "fleet, scope, robot, group, component, check, key, bound"
 _COMPONENT = "fleet, robot, group, component"
-_CONFIRMED, _NOT_YET = "yes", "not yet"
 
 
 class _Kind(NamedTuple):
@@ -24,19 +23,18 @@ class _Kind(NamedTuple):
 
     matchers: str
     state: State
-    text: str = ""
-    named_by: str = ""  # the label before the evidence
+    text: str = ""  # $1 is the label `named_by`
+    named_by: str = ""
+    of_many: bool = False  # robots
 
 
 _KINDS = (
     _Kind('scope="component", state="critical"', palette.CRITICAL),
     _Kind('scope="component", state="stale"', palette.STALE),
     _Kind('scope="component", state="warning"', palette.WARNING),
-    _Kind('scope="value", state="critical"', palette.CRITICAL, named_by="key"),
-    _Kind('scope="value", state="warning"', palette.WARNING, named_by="key"),
-    _Kind('scope="check"', palette.CRITICAL, named_by="check"),
-    _Kind('scope="host", state="critical"', palette.CRITICAL, named_by="check"),
-    _Kind('scope="host", state="warning"', palette.WARNING, named_by="check"),
+    _Kind('scope="value", state="critical"', palette.CRITICAL, text="$1", named_by="key"),
+    _Kind('scope="value", severity="warning"', palette.WARNING, text="$1", named_by="key"),
+    _Kind('scope="check"', palette.CRITICAL, text="$1", named_by="check"),
     _Kind('scope="robot", state="silent"', palette.UNKNOWN),
     _Kind('scope="robot", state="pending"', palette.PENDING),
     _Kind('scope="robot", state="flapping"', palette.WARNING, "comes and goes"),
@@ -50,30 +48,39 @@ _KINDS = (
         palette.WARNING,
         "many components failed at once",
     ),
-    _Kind('scope="flapping"', palette.WARNING, "flapping"),
-    _Kind('scope="site"', palette.UNKNOWN, "many robots of the site are silent"),
-    _Kind('scope="common"', palette.CRITICAL, "on many robots at once"),
+    _Kind('scope="flapping", state="flapping"', palette.WARNING, "flapping"),
+    _Kind('scope="flapping", state="intermittent"', palette.WARNING, "intermittent"),
+    _Kind('scope="site", site=""', palette.UNKNOWN, "many robots are silent", of_many=True),
+    _Kind(
+        'scope="site", site!=""',
+        palette.UNKNOWN,
+        "many robots of site $1 are silent",
+        "site",
+        of_many=True,
+    ),
+    _Kind('scope="common"', palette.CRITICAL, "on many robots at once", of_many=True),
 )
 
 
-def _confirmed(matchers: str) -> str:
+def _confirmed(matchers: str, members: str) -> str:
     """Return the confirmed faults with the rank of their states, and a message."""
-    return "\nor\n".join(_ranked(kind, matchers) for kind in _KINDS)
+    return "\nor\n".join(_ranked(kind, matchers, members) for kind in _KINDS)
 
 
-def _ranked(kind: _Kind, matchers: str) -> str:
-    found = f"{HELD}{{{matchers}, {kind.matchers}}} * 0 + {kind.state.rank}"
+def _ranked(kind: _Kind, matchers: str, members: str) -> str:
+    found = f"{HELD}{{{matchers}, {kind.matchers}}}"
+    if kind.of_many and members:
+        found = f"({found} and on (fault) {HELD_OF_ROBOT}{{{members}}})"
+    found = f"{found} * 0 + {kind.state.rank}"
     if kind.state is palette.WARNING:
         worse = f'{HELD}{{{matchers}, state=~"critical|stale"}}'
         found = f"({found} unless on ({_NESTED}) {worse})"
     if kind.state is palette.STALE:
         found = f'({found} unless on ({_NESTED}) {HELD}{{{matchers}, state="critical"}})'
-    if kind.named_by:
-        found = f'label_join({found}, "message", ": ", "{kind.named_by}", "evidence")'
-    else:
-        text = f"{kind.text}: $1" if kind.text else "$1"
-        found = label(found, "message", text, "evidence", "(?s:(.*))")
-    return label(found, "confirmed", _CONFIRMED)
+    if not kind.text:
+        return label(found, "message", "$1", "evidence", "(?s:(.*))")
+    found = label(found, "message", kind.text, kind.named_by, "(.*)")
+    return f'label_join({found}, "message", ": ", "message", "evidence")'
 
 
 def _soft(matchers: str, covered: str) -> str:
@@ -88,15 +95,14 @@ def _soft(matchers: str, covered: str) -> str:
     component = f"""
     {components}
     unless on ({_COMPONENT}) ({components} == 2 and on ({_COMPONENT}) {planned} == 1)
-    unless on ({_COMPONENT}) {HELD}{{scope=~"component|flapping"}}
+    unless on ({_COMPONENT}) {HELD_OF_ROBOT}{{scope=~"component|flapping|common"}}
     unless on (fleet, robot) ({silent})
 {covered}
 """
     robot = f"""
     {robots} and on (fleet, robot) ({silent})
     unless on (fleet, robot) {HELD}{{scope="robot", state=~"silent|pending|flapping"}}
-    unless on (fleet, robot)
-      (robot:ros_diagnostics:info and on (fleet, site) {HELD}{{scope="site"}})
+    unless on (fleet, robot) {HELD_OF_ROBOT}{{scope="site"}}
 """
     # Of few components, before they are grouped: there are messages of all.
     message = f"""
@@ -109,7 +115,7 @@ def _soft(matchers: str, covered: str) -> str:
     )
     found = f"{_with_message(component, message, _COMPONENT)}\nor\n"
     found += _with_message(robot, reason, "fleet, robot")
-    return label(f"({found})", "confirmed", _NOT_YET)
+    return f"({found})"
 
 
 def _with_message(expr: str, messages: str, by: str) -> str:
@@ -145,63 +151,41 @@ def _since(matchers: str, states: str) -> str:
 
 ACKNOWLEDGED = "ros_diagnostics_fault_acknowledged_timestamp_seconds"
 _NOTIFIED = "ros_diagnostics_fault_notified_timestamp_seconds"
-_UNKNOWN = "not known"
 
 
-def _acknowledged(matchers: str) -> str:
-    """Return every fault with a label ``acknowledged``: "ann: spare part ordered", or "nobody".
+def _care(matchers: str, states: str) -> str:
+    """Return every problem with a label ``care``: who has it or was notified, or why nobody was.
 
-    Only an exporter that answers and reads Alertmanager's silences knows that it is nobody, and
-    none knows of hosts.
-    """
-    by_whom = f"""
-    group by ({IDENTITY}, acknowledged) (
-      label_join({ACKNOWLEDGED}{{{matchers}}}, "acknowledged", ": ", "author", "comment")
-    )
-"""
-    faults = f"group by ({IDENTITY}) ({HELD}{{{matchers}}})"
-    seen = f'group by ({IDENTITY}) ({HELD}{{{matchers}, scope!="host"}})'
-    is_known = "ros_diagnostics_exporter_alertmanager_up == 1"
-    return _first_of(
-        by_whom,
-        label(f"({seen} and on (fleet) {is_known})", "acknowledged", "nobody"),
-        label(faults, "acknowledged", _UNKNOWN),
-    )
-
-
-def _notified(matchers: str, states: str) -> str:
-    """Return every problem with a label ``notified``: "email and others", or why nobody was.
-
-    The value is when the last receiver was notified, in milliseconds; NaN where nobody was.
+    What an exporter that does not answer would know is not known.
     """
     sent = f"max by ({IDENTITY}, receiver) ({_NOTIFIED}{{{matchers}}} > 0)"
     last = f"topk by ({IDENTITY}) (1, {sent})"
     several = f"count by ({IDENTITY}) ({sent}) > 1"
-    nobody = f"max by ({IDENTITY}) ({_NOTIFIED}{{{matchers}}} == 0)"
-    soft = f"""
-      max by ({_COMPONENT}) ({_BEGAN}{{{states}}})
-    or
-      max by (fleet, robot) ({_RECEIVED}{{{states}}})
-"""
-    behind = "robot:ros_diagnostics_robot:behind"
-    why_not = {
-        f"{nobody} and on ({IDENTITY}) {ACKNOWLEDGED}": "no: acknowledged",
-        nobody: "not yet",
-        f"max by ({IDENTITY}) ({HELD}{{{matchers}}})": _UNKNOWN,
-        f"max by (fleet, robot) ({_RECEIVED}{{{states}}}) and on (fleet, robot) {behind}": (
-            "no: uplink or domain down"
-        ),
-        soft: "no: not confirmed",
-    }
+    faults = f"max by ({IDENTITY}) ({HELD}{{{matchers}}})"
+    soft_robots = f"max by (fleet, robot) ({_RECEIVED}{{{states}}})"
+    soft = f"max by ({_COMPONENT}) ({_BEGAN}{{{states}}}) or {soft_robots}"
+    planned = f"on (fleet, robot) (ros_diagnostics_robot_maintenance{{{states}}} == 1)"
+    reasons = 'reason=~"uplink_down|domain_unreachable"'
+    behind = f"max by (fleet, robot) (ros_diagnostics_robot_silent_reason{{{reasons}}} == 1)"
     found = _first_of(
+        f"""
+    label_join({ACKNOWLEDGED}{{{matchers}}}, "care", ": ", "author", "comment")
+""",
+        label(f"(({faults} or {soft}) and {planned})", "care", "planned"),
         label(
             f"({last} and on ({IDENTITY}) {several})",
-            *("notified", "$1 and others", "receiver", "(.*)"),
+            *("care", "$1 and others notified", "receiver", "(.*)"),
         ),
-        label(last, "notified", "$1", "receiver", "(.*)"),
-        *(label(f"(0 * ({expr}) / 0)", "notified", text) for expr, text in why_not.items()),
+        label(last, "care", "$1 notified", "receiver", "(.*)"),
+        label(f"max by ({IDENTITY}) ({_NOTIFIED}{{{matchers}}} == 0)", "care", "not notified yet"),
+        label(faults, "care", "not known"),
+        label(
+            f"({soft_robots} and on (fleet, robot) {behind})",
+            *("care", "uplink or domain down"),
+        ),
+        label(f"({soft})", "care", "not confirmed"),
     )
-    return f"max by ({IDENTITY}, notified) (\n{found}\n) * 1000"
+    return f"group by ({IDENTITY}, care) (\n{found}\n)"
 
 
 def _first_of(*exprs: str) -> str:
@@ -209,26 +193,16 @@ def _first_of(*exprs: str) -> str:
     return f"\nor on ({IDENTITY})\n".join(exprs)
 
 
-def _in_maintenance(matchers: str) -> str:
-    """Return 1 for each robot in maintenance, 0 for others."""
-    return f"max by (fleet, robot) (ros_diagnostics_robot_maintenance{{{matchers}}})"
-
-
 ROBOT = Column("robot", "Robot", link=links.TO_ROBOT, width=110, filtered=True)
-# As wide as what they usually show, so that the message is legible on a screen of 1600 pixels.
+# On a screen of 1366 pixels all of them; on a phone the first three, of which the message wraps.
 _COLUMNS = (
     tables.STATE._replace(width=90),
     ROBOT,
     Column("component", "Component", link=links.TO_COMPONENT, width=120, filtered=True),
-    Column("message", "Message", mappings=palette.reason_mappings(), min_width=260),
-    Column("B", "Since", unit=tables.TIME, width=140),
-    Column("C", "For", unit=tables.DURATION, width=85),
-    Column("confirmed", "Confirmed", width=85),
-    Column("notified", "Notified", width=175),
-    Column("G", "Notified at", unit=tables.TIME, width=140),
-    Column("acknowledged", "Acknowledged", width=130),
-    tables.MAINTENANCE._replace(width=100),
-    tables.FLEET._replace(width=70),
+    Column("message", "Message", mappings=palette.reason_mappings(), min_width=260, wrapped=True),
+    Column("B", "Since", unit=tables.TIME, width=150),
+    Column("care", "Care", width=230, wrapped=True),
+    tables.FLEET._replace(hidden=True),
 )
 
 
@@ -239,6 +213,7 @@ def problem_rows(
     selected: str = "",
     covered: str = "",
     filters: str = "",
+    members: str = "",
 ) -> str:
     """Return a series with the rank of its state for each problem.
 
@@ -248,10 +223,11 @@ def problem_rows(
         selected: Restricts what is not confirmed; PromQL that follows its expression.
         covered: Leaves out of that what belongs to a larger fault; PromQL, too.
         filters: Of the variables, for all rows; PromQL, too.
+        members: Of faults of many robots only those that these are part of, by labels of robots.
     """
     return f"""
-  max by ({IDENTITY}, message, confirmed) (
-{_confirmed(matchers)}
+  max by ({IDENTITY}, message) (
+{_confirmed(matchers, members)}
 or
     {_soft(of_states or matchers, covered)}
     {selected}
@@ -281,21 +257,16 @@ def problem_table(
         hidden: Titles of columns that are not shown.
     """
     states = of_states or matchers
-    since = _since(matchers, states)
     return tables.joined(
         title,
         description,
         {
             "A": rows,
-            "B": f"(\n{since}\n) * 1000",
-            "C": f"floor(time() - (\n{since}\n))",
-            "E": _acknowledged(matchers),
-            "F": _in_maintenance(states),
-            "G": _notified(matchers, states),
+            "B": f"(\n{_since(matchers, states)}\n) * 1000",
+            "C": _care(matchers, states),
         },
-        [column._replace(hidden=column.title in hidden) for column in _COLUMNS],
+        [each._replace(hidden=each.hidden or each.title in hidden) for each in _COLUMNS],
         by=IDENTITY,
-        by_of={"F": "fleet, robot"},
         empty=tables.Empty("No problems", proof),
         sort=("State", "Since"),
     )

@@ -8,16 +8,21 @@ Recorded states (prometheus/rules) are preferred to computing them again: they a
 from __future__ import annotations
 
 HELD = "fleet:ros_diagnostics_fault_start:held"
+# The same of each robot, with those of sites and of many robots that it is part of.
+HELD_OF_ROBOT = "robot:ros_diagnostics_fault_start:held"
 # Series that belong to no value: the exporter's own families, recorded series, alerts.
 _OTHERS = "ros_diagnostics_.*|ALERTS.*|.*:.*"
 
 
 def component_rank(matchers: str) -> str:
-    """Return the rank of each component, OK ones included: only others have a recorded rank."""
+    """Return the rank of each component, OK ones included: only others have a recorded rank.
+
+    That ends when the exporter dies, and levels, which are scraped less often, some seconds later.
+    """
     return (
         "max by (fleet, robot, group, component) ("
         f"component:ros_diagnostics_state:rank{{{matchers}}}"
-        f" or ros_diagnostics_component_level{{{matchers}}} * 0)"
+        f" or ros_diagnostics_component_level{{{matchers}}} == 0)"
     )
 
 

@@ -8,7 +8,7 @@ the same text for an empty result and for a Prometheus that does not answer.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from grafana_foundation_sdk.builders import common as common_builders
@@ -37,6 +37,7 @@ class Column(NamedTuple):
     min_width: int = 0  # pixels, where width is 0
     hidden: bool = False  # there only for links of other columns, or to sort by
     filtered: bool = False  # whether its header has a filter
+    wrapped: bool = False  # whether a long text takes several lines; Grafana 11 and later
     background: bool = False  # whether the colour of the value is that of the cell
 
     def is_value(self) -> bool:
@@ -82,7 +83,6 @@ def joined(
     *,
     empty: Empty | str = NO_DATA,
     by: str = "fleet, robot, group, component",
-    by_of: Mapping[str, str] | None = None,
     sort: Sequence[str] = ("State",),
     ascending: Sequence[str] = ("Since", "Robot"),
 ) -> table.Panel:
@@ -90,16 +90,14 @@ def joined(
 
     The first query decides which rows there are: the others are restricted to its rows in PromQL,
     because Grafana cannot filter by a field that is missing when the first query finds nothing.
-    Without rows the text ``empty`` is shown. ``by_of`` are the labels of queries (by their refs)
-    that have fewer. Rows are sorted by the titles ``sort``, descending except for those in
-    ``ascending``.
+    Without rows the text ``empty`` is shown. Rows are sorted by the titles ``sort``, descending
+    except for those in ``ascending``.
     """
     first, *others = queries
     rows = tidy(queries[first])
     sent = {first: or_nothing(rows, *empty) if isinstance(empty, Empty) else rows}
     for ref in others:
-        on = (by_of or {}).get(ref, by)
-        sent[ref] = f"(\n{tidy(queries[ref])}\n)\nand on ({on})\n(\n{rows}\n)"
+        sent[ref] = f"(\n{tidy(queries[ref])}\n)\nand on ({by})\n(\n{rows}\n)"
     return (
         _table(title, description, columns)
         .targets([_rows(expr, ref) for ref, expr in sent.items()])
@@ -124,8 +122,8 @@ def pivot(
         .targets([at_end(expr)])
         .transformations(
             [
-                _step("labelsToFields", mode="columns", valueLabel=label),
-                _step("merge"),
+                step("labelsToFields", mode="columns", valueLabel=label),
+                step("merge"),
                 *_selected({column.field: column.title for column in columns}),
             ]
         )
@@ -170,19 +168,20 @@ def _merged(
             titles[column.field] = column.title
         if column.field == refs[0]:
             titles["Value"] = column.title  # its name if no other query returns rows
-    return [_step("merge"), *_selected(titles)]
+    return [step("merge"), *_selected(titles)]
 
 
 def _selected(titles: dict[str, str]) -> list[dashboard.DataTransformerConfig]:
     """Keep only these fields, in this order, with these titles."""
     order = {field: index for index, field in enumerate(titles)}
     return [
-        _step("filterFieldsByName", include={"names": list(titles)}),
-        _step("organize", excludeByName={}, indexByName=order, renameByName=titles),
+        step("filterFieldsByName", include={"names": list(titles)}),
+        step("organize", excludeByName={}, indexByName=order, renameByName=titles),
     ]
 
 
-def _step(identity: str, **options: object) -> dashboard.DataTransformerConfig:
+def step(identity: str, **options: object) -> dashboard.DataTransformerConfig:
+    """Return a transformation."""
     return dashboard.DataTransformerConfig(identity, options=options)
 
 
@@ -200,6 +199,8 @@ def _look(column: Column) -> list[dashboard.DynamicConfigValue]:
         look["custom.filterable"] = True
     # Only of values: no text is a number, either.
     look["mappings"] = [*(column.mappings or ()), *([_NAN] if column.is_value() else ())]
+    if column.wrapped:
+        look["custom.cellOptions"] = common.TableAutoCellOptions(wrap_text=True)
     if column.background:
         look |= BACKGROUND
     if column.link:

@@ -20,6 +20,7 @@ _VALUE = "ros_diagnostics_component_value"
 # Matchers. A name may have quotes and backslashes: a literal regular expression in backticks.
 FLEET = 'fleet=~"$fleet"'
 ONE_ROBOT = 'fleet=~"$fleet", robot=~`${robot:regex}`'
+OF_ONE_ROBOT = 'fleet=~"$fleet", robot=~`|${robot:regex}`'  # and what is of no single robot
 ROBOTS = "robot=~`${robots:regex}`"
 COMPONENT = "component=~`${component:regex}`"
 COMPONENTS = "component=~`${components:regex}`"

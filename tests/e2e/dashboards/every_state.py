@@ -45,7 +45,9 @@ robots:
   - {name: fresh, namespace: /fresh, profile: slow}
   - {name: short, namespace: /short, profile: lasers}
   - {name: docked, namespace: /docked, profile: docked}
-  - {name: cut_off, namespace: /cut_off, labels: {uplink: ap_9}}
+  - {name: cut_off, namespace: /cut_off, labels: {uplink: short}}
+queries:
+  - {expr: asked by nobody, component: uplink, group: Network, confirm_after: 1s, uplink: true}
 maintenance:
   - name: overhaul
     selector: {robot: maintained}
@@ -140,6 +142,10 @@ def _served(path: Path, text: str) -> ServedFleet:
             if name not in BECOME_SILENT or number < SCRAPES_BEFORE:
                 stamp = now.wall - (7.0 if name == "warned" else 0.5)
                 state.receive(Topic(0, topic), Array(stamp, _statuses(name, number), 900), now)
+
+        for query in state.fleet.queries:
+            gone = Status(ERROR, query.component, "no answer")
+            state.receive_answer(query.feed, {"short": (gone,)}, now)
 
     served = ServedFleet(load(path), send)
     send(served.state, served.started)

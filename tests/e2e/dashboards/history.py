@@ -68,20 +68,17 @@ def _parts(end: float) -> Iterator[Sample]:
 def _faults(end: float) -> Iterator[Sample]:
     """Two faults of robot broken, of 10 and 20 minutes; robot silent is silent for 15 minutes."""
     motor = (
-        'fleet="hall",scope="component",state="critical",severity="critical",'
-        'robot="broken",group="/Motor",component="Motor 1",evidence="Motor failure"'
+        'fleet="hall",scope="component",severity="critical",'
+        'robot="broken",group="/Motor",component="Motor 1"'
     )
     for begin, length in ((end - 7200, 600), (end - 3600, 1200)):
         for time in _every(15, begin, length):
-            yield "fleet:ros_diagnostics_fault_start:held", motor, begin, time
+            yield "robot:ros_diagnostics_fault_start:held", motor, begin, time
         yield from _down("broken", begin, length)
     begin = end - 5400
-    silence = (
-        'fleet="hall",scope="robot",state="silent",severity="critical",'
-        'robot="silent",evidence="publisher_gone"'
-    )
+    silence = 'fleet="hall",scope="robot",severity="critical",robot="silent"'
     for time in _every(15, begin, 900):
-        yield "fleet:ros_diagnostics_fault_start:held", silence, begin, time
+        yield "robot:ros_diagnostics_fault_start:held", silence, begin, time
     yield from _down("silent", begin, 900)
 
 

@@ -97,6 +97,7 @@ def test_the_first_fault_is_mailed_by_nagios(tmp_path: Path):
     with newcomer(tmp_path) as person:
         person.has_a_mail_server()
         person.does(blocks("docs/deployment.md", "## Install")[0], 1200)
+        person.does("/opt/ros-diagnostics-exporter/bin/pip install ./sim", 600)
         config = tmp_path / "etc" / "ros-diagnostics-exporter"
         config.mkdir()
         (config / "fleet.yml").write_text(FLEET)

@@ -53,6 +53,7 @@ def test_the_first_fault_is_mailed_to_those_of_the_robots(tmp_path: Path):
         from_index, wheel = blocks("docs/deployment.md", "## Install")
         person.does(from_index, 1200)
         person.does(wheel, 600)
+        person.does("/opt/ros-diagnostics-exporter/bin/pip install ./sim", 600)
         config = tmp_path / "etc" / "ros-diagnostics-exporter"
         config.mkdir()
         (config / "fleet.yml").write_text(FLEET)

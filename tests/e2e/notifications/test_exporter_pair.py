@@ -152,7 +152,7 @@ def test_a_lost_database_and_a_restart_of_prometheus(site: Site, tmp_path: Path)
 
         exporter, address = stack.exporter.process, stack.addresses.exporter
         exporter.stop()
-        for path in tmp_path.glob("state.json*"):
+        for path in tmp_path.glob("exporter.db*"):
             path.unlink()
         exporter.start()
         until(lambda: http.answers(address, "/-/ready"), "the exporter answers", 60)

@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 import yaml
 
+from ros_diagnostics_exporter import __version__
 from support import debian
 from support.newcomer import IGNORED, blocks
 from testbed.configuration import CHECKOUT
@@ -27,7 +28,8 @@ from testbed.processes import Process
 ABSENT = debian.why_not("podman", "curl", "ip")
 PAGE = "docs/install-container.md"
 NAME = "ros-diagnostics-exporter"
-IMAGE = f"{NAME}:0.1.0"
+IMAGE = f"{NAME}:{__version__}"
+ROBOTS = f"ros-diagnostics-virtual-robots:{__version__}"
 FLEET = 'fleet: hall\ndiscovery: [{topic: "/{robot}/diagnostics_agg"}]\n'
 # ./run test --all installs it there.
 COMPOSE = Path(sys.prefix) / "deployment" / "bin" / "podman-compose"
@@ -125,6 +127,8 @@ def built(tmp_path_factory: pytest.TempPathFactory, debian_base: Path) -> Iterat
         )
         host.online(build.replace("podman build", on_debian, 1))
         host.online(f"podman tag {IMAGE} localhost/kept")
+        (robots,) = blocks(PAGE, "## Virtual robots")[:1]
+        host.online(robots.replace("podman build", on_debian, 1))
         host.process.start()
         host.process.wait_for_output("ready")
         yield host
@@ -148,8 +152,8 @@ def test_the_image_serves_a_fleet_keeps_its_state_and_stops(host: Host):
     assert "fleet hall" in host.does(check)
     host.does(start)
     assert shlex.split(start)[-1] == IMAGE
-    robots = "--name robots --network=host --entrypoint virtual-robots"
-    host.does(f"podman run --detach {robots} {IMAGE} --robots 2")
+    host.does(f"! podman run --rm --entrypoint sh {IMAGE} -c 'command -v virtual-robots'")
+    host.does(f"podman run --detach --name robots --network=host {ROBOTS} --robots 2")
     metrics = "curl --silent localhost:9877/metrics"
     host.until_output(metrics, 'ros_diagnostics_robot_up{fleet="hall",robot="robot_2"} 1')
     host.until_output(look, "2 OK")

@@ -13,6 +13,7 @@ import pytest
 from support import debian
 from support.debian import Machine
 from support.newcomer import blocks
+from testbed.configuration import CHECKOUT
 from testbed.processes import Process
 
 ABSENT = debian.why_not("dpkg-deb")
@@ -20,6 +21,11 @@ NAME = "ros-diagnostics-exporter"
 PAGE = "docs/install-debian.md"
 # What any program changes: systemd's own state, logs, caches, and the database of the packages.
 CHANGING = ("/var/log", "/var/cache", "/var/lib/systemd/catalog", "/var/lib/dpkg", "/root")
+# The package does not have them.
+ROBOTS = (
+    *("env", "PYTHONPATH=/srv/sim", f"/opt/{NAME}/bin/python", "-c"),
+    "from virtual_robots.cli import main; main()",
+)
 
 pytestmark = debian.marks(ABSENT)
 
@@ -34,6 +40,7 @@ def machine(tmp_path: Path, debian_base: Path, debian_package: Path) -> Iterator
         debian.does(root, f"apt-get satisfy {options} '{depends}'")
         (root / "srv" / "packages").mkdir()
         shutil.copy(debian_package, root / "srv" / "packages")
+        shutil.copytree(CHECKOUT / "sim", root / "srv" / "sim")
         with debian.booted(root, tmp_path / "debian.log") as booted:
             yield booted
 
@@ -50,6 +57,7 @@ def test_installed_used_upgraded_and_removed_without_a_trace(
     assert machine.does("systemctl is-active ros-diagnostics-exporter") == "active\n"
     assert machine.does("systemctl is-enabled ros-diagnostics-exporter") == "enabled\n"
     assert machine.does("systemd-analyze verify ros-diagnostics-exporter.service") == ""
+    machine.does("! command -v virtual-robots")
     process = machine.does(f"ps -o user:32= -p $(systemctl show --property MainPID --value {NAME})")
     assert process.strip() == "ros-diagnostics"
     state = machine.does("stat --format '%U %G %a' /var/lib/ros-diagnostics-exporter")
@@ -62,7 +70,7 @@ def test_installed_used_upgraded_and_removed_without_a_trace(
     machine.does(f"sed -i 's/^ARGS=.*/ARGS=--log.format=json/' /etc/default/{NAME}")
     assert "active (running)" in machine.does(look)
     assert "--log.format=json" in machine.does(f"systemctl status {NAME}")
-    start_process("robots", [*machine.enter, "virtual-robots", "--robots", "2"])
+    start_process("robots", [*machine.enter, *ROBOTS, "--robots", "2"])
     up = 'ros_diagnostics_robot_up\\{fleet="robots".*robot="robot_2".*\\} 1'
     machine.until_output(scrape("/metrics"), up)
     check = "check_ros_diagnostics -H robot_1"

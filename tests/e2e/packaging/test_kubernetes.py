@@ -19,6 +19,7 @@ import pytest
 import yaml
 
 import prometheus_operator
+from ros_diagnostics_exporter import __version__
 from testbed import domains, http
 from testbed.configuration import CHECKOUT
 from testbed.polling import until
@@ -91,6 +92,10 @@ def test_the_service_and_its_monitor_select_the_pod():
     scrapes = [(each["interval"], each["params"]) for each in monitor["endpoints"]]
     assert scrapes == list(prometheus_operator.SCRAPES.values())
     assert {each["port"] for each in monitor["endpoints"]} == {port["name"]}
+    jobs = [each["relabelings"] for each in monitor["endpoints"]]
+    assert jobs == [
+        [{"targetLabel": "job", "replacement": job}] for job in prometheus_operator.SCRAPES
+    ]
 
 
 def test_the_pod_is_that_of_the_containerfile():
@@ -211,7 +216,8 @@ def test_kustomize_builds_the_base_and_the_overlays_of_the_page(tmp_path):
     assert site["ConfigMap", "ros-diagnostics-fleet"]["data"] == {"fleet.yml": "fleet: yokohama\n"}
     pod = site["StatefulSet", "ros-diagnostics-exporter"]["spec"]["template"]["spec"]
     assert pod["nodeSelector"] == {"kubernetes.io/hostname": "hall-1"}
-    assert pod["containers"][0]["image"] == "registry.example.org/ros-diagnostics-exporter:0.1.0"
+    image = f"registry.example.org/ros-diagnostics-exporter:{__version__}"
+    assert pod["containers"][0]["image"] == image
     assert pod["containers"][0]["args"][-1].startswith("--alertmanager.url=")
     of_operator = [each for each in site.values() if is_of_operator(each)]
     shipped = {

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -20,6 +22,7 @@ from testbed.polling import until
 from testbed.processes import Process
 
 ROOT = Path(__file__).parents[3]
+ROLE = ROOT / "packaging" / "ansible" / "roles" / "ros_diagnostics_exporter"
 UNIT = ROOT / "packaging" / "ros-diagnostics-exporter.service"
 
 pytestmark = pytest.mark.e2e
@@ -41,11 +44,15 @@ def test_what_is_built_serves_a_fleet_from_an_empty_environment(tmp_path, kind):
     venv.create(tmp_path / "builder", with_pip=True)
     builder = tmp_path / "builder" / "bin" / "python"
     run(builder, "-m", "pip", "install", "--quiet", "build")
-    run(builder, "-m", "build", "--outdir", tmp_path / "dist", ROOT)  # the wheel from the sdist
-    (built,) = (tmp_path / "dist").glob(kind)
+    for each in (ROOT, ROOT / "sim"):
+        run(builder, "-m", "build", "--outdir", tmp_path / each.name, each)  # wheel from sdist
+    (built,) = (tmp_path / ROOT.name).glob(kind)
+    (simulator,) = (tmp_path / "sim").glob(kind)
     venv.create(tmp_path / "empty", with_pip=True)
     bin_ = tmp_path / "empty" / "bin"
     run(bin_ / "pip", "install", "--quiet", f"{built}[ros]", cwd=tmp_path)
+    assert not (bin_ / "virtual-robots").exists()
+    run(bin_ / "pip", "install", "--quiet", simulator, cwd=tmp_path)
     address = f"127.0.0.1:{ports.free_port()}"
     with domains.lease() as domain:
         (tmp_path / "fleet.yml").write_text(
@@ -89,6 +96,20 @@ def served(address: str) -> set[str]:
     return {robot["robot"] for robot in robots if robot["up"]}
 
 
+@pytest.mark.slow
+def test_a_package_with_another_hash_than_the_locks_is_refused(tmp_path):
+    lock = (ROOT / "packaging" / "locks" / "build.txt").read_text()
+    options = ["--quiet", "--no-deps", "--require-hashes", "--dest", tmp_path, "--requirement"]
+    download = [sys.executable, "-m", "pip", "download", *options, tmp_path / "lock.txt"]
+    (tmp_path / "lock.txt").write_text(lock)
+    run(*download)
+
+    (tmp_path / "lock.txt").write_text(re.sub(r"(sha256:)[0-9a-f]{2}", r"\g<1>00", lock))
+    done = subprocess.run(download, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "DO NOT MATCH THE HASHES" in done.stderr
+
+
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
 def test_systemd_accepts_the_unit_and_rates_it_secure(tmp_path):
     unit = tmp_path / UNIT.name
@@ -107,9 +128,48 @@ def test_the_unit_and_the_containerfile_start_what_the_wheel_installs():
     scripts = re.findall(r"^(\S+) = \"\w+\.", (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     assert started is not None
     assert entry is not None
-    assert {started[1], entry[1], "virtual-robots", "check_ros_diagnostics"} <= set(scripts)
+    assert {started[1], entry[1], "check_ros_diagnostics"} <= set(scripts)
+    assert "virtual-robots" not in scripts
     for copied in re.findall(r"^COPY (?!--from)(.+) \S+$", containerfile, re.MULTILINE):
         assert all((ROOT / name).exists() for name in copied.split())
+
+
+def test_the_unit_names_documentation_that_the_package_has_and_bounds_its_memory():
+    unit = UNIT.read_text()
+    (page,) = re.findall(r"^Documentation=file:///usr/share/doc/\S+/(\S+)\.gz$", unit, re.MULTILINE)
+    build = (ROOT / "packaging" / "build-deb").read_text()
+    assert re.search(rf"for page in .*\b{re.escape(page)}\b", build)
+    assert re.search(r"^MemoryMax=\d+G$", unit, re.MULTILINE)
+
+
+def test_the_containers_user_and_group_exist_and_its_base_is_pinned_by_digest():
+    containerfile = (ROOT / "packaging" / "Containerfile").read_text()
+    user = re.search(r"^USER (\d+):(\d+)$", containerfile, re.MULTILINE)
+    assert user is not None
+    assert f"groupadd --system --gid {user[2]} " in containerfile
+    assert f"--uid {user[1]} --gid {user[2]} " in containerfile
+    assert re.search(r"^ARG BASE=\S+/python@sha256:[0-9a-f]{64}$", containerfile, re.MULTILINE)
+
+
+def test_ansible_validates_a_fleet_beside_the_folders_that_it_names(tmp_path):
+    tasks = yaml.safe_load((ROLE / "tasks" / "main.yml").read_text())
+    (validate,) = (each["ansible.builtin.copy"].get("validate") for each in tasks[2:3])
+    etc = tmp_path / "etc"
+    (etc / "robots").mkdir(parents=True)
+    (etc / "robots" / "one.yml").write_text("name: turtlebot\ntopic: /diagnostics_agg\n")
+    copied = tmp_path / "ansible" / "source"  # where Ansible has the file before it is validated
+    copied.parent.mkdir()
+    copied.write_text("fleet: hall\nrobots_folder: robots\n")
+    # As Ansible runs it: without a shell.
+    command = shlex.split(validate.replace("/etc/ros-diagnostics-exporter", str(etc)) % copied)
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    report = run(*command, env=os.environ | {"PATH": path})
+
+    assert "turtlebot" in report
+    copied.write_text("fleet: [1\n")
+    wrong = subprocess.run(command, env=os.environ | {"PATH": path}, check=False)
+    assert wrong.returncode == 2
+    assert [each.name for each in etc.iterdir()] == ["robots"]
 
 
 def test_compose_mounts_existing_files_and_pins_every_image():

@@ -13,7 +13,13 @@ import yaml
 
 INTERVAL = "2s"  # of scrapes and evaluations
 
-FAULTS = {"restart_grace": "10s", "pending_after": "40s", "confirm_after": "6s"}
+FAULTS = {
+    "restart_grace": "10s",
+    "pending_after": "40s",
+    "confirm_after": "6s",
+    "intermittent": {"within": "1m"},
+    "falling": {"over": "90s", "ahead": "10m"},
+}
 DURATIONS = {"stale_after": "5s", "confirm_after": "6s", "flap_interval": "1s"}
 
 # Addresses with a port that is open or closed, in place of pings: this machine answers pings to all
@@ -91,10 +97,23 @@ def write_hall(folder: Path, domain_id: int, components: int = 25) -> Path:
             "fleet": "hall",
             "limits": {"components": components},
             "profiles": PROFILES,
-            "robots": robots,
+            "robots": [*robots, {"name": "ap_9", "source": "queries", "address": UPLINK}],
             "discovery": [_found(domain_id, "scrapped")],
+            "queries": [_probed("uplink", uplink=True), _probed("ping")],
         },
     )
+
+
+def _probed(what: str, *, uplink: bool = False) -> dict[str, Any]:
+    """The query of docs/examples that judges the probes of a job."""
+    return {
+        "expr": f'min by (fleet, robot) (probe_success{{job="ros-diagnostics-{what}"}})',
+        "component": what,
+        "thresholds": {"low": {"critical": 0.5}},
+        "interval": "5s",
+        "confirm_after": "6s",
+        "uplink": uplink,
+    }
 
 
 def write_shaft(folder: Path, domain_id: int) -> Path:

@@ -21,8 +21,8 @@ SCRAPPED = (critical("scrapped", "Laser 2"), silent("scrapped"))
 SHAFT = (critical("gap", "Motor 1"), critical("lost", "Motor 1"))
 NO_MESSAGES = (silent("wedged"), silent("dark"))
 # For twice its confirm_after.
-NO_PING = 'min_over_time(host_check:ros_diagnostics_host:value{robot="dark"}[12s]) == 1'
-UPLINK = "UplinkDown ap_9"
+NO_PING = 'max_over_time(probe_success{robot="dark"}[12s]) == 0'
+UPLINK = critical("ap_9", "uplink")
 UNSTEADY = "RobotFlapping unsteady"
 BUS = tuple(
     f"collapses/{part}"
@@ -175,7 +175,7 @@ NETWORK = (
             ),
             step(("site: switch on dark", "wedged: resume", "dark: resume"), until=rank("dark", 0)),
             # A robot that publishes and yet does not answer.
-            step("site: switch off dark", "HostCritical dark ping"),
+            step("site: switch off dark", critical("dark", "ping")),
             step("site: switch on dark"),
         ),
     ),
@@ -183,7 +183,7 @@ NETWORK = (
         "robots behind a dead uplink are UNREACHABLE, and only its alert fires",
         ("far_1", "far_2", "ap_9"),
         (
-            step(BEGIN, until='probe_success{job="ros-diagnostics-uplink"} == 1'),
+            step(BEGIN, until=rank("ap_9", 0)),
             step("site: cut uplink", UPLINK),
             step(
                 ("far_1: hang", "far_2: hang"),

@@ -102,6 +102,7 @@ class ScenarioSite:
         }
         fleets.declare(folder / "hall", domain_id)
         self.addresses = {fleet: f"127.0.0.1:{free_port()}" for fleet in fleets.FLEETS}
+        self.prometheus = f"127.0.0.1:{free_port()}"
         self.exporters = {
             fleet: Process(
                 f"exporter of {fleet}",
@@ -111,6 +112,7 @@ class ScenarioSite:
                     f"--web.listen-address={self.addresses[fleet]}",
                     f"--storage.path={config.parent / 'state'}",
                     "--web.enable-lifecycle",
+                    f"--prometheus.url=http://{self.prometheus}",
                 ],
                 environment,
                 folder / f"exporter-{fleet}.log",
@@ -162,10 +164,10 @@ class ScenarioSite:
             "relabel_configs": relabel,
         }
         listed = {"url": f"http://{self.addresses['hall']}/sd/ping", "refresh_interval": "5s"}
-        uplink = {"targets": [fleets.UPLINK], "labels": {"fleet": "hall", "uplink": "ap_9"}}
+        uplinks = {**listed, "url": f"http://{self.addresses['hall']}/sd/uplink"}
         return [
             {"job_name": "ros-diagnostics-ping", "http_sd_configs": [listed], **common},
-            {"job_name": "ros-diagnostics-uplink", "static_configs": [uplink], **common},
+            {"job_name": "ros-diagnostics-uplink", "http_sd_configs": [uplinks], **common},
         ]
 
     def _actions(self) -> dict[str, Callable[[], object]]:
@@ -231,6 +233,7 @@ def running(folder: Path) -> Iterator[tuple[ScenarioSite, prometheus_site.Site]]
                 probes=site.probes(),
                 interval=fleets.INTERVAL,
                 prepare=lambda prometheus: short_clocks.scale(prometheus / "rules"),
+                prometheus=site.prometheus,
             )
         )
         # Counters are compared with their first sample, and states recorded from the first on.

@@ -124,7 +124,7 @@ def test_the_number_of_logged_problems_is_limited(site, ends):
         file.writelines(f"key_{number}: 1\n" for number in range(60_000))
     until(lambda: "more problems, listed once these" in exporter.output(), exporter.describe, 120)
     (event,) = site.ask("/api/v1/events?kind=config&limit=1")["events"]
-    assert event["after"] == "refused"
+    assert event["after"] == "rejected"
     assert len(event["message"]) < 2_000
     assert len(exporter.output()) - before < 20_000
 

@@ -86,7 +86,7 @@ def test_an_invalid_config_is_an_error_and_an_event_and_the_next_valid_one_is_ap
     with pytest.raises(ConfigError, match="is not a key"):
         site.reloader.reload("a request")
     assert not site.reloader.successful
-    rejected = [event for event in site.events if event.after == "refused"]
+    rejected = [event for event in site.events if event.after == "rejected"]
     assert rejected
     assert all(len(event.message.splitlines()) == 4 for event in rejected)
     assert "and 10 more problems" in caplog.text
@@ -101,7 +101,7 @@ def test_a_config_that_is_set_back_after_it_was_invalid_is_a_success(site):
     until(lambda: not site.reloader.successful, "it is rejected")
     site.write("r1")
     until(lambda: site.reloader.successful, "it is what it was at the start")
-    assert [event.after for event in site.events] == ["refused", "read"]
+    assert [event.after for event in site.events] == ["rejected", "read"]
 
 
 def test_a_reload_fails_while_files_hang_and_succeeds_later(site, hanging, caplog, monkeypatch):

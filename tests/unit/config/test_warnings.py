@@ -35,6 +35,19 @@ maintenance: [{name: m, comment: c, start: 2026-01-01, selector: {sitte: x, robo
             ],
         ),
         (
+            """robots:
+  - {name: a, labels: {uplink: ap-1}}
+  - {name: b, namespace: /b, labels: {uplink: ap-2}}
+  - {name: c, namespace: /c, labels: {uplink: ap-2}}
+  - {name: ap-1, source: queries}""",
+            [
+                (
+                    "4: robots[b].labels.uplink: is ap-2, which is no robot of this file, so its "
+                    "failure explains no silence; add {name: ap-2, source: queries, address: ...}"
+                )
+            ],
+        ),
+        (
             """robots: [{name: a}]
 profiles:
   default:

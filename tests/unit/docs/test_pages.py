@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+import claims
+
 CHECKOUT = Path(__file__).parents[3]
 PAGES = sorted([*CHECKOUT.glob("*.md"), *(CHECKOUT / "docs").rglob("*.md")])
 # A claim and the test that shows it: one comment each, as the name of a test may have commas.
@@ -49,3 +51,15 @@ def test_every_test_that_a_claim_names_exists():
     tests = cases | {case.partition("[")[0] for case in cases}
 
     assert named - tests == set()
+
+
+@pytest.mark.parametrize("page", claims.PAGES)
+def test_the_pages_that_promise_most_name_a_test_for_each_promise(page: str):
+    assert claims.unmarked((CHECKOUT / page).read_text("utf-8")) == []
+
+
+def test_a_promise_without_a_test_is_found():
+    shown = "It never ends. <!-- shown by: tests/a.py::b -->"
+    text = f"{shown} Nothing is lost.\n\n| never | in a table |\n\nIt may."
+
+    assert claims.unmarked(text) == ["Nothing is lost."]

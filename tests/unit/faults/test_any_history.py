@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.fleet import (
     CauseSettings,
+    Falling,
     FaultSettings,
     Flapping,
+    Intermittent,
     WarningHours,
 )
 from ros_diagnostics_exporter.faults.model import ComponentName, ComponentReport, ValueReport
@@ -44,12 +46,17 @@ JUDGED = {
     "planned": ComponentSettings(3, planned_stale=True),
     "strict": ComponentSettings(3, stale_is_critical=True),
 }
+# The model does not know of these.
+SELDOM = Intermittent(changes=20, within=1.0)
+NEVER = Falling(over=1e9)
 FLEETS = (
     FaultSettings(
         confirm_after=4,
         restart_grace=7,
         pending_after=15,
         flapping=Flapping(0.2, 0.1),
+        intermittent=SELDOM,
+        falling=NEVER,
         many=CauseSettings(3, 0.5),
         site=CauseSettings(2, 0.5),
         common=CauseSettings(3, 0.5),
@@ -59,6 +66,8 @@ FLEETS = (
         restart_grace=3,
         pending_after=5,
         flapping=Flapping(0.3, 0.15),
+        intermittent=SELDOM,
+        falling=NEVER,
         many=CauseSettings(2, 0.3),
         site=CauseSettings(3, 0.7),
         common=CauseSettings(4, 0.9, absolute=2),

@@ -27,34 +27,11 @@ class Expected:
     level: int | None = None
     before_stale: int | None = None
     since: float = 0.0
-    problem_since: float | None = None
     changes: int = 0
     received: float | None = None
     gaps: list[float] = field(default_factory=list)
     last_raw: float | None = None
     resume: float | None = None  # restored and not received since: when its level began
-    # OK until nothing was received any more: an array has to show that it is in trouble itself
-    is_doubtful: bool = False
-    listed: float = 0.0
-    absent_from: float = 0.0  # an array then, or later, shows that it is absent
-
-    def lose(self, wall: float, threshold: float) -> None:
-        """Nothing is received of it any more."""
-        if self.level != STALE:
-            self.is_doubtful = self.problem_since is None
-            self.absent_from = self.listed + threshold
-        self.set(STALE, wall)
-
-    def show(self, wall: float) -> None:
-        """An array shows that it is not OK."""
-        if self.is_doubtful:
-            self.problem_since, self.is_doubtful = wall, False
-
-    def report(self, level: int, wall: float) -> None:
-        self.set(level, wall)
-        if level == OK:
-            self.is_doubtful = False
-        self.show(wall)
 
     def set(self, level: int, wall: float) -> None:
         if level == self.level:
@@ -62,17 +39,12 @@ class Expected:
             return
         if self.resume is not None and level == self.before_stale:
             self.since, self.level = self.resume, level
-            self.problem_since = None if level == OK else self.problem_since
             self.before_stale = self.resume = None
             return
         if self.level is not None:
             self.changes += 1
         self.before_stale = self.level if level == STALE else None
         self.level, self.since, self.resume = level, wall, None
-        if level == OK:
-            self.problem_since = None
-        elif self.problem_since is None:
-            self.problem_since = wall
 
 
 class Model:
@@ -92,7 +64,6 @@ class Model:
         return max(5.0, 3 * max(component.gaps[-10:]))
 
     def receive(self, levels: dict[str, int], mono: float, wall: float) -> None:
-        returned = not self.up
         self.last, self.up = mono, True
         for name, level in levels.items():
             component = self.components.setdefault(name, Expected())
@@ -103,16 +74,10 @@ class Model:
                 component.last_raw = mono
             if level != STALE:
                 component.received = mono
-            component.listed = mono
-            component.report(level, wall)
+            component.set(level, wall)
         for name in self.components.keys() - levels.keys():
-            component = self.components[name]
-            if self.raw and returned:
-                component.absent_from = mono + self.threshold(component)
-            elif not self.raw and levels:
-                component.report(STALE, wall)
-            if not self.raw or mono >= component.absent_from:
-                component.show(wall)
+            if not self.raw and levels:
+                self.components[name].set(STALE, wall)
 
     def tick(self, mono: float, wall: float) -> None:
         if not self.up:
@@ -120,13 +85,13 @@ class Model:
         if mono - self.last > STALE_AFTER:
             self.up = False
             for component in self.components.values():
-                component.lose(wall, self.threshold(component))
+                component.set(STALE, wall)
             return
         for component in self.components.values():
             if component.level == STALE or component.received is None:
                 continue
             if mono > component.received + self.threshold(component):
-                component.lose(wall, self.threshold(component))
+                component.set(STALE, wall)
 
     def restart(self, wall: float) -> None:
         self.up = False
@@ -139,8 +104,6 @@ class Model:
                 component.level = STALE
             if component.resume is not None:  # STALE since this process, not since the last one
                 component.since = wall
-            if component.problem_since is None:
-                component.problem_since, component.is_doubtful = wall, True
 
 
 LEVELS = st.sampled_from([OK, WARN, ERROR, STALE])
@@ -196,13 +159,12 @@ class Play:
                 component.level,
                 component.before_stale,
                 component.since,
-                component.problem_since,
                 component.changes,
             )
             for component in self.driver.robot.components
         }
         expected = {
-            name: (each.level, each.before_stale, each.since, each.problem_since, each.changes)
+            name: (each.level, each.before_stale, each.since, each.changes)
             for name, each in self.model.components.items()
         }
         assert found == expected

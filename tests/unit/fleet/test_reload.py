@@ -116,7 +116,7 @@ def test_a_robot_keeps_its_history_when_it_moves_to_another_topic():
     driver.at(2)
     array = Array(0.0, (HOT,), 10)
     driver.state.receive(Topic(0, "/elsewhere/diagnostics"), array, driver.now)
-    assert driver.component("Motor").problem_since == driver.now.wall - 1
+    assert driver.problem_since("Motor") == driver.now.wall - 1
 
 
 def test_a_discovered_robot_that_is_declared_stays_the_same_robot_and_back():

@@ -23,7 +23,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.events import filled
 from ros_diagnostics_exporter.faults.model import State
 from ros_diagnostics_exporter.fleet.registry import TIME_TO_PUBLISH
-from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
+from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Status, Topic
 from ros_diagnostics_exporter.severity import event_text
 from support.recordings import CASES, aggregated, raw
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
@@ -57,12 +57,16 @@ def test_a_fault_has_a_begin_a_course_and_an_end():
     driver.raw(HOT)
 
     motor = driver.component("Motor 1")
-    assert (motor.level, motor.since, motor.problem_since) == (ERROR, WALL + 2, WALL + 1)
+    assert (motor.level, motor.since, driver.problem_since("Motor 1")) == (
+        ERROR,
+        WALL + 2,
+        WALL + 1,
+    )
     assert motor.changes == 2
 
     driver.at(3)
     driver.raw(MOTOR)
-    assert (motor.level, motor.since, motor.problem_since) == (OK, WALL + 3, None)
+    assert (motor.level, motor.since, driver.problem_since("Motor 1")) == (OK, WALL + 3, None)
     assert motor.changes == 3
 
 
@@ -71,7 +75,7 @@ def test_a_repeated_level_changes_nothing():
     driver.raw_every(1, 5, HOT)
 
     motor = driver.component("Motor 1")
-    assert (motor.since, motor.problem_since, motor.changes) == (WALL, WALL, 0)
+    assert (motor.since, driver.problem_since("Motor 1"), motor.changes) == (WALL, WALL, 0)
 
 
 def test_stale_keeps_the_begin_of_the_problem_and_the_level_before():
@@ -80,10 +84,14 @@ def test_stale_keeps_the_begin_of_the_problem_and_the_level_before():
     driver.at(20)
 
     motor = driver.component("Motor 1")
-    assert (motor.level, motor.before_stale, motor.problem_since) == (STALE, ERROR, WALL)
+    assert (motor.level, motor.before_stale, driver.problem_since("Motor 1")) == (
+        STALE,
+        ERROR,
+        WALL,
+    )
 
     driver.raw(MOTOR)
-    assert (motor.level, motor.before_stale, motor.problem_since) == (OK, None, None)
+    assert (motor.level, motor.before_stale, driver.problem_since("Motor 1")) == (OK, None, None)
 
 
 def test_a_fault_shorter_than_a_scrape_leaves_its_two_changes():
@@ -515,6 +523,28 @@ def test_a_robot_is_in_maintenance_from_the_moment_it_is_known():
 
     assert driver.sample("robot_maintenance", robot="r") == 1
     assert driver.sample("robot_maintenance", robot="new") == 1
+
+
+def test_a_downtime_of_many_robots_is_one_sample_for_each_site():
+    of_sites = Maintenance("floor", {"site": (re.compile("hall|yard"),)}, "new", start=WALL + 10)
+    sites = ("hall", "hall", "yard", "lab")
+    robots = tuple(Robot(f"r{n}", labels={"site": each}) for n, each in enumerate(sites))
+    driver = StateDriver(fleet=Fleet("f", robots, maintenance=(of_sites,)))
+    planned = [("", WALL + 20), ("Motor", WALL + 20), ("", WALL + 5)]
+    downtimes = [Downtime("r0", part, WALL, end, "ann", "\u202ex") for part, end in planned]
+    driver.state.plan(downtimes, driver.now)
+    ann = {(("author", "ann"), ("downtime", "\\u202ex"), ("fleet", "f"), ("site", "hall")): 1.0}
+    floor = {
+        (("downtime", "floor"), ("fleet", "f"), ("site", "hall")): 2.0,
+        (("downtime", "floor"), ("fleet", "f"), ("site", "yard")): 1.0,
+    }
+
+    found = []
+    for seconds in (2, 12, 22):
+        driver.at(seconds)
+        samples = driver.samples().get("downtime_robots", {})
+        found.append({tuple(sorted(labels)): number for labels, number in samples.items()})
+    assert found == [ann, ann | floor, floor]
 
 
 def test_a_robot_is_discovered_by_its_topic_and_wants_both_of_its_topics():

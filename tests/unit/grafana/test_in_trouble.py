@@ -47,7 +47,7 @@ def _expected(shown: dict[str, Any]) -> dict[str, Any]:
     query = QUERIES[shown["board"], shown["panel"], shown.get("ref", "A")]
     expr = filled(query.expr, shown.get("variables"))
     if labels := shown.get("by"):  # what else the query returns is not of interest
-        expr = f"max by ({labels}) (\n{expr}\n)"
+        expr = f"max by ({labels}) (\n{expr}\n) > {shown.get('above', '-Inf')}"
     return {
         "expr": expr,
         "eval_time": shown["at"],

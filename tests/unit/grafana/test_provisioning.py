@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from support.committed_dashboards import BOARDS, GRAFANA
+from support.shipped_rules import PROMETHEUS
 
 
 def provisioned(kind: str) -> list[dict[str, Any]]:
@@ -30,6 +31,14 @@ def test_prometheus_is_the_default_data_source_and_linked_to_alertmanager():
     assert sources["prometheus"]["isDefault"]
     linked = sources["prometheus"]["jsonData"]["alertmanagerUid"]
     assert linked == sources["alertmanager"]["uid"]
+
+
+def test_a_rate_is_over_at_least_four_scrapes():
+    """Grafana makes $__rate_interval four times timeInterval: over less a graph is loose dots."""
+    (source,) = (each for each in provisioned("datasources") if each["type"] == "prometheus")
+    config = yaml.safe_load((PROMETHEUS / "prometheus.yml").read_text())
+
+    assert source["jsonData"]["timeInterval"] == config["global"]["scrape_interval"]
 
 
 def test_the_home_dashboard_is_one_that_the_provider_reads():

@@ -326,7 +326,7 @@ def persisted(state: State, now: Instant) -> dict[str, PersistedRobot]:
 
 def _without_slow(component: PersistedComponent) -> PersistedComponent:
     message = "" if component.level == OK else component.message
-    return component._replace(listed=0.0, was_ok=True, message=message)
+    return component._replace(listed=0.0, message=message)
 
 
 def check(history: list[tuple[tuple[object, ...], str]]) -> None:

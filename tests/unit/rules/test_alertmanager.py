@@ -101,18 +101,6 @@ SUBJECTS = [
     ),
     (
         "firing",
-        "HostCritical",
-        {**R1, "scope": "host", "state": "critical", "check": "disk", "key": "/home"},
-        "PROBLEM ** f/r1 disk /home is CRITICAL",
-    ),
-    (
-        "resolved",
-        "HostWarning",
-        {**R1, "scope": "host", "state": "warning", "check": "load"},
-        "RECOVERY ** f/r1 load is no longer WARNING",
-    ),
-    (
-        "firing",
         "ComponentFlapping",
         {**MOTOR, "scope": "flapping", "state": "flapping"},
         "FLAPPING ** f/r1 Motor 1 started flapping",
@@ -191,12 +179,6 @@ SUBJECTS = [
         "ManyComponents",
         MANY,
         "RECOVERY ** f/r1 is no longer CRITICAL in many components",
-    ),
-    (
-        "firing",
-        "UplinkDown",
-        {"fleet": "f", "uplink": "ap-1"},
-        "PROBLEM ** f uplink ap-1 is DOWN",
     ),
     ("firing", "ExporterDown", {"fleet": "f"}, "PROBLEM ** f exporter is DOWN"),
     (
@@ -539,12 +521,12 @@ def test_a_recovery_says_how_long_it_lasted(end: str, lasted: str, tmp_path: Pat
 
 
 def test_text_message_about_a_recovery(tmp_path: Path):
-    labels = {"alertname": "RosDiagnosticsUplinkDown", "fleet": "f", "uplink": "ap-1"}
-    over = data("resolved", labels, summary="Uplink ap-1 of fleet f does not answer.")
+    labels = {"alertname": "RosDiagnosticsExporterDown", "fleet": "f"}
+    over = data("resolved", labels, summary="The exporter of fleet f does not answer.")
 
     output = render("ros_diagnostics.sms", over, tmp_path)
 
-    assert output == "RECOVERY f: Uplink ap-1 of fleet f answers again. It lasted 1 h."
+    assert output == "RECOVERY f: The exporter of fleet f answers again. It lasted 1 h."
 
 
 def test_text_message_has_at_most_160_characters(tmp_path: Path):
@@ -574,10 +556,6 @@ ESCALATIONS = [
         "Cam 1 of many robots is CRITICAL and not acknowledged. hot",
     ),
     ({"fleet": "f", "of": "RosDiagnosticsExporterDown"}, "Exporter Down is not acknowledged."),
-    (
-        {"fleet": "f", "of": "RosDiagnosticsUplinkDown", "uplink": "ap-1"},
-        "Uplink Down ap-1 is not acknowledged.",
-    ),
 ]
 
 

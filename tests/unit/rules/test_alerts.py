@@ -22,14 +22,9 @@ from support.shipped_rules import (
 
 PAGES = {page.stem: page for page in (ROOT / "docs" / "alerts").glob("*.md")}
 HEADINGS = ["Meaning", "First step", "If that does not help", "Who", "Tuning"]
-FORMER = ["Meaning", "Impact", "Diagnosis", "Mitigation", "Tuning"]
 SCREEN = 50  # lines
 # The first step depends on what the alert is about, and the mail has it.
-OF_ANOTHER = {
-    "RosDiagnosticsUnacknowledged",
-    "RosDiagnosticsHostCritical",
-    "RosDiagnosticsHostWarning",
-}
+OF_ANOTHER = {"RosDiagnosticsUnacknowledged"}
 WORDS = (ROOT / "alertmanager" / "templates" / "words.tmpl").read_text()
 SEVERITIES = {"critical", "warning", "info"}
 ESCALATION = {"RosDiagnosticsUnacknowledged"}
@@ -54,16 +49,16 @@ def test_runbook_is_one_screen_with_all_headings(name: str):
     text = PAGES[name].read_text()
 
     assert text.startswith(f"# {name}\n")
-    assert re.findall(r"^## (.*)$", text, re.MULTILINE) in (HEADINGS, FORMER)
+    assert re.findall(r"^## (.*)$", text, re.MULTILINE) == HEADINGS
     assert text.count("\n") <= SCREEN
 
 
 @pytest.mark.parametrize("name", sorted(set(PAGES) - OF_ANOTHER))
 def test_the_first_step_of_a_runbook_is_that_of_the_mail(name: str):
-    _, heading, text = PAGES[name].read_text().partition("## First step\n\n")
+    text = PAGES[name].read_text().partition("## First step\n\n")[2]
     step = " ".join(text.partition("\n\n")[0].split())
 
-    assert f"}}}}{step}\n" in WORDS or not heading
+    assert f"}}}}{step}\n" in WORDS
 
 
 def test_promtool_accepts_the_queries_of_the_runbooks(tmp_path: Path):
@@ -125,11 +120,9 @@ def test_only_the_hold_reads_what_it_records():
 
     assert itself == {
         "exporter:ros_diagnostics_exporter:held",
-        "fleet:ros_diagnostics_fault_start:held",  # of scope `host`
         "fleet:ros_diagnostics_fault_start:latest",
-        "host_check:ros_diagnostics_host:held",
-        "host_check:ros_diagnostics_host:start",
         "robot:ros_diagnostics:info",
+        "robot:ros_diagnostics_fault_start:held",
         "site_component:ros_diagnostics_fault:held",
         SLOT,
     }
@@ -140,8 +133,7 @@ def read_from_exporters() -> list[Any]:
     absence = {f"RosDiagnosticsExporter{what}" for what in ("Down", "Absent", "NeverAnswered")}
     return [
         pytest.param(rule["alert"], rule["expr"], id=rule["alert"])
-        for name in ("monitoring.yml", "robots.yml")
-        for group in yaml.safe_load((PROMETHEUS / "rules" / name).read_text())["groups"]
+        for group in yaml.safe_load((PROMETHEUS / "rules" / "monitoring.yml").read_text())["groups"]
         for rule in group["rules"]
         if "alert" in rule and rule["alert"] not in absence
     ]
@@ -161,7 +153,7 @@ def test_an_alert_is_held_while_what_it_is_about_does_not_answer(name: str, expr
 
 def test_the_alerts_about_robots_are_short():
     """Lines of expressions of all rules that alerts of robots and components need."""
-    files = ("faults.yml", "robots.yml", "escalation.yml")
+    files = ("faults.yml", "escalation.yml")
     lines = [
         line
         for name in files

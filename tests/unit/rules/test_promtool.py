@@ -5,12 +5,15 @@ Without pytest: `promtool test rules prometheus/tests/*.yml`.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
+from ros_diagnostics_exporter.metrics.families import FAULT_FAMILIES, FLEET_FAMILIES, PREFIX
+from ros_diagnostics_exporter.metrics.self_metrics import EXPORTER_FAMILIES
 from support.shipped_rules import PROMETHEUS, PROMTOOL_TESTS, run_tool
 
 
@@ -42,6 +45,20 @@ def test_names_are_unique():
     ]
 
     assert len(names) == len(set(names))
+
+
+def test_the_exporters_families_that_are_fed_exist():
+    served = {each.name for each in (*FLEET_FAMILIES, *FAULT_FAMILIES, *EXPORTER_FAMILIES)}
+    fed = {
+        re.match(r"\w+", each["series"])[0]
+        for file in PROMTOOL_TESTS
+        for test in yaml.safe_load(file.read_text())["tests"]
+        for each in test.get("input_series") or ()
+        if each["series"].startswith(PREFIX)
+    }
+
+    assert len(fed) > 20
+    assert fed <= served
 
 
 def test_promtool_accepts_rules_and_configuration():

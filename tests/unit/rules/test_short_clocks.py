@@ -43,7 +43,7 @@ def test_every_scrape_and_evaluation_follows_the_interval(prometheus: Path):
 
     assert config["global"]["scrape_interval"] == "2s"
     assert {job.get("scrape_interval") for job in config["scrape_configs"]} == {None}
-    assert [group["interval"] for group in rules["groups"]] == ["2s", "12s"]
+    assert [group["interval"] for group in rules["groups"]] == ["2s", "12s", "2s"]
 
 
 def test_a_number_that_is_not_there_is_an_error(prometheus: Path):

@@ -211,23 +211,23 @@ def answering(answer: Callable[[str], Any]) -> Reply:
 
 
 def test_what_alertmanager_holds_back_is_explained(server):
-    uplink = {**alert("UplinkDown"), "labels": {"alertname": "UplinkDown", "uplink": "ap_1"}}
+    switch = {**alert("PortDown"), "labels": {"alertname": "PortDown", "component": "ap_1"}}
     own = [
         alert("A"),
         alert("B", "suppressed", silencedBy=[ID]),
-        alert("C", "suppressed", inhibitedBy=["UplinkDown"]),
+        alert("C", "suppressed", inhibitedBy=["PortDown"]),
     ]
 
     def answer(path: str) -> Any:
         if path.startswith("/api/v2/silence/"):
             return SILENCE
-        return own if "robot" in path else [*own, uplink]
+        return own if "robot" in path else [*own, switch]
 
     server.reply = answering(answer)
     assert asked(server).explain("f", "r", None) == [
         "alert A r: active, for email, sms",
         "alert B r: silenced by ann until 2026-01-31 10:05 UTC: on it",
-        "alert C r: inhibited by UplinkDown ap_1",
+        "alert C r: inhibited by PortDown ap_1",
     ]
 
 

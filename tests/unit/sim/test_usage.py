@@ -30,7 +30,7 @@ def test_without_a_library_a_sentence_says_how_to_get_it(
     )
     assert done.returncode == 1
     assert sentence in done.stderr
-    assert "pip install 'ros-diagnostics-exporter[" in done.stderr
+    assert "pip install 'ros-diagnostics-virtual-robots[" in done.stderr
     assert "Traceback" not in done.stderr
 
 

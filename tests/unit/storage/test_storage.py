@@ -74,7 +74,11 @@ def test_what_is_restored_is_stale_until_it_is_heard(tmp_path):
     after = before.restart(tmp_path / "state")
 
     motor = after.component("Motor")
-    assert (motor.level, motor.before_stale, motor.problem_since) == (STALE, ERROR, WALL + 1)
+    assert (motor.level, motor.before_stale, after.problem_since("Motor")) == (
+        STALE,
+        ERROR,
+        WALL + 1,
+    )
     assert after.sample("robot_up") == 0
     assert after.sample("robot_last_message_timestamp_seconds") == WALL + 1
 
@@ -89,7 +93,7 @@ def test_a_fault_that_goes_on_began_when_it_began(tmp_path):
     after.raw(HOT)
 
     motor = after.component("Motor")
-    assert (motor.level, motor.since, motor.problem_since) == (ERROR, WALL + 1, WALL + 1)
+    assert (motor.level, motor.since, after.problem_since("Motor")) == (ERROR, WALL + 1, WALL + 1)
     assert (motor.changes, motor.before_stale) == (0, None)
 
 
@@ -101,7 +105,7 @@ def test_a_fault_that_ended_meanwhile_ends_at_the_first_status(tmp_path):
     after.raw(COOL)
 
     motor = after.component("Motor")
-    assert (motor.level, motor.since, motor.problem_since) == (OK, WALL + 5, None)
+    assert (motor.level, motor.since, after.problem_since("Motor")) == (OK, WALL + 5, None)
     assert motor.changes == 1
 
 
@@ -130,7 +134,12 @@ def test_what_was_ok_is_no_problem_once_it_is_heard_again(tmp_path):
     after.raw(COOL)
 
     motor = after.component("Motor")
-    assert (motor.level, motor.problem_since, motor.since, motor.changes) == (OK, None, WALL, 0)
+    assert (motor.level, after.problem_since("Motor"), motor.since, motor.changes) == (
+        OK,
+        None,
+        WALL,
+        0,
+    )
 
 
 def stale_is_ok() -> StateDriver:
@@ -146,11 +155,11 @@ def test_a_restart_is_no_problem_where_stale_counts_as_ok(tmp_path):
     after = before.restart(tmp_path / "state")
 
     motor = after.component("Motor")
-    assert (motor.level, motor.before_stale, motor.problem_since) == (OK, None, None)
+    assert (motor.level, motor.before_stale, after.problem_since("Motor")) == (OK, None, None)
     after.at(100)
     after.now = Instant(101.0, WALL + 106)
     after.raw(HOT)
-    assert (motor.level, motor.problem_since) == (ERROR, WALL + 106)
+    assert (motor.level, after.problem_since("Motor")) == (ERROR, WALL + 106)
 
 
 def test_a_restart_ends_no_problem_where_stale_counts_as_ok(tmp_path):
@@ -158,13 +167,13 @@ def test_a_restart_ends_no_problem_where_stale_counts_as_ok(tmp_path):
     before.raw(HOT)
     before.keep(tmp_path / "state")
     again = before.restart(tmp_path / "state")
-    assert again.component("Motor").problem_since is None  # it is OK, as the config has it
+    assert again.problem_since("Motor") is None  # it is OK, as the config has it
     again.keep(tmp_path / "state")
 
     for level in (ERROR, WARN):
         after = again.restart(tmp_path / "state")
         after.raw(HOT._replace(level=level))
-        assert (after.level("Motor"), after.component("Motor").problem_since) == (level, WALL)
+        assert (after.level("Motor"), after.problem_since("Motor")) == (level, WALL)
         after.close()
 
 
@@ -209,7 +218,7 @@ def test_two_restarts_in_a_row_lose_nothing(tmp_path):
     after.raw(HOT)
 
     motor = after.component("Motor")
-    assert (motor.level, motor.since, motor.problem_since) == (ERROR, WALL, WALL)
+    assert (motor.level, motor.since, after.problem_since("Motor")) == (ERROR, WALL, WALL)
 
 
 def test_a_restless_component_stays_restless(tmp_path):
@@ -531,8 +540,7 @@ def test_the_words_locking_protocol_are_no_damage():
 WRONG = {
     "level": 7,
     "before_stale": "ERROR",
-    "since": 1e300,
-    "problem_since": "yesterday",
+    "since": "yesterday",
     "identity": ["Motor"],
     "message": "x" * 5000,
     "hardware_id": None,

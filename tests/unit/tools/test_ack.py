@@ -36,7 +36,8 @@ FLEET = alert("FleetPartDown", scope="site", state="silent", **CRITICAL)  # a fl
 COMMON = alert("CommonCause", scope="common", state="critical", component="Motor 1", **CRITICAL)
 EXPORTER = alert("ExporterDown", None, **CRITICAL)
 OFFSET = alert("ClockOffset", None, fleet="f", robot="r1", severity="warning")
-UPLINK = alert("UplinkDown", "2026", fleet="f", uplink="ap_9", severity="critical")
+CLOCK = alert("ExporterClockOffset", scope="clock", state="clock", fleet="f", severity="warning")
+DOMAIN = alert("DomainDown", "2026", fleet="f", domain_id="7", severity="critical")
 INFO = alert("Watchdog", None, severity="info")
 FOREIGN = {"labels": {"alertname": "DiskFull", "robot": "r1"}, "annotations": {"since": SINCE}}
 ALL = (
@@ -49,7 +50,8 @@ ALL = (
     COMMON,
     EXPORTER,
     OFFSET,
-    UPLINK,
+    CLOCK,
+    DOMAIN,
     INFO,
     FOREIGN,
 )
@@ -122,7 +124,8 @@ def of(problem: dict[str, Any]) -> dict[str, str]:
         (["--site", ""], [escalation(FLEET)]),
         (["--common", "Motor 1"], [escalation(COMMON)]),
         (["--alert", "ExporterDown"], [of(EXPORTER)]),
-        (["--alert", "RosDiagnosticsUplinkDown"], [of(UPLINK)]),
+        (["--alert", "ExporterClockOffset"], [escalation(CLOCK)]),
+        (["--alert", "RosDiagnosticsDomainDown"], [of(DOMAIN)]),
     ],
 )
 def test_what_the_arguments_name_is_acknowledged(server, arguments, expected):
@@ -279,7 +282,8 @@ def test_the_list_shows_everything_that_can_be_acknowledged(server, capsys):
         f"f Motor 1 on many robots CRITICAL {SINCE} nobody",
         "f berlin ExporterDown nobody",
         "f r1 ClockOffset nobody",
-        "f ap_9 UplinkDown nobody",
+        f"f exporter CLOCK {SINCE} nobody",
+        "f 7 DomainDown nobody",
     }
 
 

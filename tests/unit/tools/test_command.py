@@ -137,10 +137,13 @@ def test_a_configuration_is_checked_also_against_the_running_exporter(serve, tmp
     assert main(["check-config", str(path)]) == 0
     assert "unmatched" not in capsys.readouterr().out
 
-    server = serve(fleet_snapshot=lambda: FLEET)
+    query = {"name": "Host/wrong", "expr": "no(", "rows": 0, "skipped": 0, "error": "parse error"}
+    server = serve(fleet_snapshot=lambda: {**FLEET, "queries": [query]})
     live = ["check-config", str(path), "--live", "--url", f"http://{server.addresses[0]}"]
     assert main(live) == 0
-    assert "unmatched (" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "unmatched (" in shown
+    assert "queries (1):\n  Host/wrong: parse error" in shown
     assert main([*live, "--output", "json"]) == 0
     assert json.loads(capsys.readouterr().out)["fleet"] == "hall"
 

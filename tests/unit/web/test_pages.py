@@ -356,3 +356,15 @@ def test_a_robots_page_has_the_ledger_of_its_faults_and_who_was_notified():
     assert "for 1 min; notified 1 min ago: email</span>" in page
     assert "00:16:41 UTC</span> notification sent to &lt;email&gt;</li>" in page
     assert "The last faults in order" not in robot_page(of, "r", [])
+
+
+def test_a_query_without_an_answer_is_shown_with_the_words_of_prometheus():
+    asked = {"name": "Host/load", "expr": "up", "rows": 3, "skipped": 0, "error": ""}
+    wrong = {**asked, "name": "Host/wrong", "error": f"Prometheus answered 400: parse error {EVIL}"}
+    page = landing({**fleet(robot("r")), "queries": [asked, wrong]}, "/metrics")
+
+    assert "Queries without an answer: 1" in page
+    assert "Host/wrong: Prometheus answered 400: parse error" in page
+    assert "Host/load" not in page
+    assert EVIL not in page
+    assert "Queries without" not in landing(fleet(robot("r")), "/metrics")

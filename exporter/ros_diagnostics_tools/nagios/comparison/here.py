@@ -13,7 +13,13 @@ from typing import Any
 
 from ros_diagnostics_tools.nagios.comparison.notice import HOST, Notice
 
-OF_FAULT = {"warning": "WARNING", "critical": "CRITICAL", "stale": "CRITICAL"}
+OF_FAULT = {
+    "warning": "WARNING",
+    "falling": "WARNING",
+    "intermittent": "WARNING",
+    "critical": "CRITICAL",
+    "stale": "CRITICAL",
+}
 WORST = ("UNKNOWN", "CRITICAL", "WARNING")
 TOGETHER = 15.0  # seconds within which messages about one change come one after the other
 
@@ -93,6 +99,8 @@ def follow(
     larger: dict[tuple[str, ...], int] = {}
     for event in ordered:
         found.robots.add(event["robot"])
+        if event["scope"] == "clock":
+            continue  # of the exporter
         if event["scope"] in ("site", "common") or event["state"] == "many":
             _follow_larger(found, larger, event)
             continue

@@ -55,7 +55,7 @@ ADVICE = {
     "servicegroups": "add a check to the profile whose words match the group's components",
     "parents": "services have no parents: what depends is a servicedependency, an inhibit rule",
     "check_command": "not a ROS check: pings and ports are blackbox_exporter's, disks and "
-    "processes node_exporter's (docs/alerts.md, Hosts)",
+    "processes node_exporter's (docs/queries.md, computers)",
     "inherits_parent": "inhibition is one level: write a rule for each pair",
     "execution_failure_criteria": _EXECUTE,
     "dependency_period": "an inhibit rule always holds",
@@ -102,7 +102,7 @@ MAIN = {
 }
 NOT_OF_ROBOTS = (
     "only of objects that are no robot's (no ROS check, see --plugin): for other hosts there are "
-    "blackbox_exporter and node_exporter (docs/alerts.md, Hosts)"
+    "blackbox_exporter and node_exporter (docs/queries.md, computers)"
 )
 # What is translated where it is a robot's.
 TRANSLATED = frozenset(

@@ -15,16 +15,15 @@ from ros_diagnostics_tools.nagios.importer.inheritance import NOT_INHERITED, Tem
 from ros_diagnostics_tools.nagios.importer.ledger import ImportLedger
 from ros_diagnostics_tools.nagios.importer.site import Site
 
-FLEET, ROUTES, UPLINKS, ONCALL, REPORT = (
+FLEET, ROUTES, ONCALL, REPORT = (
     *("fleet.yml", "alertmanager-routes.yml"),
-    *("uplinks.yml", "oncall.yml", "report.txt"),
+    *("oncall.yml", "report.txt"),
 )
 MADE = "Made by ros-diagnostics nagios import"
 HEADERS = {
     FLEET: f"{MADE}. Namespaces are made of names: compare with `ros2 topic list`.",
     ROUTES: f"{MADE}: put each list before what the list of the same name in\n"
     "# alertmanager.yml has (routes: those below route).",
-    UPLINKS: f"{MADE}, for prometheus/targets.",
     ONCALL: f"{MADE}: contacts that relieve one another. Until it is built into\n"
     "# alertmanager.yml, all of them receive what their receiver is sent.",
 }
@@ -65,13 +64,11 @@ def convert(paths: list[Path], options: ImportOptions) -> Converted:
     routing = routes.routing(site, its_robots, zone)
     oncall = rotas.content(site, routing.rotas, zone)
     rules = inhibition.rules(site, its_robots)
-    uplinks = robots.uplinks(site, its_robots, options.fleet)
     _account_for_commands(site, its_robots)
     _account_for_rest(found, templates, ledger)
     contents: dict[str, Any] = {
         FLEET: fleet,
         ROUTES: routing.content(rules),
-        **({UPLINKS: uplinks} if uplinks else {}),
         **({ONCALL: oncall} if oncall else {}),
     }
     texts = {name: _yaml(name, content) for name, content in contents.items()}

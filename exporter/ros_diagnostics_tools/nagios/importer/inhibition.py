@@ -98,7 +98,7 @@ def _failures(thing: Thing, alerts: dict[str, str]) -> str:
         thing.lose(
             "notification_failure_criteria",
             f"{','.join(unknown)}: there is no alert for these states; o, up and ok are no alerts, "
-            "and an unreachable robot is inhibited by RosDiagnosticsUplinkDown",
+            "and of an unreachable robot no fault begins: that of its uplink does",
         )
     return "|".join(alerts[each] for each in letters if each in alerts)
 

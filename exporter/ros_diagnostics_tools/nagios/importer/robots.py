@@ -16,6 +16,15 @@ from ros_diagnostics_tools.nagios.importer.hours import Hours, hours
 from ros_diagnostics_tools.nagios.importer.inheritance import Thing
 from ros_diagnostics_tools.nagios.importer.site import Service, Site
 
+UPLINK_QUERY = {  # as in docs/examples/queries/queries.d/hosts.yml
+    "expr": 'min by (fleet, robot) (probe_success{job="ros-diagnostics-uplink"})',
+    "component": "uplink",
+    "group": "Network",
+    "thresholds": {"low": {"critical": 0.5}},
+    "interval": "5s",
+    "confirm_after": "20s",
+    "uplink": True,
+}
 LABELS = ("site", "team", "kind", "uplink", "robot_group")  # that the shipped rules put on alerts
 NAGIOS_FLAPPING = ("30.0", "20.0")  # high and low where nagios.cfg says one of them only
 LEAST_FLAPPING = 0.01  # that fleet.yml takes
@@ -65,7 +74,9 @@ def fleet(site: Site, robots: list[Robot], name: str, time_zone: str) -> dict[st
     ]
     content: dict[str, Any] = {"fleet": name, "stale_is_critical": True}
     content |= _flapping(site) | {"profiles": profiles}
-    content |= {"robots": entries} | ({"maintenance": downtimes} if downtimes else {})
+    uplinks = _uplinks(site, entries)
+    content |= {"robots": entries + uplinks} | ({"maintenance": downtimes} if downtimes else {})
+    content |= {"queries": [UPLINK_QUERY]} if uplinks else {}
     return content
 
 
@@ -89,7 +100,7 @@ def _robot(
     where = f"fleet.yml: robots[{robot.name}]"
     entry: dict[str, Any] = {"name": robot.name, "namespace": namespace}
     robot.host.take("host_name", f"{where}.name and .namespace")
-    entry |= _domain(robot, where) | _address(robot, where)
+    entry |= _domain(robot, where) | _address(robot.host, where)
     if profile != "default":
         entry["profile"] = profile
     labels = _labels(site, robot, where, robots)
@@ -123,14 +134,14 @@ def _domain(robot: Robot, where: str) -> dict[str, int]:
     return {}
 
 
-def _address(robot: Robot, where: str) -> dict[str, str]:
+def _address(host: Thing, where: str) -> dict[str, str]:
     try:
-        found = robot.host.get("address")
+        found = host.get("address")
         if found:
-            robot.host.take("address", f"{where}.address")
+            host.take("address", f"{where}.address")
             return {"address": address(found)}
     except WrongValueError as error:
-        robot.host.lose("address", f"{error}: set address in fleet.yml")
+        host.lose("address", f"{error}: set address in fleet.yml")
     return {}
 
 
@@ -177,21 +188,29 @@ def _uplink(site: Site, robot: Robot, robots: list[Robot]) -> str:
     return uplink
 
 
-def uplinks(site: Site, robots: list[Robot], name: str) -> list[dict[str, Any]]:
-    """What Prometheus pings: the parents of robots, as a file for its job of uplinks."""
-    names = {each.name for each in robots}
-    parents = dict.fromkeys(
-        next((each for each in robot.host.list("parents") if each not in names), "")
-        for robot in robots
-    )
+def _uplinks(site: Site, robots: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Entries of what robots are reached through, and of what that is reached through."""
+    names = {each["name"] for each in robots}
+    wanted = [each.get("labels", {}).get("uplink", "") for each in robots]
     found = []
-    for parent in filter(None, parents):
-        host = site.find("host", parent)
-        if host is not None:
-            host.take("host_name", "uplinks.yml: the label uplink")
-            target = host.take("address", "uplinks.yml: targets") or parent
-            host.lose("parents", "one level only: a robot is unreachable behind its own uplink")
-            found.append({"targets": [target], "labels": {"fleet": name, "uplink": parent}})
+    while wanted:
+        name = wanted.pop(0)
+        host = site.find("host", name)
+        if name in names or host is None:
+            continue
+        names.add(name)
+        where = f"fleet.yml: robots[{name}]"
+        host.take("host_name", f"{where}.name")
+        entry: dict[str, Any] = {"name": name, "source": "queries", "address": name}
+        entry |= _address(host, where)
+        for parent in host.list("parents"):
+            if "labels" not in entry and site.find("host", parent):
+                host.take("parents", f"{where}.labels.uplink")
+                entry["labels"] = {"uplink": parent}
+                wanted.append(parent)
+            else:
+                host.lose("parents", f"{parent}: what is reached has one uplink; check the label")
+        found.append(entry)
     return found
 
 

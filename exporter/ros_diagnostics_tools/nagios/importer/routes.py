@@ -361,7 +361,7 @@ def _options(kind: Kind, thing: Thing, key: str, where: str) -> frozenset[str]:
         letters = frozenset(ALL_OPTIONS[kind].split(","))
     if "u" in letters:
         remedy = {
-            "host": "u: UNREACHABLE is RosDiagnosticsUplinkDown, one for all behind an uplink",
+            "host": "u: UNREACHABLE is a fault of the uplink, one for all behind it",
             "service": "u: a robot that is silent is one alert, not one of each component",
         }
         thing.lose(key, remedy[kind])

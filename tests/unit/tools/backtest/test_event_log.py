@@ -181,7 +181,7 @@ def test_a_log_of_another_version_is_an_error(tmp_path):
 
 
 def test_a_damaged_log_is_an_error(tmp_path):
-    path = write_log(tmp_path / "state.db", [Event(BEGIN, "robot", "r", after="heard")])
+    path = write_log(tmp_path / "state.db", [Event(BEGIN, "robot", "r", after="received")])
     path.write_bytes(path.read_bytes()[:5000])
 
     assert error(path).startswith(f"{path}: is no database of this version: ")
@@ -190,7 +190,7 @@ def test_a_damaged_log_is_an_error(tmp_path):
 def test_a_robot_that_only_its_config_knows_is_judged(tmp_path):
     """It was forgotten since: the database has its events, and no longer the robot."""
     events = [
-        Event(BEGIN, "robot", "r", after="heard"),
+        Event(BEGIN, "robot", "r", after="received"),
         Event(BEGIN + 20, "level", "r", "", "motor", "OK", "ERROR"),
         Event(BEGIN + 60, "level", "r", "", "motor", "ERROR", "OK"),
         Event(BEGIN + 80, "robot", "r", after="forgotten"),
@@ -203,7 +203,7 @@ def test_a_robot_that_only_its_config_knows_is_judged(tmp_path):
 
 def test_a_wall_clock_that_was_set_back_does_not_stop_the_reading(tmp_path):
     events = [
-        Event(BEGIN, "robot", "r", after="heard"),
+        Event(BEGIN, "robot", "r", after="received"),
         Event(BEGIN + 40, "level", "r", "", "motor", "OK", "ERROR"),
         replace(Event(BEGIN + 10, "level", "r", "", "motor", "ERROR", "OK")),
         Event(BEGIN + 100, "level", "r", "", "arm", "OK", "ERROR"),
@@ -221,7 +221,7 @@ def test_a_bag_in_sqlite_is_no_log(tmp_path):
 
 def test_a_component_that_is_first_received_in_trouble_is_not_known_before(tmp_path):
     events = [
-        Event(BEGIN, "robot", "r", after="heard"),
+        Event(BEGIN, "robot", "r", after="received"),
         Event(BEGIN + 20, "level", "r", "", "motor", "", "ERROR"),
         Event(BEGIN + 60, "level", "r", "", "motor", "ERROR", "OK"),
     ]

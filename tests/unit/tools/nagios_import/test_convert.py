@@ -10,18 +10,19 @@ from pathlib import Path
 import pytest
 import yaml
 
+from ros_diagnostics_exporter.config.fleet import Source
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_tools.main import main
 from ros_diagnostics_tools.nagios.importer.convert import (
     FLEET,
     REPORT,
     ROUTES,
-    UPLINKS,
     Converted,
     ImportOptions,
     convert,
 )
 from ros_diagnostics_tools.nagios.importer.files import Directive, NagiosError
+from ros_diagnostics_tools.nagios.importer.robots import UPLINK_QUERY
 
 CHECKOUT = Path(__file__).parents[4]
 SITE = CHECKOUT / "tests/data/nagios"
@@ -49,8 +50,9 @@ def why(made: Converted, text: str) -> str:
 
 
 def test_hosts_with_ros_checks_are_robots(fleet):
-    assert [each.name for each in fleet.robots] == ["arm_1", "arm_2", "cart-1"]
-    arm, _, cart = fleet.robots
+    robots = [each for each in fleet.robots if each.source is not Source.QUERIES]
+    assert [each.name for each in robots] == ["arm_1", "arm_2", "cart-1"]
+    arm, _, cart = robots
     assert (arm.topic_agg, arm.domain_id, arm.address) == ("/arm_1/diagnostics_agg", 7, "10.0.0.11")
     assert arm.labels == {"robot_group": "arms", "uplink": "ap_hall", "site": "hall"}
     assert cart.topic_agg == "/cart_1/diagnostics_agg"
@@ -82,13 +84,17 @@ def test_outside_of_its_check_period_a_robot_is_in_maintenance(fleet):
     assert downtime.time_zone == "Europe/Berlin"
 
 
-def test_parents_are_uplinks(made):
-    assert yaml.safe_load(made.texts[UPLINKS]) == [
-        {"targets": ["10.0.0.1"], "labels": {"fleet": "hall", "uplink": "ap_hall"}}
-    ]
-    assert why(made, "parents core_switch") == (
-        "one level only: a robot is unreachable behind its own uplink"
-    )
+def test_parents_are_uplinks_and_so_are_theirs(fleet):
+    *_, hall, switch = fleet.robots
+    assert (hall.name, hall.source, hall.address) == ("ap_hall", Source.QUERIES, "10.0.0.1")
+    assert (hall.labels, switch.name) == ({"uplink": "core_switch"}, "core_switch")
+    (query,) = fleet.queries
+    assert query.uplink
+
+
+def test_the_query_of_uplinks_is_the_shipped_one():
+    shipped = CHECKOUT / "docs/examples/queries/queries.d/hosts.yml"
+    assert UPLINK_QUERY in yaml.safe_load(shipped.read_text())
 
 
 # -- routes ----------------------------------------------------------------------------------
@@ -367,7 +373,7 @@ SAME = {
 def outputs(made: Converted) -> tuple[object, ...]:
     """All that the conversion says, but for the list of what is translated."""
     reasons = tuple(why for _, why in made.ledger.lost_rows)
-    return (*(made.texts.get(name) for name in (FLEET, ROUTES, UPLINKS)), reasons)
+    return (*(made.texts.get(name) for name in (FLEET, ROUTES)), reasons)
 
 
 def only_translated(made: Converted) -> list[Directive]:
@@ -423,11 +429,9 @@ def test_the_command_writes_all_files_and_does_not_overwrite(tmp_path, capsys):
     ]
 
     assert main(command) == 0
-    assert "3 robots; fleet.yml, alertmanager-routes.yml, uplinks.yml, report.txt" in (
-        capsys.readouterr().out
-    )
+    assert "3 robots; fleet.yml, alertmanager-routes.yml, report.txt" in (capsys.readouterr().out)
     assert sorted(each.name for each in (tmp_path / "new").iterdir()) == sorted(
-        (FLEET, ROUTES, UPLINKS, REPORT)
+        (FLEET, ROUTES, REPORT)
     )
     assert main(command) == 1
     assert "overwrite them with --force" in capsys.readouterr().err

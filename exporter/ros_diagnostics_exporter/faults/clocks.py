@@ -1,0 +1,59 @@
+"""Clocks that are wrong: a robot's, or the exporter's own where half of the robots' differ.
+
+Offsets are receipt minus stamp, so that the delay of the transport is part of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from statistics import median
+
+from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.components import give_verdict
+from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
+from ros_diagnostics_exporter.faults.records import Problem, Robot
+from ros_diagnostics_exporter.model import Instant
+
+LIMIT = 5.0  # seconds: far above a delay, and enough to confuse whoever compares logs
+_BACK = 4.0  # seconds: within this it is right again
+_ENOUGH = 3  # robots that tell the exporter's clock from one of theirs
+OWN = Identity(Scope.CLOCK, State.CLOCK)
+
+
+def judge(book: Book, offsets: Mapping[str, float], now: Instant) -> None:
+    """Judge the offsets of all robots that are received; of others nothing is known."""
+    own = _judge_own(book, offsets, now)
+    for name, offset in offsets.items():
+        robot = book.robots[name]
+        problem = robot.problems.get(State.CLOCK)
+        if own is Verdict.BAD:
+            verdict = Verdict.HELD
+        else:
+            verdict = _verdict(offset, in_trouble=problem is not None)
+        if problem is None and verdict is Verdict.BAD:
+            problem = _add(book, robot, now)
+        if problem is not None and problem.verdict is not verdict:
+            give_verdict(book, problem, verdict)
+
+
+def _judge_own(book: Book, offsets: Mapping[str, float], now: Instant) -> Verdict:
+    problem = book.problems.get(OWN)
+    verdict = Verdict.HELD
+    if len(offsets) >= _ENOUGH:
+        verdict = _verdict(median(offsets.values()), in_trouble=problem is not None)
+    if problem is None and verdict is Verdict.BAD:
+        problem = book.add_problem(Problem(OWN, now))
+    if problem is not None and problem.verdict is not verdict:
+        give_verdict(book, problem, verdict)
+    return verdict
+
+
+def _verdict(offset: float, *, in_trouble: bool) -> Verdict:
+    limit = _BACK if in_trouble else LIMIT
+    return Verdict.BAD if abs(offset) > limit else Verdict.WELL
+
+
+def _add(book: Book, robot: Robot, now: Instant) -> Problem:
+    problem = Problem(Identity(Scope.ROBOT, State.CLOCK, robot=robot.name), now, robot=robot)
+    robot.problems[State.CLOCK] = book.add_problem(problem)
+    return problem

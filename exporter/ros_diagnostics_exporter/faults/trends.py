@@ -1,0 +1,107 @@
+"""Values that fall towards the critical low threshold of the config: where they will be.
+
+A value with such a threshold is sampled at equal intervals, changed or not. The line through all
+samples, continued, is the forecast; nothing is known before there are as many as it needs, so that
+silence, STALE and a restart begin and end nothing.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import isnan
+
+from ros_diagnostics_exporter.config.fleet import Threshold
+from ros_diagnostics_exporter.faults import verdicts
+from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.components import give_verdict
+from ros_diagnostics_exporter.faults.model import (
+    ComponentName,
+    Identity,
+    Scope,
+    State,
+    ValueReport,
+    Verdict,
+)
+from ros_diagnostics_exporter.faults.records import TREND_STEPS, Problem, Robot, Trend
+from ros_diagnostics_exporter.faults.settings import ComponentSettings
+from ros_diagnostics_exporter.model import Instant
+
+
+def follow(
+    book: Book,
+    of: tuple[Robot, ComponentName, ComponentSettings],
+    report: ValueReport,
+    now: Instant,
+) -> None:
+    """Take one value ``of`` a component of a robot that is up."""
+    robot, name, settings = of
+    threshold = next((each for each in report.thresholds if _is_followed(each)), None)
+    if threshold is None or report.number is None or isnan(report.number):
+        robot.trends.pop((name, report.key), None)
+        return
+    trend = robot.trends.get((name, report.key))
+    if trend is None:
+        trend = robot.trends[name, report.key] = Trend()
+        book.timers.set_at_latest(("trends", robot), now.mono + _step(book))
+    trend.number, trend.threshold = report.number, threshold
+    trend.most, trend.settings = report.most, settings
+
+
+def sample(book: Book, robot: Robot, now: Instant) -> None:
+    """Sample all that is followed of a robot, and judge it."""
+    for (name, key), trend in robot.trends.items():
+        trend.samples.append(trend.number)
+        _judge(book, (robot, name, key), trend, now)
+    if robot.trends:
+        book.timers.set(("trends", robot), now.mono + _step(book))
+
+
+def drop(robot: Robot, name: ComponentName) -> None:
+    """No longer follow the values of a component."""
+    for place in [place for place in robot.trends if place[0] == name]:
+        del robot.trends[place]
+
+
+def forecast(samples: deque[float], steps: float) -> float:
+    """Where the least-squares line through samples at equal intervals is ``steps`` after them."""
+    middle = (len(samples) - 1) / 2
+    mean = sum(samples) / len(samples)
+    spread = sum((place - middle) ** 2 for place in range(len(samples)))
+    slope = sum((place - middle) * each for place, each in enumerate(samples)) / spread
+    return mean + slope * (middle + steps)
+
+
+def _is_followed(threshold: Threshold) -> bool:
+    return threshold.bound == "low" and threshold.severity == "critical"
+
+
+def _step(book: Book) -> float:
+    """Seconds between two samples."""
+    return book.settings.falling.over / TREND_STEPS
+
+
+def _judge(book: Book, place: tuple[Robot, ComponentName, str], trend: Trend, now: Instant) -> None:
+    robot, name, key = place
+    component = robot.components.get(name)
+    problem = None if component is None else component.values.get((key, "low", "falling"))
+    verdict = _verdict(book, trend, in_trouble=problem is not None and problem.in_trouble)
+    if problem is None and verdict is Verdict.BAD:
+        component = component or book.add_component(robot, name, trend.settings)
+        identity = Identity(Scope.VALUE, State.FALLING, "", robot.name, *name, key=key, bound="low")
+        problem = Problem(identity, now, robot=robot, component=component)
+        component.values[key, "low", "falling"] = book.add_problem(problem)
+    if problem is not None:
+        give_verdict(book, problem, verdict)
+
+
+def _verdict(book: Book, trend: Trend, *, in_trouble: bool) -> Verdict:
+    """Too low already is no end: that is another fault, and this one goes on under it."""
+    samples = trend.samples
+    if len(samples) <= TREND_STEPS or trend.threshold.is_beyond(trend.number):
+        return Verdict.HELD
+    if samples[-1] >= samples[0]:
+        return Verdict.WELL
+    steps = book.settings.falling.ahead / _step(book)
+    number, hysteresis = forecast(samples, steps), book.settings.value_hysteresis
+    verdict = verdicts.of_value(trend.threshold, number, hysteresis, in_trouble=in_trouble)
+    return min(verdict, trend.most)

@@ -1,0 +1,148 @@
+"""Components whose faults are too short to be confirmed, and too many to be chance."""
+
+from ros_diagnostics_exporter.config.fleet import FaultSettings, Flapping, Intermittent
+from support.fault_histories import (
+    ERROR,
+    OK,
+    STALE,
+    back,
+    level,
+    maintenance,
+    play,
+    silent,
+)
+
+INTERMITTENT = "flapping/intermittent r1 motor"
+CRITICAL = "component/critical r1 motor"
+
+
+def flick(second: float):
+    """A fault of two seconds."""
+    return (second, level("motor", ERROR)), (second + 2, level("motor", OK))
+
+
+def test_two_short_faults_within_ten_minutes_are_an_intermittent_one():
+    play(
+        *flick(0),
+        *flick(400),
+        (412, None, f"began {INTERMITTENT}"),
+        *flick(500),
+        # The last change but one is of second 500.
+        (1099, None),
+        (1100, None, f"recovered {INTERMITTENT}"),
+    )
+
+
+def test_two_short_faults_in_more_than_ten_minutes_are_chance():
+    play(*flick(0), *flick(602), (2000, None))
+
+
+def test_quick_changes_wait_until_they_are_not_flapping():
+    # The ratio of four changes in a row is 0.24; it is below `stop` after nine intervals of 15 s.
+    play(
+        *flick(0),
+        *flick(4),
+        (140, None),
+        (141, None, f"began {INTERMITTENT}"),
+        (606, None, f"recovered {INTERMITTENT}"),
+    )
+
+
+def test_changes_of_a_confirmed_fault_are_none():
+    play(
+        *flick(0),
+        (100, level("motor", ERROR)),
+        (110, None, f"began {CRITICAL}"),
+        (200, level("motor", OK), f"recovered {CRITICAL}"),
+        *flick(300),
+        (620, None),
+        *flick(700),
+        (712, None, f"began {INTERMITTENT}"),
+        (1300, None, f"recovered {INTERMITTENT}"),
+    )
+
+
+def test_the_fourth_change_may_be_a_fault_that_is_confirmed():
+    play(
+        *flick(0),
+        (200, level("motor", ERROR)),
+        (202, level("motor", OK)),
+        (204, level("motor", ERROR)),
+        (214, None, f"began {CRITICAL}"),
+        (300, level("motor", OK), f"recovered {CRITICAL}"),
+        (2000, None),
+    )
+
+
+def test_it_goes_on_beside_a_fault_and_until_the_component_is_ok():
+    play(
+        *flick(0),
+        *flick(310),
+        (322, None, f"began {INTERMITTENT}"),
+        (600, level("motor", ERROR)),
+        (610, None, f"began {CRITICAL}"),
+        (3000, None),
+        (3001, level("motor", OK), f"recovered {CRITICAL}", f"recovered {INTERMITTENT}"),
+    )
+
+
+def test_silence_is_no_rest():
+    play(
+        *flick(0),
+        *flick(310),
+        (322, None, f"began {INTERMITTENT}"),
+        (
+            300,
+            silent(),
+        ),
+        (340, None, "began robot/silent r1"),
+        (5000, back("r1", level("motor", OK)), "recovered robot/silent r1"),
+        (5599, None),
+        (5600, None, f"recovered {INTERMITTENT}"),
+    )
+
+
+def test_a_component_that_does_not_report_is_not_at_rest():
+    play(
+        *flick(0),
+        *flick(310),
+        (322, None, f"began {INTERMITTENT}"),
+        (330, level("motor", STALE)),
+        (340, None, "began component/stale r1 motor"),
+        (
+            4000,
+            level("motor", OK),
+            "recovered component/stale r1 motor",
+            f"recovered {INTERMITTENT}",
+        ),
+    )
+
+
+def test_maintenance_is_quiet_both_ways():
+    play(
+        (-1, maintenance("r1", planned=True)),
+        *flick(0),
+        *flick(310),
+        (500, maintenance("r1", planned=False)),
+        *flick(700),
+        *flick(1010),
+        (1022, None, f"began {INTERMITTENT}"),
+        (1030, maintenance("r1", planned=True)),
+        (3000, maintenance("r1", planned=False), f"recovered {INTERMITTENT}"),
+    )
+
+
+def test_the_number_and_the_time_are_those_of_the_config():
+    settings = FaultSettings(
+        flapping=Flapping(0.9, 0.8), intermittent=Intermittent(changes=6, within=100.0)
+    )
+    play(
+        *flick(0),
+        *flick(40),
+        (60, None),
+        *flick(80),
+        (92, None, f"began {INTERMITTENT}"),
+        (140, None),
+        (180, None, f"recovered {INTERMITTENT}"),
+        settings=settings,
+    )

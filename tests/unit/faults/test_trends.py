@@ -1,0 +1,147 @@
+"""Values that fall towards their critical low threshold."""
+
+from collections import deque
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import Falling, FaultSettings, Threshold
+from ros_diagnostics_exporter.faults.model import Reason
+from ros_diagnostics_exporter.faults.trends import forecast
+from support.fault_histories import (
+    BATTERY,
+    OK,
+    STALE,
+    Player,
+    back,
+    forget,
+    instant,
+    level,
+    maintenance,
+    moved,
+    player,
+    silent,
+    texts,
+    value,
+)
+
+FALLING = "value/falling r1 battery charge low"
+EMPTY = BATTERY[1:]  # 10 %
+MINUTE = 60.0
+
+
+def battery(settings: FaultSettings | None = None) -> Player:
+    return player(["r1"], settings or FaultSettings())
+
+
+def follow(known: Player, numbers, first: float = 0, thresholds=EMPTY) -> list[str]:
+    """A number each minute, from this minute on; what changed, after its minute."""
+    found = []
+    for minute, number in enumerate(numbers, int(first)):
+        changes = known.go(minute * MINUTE, value(number, thresholds))
+        found += [f"{minute} {each}" for each in texts(changes)]
+    return found
+
+
+def drain(start: float, minutes: int, each: float = 1.0):
+    return [start - each * minute for minute in range(minutes)]
+
+
+def test_a_value_begins_to_fall_once_it_will_be_too_low_within_half_an_hour():
+    # 10 % are 50 minutes from 60 %; two more minutes confirm it.
+    assert follow(battery(), drain(60, 26)) == [f"24 began {FALLING}"]
+    assert follow(battery(), drain(99, 120, 0.1)) == []
+
+
+def test_nothing_is_known_before_a_quarter_of_an_hour():
+    assert follow(battery(), drain(30, 20)) == [f"18 began {FALLING}"]
+
+
+def test_a_value_that_is_received_only_when_it_changes_is_followed_all_the_time():
+    known = battery()
+    assert follow(known, drain(60, 26)) == [f"24 began {FALLING}"]
+    # At 35 % it stays: within minutes the line is flat enough.
+    assert texts(known.go(60 * MINUTE)) == [f"recovered {FALLING}"]
+
+
+def test_it_recovers_when_the_value_rises():
+    known = battery()
+    follow(known, drain(60, 26))
+    assert [each[3:] for each in follow(known, drain(35, 20, -1.0), 26)] == [f"recovered {FALLING}"]
+
+
+def test_it_goes_on_while_the_value_is_too_low():
+    known = battery()
+    found = follow(known, drain(60, 70, 1.0))
+    assert found == [f"24 began {FALLING}", "52 began value/critical r1 battery charge low"]
+    later = [each[3:] for each in follow(known, [80.0] * 30, 70)]
+    assert later == ["recovered value/critical r1 battery charge low", f"recovered {FALLING}"]
+
+
+def test_a_value_that_is_in_warning_already_does_not_fall_as_well():
+    known = battery()
+    follow(known, [19.0, 19.0], thresholds=BATTERY)
+    assert follow(known, drain(18, 25, 0.25), 2, thresholds=BATTERY) == []
+    [_, falling] = known.faults.problems(instant(27 * MINUTE))
+    assert falling.quiet is Reason.FAULT
+
+
+@pytest.mark.parametrize(
+    "threshold", [Threshold("low", "warning", 10.0), Threshold("high", "critical", 10.0)]
+)
+def test_only_a_critical_low_threshold_counts(threshold):
+    numbers = drain(60, 30) if threshold.bound == "low" else [-each for each in drain(60, 30)]
+    assert follow(battery(), numbers, thresholds=(threshold,)) == []
+
+
+def test_silence_and_stale_are_no_end_and_no_samples():
+    known = battery()
+    follow(known, drain(60, 26))
+    changes = known.go(26 * MINUTE, silent())
+    changes += known.go(60 * MINUTE, back("r1", level("battery", OK), value(35.0, EMPTY)))
+    changes += known.go(65 * MINUTE, level("battery", STALE), value(None, EMPTY))
+    changes += known.go(90 * MINUTE, level("battery", OK), value(35.0, EMPTY))
+    changes += known.go(104 * MINUTE)
+    assert f"recovered {FALLING}" not in texts(changes)
+    assert texts(known.go(106 * MINUTE)) == [f"recovered {FALLING}"]
+
+
+def test_a_restart_is_no_end():
+    known = battery()
+    follow(known, drain(60, 26))
+    known.reborn(26 * MINUTE)
+    assert follow(known, [34.0] * 14, 27) == []
+    assert texts(known.go(50 * MINUTE)) == [f"recovered {FALLING}"]
+
+
+def test_maintenance_keeps_it_quiet():
+    known = battery()
+    known.go(0, maintenance("r1", planned=True))
+    assert follow(known, drain(60, 30)) == []
+    assert texts(known.go(30 * MINUTE, maintenance("r1", planned=False))) == [f"began {FALLING}"]
+
+
+def test_a_threshold_that_is_taken_out_of_the_config_ends_it():
+    known = battery()
+    follow(known, drain(60, 26))
+    assert texts(known.go(26 * MINUTE, value(34.0, BATTERY[:1]))) == [f"removed {FALLING}"]
+    assert texts(known.go(80 * MINUTE)) == []
+
+
+@pytest.mark.parametrize("event", [forget("r1", "battery"), moved("battery", "", "other")])
+def test_a_component_that_is_gone_does_not_fall(event):
+    known = battery()
+    follow(known, drain(60, 16))
+    assert known.go(16 * MINUTE, event) == []
+    assert known.go(100 * MINUTE) == []
+    assert list(known.faults.problems(instant(100 * MINUTE))) == []
+
+
+def test_the_times_are_those_of_the_config():
+    settings = FaultSettings(falling=Falling(over=300.0, ahead=600.0))
+    assert follow(battery(settings), drain(60, 45)) == [f"42 began {FALLING}"]
+
+
+def test_the_forecast_is_that_of_the_line_through_the_samples():
+    assert forecast(deque([4.0, 3.0, 2.0, 1.0]), 5) == pytest.approx(-4.0)
+    # As predict_linear() has it: slope 0.8, 3.4 at the last.
+    assert forecast(deque([1.0, 2.0, 2.0, 4.0]), 0) == pytest.approx(3.6)
