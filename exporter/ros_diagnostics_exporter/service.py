@@ -377,8 +377,21 @@ class Service:
             "entries": ledger.entries(own, of_many, component, site),
         }
         problems = [each for each in known["problems"] if component in (None, each["component"])]
-        sentences = ledger.standings(problems, now.wall, known)
+        sentences = ledger.standings(problems, now.wall, known) + self._capsules_of(problems)
         return {**found, "now": sentences + (self._explain(robot, component) if ask else [])}
+
+    def _capsules_of(self, problems: list[dict[str, Any]]) -> list[str]:
+        """Where what was received around the begin of each fault is."""
+        fleet, capsules = self.state.fleet, self._capsules
+        if capsules is None:
+            return []
+        ids = [
+            fault_id(fleet.name, fleet.exporter, identity_of(each))
+            for each in problems
+            if each["confirmed"] is not None
+        ]
+        found = filter(capsules.has, ids)
+        return [f"recorded around its begin: /api/v1/faults/{each}/capsule.mcap" for each in found]
 
     def _explain(self, robot: str, component: str | None) -> list[str]:
         """What Alertmanager says of a robot's alerts, or why it says nothing."""

@@ -97,6 +97,8 @@ def test_a_capsule_has_the_bytes_that_another_subscriber_recorded_and_replays(si
         return True
 
     until(is_there, "the capsule is complete", 60)
+    path = url.removeprefix(f"http://127.0.0.1:{site.port}")
+    assert f"recorded around its begin: {path}" in site.ask("/api/v1/why?robot=robot_1")["now"]
     recorder.stop()
     assert all("is complete in" in each for each in said)
     ours, theirs = recorded(capsule), recorded(bag)
