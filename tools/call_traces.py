@@ -27,9 +27,9 @@ import ros_diagnostics_exporter
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.decode.cdr import Decoder
 from ros_diagnostics_exporter.decode.topic_queue import TopicQueue
+from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Topic
 from ros_diagnostics_exporter.service import Service
-from ros_diagnostics_exporter.sources.dds import read_clocks
 from ros_diagnostics_exporter.storage.storage import Storage
 from ros_diagnostics_exporter.web.server import Server
 from testbed.polling import until
@@ -176,7 +176,7 @@ def _status(name: str, level: int) -> DiagnosticStatus:
 
 
 def _receive(service: Service, queue: TopicQueue, decoder: Decoder, message: bytes) -> None:
-    """What sources/dds.py does with the bytes of a message."""
+    """What sources/reception.py does with the bytes of a message."""
     queue.put(message)
     service.state.receive(TOPIC, decoder.decode(queue.get()), read_clocks())
 

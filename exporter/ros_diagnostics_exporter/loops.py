@@ -11,9 +11,16 @@ import threading
 import time
 from collections.abc import Callable
 
+from ros_diagnostics_exporter.model import Instant
+
 log = logging.getLogger(__name__)
 
 LOG_INTERVAL = 60.0  # seconds between two lines about a loop whose turns fail
+
+
+def read_clocks() -> Instant:
+    """Both clocks, now."""
+    return Instant(time.monotonic(), time.time())
 
 
 def _nothing() -> None:

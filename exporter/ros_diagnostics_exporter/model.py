@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import Enum, IntEnum
-from typing import NamedTuple
+from typing import Final, Literal, NamedTuple
 
 
 class Level(IntEnum):
@@ -52,12 +52,13 @@ class Array(NamedTuple):
     """One diagnostic_msgs/DiagnosticArray.
 
     ``stamp`` is header.stamp in seconds since the epoch (0.0 where the publisher left it out);
-    ``size`` is the length of the serialized message in bytes.
+    ``size`` is the length of the serialized message in bytes, ``raw`` that message.
     """
 
     stamp: float
     statuses: tuple[Status, ...]
     size: int = 0
+    raw: bytes = b""
 
 
 class Feed(NamedTuple):
@@ -106,10 +107,19 @@ class Downtime(NamedTuple):
         return self.start <= wall < self.end
 
 
-class Topic(NamedTuple):
-    """A topic of one DDS domain."""
+ZENOH: Final = "zenoh"
+Domain = int | Literal["zenoh"]  # a DDS domain, or what zenoh's routers connect
 
-    domain_id: int
+
+def place(domain: Domain) -> str:
+    """A domain in words."""
+    return f"domain {domain}" if isinstance(domain, int) else domain
+
+
+class Topic(NamedTuple):
+    """A topic of one domain; of zenoh, "/" and the key."""
+
+    domain_id: Domain
     name: str
 
 
@@ -118,9 +128,10 @@ class Endpoint(NamedTuple):
 
     ``publishers`` counts those of DiagnosticArray; ``wrong_type`` is another type that some
     publisher offers, "" where there is none; ``reliable``: every publisher offers reliable
-    delivery.
+    delivery; ``is_cut_off``: none is there, because what connected the last is gone.
     """
 
     publishers: int
     wrong_type: str = ""
     reliable: bool = True
+    is_cut_off: bool = False

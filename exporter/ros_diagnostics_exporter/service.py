@@ -9,6 +9,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Collection, Iterable
+from dataclasses import asdict
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -17,18 +18,21 @@ from typing import Any
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.api import ledger, snapshot
 from ros_diagnostics_exporter.canary import Canary
+from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
+from ros_diagnostics_exporter.faults.model import fault_id, identity_of
 from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
-from ros_diagnostics_exporter.loops import Loop
+from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
-from ros_diagnostics_exporter.model import Part
+from ros_diagnostics_exporter.model import Part, place
 from ros_diagnostics_exporter.notifications import Notifications, parse
-from ros_diagnostics_exporter.sources import dds as ros
+from ros_diagnostics_exporter.sources.dds import describe_ros
+from ros_diagnostics_exporter.sources.listener import Listener
 from ros_diagnostics_exporter.sources.prometheus import Prometheus
 from ros_diagnostics_exporter.sources.source import ArraySource
 from ros_diagnostics_exporter.storage.storage import Storage
@@ -47,6 +51,7 @@ class Service:
     TICK = 0.25  # seconds between two turns of the loop that lets time pass
     SAVE = 0.1  # ... of the one that saves, which writes less often
     FOLLOW = 1.0  # ... of the one that joins domains
+    CAPSULES = 1.0  # ... of the one that compresses what was received
     UNMATCHED = 60.0  # ... of the one that looks for entries of fleet.yml that match nothing
     ADOPT = 60.0  # ... between two looks at which alerts fire, once it has settled
     HANGING = 30.0  # seconds after which a turn of a vital loop hangs
@@ -66,7 +71,7 @@ class Service:
         alertmanager: Alertmanager | None = None,
         prometheus: Client | None = None,
     ) -> None:
-        now = ros.read_clocks()
+        now = read_clocks()
         self.state = State(fleet, now)
         self._recording = threading.Lock()
         self.storage = storage
@@ -76,13 +81,14 @@ class Service:
             older = storage.find_events
             self.events = EventLog(storage.load(self.state, now), older)
         self._notifications = self._restore_notifications(older, now.wall)
+        self._capsules = None if storage is None else self._make_capsules(storage.path, config_file)
         self._canary = Canary(now)
         self._reloader = Reloader(
             config_file,
             fleet,
             apply=self._configure,
             record=self.events.record,
-            clocks=ros.read_clocks,
+            clocks=read_clocks,
         )
         self._alertmanager = alertmanager
         self._asked = threading.Event()  # Alertmanager, once
@@ -91,14 +97,16 @@ class Service:
         self._storage_loop = Loop("storage", self.SAVE, self._save)
         self._join_loop = Loop("domains", self.FOLLOW, self._follow_domains)
         self._others = [Loop("unmatched", self.UNMATCHED, self._find_unmatched)]
+        if self._capsules is not None:
+            self._others.append(Loop("capsules", self.CAPSULES, self._keep_capsules))
         if alertmanager is not None:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
         self._watched: list[Loop] = []  # that others made
         self._join_at = self._adopt_at = now.mono
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
-        self._listener = ros.Listener(self.state, ros_arguments=ros_arguments)
-        self._prometheus = Prometheus(self.state, prometheus, ros.read_clocks)
+        self._listener = Listener(self.state, ros_arguments=ros_arguments)
+        self._prometheus = Prometheus(self.state, prometheus, read_clocks)
         self._sources: tuple[ArraySource, ...] = (self._listener, self._prometheus)
         self._exporter = Exporter(
             self.state,
@@ -108,7 +116,7 @@ class Service:
             self.storage,
             alertmanager,
             self._canary,
-            ros.describe_ros(),
+            describe_ros(),
             self.loops,
             self._prometheus.outcomes,
         )
@@ -119,7 +127,7 @@ class Service:
         for loop in (*self._others, self._storage_loop):
             loop.start()
         if self._alertmanager is None:
-            self.state.plan((), ros.read_clocks())  # nobody could cancel those of the database
+            self.state.plan((), read_clocks())  # nobody could cancel those of the database
         elif not self._asked.wait(self.ASKED):  # so that downtimes are known at the first message
             log.warning("Alertmanager has not answered yet: starting without its downtimes")
         self.join()
@@ -149,7 +157,7 @@ class Service:
         return None
 
     def _save(self, *, at_once: bool = False) -> None:
-        now = ros.read_clocks()
+        now = read_clocks()
         if self.storage is None:
             self.state.take_fault_rows(now)  # else they become many
         else:
@@ -159,9 +167,9 @@ class Service:
     def _read_silences(self, alertmanager: Alertmanager) -> None:
         """Read the silences; without an answer the downtimes of the database stay in force."""
         try:
-            alertmanager.update(self.state.fleet.name, ros.read_clocks())
+            alertmanager.update(self.state.fleet.name, read_clocks())
             if alertmanager.downtimes is not None:
-                self.state.plan(alertmanager.downtimes, ros.read_clocks())
+                self.state.plan(alertmanager.downtimes, read_clocks())
             self._adopt(alertmanager)
         finally:
             self._asked.set()
@@ -170,15 +178,25 @@ class Service:
             for event in self._notifications.acknowledge(self._acknowledged()):
                 self._record(event)
 
+    def _make_capsules(self, database: Path, config_file: Path) -> Capsules:
+        folder = database.with_name(f"{database.stem}.capsules")
+        capsules = Capsules(folder, config_file, self.state.topics_of)
+        self.state.recorder = capsules.rings.receive
+        return capsules
+
+    def _keep_capsules(self) -> None:
+        if self._capsules is not None:
+            self._capsules.turn(read_clocks())
+
     def _find_unmatched(self) -> None:
-        self.state.find_unmatched(ros.read_clocks())
+        self.state.find_unmatched(read_clocks())
 
     def _adopt(self, alertmanager: Alertmanager) -> None:
         """Go on with the faults that fire and that nobody here knows, as without the database.
 
         Asked often until the fleet is settled, because robots are found one by one.
         """
-        now = ros.read_clocks()
+        now = read_clocks()
         if now.mono < self._adopt_at:
             return
         if self.state.settled(now):
@@ -189,14 +207,14 @@ class Service:
             log.debug("the alerts that fire are not known: %s", error)  # `update` has logged it
             return
         fleet = self.state.fleet
-        self.state.adopt(read_firing(firing, fleet.name, fleet.exporter), ros.read_clocks())
+        self.state.adopt(read_firing(firing, fleet.name, fleet.exporter), read_clocks())
 
     def join(self) -> None:
         """Have all sources follow the config; a domain that cannot be joined is tried again.
 
         Does not wait until they are joined, and at most some seconds until others are left.
         """
-        self._join_at = ros.read_clocks().mono + self.JOIN
+        self._join_at = read_clocks().mono + self.JOIN
         for source in self._sources:
             source.follow(self.state.fleet)
         for domain_id in self._listener.domain_ids:
@@ -204,7 +222,7 @@ class Service:
 
     def tick(self) -> None:
         """Let time pass; called every ``TICK`` seconds."""
-        now = ros.read_clocks()
+        now = read_clocks()
         self.state.tick(now)
         self._canary.tick(self.state.fleet.canary, now)
         self._record_events()
@@ -212,13 +230,13 @@ class Service:
 
     def _follow_domains(self) -> None:
         """Join what the config adds and what could not be joined; leaving takes some seconds."""
-        now = ros.read_clocks()
+        now = read_clocks()
         if self._configured.is_set():
             self._configured.clear()
             self.join()
         elif now.mono >= self._join_at and self._listener.domain_ids != self.state.fleet.domain_ids:
             for domain_id in self._listener.joining:
-                log.warning("DDS domain %d is still being joined", domain_id)
+                log.warning("%s is still being joined", place(domain_id))
                 self.state.domain_failed(domain_id, "it is still being joined", now)
             self.join()
 
@@ -230,6 +248,10 @@ class Service:
     def _record(self, event: Event) -> None:
         self.events.record(event)
         self._notifications.note(event)
+        if self._capsules is not None and event.kind == "fault_began" and event.robot:
+            fleet = self.state.fleet
+            fault = fault_id(fleet.name, fleet.exporter, identity_of(asdict(event)))
+            self._capsules.note(fault, event, read_clocks())
 
     def _restore_notifications(
         self, find: Callable[[Wanted], Iterable[Numbered]], wall: float
@@ -263,7 +285,7 @@ class Service:
         self._reloader.request(why)
 
     def _configure(self, fleet: Fleet) -> None:
-        self.state.configure(fleet, ros.read_clocks())
+        self.state.configure(fleet, read_clocks())
         for domain_id in self._listener.domain_ids:  # also for robots that are new
             self.state.domain_joined(domain_id)
         self._configured.set()
@@ -296,7 +318,7 @@ class Service:
         pieces = self._exposition.pieces(openmetrics=openmetrics, parts=parts)
         own = self._self_metrics.render(openmetrics=openmetrics, parts=parts)
         if Part.FAULTS in parts:
-            self.state.note_served(ros.read_clocks())
+            self.state.note_served(read_clocks())
         self._exporter.scrape_seconds = time.perf_counter() - begin
         return [*pieces, own, EOF if openmetrics else b""]
 
@@ -306,15 +328,22 @@ class Service:
 
     def fleet_snapshot(self) -> dict[str, Any]:
         """The fleet as /api/v1/fleet returns it."""
-        fleet = snapshot.fleet_snapshot(self.state, ros.read_clocks(), self._care())
+        fleet = snapshot.fleet_snapshot(self.state, read_clocks(), self._care())
         return {**fleet, "queries": snapshot.queries(self._prometheus.outcomes())}
 
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""
-        return snapshot.faults(self.state, ros.read_clocks(), self._care())
+        return snapshot.faults(self.state, read_clocks(), self._care())
 
     def _care(self) -> snapshot.Care:
         return snapshot.Care(self._notifications.lasting(), self._acknowledged())
+
+    def capsule(self, fault: str) -> bytes:
+        """The newest capsule of a fault; LookupError if there is none."""
+        if self._capsules is None:
+            raise LookupError("no capsules are kept: the exporter runs with --storage.path=none")
+        self._record_events()
+        return self._capsules.read(fault, read_clocks())
 
     def find_events(self, wanted: Wanted) -> Iterable[dict[str, Any]]:
         """The events that match the filter, newest first."""
@@ -326,7 +355,7 @@ class Service:
     ) -> dict[str, Any]:
         """The ledger of a robot as /api/v1/why returns it; LookupError if there is none."""
         self._record_events()
-        now = ros.read_clocks()
+        now = read_clocks()
         known = snapshot.robot_snapshot(self.state, robot, now, self._care())
         then = now.wall if at is None else at
 
@@ -363,7 +392,7 @@ class Service:
 
     def notified(self, body: bytes) -> tuple[int, int]:
         """Record what Alertmanager sent; ValueError if ``body`` is no message of its webhook."""
-        message, now = parse(body), ros.read_clocks()
+        message, now = parse(body), read_clocks()
         fleet = self.state.fleet.name
         canaries = self._canary.receive(message, fleet, now)
         self._record_events()
@@ -381,31 +410,29 @@ class Service:
         """Why the robots' messages are not subscribed to; None when they are."""
         failed = self._listener.errors
         if failed:
-            return "; ".join(
-                f"cannot join DDS domain {each}: {why}" for each, why in failed.items()
-            )
+            return "; ".join(f"cannot join {place(each)}: {why}" for each, why in failed.items())
         joining = self._listener.joining
         if joining:
-            return f"DDS domain {', '.join(map(str, joining))} is still being joined"
+            return f"{', '.join(map(place, joining))} is still being joined"
         looks = self._listener.last_looks
         if not all(looks.get(each) for each in self.state.fleet.domain_ids):
             return "the ROS graph has not been looked at yet"
         stalled = self._listener.stalled(self.STALLED)
         if stalled:
-            domains = ", ".join(map(str, stalled))
-            return f"no message was taken for {self.STALLED:.0f} s in DDS domain {domains}"
+            domains = ", ".join(map(place, stalled))
+            return f"no message was taken for {self.STALLED:.0f} s in {domains}"
         return None
 
     def forget(self, robot: str, component: str | None) -> int:
         """Remove a robot or a component; LookupError if there is none of that name."""
-        return self.state.forget(robot, component, ros.read_clocks())
+        return self.state.forget(robot, component, read_clocks())
 
     # -- for the metrics ------------------------------------------------------------------------
 
     def _acknowledged(self) -> list[Acknowledgement]:
         if self._alertmanager is None:
             return []
-        return self._alertmanager.known(ros.read_clocks().wall)
+        return self._alertmanager.known(read_clocks().wall)
 
 
 def _no_events(_wanted: Wanted) -> Iterable[Numbered]:

@@ -48,7 +48,8 @@ SILENT = {  # why a robot is silent
     "mute": "its publisher sends nothing",
     "undecodable": "its messages cannot be decoded",
     "wrong_type": "its topics have another type",
-    "domain_unreachable": "its DDS domain cannot be joined",
+    "unreachable": "what connected it by zenoh is gone: its bridge, or the network",
+    "domain_unreachable": "its DDS domain cannot be joined, or no zenoh router answers",
     "uplink_down": "its uplink does not answer",
 }
 _OF_ROBOT = {

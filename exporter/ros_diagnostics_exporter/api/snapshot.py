@@ -10,7 +10,13 @@ from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.alertmanager import Acknowledgement
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
 from ros_diagnostics_exporter.config.fleet import Source, ValueRule
-from ros_diagnostics_exporter.faults.model import ComponentName, Followed, ProblemView, as_texts
+from ros_diagnostics_exporter.faults.model import (
+    ComponentName,
+    Followed,
+    ProblemView,
+    as_texts,
+    fault_id,
+)
 from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.notifications import Key, key_of
@@ -130,6 +136,7 @@ def faults(state: State, now: Instant, care: Care = NOBODY) -> dict[str, Any]:
         "time": now.wall,
         "faults": [
             {
+                "fault": fault_id(state.fleet.name, state.fleet.exporter, fault.identity),
                 **(identity := as_texts(fault.identity, fault.labels)),
                 "since": fault.since,
                 "confirmed": fault.confirmed,

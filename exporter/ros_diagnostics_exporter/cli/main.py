@@ -19,10 +19,12 @@ from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.fleet.unmatched import find_unmatched, known_from_json
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from ros_diagnostics_exporter.model import ZENOH
 from ros_diagnostics_exporter.service import Service
 from ros_diagnostics_exporter.severity import query_text
-from ros_diagnostics_exporter.sources import dds as ros
+from ros_diagnostics_exporter.sources.dds import RosMissingError, check_ros, split_arguments
 from ros_diagnostics_exporter.sources.prometheus import TIMEOUT
+from ros_diagnostics_exporter.sources.zenoh import ZenohMissingError, check_zenoh
 from ros_diagnostics_exporter.storage.database import InUseError, VersionError
 from ros_diagnostics_exporter.storage.storage import Retention, Storage
 from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server, parse_address
@@ -46,7 +48,7 @@ class WebEndedError(Exception):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the exporter until SIGTERM or SIGINT; the exit code."""
-    own, for_ros = ros.split_arguments(sys.argv[1:] if arguments is None else arguments)
+    own, for_ros = split_arguments(sys.argv[1:] if arguments is None else arguments)
     options = flags.parse(own)
     wrapped = options.log_format == "json" and not options.config_check
     logs.set_up(options.log_level, options.log_format, logs.wrap_output() if wrapped else None)
@@ -60,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_USAGE
     except WebEndedError:
         return EXIT_FAILURE
-    except (InUseError, ros.RosMissingError, ListenError, UnreachableError) as error:
+    except (InUseError, RosMissingError, ZenohMissingError, ListenError, UnreachableError) as error:
         print(f"ros-diagnostics-exporter: {error}", file=sys.stderr)  # noqa: T201
         return EXIT_FAILURE
 
@@ -87,7 +89,10 @@ def _run(options: argparse.Namespace, for_ros: tuple[str, ...]) -> int:
     fleet = load(options.config_file)
     for warning in fleet.warnings:
         log.warning(warning)
-    ros.check_ros()
+    if any(each != ZENOH for each in fleet.domain_ids):
+        check_ros()
+    if ZENOH in fleet.domain_ids:
+        check_zenoh()
     logs.write_aside(*LOGGED_UNDER_LOCK)
     faulthandler.enable()  # the watchdog's SIGABRT shows where each thread is
     service = Service(

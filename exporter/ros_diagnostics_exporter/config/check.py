@@ -22,6 +22,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.config.scalars import DAY, DAYS
 from ros_diagnostics_exporter.durations import written
+from ros_diagnostics_exporter.model import Domain, place
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.weekly import Weekly
 
@@ -54,14 +55,14 @@ def _section(title: str, items: Iterable[str]) -> list[str]:
 def _robot(robot: Robot) -> str:
     topics = " and ".join(filter(None, (robot.topic_agg, robot.topic_raw)))
     return _joined(
-        f"{robot.name}: domain {robot.domain_id}, {topics}, source {robot.source.value}",
+        f"{robot.name}: {place(robot.domain_id)}, {topics}, source {robot.source.value}",
         *_settings(robot),
     )
 
 
 def _discovery(discovery: Discovery) -> str:
     return _joined(
-        f"{discovery.template} in domain {_ranges(discovery.domain_ids)}",
+        f"{discovery.template} in {_places(discovery.domain_ids)}",
         f"as {discovery.name}",
         discovery.include and f"only {_patterns(discovery.include)}",
         discovery.exclude and f"not {_patterns(discovery.exclude)}",
@@ -78,7 +79,7 @@ def _settings(found: Robot | Discovery) -> tuple[str, str, str]:
 
 def _shared(shared: Shared) -> str:
     return _joined(
-        f"{shared.topic} in domain {shared.domain_id}, {'raw' if shared.raw else 'aggregated'}",
+        f"{shared.topic} in {place(shared.domain_id)}, {'raw' if shared.raw else 'aggregated'}",
         f"robot from {shared.by}",
         shared.pattern is not None and f"by {shared.pattern.pattern}",
         f"profile {shared.profile.name}",
@@ -175,12 +176,14 @@ def _patterns(patterns: Iterable[Pattern]) -> str:
     return "|".join(pattern.pattern for pattern in patterns)
 
 
-def _ranges(ids: tuple[int, ...]) -> str:
-    """`0, 10-19` for ascending numbers."""
+def _places(ids: tuple[Domain, ...]) -> str:
+    """`domain 0, 10-19` for ascending numbers."""
     runs: list[list[int]] = []
     for each in ids:
+        if not isinstance(each, int):
+            return place(each)
         if runs and each == runs[-1][-1] + 1:
             runs[-1][1:] = [each]
         else:
             runs.append([each])
-    return ", ".join("-".join(map(str, run)) for run in runs)
+    return f"domain {', '.join('-'.join(map(str, run)) for run in runs)}"

@@ -23,9 +23,9 @@ from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, sugg
 from ros_diagnostics_exporter.config.keys import Entry, Written, described
 from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
 from ros_diagnostics_exporter.config.patterns import (
-    INNERMOST,
     ROBOT,
     Equals,
+    KeyTemplate,
     NameTemplate,
     Split,
     TopicTemplate,
@@ -41,9 +41,12 @@ from ros_diagnostics_exporter.config.scalars import (
     DomainId,
     DomainIds,
     Duration,
+    File,
     Folder,
+    KeyPrefix,
     LabelName,
     LabelValue,
+    Locator,
     Moment,
     Name,
     Namespace,
@@ -54,7 +57,7 @@ from ros_diagnostics_exporter.config.scalars import (
     Topic,
     WeeklyTime,
 )
-from ros_diagnostics_exporter.model import Feed
+from ros_diagnostics_exporter.model import ZENOH, Domain, Feed
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.weekly import Weekly
 
@@ -626,16 +629,29 @@ class Robot(Entry):
         example="/robot_1/health/diagnostics_agg",
         default=None,
     )
+    zenoh: KeyPrefix | None = described(
+        "In place of `domain_id`, for what comes by [zenoh](#zenoh): the beginning of its keys, "
+        "which the topic follows; `/` where there is none. A bridge's `namespace` is one, and with "
+        "rmw_zenoh the number of the ROS domain.",
+        example="customer_a/robot_1",
+        default=None,
+    )
 
     @override
     def completed(self, given: Mapping[str, Any]) -> "Robot":
         if "namespace" in given and "topic" in given:
             raise WrongValueError("has both namespace and topic", "keep one of them")
-        ros = sorted({"namespace", "topic", "domain_id"} & given.keys())
+        ros = sorted({"namespace", "topic", "domain_id", "zenoh"} & given.keys())
         if self.source is Source.QUERIES and ros:
             what = f"has source queries, so nothing of ROS, and {ros[0]}"
             raise WrongValueError(what, f"remove {ros[0]} or source")
-        return self.reading(self.source)
+        if self.zenoh is None:
+            return self.reading(self.source)
+        _not_both("domain_id", given)
+        topic = self.topic and self.zenoh + self.topic
+        namespace = self.zenoh + self.namespace
+        behind = replace(self, domain_id=ZENOH, topic=topic, namespace=namespace)
+        return behind.reading(self.source)
 
     def reading(self, source: Source) -> "Robot":
         """The robot with its topics as they are for a source."""
@@ -655,7 +671,8 @@ class Robot(Entry):
 class Discovery(Entry):
     """Robots that are found by their topics, as they come and go."""
 
-    pattern: re.Pattern[str] = INNERMOST  # fullmatch on the topic; group "robot" if `name` needs it
+    # fullmatch on the topic; group "robot" if `name` needs it
+    pattern: re.Pattern[str] = topic_pattern("")
     template: TopicTemplate = described(
         "The topics to look for: `{robot}` stands for one part of the name and becomes the "
         "robot's name, `*` stands for one part of any name.",
@@ -699,13 +716,27 @@ class Discovery(Entry):
         default=None,
     )
     labels: Labels = described(_LABELS, example={"site": "hall"}, default_factory=_nothing)
+    zenoh: KeyTemplate | None = described(
+        "In place of `domain_ids`, for what comes by [zenoh](#zenoh): the beginning of their keys, "
+        "which the topic follows; `/` where there is none. A bridge's `namespace` is one, and with "
+        "rmw_zenoh the number of the ROS domain.",
+        example="customer_a/{robot}",
+        default=None,
+    )
 
     @override
     def completed(self, given: Mapping[str, Any]) -> "Discovery":
         if bool(self.template) == bool(self.type):
             what = "has topic and type" if self.type else "has neither topic nor type"
             raise WrongValueError(what, 'give one, such as topic: "/{robot}/diagnostics_agg"')
-        named = self.type is not None or ROBOT in self.template
+        if self.zenoh is not None:
+            _not_both("domain_ids", given)
+            self = replace(self, domain_ids=(ZENOH,))  # noqa: PLW0642 - the rest is as for DDS
+        shown = (self.zenoh or "") + (self.template or ROBOT)
+        if shown.count(ROBOT) > 1:
+            what = "zenoh has {robot}, as topic has, or type takes the robot's name from the topic"
+            raise WrongValueError(what, "keep one and write * for the other")
+        named = ROBOT in shown
         if not named and ROBOT in self.name:
             raise WrongValueError(
                 "cannot distinguish robots: topic has no {robot}",
@@ -713,11 +744,12 @@ class Discovery(Entry):
             )
         if named and ROBOT not in self.name:
             raise WrongValueError("gives all robots of a domain one name", "put {robot} into name")
-        return replace(self, pattern=self._topics(), template=self.template or str(self.type))
+        template = (self.zenoh or "") + (self.template or str(self.type))
+        return replace(self, pattern=self._topics(), template=template)
 
     def _topics(self) -> re.Pattern[str]:
         """The topics to look for. If any name will do, topics of the other source are excluded."""
-        pattern = topic_pattern(self.template) if self.template else INNERMOST
+        pattern = topic_pattern(self.template, self.zenoh or "")
         any_name = not self.template or self.template.endswith("/*")
         if not any_name or self.source not in (Source.AGG, Source.RAW):
             return pattern
@@ -757,6 +789,13 @@ class Shared(Entry):
         written=DEFAULT,
     )
     labels: Labels = described(_LABELS, example={"site": "hall"}, default_factory=_nothing)
+    zenoh: KeyPrefix | None = described(
+        "In place of `domain_id`, for what comes by [zenoh](#zenoh): the beginning of its keys, "
+        "which the topic follows; `/` where there is none. A bridge's `namespace` is one, and with "
+        "rmw_zenoh the number of the ROS domain.",
+        example="customer_a",
+        default=None,
+    )
 
     @override
     def completed(self, given: Mapping[str, Any]) -> "Shared":
@@ -765,7 +804,62 @@ class Shared(Entry):
                 "has by: name and no pattern", 'add pattern: "{robot}/{component}"'
             )
         aggregated = self.source == "agg" if self.source else self.topic.endswith(AGGREGATED)
-        return replace(self, raw=not aggregated)
+        if self.zenoh is None:
+            return replace(self, raw=not aggregated)
+        _not_both("domain_id", given)
+        topic = self.zenoh + self.topic
+        return replace(self, raw=not aggregated, domain_id=ZENOH, topic=topic)
+
+
+class Zenoh(Entry):
+    """How to reach the robots that are connected by zenoh (docs/beyond-the-lan.md)."""
+
+    routers: Annotated[tuple[Locator, ...], Written(list[Locator], tuple)] = described(
+        "The routers to connect to: `tcp/host:port`, `tls/`, `quic/`, `udp/` or `ws/`. With mode "
+        "`client` the first that answers is used.",
+        example=["tls/centre.example.org:7447"],
+    )
+    mode: Literal["client", "peer"] = described(
+        "`client` for one router, `peer` to connect to all of `routers`, which may be bridges.",
+        example="peer",
+        default="client",
+    )
+    user: str | None = described(
+        "The user at the router; needs `password_file`.", example="exporter", default=None
+    )
+    password_file: File | None = described(
+        "A file with the user's password in one line.",
+        example="/etc/ros-diagnostics/zenoh-password",
+        default=None,
+    )
+    ca_file: File | None = described(
+        "The certificates of the authorities that a router's certificate is checked with (`tls/`, "
+        "`quic/`), in PEM.",
+        example="/etc/ros-diagnostics/ca.pem",
+        default=None,
+    )
+    cert_file: File | None = described(
+        "The exporter's own certificate, where the router asks for one; needs `key_file`.",
+        example="/etc/ros-diagnostics/exporter.pem",
+        default=None,
+    )
+    key_file: File | None = described(
+        "The key of `cert_file`.", example="/etc/ros-diagnostics/exporter.key", default=None
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "Zenoh":
+        if not self.routers:
+            raise WrongValueError("has no routers", "name one, such as routers: [tcp/centre:7447]")
+        for one, other in (("user", "password_file"), ("cert_file", "key_file")):
+            if (one in given) != (other in given):
+                raise WrongValueError(f"has one of {one} and {other}", "give both or none")
+        return self
+
+
+def _not_both(domain: str, given: Mapping[str, Any]) -> None:
+    if domain in given:
+        raise WrongValueError(f"has both zenoh and {domain}", "keep one of them")
 
 
 # -- queries -----------------------------------------------------------------------------------
@@ -1152,6 +1246,11 @@ class Fleet(Entry, title="FleetFile"):
         example="fleet/queries",
         default="queries.d",
     )
+    zenoh: Zenoh | None = described(
+        "How to reach the robots that are connected by zenoh.",
+        example={"routers": ["tls/centre.example.org:7447"]},
+        default=None,
+    )
     limits: Limits = described("Limits.", example={"components": 200}, default=Limits())
     faults: FaultSettings = described(
         "How the exporter decides which problems are faults.",
@@ -1191,12 +1290,12 @@ class Fleet(Entry, title="FleetFile"):
         return max(found)
 
     @property
-    def domain_ids(self) -> tuple[int, ...]:
-        """Every DDS domain to join, ascending."""
+    def domain_ids(self) -> tuple[Domain, ...]:
+        """Every domain to join: those of DDS, ascending, then zenoh."""
         found = {each.domain_id for each in self.robots if each.source is not Source.QUERIES}
         found.update(each.domain_id for each in self.shared)
         found.update(domain for each in self.discoveries for domain in each.domain_ids)
-        return tuple(sorted(found))
+        return (*sorted(each for each in found if isinstance(each, int)), *(found & {ZENOH}))
 
 
 def topics_of(topic: str, source: Source) -> tuple[str | None, str | None]:

@@ -12,6 +12,7 @@ from ros_diagnostics_exporter.config.scalars import duration
 from ros_diagnostics_exporter.config.validate import Checked, Placed
 from ros_diagnostics_exporter.config.yaml_file import inside
 from ros_diagnostics_exporter.durations import written
+from ros_diagnostics_exporter.model import Domain
 
 # A domain's ports begin at 7400 + 250 * id; Linux gives 32768 to 60999 to outgoing connections.
 # https://docs.ros.org/en/jazzy/Concepts/Intermediate/About-Domain-ID.html
@@ -34,7 +35,7 @@ def lint(checked: Checked, fleet: Fleet) -> tuple[str, ...]:
 
 def _ephemeral_domains(checked: Checked) -> Iterator[Finding]:
     remedy = "prefer 0 to 101 (215 to 232 work on Linux, too)"
-    entries: list[tuple[Placed[Any], str, tuple[int, ...]]] = [
+    entries: list[tuple[Placed[Any], str, tuple[Domain, ...]]] = [
         *((each, "domain_id", (each.entry.domain_id,)) for each in checked.robots),
         *((each, "domain_id", (each.entry.domain_id,)) for each in checked.shared),
         *((each, "domain_ids", each.entry.domain_ids) for each in checked.discovery),

@@ -26,7 +26,13 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.config.keys import Entry
 from ros_diagnostics_exporter.config.lint import lint
 from ros_diagnostics_exporter.config.profiles import resolved
-from ros_diagnostics_exporter.config.validate import Checked, Placed, find_conflicts, validate
+from ros_diagnostics_exporter.config.validate import (
+    Checked,
+    Placed,
+    find_conflicts,
+    find_unreached,
+    validate,
+)
 from ros_diagnostics_exporter.config.yaml_file import Document, KeyPath, read
 
 _SUFFIXES = (".yml", ".yaml")
@@ -80,6 +86,8 @@ def _fleet(document: Document, sources_read: list[Path], problems: list[Finding]
     problems.extend(find_conflicts(checked, top.limits if top else Limits()))
     if top is None:
         return None
+    if top.zenoh is None:
+        problems.extend(find_unreached(checked))
     fleet = replace(
         top,
         robots=tuple(each.entry for each in checked.robots),

@@ -20,6 +20,7 @@ ROBOT = "{robot}"
 # Every topic; a robot's name is the last part of its namespace.
 INNERMOST = re.compile(r"(?:/[A-Za-z0-9_]+)*/(?P<robot>[A-Za-z0-9_]+)/[A-Za-z0-9_]+")
 _TOPIC = r"(?:/(?:[A-Za-z_][A-Za-z0-9_]*|[A-Za-z0-9_]*\{robot\}[A-Za-z0-9_]*|\*))+"
+_KEY = r"/|(?:[A-Za-z0-9_.:-]|\{robot\})+(?:/(?:\*|(?:[A-Za-z0-9_.:-]|\{robot\})+))*"
 _NAME = r"(?:[A-Za-z0-9_.:-]|\{robot\}|\{domain_id\})+"
 
 
@@ -106,10 +107,27 @@ def topic_template(value: Any) -> str:
     return found
 
 
-def topic_pattern(template: str) -> re.Pattern[str]:
-    """The pattern (fullmatch on topics) of a valid template; group "robot" if it has {robot}."""
-    source = re.escape(template).replace(re.escape(ROBOT), "(?P<robot>[A-Za-z0-9_]+)")
-    return re.compile(source.replace(r"\*", "[A-Za-z0-9_]+"))
+def key_template(value: Any) -> str:
+    """The beginning of zenoh keys with `{robot}` or `*`, as topics begin; see `key_prefix`."""
+    found = text(value)
+    if len(found) > MAX_TOPIC or not re.fullmatch(_KEY, found, re.ASCII):
+        remedy = "write it as customer_a/{robot}, or / where the keys begin with the topic"
+        raise WrongValueError(f"{quoted(found)} is not the beginning of zenoh keys", remedy)
+    return "" if found == "/" else f"/{found}"
+
+
+def topic_pattern(template: str, prefix: str = "") -> re.Pattern[str]:
+    """The pattern (fullmatch on topics) of a valid template; group "robot" if it has {robot}.
+
+    ``prefix`` is of zenoh's keys; with no template every topic behind it matches.
+    """
+    behind = _template_pattern(template, "[A-Za-z0-9_]+") if template else INNERMOST.pattern
+    return re.compile(_template_pattern(prefix, "[A-Za-z0-9_.:-]+") + behind)
+
+
+def _template_pattern(template: str, part: str) -> str:
+    source = re.escape(template).replace(re.escape(ROBOT), f"(?P<robot>{part})")
+    return source.replace(r"\*", part)
 
 
 def name_template(value: Any) -> str:
@@ -172,6 +190,10 @@ Wildcards = Annotated[tuple[Pattern, ...], _one_or_more(wildcard, "texts with *"
 Equals = Annotated[tuple[Pattern, ...], _one_or_more(equal, "published texts", _PUBLISHED)]
 TopicTemplate = Annotated[
     str, Value(topic_template, "topic with {robot}", type="string", pattern=f"^{_TOPIC}$")
+]
+KeyTemplate = Annotated[
+    str,
+    Value(key_template, "beginning of keys with {robot}", type="string", pattern=f"^(?:{_KEY})$"),
 ]
 NameTemplate = Annotated[
     str, Value(name_template, "text with {robot}", type="string", pattern=f"^{_NAME}$")

@@ -10,11 +10,13 @@ import re
 import zoneinfo
 from collections.abc import Callable
 from datetime import datetime
+from pathlib import Path
 from typing import Annotated, Any
 
 from ros_diagnostics_exporter import durations
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted
 from ros_diagnostics_exporter.config.keys import Value
+from ros_diagnostics_exporter.model import Domain
 from ros_diagnostics_exporter.weekly import Weekly
 
 MAX_DOMAIN_ID = 232  # above it, rclpy ends the whole process (ports would exceed 65535)
@@ -27,6 +29,8 @@ LEAST_CANARY = 60  # seconds between two canaries
 
 _TOPIC = r"(?:/[A-Za-z_][A-Za-z0-9_]*)+"
 _ADDRESS = r"[A-Za-z0-9_](?:[A-Za-z0-9._:-]*[A-Za-z0-9_])?|::[A-Fa-f0-9:.]*"
+_KEY = r"[A-Za-z0-9_][A-Za-z0-9_.:-]*(?:/[A-Za-z0-9_][A-Za-z0-9_.:-]*)*"
+_LOCATOR = r"(?:tcp|tls|quic|udp|ws)/\S+:\d{1,5}"
 _RANGE = r"(\d{1,3})-(\d{1,3})"
 _TASK = r"[^\W_](?:[\w '-]{0,38}\w)?"
 _LABEL = r"[A-Za-z_][A-Za-z0-9_]*"
@@ -155,6 +159,34 @@ def topic(value: Any) -> str:
 def namespace(value: Any) -> str:
     """A ROS namespace, absolute; `/` is the root and becomes the empty string."""
     return "" if value == "/" else topic(value)
+
+
+def key_prefix(value: Any) -> str:
+    """The beginning of zenoh keys, as topics begin: `a/b` -> `/a/b`; `/`, for none, -> ``."""
+    found = text(value)
+    if found == "/":
+        return ""
+    if len(found) > MAX_TOPIC or not re.fullmatch(_KEY, found, re.ASCII):
+        remedy = "write it as customer_a/robot_1, or / where the keys begin with the topic"
+        raise WrongValueError(f"{quoted(found)} is not the beginning of a zenoh key", remedy)
+    return f"/{found}"
+
+
+def locator(value: Any) -> str:
+    """Where zenoh connects to."""
+    found = text(value)
+    if not re.fullmatch(_LOCATOR, found, re.ASCII):
+        remedy = "write protocol, host and port, as in tls/centre.example.org:7447"
+        raise WrongValueError(f"{quoted(found)} is not a zenoh locator", remedy)
+    return found
+
+
+def file(value: Any) -> Path:
+    """The absolute path of a file."""
+    found = Path(text(value))
+    if not found.is_absolute():
+        raise WrongValueError(f"{quoted(str(found))} is not absolute", "begin it with /")
+    return found
 
 
 def name(value: Any) -> str:
@@ -319,9 +351,9 @@ QueryInterval = Annotated[
         anyOf=_seconds(minimum=QUERY_INTERVALS[0], maximum=QUERY_INTERVALS[1]),
     ),
 ]
-DomainId = Annotated[int, Value(domain_id, "DDS domain", **_ID)]
+DomainId = Annotated[Domain, Value(domain_id, "DDS domain", **_ID)]
 DomainIds = Annotated[
-    tuple[int, ...],
+    tuple[Domain, ...],
     Value(
         domain_ids,
         "list of DDS domains",
@@ -330,6 +362,9 @@ DomainIds = Annotated[
 ]
 Topic = Annotated[str, _value(topic, "topic", _whole(_TOPIC))]
 Namespace = Annotated[str, _value(namespace, "namespace", _whole(_TOPIC + "|/"))]
+KeyPrefix = Annotated[str, _value(key_prefix, "beginning of a key", _whole(_KEY + "|/"))]
+Locator = Annotated[str, _value(locator, "locator", _whole(_LOCATOR))]
+File = Annotated[Path, _value(file, "absolute path", "^/")]
 Name = Annotated[str, _value(name, "name", "^[^/]+$", maxLength=MAX_NAME)]
 TaskName = Annotated[str, _value(task_name, "task", "^[^;,/]+$", maxLength=40)]
 Address = Annotated[str, Value(address, "host", type="string", minLength=1)]

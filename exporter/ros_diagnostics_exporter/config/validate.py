@@ -23,6 +23,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.config.keys import Entry, validated
 from ros_diagnostics_exporter.config.yaml_file import Document, KeyPath
+from ros_diagnostics_exporter.model import Domain, place
 
 T = TypeVar("T", bound=Entry)
 
@@ -104,6 +105,17 @@ def find_conflicts(checked: Checked, limits: Limits) -> Iterator[Finding]:
         yield checked.document.problem(("limits", "robots"), what, "raise limits.robots")
 
 
+def find_unreached(checked: Checked) -> Iterator[Finding]:
+    """Entries that need zenoh; of a config that does not say how to reach it."""
+    entries: list[Placed[Any]] = [*checked.robots, *checked.discovery, *checked.shared]
+    for placed in entries:
+        if placed.entry.zenoh is not None:
+            remedy = "add zenoh: {routers: [tcp/centre:7447]} to the file"
+            yield placed.problem(
+                "zenoh", what="the file does not say how to reach it", remedy=remedy
+            )
+
+
 def _same_names(robots: list[Placed[Robot]]) -> Iterator[Finding]:
     first: dict[str, Placed[Robot]] = {}
     for placed in robots:
@@ -138,11 +150,11 @@ def _same_queries(queries: list[Placed[Query]]) -> Iterator[Finding]:
 
 
 def _same_topics(checked: Checked) -> Iterator[Finding]:
-    users: dict[tuple[int, str], str] = {}
+    users: dict[tuple[Domain, str], str] = {}
     for each in checked.shared:
         key = (each.entry.domain_id, each.entry.topic)
         if key in users:
-            what = f"topic {each.entry.topic} of domain {each.entry.domain_id} is shared twice"
+            what = f"topic {each.entry.topic} of {place(each.entry.domain_id)} is shared twice"
             yield each.problem("topic", what=what, remedy="keep one of the two")
         users[key] = f"declared as shared in {each.place()}"
     all_shared = set(users)
@@ -154,7 +166,7 @@ def _same_topics(checked: Checked) -> Iterator[Finding]:
         for name in filter(None, (robot.topic_agg, robot.topic_raw)):
             key = (robot.domain_id, name)
             if key in users:
-                what = f"topic {name} of domain {robot.domain_id} is {users[key]}"
+                what = f"topic {name} of {place(robot.domain_id)} is {users[key]}"
                 yield placed.problem(what=what, remedy=_WAY_OUT)
                 break
             users[key] = f"that of robot {quoted(robot.name)} in {placed.place()}"

@@ -110,7 +110,7 @@ class Decoder:
             raise ValueError("ends within a DiagnosticArray")
         self._before = decoded if len(data) <= MAX_KEPT else []
         statuses = tuple([each.status for each in decoded])
-        return Array(seconds + nanoseconds * 1e-9, statuses, len(data))
+        return Array(seconds + nanoseconds * 1e-9, statuses, len(data), data)
 
     def _statuses(self, data: bytes, at: int, number: _Unpack) -> tuple[list[_Decoded], int]:
         """(the statuses at an offset, the offset behind them)."""

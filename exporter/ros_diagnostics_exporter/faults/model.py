@@ -91,6 +91,15 @@ def as_texts(identity: Identity, own: Mapping[str, str]) -> dict[str, str]:
     }
 
 
+def identity_of(texts: Mapping[str, str]) -> Identity:
+    """The identity of which these are the texts, see `as_texts`."""
+    scope, state = Scope(texts["scope"]), State(texts["state"])
+    own = {each: texts[each] for each in ("robot", "group", "component", "check", "key", "bound")}
+    site = texts["site"] if scope is Scope.SITE else ""
+    severity = texts["severity"] if state is State.MANY else ""
+    return Identity(scope, state, **own, site=site, severity=severity)
+
+
 @dataclass(frozen=True)
 class Fault:
     """A confirmed problem.

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 from ros_diagnostics_exporter.config.fleet import Discovery, Robot, Shared, Source, topics_of
 from ros_diagnostics_exporter.config.scalars import is_name
-from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.model import Domain, Status
 from ros_diagnostics_exporter.robots.rules import SEARCHED
 from ros_diagnostics_exporter.robots.tree import TreeReader
 
 # -- a topic of its own ----------------------------------------------------------------------
 
 
-def robot_name(discovery: Discovery, topic: str, domain_id: int) -> str | None:
+def robot_name(discovery: Discovery, topic: str, domain_id: Domain) -> str | None:
     """The name of the robot behind a topic; None where the discovery does not want it."""
     match = discovery.pattern.fullmatch(topic)
     if match is None or domain_id not in discovery.domain_ids:
@@ -23,7 +23,7 @@ def robot_name(discovery: Discovery, topic: str, domain_id: int) -> str | None:
     return name if _is_included(discovery, name) else None
 
 
-def found_robot(discovery: Discovery, name: str, topic: str, domain_id: int) -> Robot:
+def found_robot(discovery: Discovery, name: str, topic: str, domain_id: Domain) -> Robot:
     """The settings of the robot of this name behind a topic, its other topic included."""
     aggregate, raw = topics_of(topic, discovery.source)
     address = discovery.address
@@ -47,7 +47,7 @@ def _is_included(discovery: Discovery, name: str) -> bool:
     return not included or any(pattern.fullmatch(name) for pattern in included)
 
 
-def _fill(template: str, robot: str, domain_id: int) -> str:
+def _fill(template: str, robot: str, domain_id: Domain) -> str:
     return template.replace("{robot}", robot).replace("{domain_id}", str(domain_id))
 
 

@@ -13,7 +13,7 @@ from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic, found_robot, robot_name
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
-from ros_diagnostics_exporter.model import Downtime, Endpoint, Instant, Topic
+from ros_diagnostics_exporter.model import Domain, Downtime, Endpoint, Instant, Topic
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.rejections import FleetRejectionReason, FleetRejections
@@ -44,7 +44,7 @@ class RobotRegistry:
         self._not_publishing: OrderedDict[str, Robot] = OrderedDict()
         self._replaced: OrderedDict[Topic, float] = OrderedDict()  # when, monotonic
         self.downtimes: dict[str, tuple[Downtime, ...]] = {}  # that people planned, by robot
-        self._other_types: dict[int, Mapping[str, tuple[str, ...]]] = {}  # by domain and topic
+        self._other_types: dict[Domain, Mapping[str, tuple[str, ...]]] = {}  # by domain and topic
         for _robot in self.configure(fleet, now):
             pass
 
@@ -196,7 +196,7 @@ class RobotRegistry:
         self.drop(robot, now)
         return True
 
-    def discover(self, domain_id: int, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
+    def discover(self, domain_id: Domain, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
         """Add the robots whose topics a domain's graph shows and the config wants.
 
         Those that were replaced before come last.
@@ -222,7 +222,7 @@ class RobotRegistry:
             self.add(found, now, declared=False)
 
     def note_other_types(
-        self, domain_id: int, types: Mapping[str, tuple[str, ...]], now: Instant
+        self, domain_id: Domain, types: Mapping[str, tuple[str, ...]], now: Instant
     ) -> None:
         """Reject topics that a discovery wants and that have another type than DiagnosticArray."""
         known = self._other_types.get(domain_id, {})
@@ -230,7 +230,7 @@ class RobotRegistry:
         self._reject_types(domain_id, types.items() - known.items(), now)
 
     def _reject_types(
-        self, domain_id: int, found: Iterable[tuple[str, tuple[str, ...]]], now: Instant
+        self, domain_id: Domain, found: Iterable[tuple[str, tuple[str, ...]]], now: Instant
     ) -> None:
         for topic, types in found:
             for discovery in self._fleet.discoveries:
@@ -307,7 +307,7 @@ class RobotRegistry:
             if topic in self.bindings and not bound:
                 del self.bindings[topic]
 
-    def wanted_topics(self, domain_id: int) -> Iterator[tuple[str, bool]]:
+    def wanted_topics(self, domain_id: Domain) -> Iterator[tuple[str, bool]]:
         """(name, whether robots share it) of a domain's topics to be subscribed."""
         for topic, bound in self.bindings.items():
             own = topic.domain_id == domain_id and topic not in self.shared_topics

@@ -26,7 +26,17 @@ from ros_diagnostics_exporter.fleet.discovery import SharedTopic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
 from ros_diagnostics_exporter.fleet.registry import RobotRegistry
 from ros_diagnostics_exporter.fleet.unmatched import UnmatchedWatch, find_unmatched, known_robot
-from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Feed, Instant, Status, Topic
+from ros_diagnostics_exporter.model import (
+    Array,
+    Domain,
+    Downtime,
+    Endpoint,
+    Feed,
+    Instant,
+    Status,
+    Topic,
+    place,
+)
 from ros_diagnostics_exporter.robots.limits import truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
@@ -56,14 +66,17 @@ class State:
         self._downtimes: tuple[Downtime, ...] = ()  # that people planned
         self._downtimes_changed = False  # since their row was taken
         self._feeds = {each.name: each.feed for each in fleet.queries}
+        self.recorder: Callable[[Topic, Array, Instant], None] | None = None  # of what is received
         self.unmatched = UnmatchedWatch()  # entries of the config that match nothing
         self._faults = FaultReports(fleet, now, self._events)
         self._registry = RobotRegistry(fleet, now, self._events, self._faults)
 
-    # -- from ROS: what `sources.dds.Receiver` asks for ----------------------------------------
+    # -- from ROS: what `sources.reception.Receiver` asks for ---------------------------------
 
     def receive(self, topic: Topic, array: Array, now: Instant) -> None:
         """Update the robots whose array this is; ``topic`` is one of `wanted_topics`."""
+        if self.recorder is not None:
+            self.recorder(topic, array, now)
         original, array = array, truncate_array(array)  # without the lock: it looks at every text
         with self._lock:
             if array is not original:
@@ -112,7 +125,9 @@ class State:
             for robot, _raw in self._registry.bindings.get(topic, ()):
                 robot.count_rejected("rate", count)
 
-    def update_graph(self, domain_id: int, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
+    def update_graph(
+        self, domain_id: Domain, endpoints: Mapping[str, Endpoint], now: Instant
+    ) -> None:
         """Discover robots in one domain's graph, and update which topics have publishers."""
         with self._lock:
             self._registry.discover(domain_id, endpoints, now)
@@ -122,28 +137,28 @@ class State:
                         robot.update_endpoint(topic.name, endpoints.get(topic.name), now)
 
     def note_other_types(
-        self, domain_id: int, types: Mapping[str, tuple[str, ...]], now: Instant
+        self, domain_id: Domain, types: Mapping[str, tuple[str, ...]], now: Instant
     ) -> None:
         """Note the types of all topics of a domain that have no DiagnosticArray, by name."""
         with self._lock:
             self._registry.note_other_types(domain_id, types, now)
 
-    def wanted_topics(self, domain_id: int) -> dict[str, bool]:
+    def wanted_topics(self, domain_id: Domain) -> dict[str, bool]:
         """The topics to be subscribed in a domain: name -> whether robots share it."""
         with self._lock:
             return dict(self._registry.wanted_topics(domain_id))
 
-    def domain_joined(self, domain_id: int) -> None:
+    def domain_joined(self, domain_id: Domain) -> None:
         """Note that a domain was joined."""
         self._set_domain_up(domain_id, up=True)
 
-    def domain_failed(self, domain_id: int, error: str, now: Instant) -> None:
+    def domain_failed(self, domain_id: Domain, error: str, now: Instant) -> None:
         """Note that a domain could not be joined."""
         self._set_domain_up(domain_id, up=False)
         with self._lock:
-            self._events.append(Event(now.wall, "config", message=f"domain {domain_id}: {error}"))
+            self._events.append(Event(now.wall, "config", message=f"{place(domain_id)}: {error}"))
 
-    def _set_domain_up(self, domain_id: int, *, up: bool) -> None:
+    def _set_domain_up(self, domain_id: Domain, *, up: bool) -> None:
         with self._lock:
             for robot in self._registry.robots.values():
                 if robot.settings.domain_id == domain_id and robot.network.domain_up != up:
@@ -365,6 +380,16 @@ class State:
     def _sorted_robots(self) -> list[Robot]:
         with self._lock:
             return [robot for _name, robot in sorted(self._registry.robots.items())]
+
+    def topics_of(self, name: str) -> tuple[Topic, ...]:
+        """The topics on which a robot may be received, those that robots share among them."""
+        with self._lock:
+            robot = self._registry.robots.get(name)
+            if robot is None:
+                return ()
+            settings, shared = robot.settings, self._registry.shared_topics if robot.shared else ()
+            own = (each for each in (settings.topic_agg, settings.topic_raw) if each)
+            return (*(Topic(settings.domain_id, each) for each in own), *shared)
 
     def faults(self) -> list[Fault]:
         """All faults that last."""

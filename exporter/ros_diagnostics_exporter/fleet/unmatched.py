@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.config.patterns import written
 from ros_diagnostics_exporter.fleet.discovery import robot_name
-from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.robots.maintenance import selects
 from ros_diagnostics_exporter.robots.robot import Robot
@@ -61,7 +61,7 @@ class KnownRobot:
 
     name: str
     labels: Mapping[str, str]
-    domain_id: int
+    domain_id: Domain
     topic: str
     profile: str
     components: tuple[Part, ...]

@@ -56,7 +56,8 @@ ROBOT_SILENT_REASON = _family(
     "robot_silent_reason",
     "gauge",
     "Why a robot is not up: the reason that holds is 1, others that once held are 0 (never_seen, "
-    "publisher_gone, mute, undecodable, wrong_type, domain_unreachable, uplink_down, limit).",
+    "publisher_gone, mute, undecodable, wrong_type, unreachable, domain_unreachable, "
+    "uplink_down, limit).",
     (*ROBOT, "reason"),
     part=Part.FAULTS,
 )

@@ -26,7 +26,7 @@ from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.canary import BUCKETS, Canary
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.fleet.state import State
-from ros_diagnostics_exporter.loops import Loop
+from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.families import (
     EXPORTER,
@@ -35,13 +35,13 @@ from ros_diagnostics_exporter.metrics.families import (
     PREFIX,
     Family,
 )
-from ros_diagnostics_exporter.model import ALL_PARTS, Part
-from ros_diagnostics_exporter.sources.dds import Listener, read_clocks
+from ros_diagnostics_exporter.model import ALL_PARTS, Domain, Part
+from ros_diagnostics_exporter.sources.listener import Listener
 from ros_diagnostics_exporter.sources.prometheus import Outcome
 from ros_diagnostics_exporter.storage.storage import Storage
 
 EOF = b"# EOF\n"  # of OpenMetrics
-Label = TypeVar("Label", str, int)
+Label = TypeVar("Label", bound=Domain | str)
 Samples = Sequence[tuple[Sequence[str], float]]  # (labels after those of EXPORTER, value)
 
 
@@ -85,7 +85,7 @@ def _one(value: float) -> Samples:
 
 
 def _by_label(values: Mapping[Label, float]) -> Samples:
-    return [((str(label),), float(value)) for label, value in sorted(values.items())]
+    return [((str(label),), float(value)) for label, value in values.items()]
 
 
 def _canary_times(exporter: Exporter) -> Histogram | None:
@@ -205,7 +205,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
         _family(
             "exporter_domain_up",
             "gauge",
-            "1 where the DDS domain is joined.",
+            "1 where the DDS domain is joined; of domain_id zenoh, while a router answers.",
             (*EXPORTER, "domain_id"),
         ),
         lambda exporter: _by_label(
@@ -216,7 +216,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
         _family(
             "exporter_domain_error_info",
             "gauge",
-            "1 with the reason why the DDS domain could not be joined; it is tried again.",
+            "1 with the reason why the domain could not be joined; it is tried again.",
             (*EXPORTER, "domain_id", "reason"),
         ),
         lambda exporter: [((str(each), why), 1) for each, why in exporter.listener.errors.items()],
@@ -225,8 +225,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
         _family(
             "exporter_discovery_last_run_timestamp_seconds",
             "gauge",
-            "When the ROS graph of a joined DDS domain was last looked at (Unix time); "
-            "0 = not yet.",
+            "When the ROS graph of a joined domain was last looked at (Unix time); 0 = not yet.",
             (*EXPORTER, "domain_id"),
         ),
         lambda exporter: _by_label(exporter.listener.last_looks),

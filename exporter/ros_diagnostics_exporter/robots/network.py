@@ -19,9 +19,9 @@ class Network:
         self._endpoints: dict[str, Endpoint] = {}
 
     def update(self, topic: str, endpoint: Endpoint | None) -> bool:
-        """Set a topic's endpoint; True if publishers or type changed."""
-        endpoint = endpoint or _NO_PUBLISHER
-        if self._endpoints.get(topic, _NO_PUBLISHER)[:2] == endpoint[:2]:
+        """Set a topic's endpoint; True if more than its reliability changed."""
+        endpoint = (endpoint or _NO_PUBLISHER)._replace(reliable=True)
+        if self._endpoints.get(topic, _NO_PUBLISHER) == endpoint:
             return False
         self._endpoints[topic] = endpoint
         return True
@@ -45,4 +45,6 @@ class Network:
             return "uplink_down"
         if any(endpoint.wrong_type for endpoint in self._endpoints.values()):
             return "wrong_type"
+        if not self.publishers and any(each.is_cut_off for each in self._endpoints.values()):
+            return "unreachable"
         return None

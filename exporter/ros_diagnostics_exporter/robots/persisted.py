@@ -38,7 +38,7 @@ Origin = Literal["declared", "discovered", "shared"]  # shared: by a status on a
 class PersistedRobot(NamedTuple):
     """One robot; ``source`` as decided, ``topic`` where it was discovered or declared."""
 
-    domain_id: Annotated[int, Field(ge=0, le=232)]
+    domain_id: Annotated[int, Field(ge=0, le=232)] | Literal["zenoh"]
     topic: Text
     source: Literal["agg", "raw", "both", "auto", "queries"]
     last_seen: Moment

@@ -10,7 +10,7 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterable, Sequence
 from typing import Literal, TypeVar, get_args
 
-from ros_diagnostics_exporter.model import Instant, Status, Topic
+from ros_diagnostics_exporter.model import Instant, Status, Topic, place
 
 log = logging.getLogger(__name__)
 
@@ -20,6 +20,7 @@ SilentReason = Literal[
     "mute",
     "undecodable",
     "wrong_type",
+    "unreachable",
     "domain_unreachable",
     "uplink_down",
 ]
@@ -110,11 +111,11 @@ class FleetRejections:
             _put(self.over_limit, name, MAX_OVER_LIMIT)
         if self._may_log(now):
             log.warning(
-                "robot %r on topic %s in domain %d is rejected: %s. Change fleet.yml: another "
+                "robot %r on topic %s in %s is rejected: %s. Change fleet.yml: another "
                 "name, an exclude pattern, or higher limits",
                 name,
                 topic.name,
-                topic.domain_id,
+                place(topic.domain_id),
                 why or _ROBOT_LOG_TEXTS[reason],
             )
 
@@ -141,10 +142,10 @@ class FleetRejections:
         self.counts["label_length"] += 1
         if self._is_first(topic, "label_length"):
             log.warning(
-                "a text on the shared topic %s in domain %d is too long and is truncated; logged "
+                "a text on the shared topic %s in %s is too long and is truncated; logged "
                 "once, counted in exporter_rejected_total as label_length",
                 topic.name,
-                topic.domain_id,
+                place(topic.domain_id),
             )
 
     def reject_statuses(self, topic: Topic, statuses: Sequence[Status]) -> None:
@@ -152,11 +153,11 @@ class FleetRejections:
         self.counts["no_robot"] += len(statuses)
         if self._is_first(topic, "no_robot"):
             log.warning(
-                "a status on the shared topic %s in domain %d names no robot: name %.80r, "
+                "a status on the shared topic %s in %s names no robot: name %.80r, "
                 "hardware_id %.80r; logged once, counted in exporter_rejected_total as no_robot. "
                 "Change by or pattern in fleet.yml, or fix the driver",
                 topic.name,
-                topic.domain_id,
+                place(topic.domain_id),
                 statuses[0].name,
                 statuses[0].hardware_id,
             )

@@ -8,7 +8,16 @@ from collections.abc import Callable, Mapping, Sequence
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Feed, Instant, Level, Status
+from ros_diagnostics_exporter.model import (
+    Array,
+    Domain,
+    Downtime,
+    Endpoint,
+    Feed,
+    Instant,
+    Level,
+    Status,
+)
 from ros_diagnostics_exporter.robots.component import OK, STALE, Component
 from ros_diagnostics_exporter.robots.components import Components
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
@@ -377,7 +386,7 @@ def accepts(source: config.Source, *, raw: bool) -> bool:
     return source is not (config.Source.AGG if raw else config.Source.RAW)
 
 
-def _topics_of(settings: config.Robot) -> tuple[int, str | None, str | None]:
+def _topics_of(settings: config.Robot) -> tuple[Domain, str | None, str | None]:
     return settings.domain_id, settings.topic_agg, settings.topic_raw
 
 

@@ -167,6 +167,11 @@ class Storage:
         self._age = AgeClock()
 
     @property
+    def path(self) -> Path:
+        """The file."""
+        return self._path
+
+    @property
     def successful(self) -> bool:
         """Whether the last write succeeded, none hangs, and no file that is there prevents it."""
         return self._successful and not self._hangs

@@ -105,6 +105,17 @@ class Api:
         body = await self._workers.run_shared(SNAPSHOT_AGE, take_faults, self._backend)
         return _json_bytes(body)
 
+    async def capsule(self, request: Request) -> Response:
+        """What was received around the begin of a fault."""
+        _allow_only(request)
+        fault = request.path_params["fault"]
+        try:
+            content = await self._workers.run(self._backend.capsule, fault)
+        except LookupError as error:
+            raise ApiError(404, _text(error)) from error
+        name = {"Content-Disposition": f'attachment; filename="{fault}.mcap"'}
+        return Response(content, media_type="application/octet-stream", headers=name)
+
     async def events(self, request: Request) -> Response:
         """The events that match the query, newest first; ``next`` if there are more."""
         return _json_bytes(await self._workers.run(self._events_page, _event_filter(request)))

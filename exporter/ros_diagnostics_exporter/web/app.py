@@ -164,6 +164,7 @@ def build(
         Route("/-/forget", api.forget, methods=write_methods),
         Route("/api/v1/fleet", api.fleet),
         Route("/api/v1/faults", api.faults),
+        Route("/api/v1/faults/{fault}/capsule.mcap", api.capsule),
         Route("/api/v1/events", api.events),
         Route("/api/v1/why", api.why),
         Route("/api/v1/notifications", api.notifications, methods=["POST"]),

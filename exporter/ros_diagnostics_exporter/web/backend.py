@@ -27,6 +27,13 @@ class Backend(Protocol):
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""
 
+    def capsule(self, fault: str, /) -> bytes:
+        """The newest recording around the begin of a fault, as MCAP.
+
+        Raises:
+            LookupError: There is none; the text says why.
+        """
+
     def find_events(self, wanted: Wanted, /) -> Iterable[dict[str, Any]]:
         """The events that match the filter, newest first, each with its ``id``."""
 

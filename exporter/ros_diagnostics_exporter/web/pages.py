@@ -14,6 +14,7 @@ from urllib.parse import quote
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.model import place
 from ros_diagnostics_exporter.severity import (
     COLOURS,
     SEVERITIES,
@@ -153,7 +154,7 @@ def _facts(robot: dict[str, Any], now: float) -> dict[str, str | None]:
     return {
         "Last message": f"{ago}{silent}",
         "Work": robot.get("work", ""),
-        "Topic": f"{robot['topic']} in domain {robot['domain_id']}",
+        "Topic": f"{robot['topic']} in {place(robot['domain_id'])}",
         "Profile": robot["profile"],
         "Address": robot["address"],
         **robot["labels"],

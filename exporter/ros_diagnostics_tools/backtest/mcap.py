@@ -21,6 +21,7 @@ from ros_diagnostics_tools.backtest.formats import (
 from ros_diagnostics_tools.backtest.sqlite_bag import plain
 
 MAGIC = b"\x89MCAP0\r\n"
+ATTACHMENT = 0x09
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x02, 0x03, 0x04, 0x05, 0x06
 CHUNK_INDEX, STATISTICS, SUMMARY_OFFSET = 0x08, 0x0B, 0x0E
 FOOTER_SIZE = 9 + 20 + len(MAGIC)
@@ -216,6 +217,17 @@ class McapFile:
             yield from _unpacked(content)
         except (struct.error, ValueError, zstd.ZstdError) as error:
             raise DamageError(f"the chunk at byte {at}: {shortened(error)}") from error
+
+    def attachments(self) -> dict[str, bytes]:
+        """The files in it by name. Raises DamageError or struct.error where it is damaged."""
+        found = {}
+        for op, at, size in self._records(len(MAGIC), self._size - len(MAGIC)):
+            if op == ATTACHMENT:
+                fields = _Fields(self._bytes(at, size))
+                fields.bytes(16)  # times
+                name, _media_type = fields.text(), fields.text()
+                found[name] = fields.bytes(fields.number("Q"))
+        return found
 
     # -- messages ------------------------------------------------------------------------------
 

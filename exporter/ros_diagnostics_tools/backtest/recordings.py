@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.decode import cdr
-from ros_diagnostics_exporter.model import Array, Topic
+from ros_diagnostics_exporter.model import Array, Domain, Topic
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.backtest import ros1
 from ros_diagnostics_tools.backtest.event_log import EventLog, EventLogError, is_event_log
@@ -52,7 +52,7 @@ class RecordingSource:
     """
 
     path: Path
-    domain_id: int = 0
+    domain_id: Domain = 0
     namespace: str = ""
     fleet: Fleet | None = None
 

@@ -13,7 +13,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.fleet import Robot as RobotSettings
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.fleet.state import State
-from ros_diagnostics_exporter.model import Endpoint, Instant, Topic
+from ros_diagnostics_exporter.model import Domain, Endpoint, Instant, Topic
 from ros_diagnostics_tools.backtest.ledger import Ledger, Notification, Outage
 from ros_diagnostics_tools.backtest.recordings import Message, Recordings
 
@@ -67,8 +67,8 @@ class Replay:
         self.ledger = Ledger()
         self._restarts = Restarts()
         self._observe, self._each_tick = observe, each_tick
-        self._seen: dict[int, dict[str, Endpoint]] = {}
-        self._wanted: dict[int, dict[str, bool]] = {}
+        self._seen: dict[Domain, dict[str, Endpoint]] = {}
+        self._wanted: dict[Domain, dict[str, bool]] = {}
         self._look_at = self._begin
         self._messages = self._undecodable = 0
         self._reason = ""

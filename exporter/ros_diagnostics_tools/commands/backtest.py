@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TextIO
 
 import click
@@ -17,8 +18,11 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.model import Domain
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.backtest import compare, report, suggest, words
+from ros_diagnostics_tools.backtest.capsule import Capsule, too_short
+from ros_diagnostics_tools.backtest.capsule import read as read_capsule
 from ros_diagnostics_tools.backtest.event_log import is_event_log
 from ros_diagnostics_tools.backtest.formats import RecordingError
 from ros_diagnostics_tools.backtest.ledger import confirm_after
@@ -38,7 +42,7 @@ class BacktestOptions:
     """The command line."""
 
     bags: tuple[str, ...]
-    config: Path
+    config: Path | None
     compare: Path | None
     suggest: bool
     openmetrics: Path | None
@@ -81,9 +85,7 @@ Into the history of Prometheus:
 @click.option(
     "--config",
     type=PATH,
-    default=Path("fleet.yml"),
-    show_default=True,
-    help="The fleet's configuration.",
+    help="The fleet's configuration.  [default: fleet.yml; of a capsule, what is attached to it]",
 )
 @click.option(
     "--compare", type=PATH, help="Another configuration: print in words what it would change."
@@ -136,9 +138,10 @@ def command(**given: Any) -> None:
 
 
 def _run(options: BacktestOptions) -> None:
-    fleet = load(options.config)
+    capsule = read_capsule(Path(options.bags[0])) if len(options.bags) == 1 else None
+    fleet = _fleet(options, capsule)
     other = None if options.compare is None else load(options.compare)
-    domain_id = _domain(fleet, options)
+    domain_id = _domain(fleet, options, capsule)
     sources = [_source(bag, fleet, domain_id, options.namespace or "") for bag in options.bags]
     with ExitStack() as stack:
         recordings = stack.enter_context(closing(Recordings(sources)))
@@ -146,18 +149,30 @@ def _run(options: BacktestOptions) -> None:
         if options.openmetrics is not None:
             out = stack.enter_context(options.openmetrics.open("w", encoding="utf-8"))
         judged = _Judged(options, fleet, other, recordings, out)
-        judged.play()
+        judged.play(capsule)
         _print(options, judged)
 
 
-def _domain(fleet: Fleet, options: BacktestOptions) -> int | None:
+def _fleet(options: BacktestOptions, capsule: Capsule | None) -> Fleet:
+    """What to judge by."""
+    if options.config is None and capsule is not None:
+        with TemporaryDirectory() as folder:
+            path = Path(folder, "fleet.yml")
+            path.write_bytes(capsule.config)
+            return load(path)
+    return load(options.config or Path("fleet.yml"))
+
+
+def _domain(fleet: Fleet, options: BacktestOptions, capsule: Capsule | None) -> Domain | None:
     """The domain that recordings without one of their own are of; None where it is not clear."""
     if options.domain_id is not None:
         return options.domain_id
+    if capsule is not None and len(capsule.fault.get("domain_ids", ())) == 1:
+        return int(capsule.fault["domain_ids"][0])
     return fleet.domain_ids[0] if len(fleet.domain_ids) == 1 else None
 
 
-def _source(bag: str, fleet: Fleet, domain_id: int | None, namespace: str) -> RecordingSource:
+def _source(bag: str, fleet: Fleet, domain_id: Domain | None, namespace: str) -> RecordingSource:
     if is_event_log(Path(bag)):
         return RecordingSource(Path(bag), fleet=fleet)
     path, at = Path(bag), re.fullmatch(r"(.+)@([0-9]{1,3})", bag)
@@ -200,7 +215,7 @@ class _Judged:
         self.second = None if other is None else Replay(other, recordings)
         self.seconds = 0.0
 
-    def play(self) -> None:
+    def play(self, capsule: Capsule | None) -> None:
         """Judge all messages."""
         replays = [self.first, *([] if self.second is None else [self.second])]
         begin = time.perf_counter()
@@ -214,6 +229,9 @@ class _Judged:
         if self._samples is not None:
             self._samples.close()
         self.warnings = _warnings(self.result, self._recordings)
+        if capsule is not None:
+            for replay in replays:
+                self.warnings += too_short(capsule, replay.result(), replay.state)
         for each in self.warnings:
             print(f"ros-diagnostics: {each}", file=sys.stderr)  # noqa: T201
 

@@ -150,7 +150,8 @@ SILENT_REASONS = {
     "mute": "its publisher is there, but sends nothing: the program hangs",
     "undecodable": "its messages cannot be decoded",
     "wrong_type": "its topic has another message type",
-    "domain_unreachable": "its DDS domain could not be joined",
+    "unreachable": "what connected it by zenoh is gone: its bridge, or the network",
+    "domain_unreachable": "its DDS domain could not be joined, or no zenoh router answers",
     "uplink_down": "its uplink does not answer",
     "limit": "not received: the limit of robots is reached",
 }
@@ -163,6 +164,7 @@ SHORT_REASONS = {
     "mute": "sends nothing",
     "undecodable": "not decodable",
     "wrong_type": "wrong type",
+    "unreachable": "not connected",
     "domain_unreachable": "domain down",
     "uplink_down": "uplink down",
     "limit": "over the limit",

@@ -13,6 +13,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.model import ALL_PARTS
 from ros_diagnostics_exporter.service import Service
 from support.ros_publisher import Publisher, publisher
+from support.zenoh_robots import Bridge, Router
 from testbed.polling import until
 
 
@@ -68,3 +69,19 @@ def robots(ros_domain: int) -> Iterator[Publisher]:
     """A publisher in the test's domain."""
     with publisher(ros_domain) as made:
         yield made
+
+
+@pytest.fixture
+def router(free_port: Callable[[], int]) -> Iterator[Router]:
+    """A zenoh router."""
+    made = Router(free_port())
+    yield made
+    made.stop()
+
+
+@pytest.fixture
+def bridge(router: Router) -> Iterator[Bridge]:
+    """A zenoh bridge at the router."""
+    made = Bridge(router.locator)
+    yield made
+    made.close()

@@ -94,7 +94,7 @@ def test_why_a_domain_is_not_joined_is_known_where_one_looks(fleet, run_exporter
     until(
         lambda: (
             running.service.not_ready_reason()
-            == f"cannot join DDS domain {domain}: no log folder, nowhere"
+            == f"cannot join domain {domain}: no log folder, nowhere"
         ),
         "the reason is known",
     )

@@ -11,8 +11,8 @@ from rich.console import Console
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Robot, Shared, Source
+from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_exporter.sources.dds import read_clocks
 from ros_diagnostics_exporter.web.pages import landing
 from ros_diagnostics_tools.commands.status import view
 from support.ros_publisher import message

@@ -14,8 +14,11 @@ import pytest
 from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Profile, Robot, Source
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.sources import dds as ros
+from ros_diagnostics_exporter.sources.listener import Listener
+from ros_diagnostics_exporter.sources.reception import MAX_MESSAGE
 from support.ros_publisher import publisher
 from testbed import domains
 from testbed.polling import until
@@ -118,7 +121,7 @@ def test_sigterm_ends_a_program_whose_join_hangs(
         assert re.search(rb"domain_up{.*} 0.0", answer.read())
 
     assert exporter.stop(grace=30) == 0
-    assert f"DDS domain {ros_domain} is not left yet" in exporter.output()
+    assert f"domain {ros_domain} is not left yet" in exporter.output()
 
 
 def test_a_domain_whose_node_cannot_be_made_leaves_no_context_behind(
@@ -167,9 +170,7 @@ def test_a_domain_whose_thread_stands_still_is_not_ready(
     monkeypatch.setattr(service.state, "receive", hang)
     robots.send("/here/diagnostics", COOL)
     assert stuck.wait(30)
-    until(
-        lambda: ready() == f"no message was taken for 2 s in DDS domain {ros_domain}", "not ready"
-    )
+    until(lambda: ready() == f"no message was taken for 2 s in domain {ros_domain}", "not ready")
     go_on.set()
     until(lambda: ready() is None, "the exporter is ready again")
 
@@ -207,7 +208,7 @@ def test_a_message_that_is_too_long_is_counted_undecoded(ros_domain, robots, run
     robots.wait_for_listeners()
 
     for _ in range(2):
-        robots.send("/r/diagnostics", COOL._replace(message="m" * ros.MAX_MESSAGE))
+        robots.send("/r/diagnostics", COOL._replace(message="m" * MAX_MESSAGE))
     running.wait_for("robot_rejected_total", 2, robot="r", reason="undecodable")
     assert running.sample("robot_silent_reason", robot="r", reason="undecodable") == 1
     assert caplog.text.count("bytes, more than 4194304 are not decoded") == 1
@@ -223,7 +224,7 @@ def test_seconds_counted_by_several_threads_are_all_counted():
             time.sleep(0.001)
             return other + float(self)
 
-    listener = ros.Listener(State(Fleet("f"), ros.read_clocks()))
+    listener = Listener(State(Fleet("f"), read_clocks()))
     threads = [
         threading.Thread(target=lambda: [listener.count(Slow(1), Slow(2)) for _ in range(20)])
         for _ in range(4)

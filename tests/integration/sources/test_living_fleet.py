@@ -15,8 +15,8 @@ from ros_diagnostics_exporter.config.fleet import (
     Shared,
     Source,
 )
+from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_exporter.sources.dds import read_clocks
 from support.state_driver import tree
 from testbed.polling import until
 

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import urllib.request
+from contextlib import closing
+from pathlib import Path
+from urllib.error import HTTPError
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
+from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from testbed.polling import until
+from testbed.processes import Process
 
 pytestmark = pytest.mark.integration
 
@@ -51,3 +58,58 @@ def test_a_motor_that_fails_is_a_fault_after_confirm_after_until_it_is_ok(site, 
 
     until(lambda: not samples(site, start, robot="robot_1"), "the fault is over", 60)
     assert not samples(site, "fault_info", robot="robot_1")
+
+
+TOPIC = "/robot_1/diagnostics_agg"
+
+
+def recorded(path) -> list[bytes]:
+    """The messages of robot_1 in a recording, in order."""
+    with closing(Recordings([RecordingSource(path)])) as recordings:
+        return [each.content for each in recordings.messages() if each.topic.name == TOPIC]
+
+
+def test_a_capsule_has_the_bytes_that_another_subscriber_recorded_and_replays(site, ends):
+    exporter = ends(site.exporter()).start()
+    exporter.wait_for_output("serving fleet")
+    bag, bin_folder = site.folder / "beside", Path(sys.executable).parent
+    command = [bin_folder / "virtual-robots", "record", bag, "--topic", TOPIC]
+    domain = ["--domain-id", str(site.domain_id)]
+    recorder = ends(
+        Process("recorder", [*command, *domain], site.environment, site.folder / "recorder.log")
+    ).start()
+    ends(site.robots(2)).start()
+    until(lambda: site.up() == 2, exporter.describe, 60)
+
+    site.fault("error")
+    until(lambda: site.ask("/api/v1/faults")["faults"], "the fault is confirmed", 60)
+    [fault] = site.ask("/api/v1/faults")["faults"]
+    url = f"http://127.0.0.1:{site.port}/api/v1/faults/{fault['fault']}/capsule.mcap"
+    capsule, said = site.folder / "capsule.mcap", list[str]()
+
+    def is_there() -> bool:
+        try:
+            with urllib.request.urlopen(url, timeout=20) as answer:
+                capsule.write_bytes(answer.read())
+        except HTTPError as error:
+            said.append(error.read().decode())
+            return False
+        return True
+
+    until(is_there, "the capsule is complete", 60)
+    recorder.stop()
+    assert all("is complete in" in each for each in said)
+    ours, theirs = recorded(capsule), recorded(bag)
+    assert len(ours) > 10
+    begin = theirs.index(ours[0]) if ours[0] in theirs else 0
+    shared = ours[ours.index(theirs[begin]) :]
+    assert shared == theirs[begin : begin + len(shared)]
+    assert len(shared) > 10
+    ended = subprocess.run(
+        [bin_folder / "ros-diagnostics", "backtest", capsule, *domain, "--output", "json"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    assert '"component": "Motor 2"' in ended.stdout

@@ -72,6 +72,16 @@ WHOLE = {
     },
     "Limits": lambda entry: {"limits": entry},
     "Query": lambda entry: {"queries": [{"expr": "up", "component": "c", **entry}]},
+    "Zenoh": lambda entry: {
+        "zenoh": {
+            "routers": ["tcp/a:7447"],
+            **({"password_file": "/x"} if "user" in entry else {}),
+            **({"user": "x"} if "password_file" in entry else {}),
+            **({"key_file": "/x"} if "cert_file" in entry else {}),
+            **({"cert_file": "/x"} if "key_file" in entry else {}),
+            **entry,
+        }
+    },
     "Maintenance": lambda entry: {
         "maintenance": [
             {
@@ -92,8 +102,10 @@ PROPERTIES = [
 
 def whole(name, entry):
     if name == "Discovery" and "type" not in entry:
-        entry = {"topic": "/{robot}/diagnostics", **entry}
+        entry = {"topic": "/x" if "zenoh" in entry else "/{robot}/diagnostics", **entry}
     made = {"fleet": "x", **WHOLE[name](entry)}
+    if name in {"Robot", "Discovery", "Shared"} and "zenoh" in entry:
+        made["zenoh"] = {"routers": ["tcp/a:7447"]}
     if "profiles" not in made:
         made["profiles"] = PROFILE
     return made

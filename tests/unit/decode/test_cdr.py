@@ -35,7 +35,7 @@ def test_what_was_encoded_is_decoded(sent):
 
     found = decode(data)
 
-    assert found == (12.5, tuple(sent), len(data))
+    assert found == (12.5, tuple(sent), len(data), data)
 
 
 @given(statuses, st.data())

@@ -23,7 +23,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.events import filled
 from ros_diagnostics_exporter.faults.model import State
 from ros_diagnostics_exporter.fleet.registry import TIME_TO_PUBLISH
-from ros_diagnostics_exporter.model import Downtime, Endpoint, Status, Topic
+from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Status, Topic
 from ros_diagnostics_exporter.severity import event_text
 from support.recordings import CASES, aggregated, raw
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
@@ -753,3 +753,15 @@ def test_a_declared_robot_needs_not_wait():
     declared = dataclasses.replace(driver.state.fleet, robots=(Robot("r", topic_raw=RAW),))
     driver.state.configure(declared, driver.now)
     assert set(driver.state.robots) == {"r"}
+
+
+def test_what_is_received_is_recorded_as_it_came():
+    driver = StateDriver()
+    recorded = []
+    driver.state.recorder = lambda *message: recorded.append(message)
+    topic, array = Topic(0, "/r/diagnostics"), Array(0.0, (HOT,), 3, b"raw")
+    driver.state.receive(topic, array, driver.now)
+
+    assert recorded == [(topic, array, driver.now)]
+    assert set(driver.state.topics_of("r")) == {topic, Topic(0, "/r/diagnostics_agg")}
+    assert driver.state.topics_of("nobody") == ()

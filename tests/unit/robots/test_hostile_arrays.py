@@ -217,7 +217,7 @@ def test_the_runbooks_find_in_the_log_what_is_said_there(page):
     (words,) = re.findall(r'grep (?:-E )?"([^"]+)"', runbook)
     source = "\n".join(
         path.read_text()
-        for path in (*(EXPORTER / "robots").glob("r*.py"), EXPORTER / "sources/dds.py")
+        for path in (*(EXPORTER / "robots").glob("r*.py"), EXPORTER / "sources/reception.py")
     )
     assert all(word in source for word in words.split("|"))
 

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
+from urllib.error import URLError
+from urllib.request import urlopen
+
+from testbed.polling import until
 
 WITHOUT = """
 import sys
@@ -14,9 +19,9 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-def run(*arguments):
+def run(*arguments, absent=WITHOUT):
     return subprocess.run(
-        [sys.executable, "-c", WITHOUT, *arguments],
+        [sys.executable, "-c", absent, *arguments],
         capture_output=True,
         text=True,
         timeout=60,
@@ -61,3 +66,49 @@ def test_a_middleware_that_is_not_installed_is_named_instead_of_ros(tmp_path):
     assert "RMW_IMPLEMENTATION is 'rmw_nonsense_cpp'" in ended.stderr
     assert "unset it, or install" in ended.stderr
     assert "source it" not in ended.stderr
+
+
+def test_an_exporter_of_robots_behind_zenoh_alone_runs_without_ros(tmp_path, free_port):
+    path = tmp_path / "fleet.yml"
+    path.write_text(
+        f"fleet: f\nzenoh: {{routers: [tcp/127.0.0.1:{free_port()}]}}\n"
+        "robots: [{name: r, zenoh: /, namespace: /r}]\n"
+    )
+    port = free_port()
+    arguments = ["--config.file", str(path), "--storage.path", "none"]
+    with subprocess.Popen(
+        [sys.executable, "-c", WITHOUT, *arguments, "--web.listen-address", f"127.0.0.1:{port}"]
+    ) as exporter:
+        try:
+
+            def metrics() -> str:
+                try:
+                    with urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5) as answer:
+                        return answer.read().decode()
+                except URLError:
+                    return ""
+
+            silent = 'robot="r",reason="domain_unreachable"} 1'
+            found = until(lambda: silent in (text := metrics()) and text, "the robot is silent")
+        finally:
+            exporter.terminate()
+        assert exporter.wait(60) == 0
+    assert re.search(r'exporter_domain_error_info\{.*domain_id="zenoh",.*reason="no router', found)
+    assert re.search(r'exporter_build_info\{.*rmw="",ros_distro="",', found)
+
+
+def test_without_eclipse_zenoh_the_exporter_says_what_to_do_and_exits_1(tmp_path):
+    path = tmp_path / "fleet.yml"
+    path.write_text(
+        "fleet: f\nzenoh: {routers: [tcp/centre:7447]}\n"
+        "robots: [{name: r, zenoh: /, namespace: /r}]\n"
+    )
+
+    ended = run(
+        *("--config.file", str(path), "--web.listen-address", "127.0.0.1:0"),
+        absent=WITHOUT.replace("rclpy", "zenoh"),
+    )
+
+    assert ended.returncode == 1
+    assert "pip install 'ros-diagnostics-exporter[zenoh]'" in ended.stderr
+    assert "Traceback" not in ended.stderr

@@ -357,3 +357,18 @@ def test_alertmanager_hanging_delays_no_other_request(serve):
     assert ask(server, "/-/ready").status == 200
     held.set()
     slow.join()
+
+
+def test_a_capsule_is_a_file_or_an_error_that_says_why_there_is_none(serve):
+    def capsule(fault):
+        if fault != "0123456789ab":
+            raise LookupError(f"no capsule of fault {fault!r}")
+        return b"\x89MCAP0\r\n"
+
+    server = serve(capsule=capsule)
+    found = ask(server, "/api/v1/faults/0123456789ab/capsule.mcap")
+    assert (found.status, found.body) == (200, b"\x89MCAP0\r\n")
+    assert found.headers["Content-Disposition"] == 'attachment; filename="0123456789ab.mcap"'
+    missing = ask(server, "/api/v1/faults/x/capsule.mcap")
+    assert (missing.status, json.loads(missing.body)) == (404, {"error": "no capsule of fault 'x'"})
+    assert ask(server, "/api/v1/faults/x/capsule.mcap?a=1").status == 400

@@ -1,0 +1,189 @@
+"""A file for each fault of a robot: what was received around its begin, and what judged it.
+
+Written once ``AFTER`` seconds have passed since the begin; limited in number, size and age.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from ros_diagnostics_exporter.capsules.mcap import Attachment, Chunk, write
+from ros_diagnostics_exporter.capsules.rings import AFTER, BEFORE, Rings
+from ros_diagnostics_exporter.events import Event, filled
+from ros_diagnostics_exporter.files import read_regular
+from ros_diagnostics_exporter.model import Instant, Topic
+
+ID = re.compile(r"[0-9a-f]{12}")
+# Of a storm: in so many seconds so many faults have a capsule, beyond that only critical ones.
+STORM, FIRST, MOST = 600.0, 50, 100
+CONFIG = 256 << 10  # bytes of a fleet.yml that is attached
+_NOT_IN_FOXGLOVE = re.compile(r"[^A-Za-z0-9_.-]")
+
+
+class Kept(NamedTuple):
+    """How many files are kept, and for how long."""
+
+    number: int = 1_000
+    size: int = 100 << 20
+    age: float = 90 * 86_400.0
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """A fault whose capsule is not complete yet."""
+
+    fault: str
+    event: Event
+    topics: tuple[Topic, ...]
+    due: float  # monotonic
+
+
+class Capsules:
+    """Those of one exporter, in a folder that need not be there.
+
+    Args:
+        folder: Where they are written.
+        config_file: fleet.yml, of which the lines for the robot are attached.
+        topics: The topics of a robot by its name.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        config_file: Path,
+        topics: Callable[[str], tuple[Topic, ...]],
+        limits: Kept | None = None,
+    ) -> None:
+        self.rings = Rings()
+        self.skipped = 0  # faults in storms
+        self._folder, self._config_file = folder, config_file
+        self._topics = topics
+        self._limits = limits or Kept()
+        self._waiting: deque[Waiting] = deque()
+        self._begun: deque[float] = deque()  # of late, monotonic
+
+    def note(self, fault: str, event: Event, now: Instant) -> None:
+        """Note that a fault of a robot began; beyond the limits of a storm it has no capsule."""
+        while self._begun and self._begun[0] < now.mono - STORM:
+            self._begun.popleft()
+        if len(self._begun) >= (MOST if event.severity == "critical" else FIRST):
+            self.skipped += 1
+            return
+        self._begun.append(now.mono)
+        topics = self._topics(event.robot)
+        self._waiting.append(Waiting(fault, event, topics, now.mono + AFTER))
+
+    def turn(self, now: Instant) -> None:
+        """Compress what was received, and write the capsules that are complete."""
+        self.rings.compress()
+        written = False
+        while self._waiting and self._waiting[0].due <= now.mono:
+            try:
+                self._write(self._waiting[0], now)
+            finally:
+                self._waiting.popleft()  # one that cannot be written is not tried again
+            written = True
+        if written:
+            self._prune(now)
+
+    def read(self, fault: str, now: Instant) -> bytes:
+        """The newest capsule of a fault.
+
+        Raises:
+            LookupError: there is none; the text says why.
+        """
+        found = sorted(self._folder.glob(f"{fault}-*.mcap")) if ID.fullmatch(fault) else []
+        if found:
+            return found[-1].read_bytes()
+        for each in list(self._waiting):  # others append to it
+            if each.fault == fault:
+                left = max(1, round(each.due - now.mono))
+                raise LookupError(f"the capsule of fault {fault} is complete in {left} s")
+        raise LookupError(
+            f"no capsule of fault {fault!r}: there is no such fault of a robot, or it began in a "
+            "storm of faults, before the exporter was started or too long ago"
+        )
+
+    def has(self, fault: str) -> bool:
+        """Whether a fault has a capsule."""
+        return any(self._folder.glob(f"{fault}-*.mcap"))
+
+    # -- files ---------------------------------------------------------------------------------
+
+    def _write(self, waiting: Waiting, now: Instant) -> None:
+        event = waiting.event
+        begin, end = event.time - BEFORE, event.time + AFTER
+        topics: dict[int, str] = {}
+        chunks: list[Chunk] = []
+        for topic in waiting.topics:
+            ring = self.rings.get(topic)
+            if ring is not None:
+                topics[ring.channel] = topic.name
+                chunks += ring.chunks(int(begin * 1e9), int(end * 1e9))
+        if not chunks:
+            return  # a robot of which nothing was received
+        content = write(topics, chunks, _metadata(waiting), self._attached(waiting), _ns(now.wall))
+        self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        path = self._folder / f"{waiting.fault}-{event.time:.0f}.mcap"
+        unfinished = path.with_suffix(".part")
+        unfinished.write_bytes(content)
+        unfinished.replace(path)
+
+    def _attached(self, waiting: Waiting) -> Iterable[Attachment]:
+        described = {
+            "fault": waiting.fault,
+            **filled(waiting.event),
+            "evidence": waiting.event.message.splitlines(),
+            "before": BEFORE,
+            "after": AFTER,
+            "domain_ids": sorted({each.domain_id for each in waiting.topics}),
+        }
+        text = json.dumps(described, ensure_ascii=False, indent=2)
+        yield Attachment("fault.json", "application/json", text.encode(errors="replace"))
+        lines = config_lines(self._config_file, waiting.event.robot)
+        yield Attachment("fleet.yml", "application/yaml", lines.encode(errors="replace"))
+
+    def _prune(self, now: Instant) -> None:
+        """Remove the oldest files beyond the limits."""
+        found = [(path.stat(), path) for path in self._folder.glob("*.mcap")]
+        found.sort(key=lambda each: each[0].st_mtime, reverse=True)
+        size = 0
+        for number, (status, path) in enumerate(found):
+            size += status.st_size
+            is_old = status.st_mtime < now.wall - self._limits.age
+            if number >= self._limits.number or size > self._limits.size or is_old:
+                path.unlink(missing_ok=True)
+
+
+def _ns(wall: float) -> int:
+    return int(wall * 1e9)
+
+
+def _metadata(waiting: Waiting) -> dict[str, dict[str, str]]:
+    device = _NOT_IN_FOXGLOVE.sub("_", waiting.event.robot)[:100]
+    return {"foxglove": {"deviceName": device}}
+
+
+def config_lines(config_file: Path, robot: str) -> str:
+    """What fleet.yml says of one robot: all but the entries of others."""
+    try:
+        text = read_regular(config_file, CONFIG)
+        document: Any = yaml.safe_load(text)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        return f"# {config_file.name} cannot be read: {type(error).__name__}\n"
+    if not isinstance(document, dict):
+        return "# no fleet\n"
+    known = document.get("robots")
+    if isinstance(known, list):
+        document["robots"] = [
+            each for each in known if isinstance(each, dict) and each.get("name") == robot
+        ]
+    return str(yaml.safe_dump(document, allow_unicode=True, sort_keys=False))

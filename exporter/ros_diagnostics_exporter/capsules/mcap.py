@@ -1,0 +1,202 @@
+"""Writes MCAP (https://mcap.dev/spec): chunks, metadata and attachments with their index."""
+
+from __future__ import annotations
+
+import struct
+from binascii import crc32
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+from ros_diagnostics_exporter import __version__, zstd
+
+MAGIC = b"\x89MCAP0\r\n"
+SCHEMA_ID = 1
+LEVEL = 3  # of the compression
+RULE = "=" * 80
+# As `ros2 bag record` writes it: the type, then all that it uses.
+SCHEMA = f"""std_msgs/Header header
+DiagnosticStatus[] status
+{RULE}
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+{RULE}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+{RULE}
+MSG: diagnostic_msgs/DiagnosticStatus
+byte OK=0
+byte WARN=1
+byte ERROR=2
+byte STALE=3
+byte level
+string name
+string message
+string hardware_id
+KeyValue[] values
+{RULE}
+MSG: diagnostic_msgs/KeyValue
+string key
+string value
+"""
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX = range(1, 9)
+_ATTACHMENT, _ATTACHMENT_INDEX, _STATISTICS, _METADATA, _METADATA_INDEX = range(9, 14)
+_DATA_END = 15
+_message = struct.Struct("<BQHIQQ")
+_pair = struct.Struct("<QQ")
+
+
+class Chunk(NamedTuple):
+    """Messages of one channel, compressed.
+
+    ``begin`` and ``end`` are the times (ns) of the first and the last, ``entries`` the time and the
+    offset of each.
+    """
+
+    channel: int
+    begin: int
+    end: int
+    entries: bytes
+    size: int
+    checksum: int
+    data: bytes
+
+
+class OpenChunk:
+    """A chunk that is filled: as bytes, which take less memory than messages do."""
+
+    __slots__ = ("begin", "channel", "content", "end", "index")
+
+    def __init__(self, channel: int) -> None:
+        self.channel = channel
+        self.begin = self.end = 0
+        self.content = bytearray()
+        self.index = bytearray()
+
+    def append(self, time: int, data: bytes) -> None:
+        """Append a message in CDR; ``time`` is in ns."""
+        self.begin = min(self.begin or time, time)
+        self.end = max(self.end, time)
+        self.index += _pair.pack(time, len(self.content))
+        self.content += _message.pack(_MESSAGE, 22 + len(data), self.channel, 0, time, time)
+        self.content += data
+
+    def compressed(self) -> Chunk:
+        """What is in it."""
+        checksum, data = crc32(self.content), zstd.compress(self.content, LEVEL)
+        times, size = (self.begin, self.end), len(self.content)
+        return Chunk(self.channel, *times, bytes(self.index), size, checksum, data)
+
+
+class Attachment(NamedTuple):
+    """A file within the file."""
+
+    name: str
+    media_type: str
+    content: bytes
+
+
+class _Writer:
+    """A file in memory, and what its index says."""
+
+    def __init__(self) -> None:
+        self.parts: list[bytes] = [MAGIC]
+        self.size = len(MAGIC)
+        self.summary: list[bytes] = []
+
+    def add(self, record: bytes) -> tuple[int, int]:
+        """Append a record; returns where it begins, and its length."""
+        self.parts.append(record)
+        self.size += len(record)
+        return self.size - len(record), len(record)
+
+
+def write(
+    topics: Mapping[int, str],
+    chunks: Iterable[Chunk],
+    metadata: Mapping[str, Mapping[str, str]],
+    attachments: Iterable[Attachment],
+    time: int,
+) -> bytes:
+    """One file; ``topics`` are names by channel, ``time`` (ns) is when it is written."""
+    out = _Writer()
+    out.add(_record(_HEADER, _text("ros2"), _text(f"ros-diagnostics-exporter {__version__}")))
+    described = [_schema(), *(_channel(number, name) for number, name in topics.items())]
+    for record in described:
+        out.add(record)
+    listed = sorted(chunks, key=lambda each: each.begin)
+    for each in listed:
+        _add_chunk(out, each)
+    files = list(attachments)
+    for file in files:
+        _add_attachment(out, file, time)
+    for name, fields in metadata.items():
+        place = out.add(_record(_METADATA, _text(name), _map(fields)))
+        out.summary.append(_record(_METADATA_INDEX, _pair.pack(*place), _text(name)))
+    out.add(_record(_DATA_END, struct.pack("<I", 0)))
+    start = out.size
+    statistics = _statistics(topics, listed, len(files), len(metadata))
+    for record in (*described, statistics, *out.summary):
+        out.add(record)
+    out.add(_record(_FOOTER, struct.pack("<QQI", start, 0, 0)))
+    return b"".join((*out.parts, MAGIC))
+
+
+def _schema() -> bytes:
+    fields = _text("diagnostic_msgs/msg/DiagnosticArray"), _text("ros2msg"), _text(SCHEMA)
+    return _record(_SCHEMA, struct.pack("<H", SCHEMA_ID), *fields)
+
+
+def _channel(number: int, topic: str) -> bytes:
+    ids = struct.pack("<HH", number, SCHEMA_ID)
+    return _record(_CHANNEL, ids, _text(topic), _text("cdr"), _map({}))
+
+
+def _add_chunk(out: _Writer, chunk: Chunk) -> None:
+    times = _pair.pack(chunk.begin, chunk.end)
+    body = (struct.pack("<QI", chunk.size, chunk.checksum), _text("zstd"))
+    place = out.add(_record(_CHUNK, times, *body, struct.pack("<Q", len(chunk.data)), chunk.data))
+    fields = struct.pack("<HI", chunk.channel, len(chunk.entries)), chunk.entries
+    at, length = out.add(_record(_MESSAGE_INDEX, *fields))
+    offsets = struct.pack("<IHQ", 10, chunk.channel, at)
+    sizes = _pair.pack(len(chunk.data), chunk.size)
+    rest = offsets, struct.pack("<Q", length), _text("zstd"), sizes
+    out.summary.append(_record(_CHUNK_INDEX, times, _pair.pack(*place), *rest))
+
+
+def _add_attachment(out: _Writer, file: Attachment, time: int) -> None:
+    names = _text(file.name), _text(file.media_type)
+    times, size = _pair.pack(time, time), struct.pack("<Q", len(file.content))
+    body = b"".join((times, *names, size, file.content))
+    place = out.add(_record(_ATTACHMENT, body, struct.pack("<I", crc32(body))))
+    index = _pair.pack(*place), times, size, *names
+    out.summary.append(_record(_ATTACHMENT_INDEX, *index))
+
+
+def _statistics(
+    topics: Mapping[int, str], chunks: Sequence[Chunk], attachments: int, metadata: int
+) -> bytes:
+    counts = dict.fromkeys(topics, 0)
+    for each in chunks:
+        counts[each.channel] += len(each.entries) // _pair.size
+    begin, end = min(each.begin for each in chunks), max(each.end for each in chunks)
+    numbers = sum(counts.values()), 1, len(topics), attachments, metadata, len(chunks)
+    fields = struct.pack("<QHIIII", *numbers), _pair.pack(begin, end)
+    pairs = b"".join(struct.pack("<HQ", *each) for each in counts.items())
+    return _record(_STATISTICS, *fields, struct.pack("<I", len(pairs)), pairs)
+
+
+def _record(kind: int, *fields: bytes) -> bytes:
+    content = b"".join(fields)
+    return struct.pack("<BQ", kind, len(content)) + content
+
+
+def _text(text: str) -> bytes:
+    raw = text.encode(errors="replace")
+    return struct.pack("<I", len(raw)) + raw
+
+
+def _map(fields: Mapping[str, str]) -> bytes:
+    content = b"".join(_text(key) + _text(value) for key, value in fields.items())
+    return struct.pack("<I", len(content)) + content

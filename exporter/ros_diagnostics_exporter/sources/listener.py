@@ -1,0 +1,126 @@
+"""The source of what robots publish: a `Reception` for each DDS domain, and one for zenoh."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from ros_diagnostics_exporter.config.fleet import Fleet, Zenoh
+from ros_diagnostics_exporter.loops import Loop
+from ros_diagnostics_exporter.model import ZENOH, Domain
+from ros_diagnostics_exporter.sources.dds import DdsDomain, use_log_folder, use_profiles
+from ros_diagnostics_exporter.sources.reception import Receiver, Reception
+from ros_diagnostics_exporter.sources.zenoh import ZenohNetwork
+
+LEAVE_TIME = 5.0  # seconds that domains are waited for when they are left
+
+
+class Listener:
+    """An `ArraySource` that joins the domains and subscribes to what is wanted there."""
+
+    name = "topics"
+
+    def __init__(
+        self,
+        receiver: Receiver,
+        poll_interval: float = 1.0,
+        ros_arguments: tuple[str, ...] = (),
+    ) -> None:
+        """``ros_arguments`` are those from ``--ros-args`` on, as ROS' own tools take them."""
+        self.poll_interval = poll_interval  # seconds between two looks at a domain's graph
+        self.ros_arguments = ros_arguments
+        self._receiver = receiver
+        self._log_folder: TemporaryDirectory[str] | None = None
+        self._domains: dict[Domain, Reception] = {}  # in the order of the config
+        self._joining = threading.Lock()
+        self._counting = threading.Lock()
+        self.decode_seconds = 0.0
+        self.ingest_seconds = 0.0
+
+    def follow(self, fleet: Fleet) -> None:
+        """Be in exactly the domains of this config.
+
+        Each is joined by a thread of its own, which calls ``joined`` or ``failed``: this waits for
+        none of them, and for those that are left at most ``LEAVE_TIME``. One that is still being
+        joined, or left, stays as it is.
+        """
+        self._join({each: fleet.zenoh if each == ZENOH else None for each in fleet.domain_ids})
+
+    def stop(self) -> None:
+        """Leave all domains."""
+        self._join({})
+
+    def _join(self, wanted: Mapping[Domain, Zenoh | None]) -> None:
+        with self._joining:
+            leaving = [
+                domain
+                for each, domain in self._domains.items()
+                if each not in wanted or domain.settings != wanted[each]
+            ]
+            for domain in leaving:
+                domain.loop.ask_to_stop()
+            deadline = time.monotonic() + LEAVE_TIME
+            for domain in leaving:
+                domain.wait(max(0.0, deadline - time.monotonic()))
+            alive = {each: domain for each, domain in self._domains.items() if domain.alive}
+            new = {
+                each: self._new(each, settings)
+                for each, settings in wanted.items()
+                if each not in alive
+            }
+            self._domains = {each: alive.get(each) or new[each] for each in wanted} | alive
+            for domain in new.values():
+                domain.loop.start()
+
+    def _new(self, domain: Domain, zenoh: Zenoh | None) -> Reception:
+        if zenoh is not None:
+            return ZenohNetwork(zenoh, self._receiver, self.count, self.poll_interval)
+        if not isinstance(domain, int):
+            raise TypeError("zenoh has no settings")
+        use_profiles(os.environ, Path())
+        self._log_folder = self._log_folder or use_log_folder(os.environ)
+        return DdsDomain(domain, self.ros_arguments, self._receiver, self.count, self.poll_interval)
+
+    def count(self, decode_seconds: float, ingest_seconds: float) -> None:
+        """Add to the CPU time spent; called by the domains' threads."""
+        with self._counting:
+            self.decode_seconds += decode_seconds
+            self.ingest_seconds += ingest_seconds
+
+    @property
+    def domain_ids(self) -> tuple[Domain, ...]:
+        """The domains that are joined."""
+        return tuple(each for each, domain in self._domains.items() if domain.joined)
+
+    @property
+    def joining(self) -> tuple[Domain, ...]:
+        """The domains that are being joined, which may take long."""
+        return tuple(each for each, domain in self._domains.items() if domain.joining)
+
+    @property
+    def last_looks(self) -> Mapping[Domain, float]:
+        """Joined domain -> Unix time when its graph was last looked at; 0 before that."""
+        return {each: of.last_look for each, of in self._domains.items() if of.joined}
+
+    @property
+    def loops(self) -> list[Loop]:
+        """Those of the domains."""
+        return [domain.loop for domain in self._domains.values()]
+
+    @property
+    def errors(self) -> Mapping[Domain, str]:
+        """Why domains are not joined, by domain."""
+        return {each: domain.error for each, domain in self._domains.items() if domain.error}
+
+    def stalled(self, seconds: float) -> list[Domain]:
+        """The joined domains whose thread has finished no turn for so many seconds."""
+        since = time.monotonic() - seconds
+        return [
+            each
+            for each, domain in self._domains.items()
+            if domain.joined and domain.last_turn < since
+        ]

@@ -1,0 +1,375 @@
+"""What is received in one domain: its thread, its subscribed topics, bytes -> Array.
+
+Nothing that one publisher does may slow what belongs to others. So a domain's thread works in
+turns: a piece of the look at the graph; the bytes of all topics, which is cheap; then decoding, the
+topics that have cost least first, for a bounded time. What a topic sends beyond its share is
+dropped (`topic_queue`).
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Protocol
+
+from ros_diagnostics_exporter.decode.cdr import Decoder, is_cdr
+from ros_diagnostics_exporter.decode.topic_queue import SHARE, SHARED, TopicQueue
+from ros_diagnostics_exporter.loops import Loop, read_clocks
+from ros_diagnostics_exporter.model import Array, Domain, Endpoint, Instant, Topic, place
+from ros_diagnostics_exporter.texts import one_line
+
+log = logging.getLogger(__name__)
+
+# Whole fleets publish at the same moment of the second; a shallow queue loses such bursts
+# (ros/diagnostics#195).
+DEPTH = 1000
+# Seconds between two looks whether messages have arrived. The moment of receipt is known this well;
+# asking 1,000 topics costs a millisecond.
+TAKE_INTERVAL = 0.1
+LOG_INTERVAL = 60.0  # seconds between two lines about the same trouble
+MAX_MESSAGE = 4 << 20  # bytes of one message; a longer one is not decoded
+# Bytes that the middleware may hold of one topic: a topic of large messages gets a shallower queue.
+MAX_HISTORY = 64 << 20
+# Seconds of one turn: for the look at the graph, for taking one topic's bytes, for decoding.
+LOOK_TIME, DRAIN_TIME, DECODE_TIME = 0.05, 0.05, 0.25
+MAX_ERROR = 200  # characters of why a domain could not be joined
+Count = Callable[[float, float], None]  # takes CPU seconds of decoding, and of taking in
+
+
+class Receiver(Protocol):
+    """What is reported to; all methods are called from the domains' threads."""
+
+    def receive(self, topic: Topic, array: Array, now: Instant) -> None:
+        """Take one array."""
+
+    def reject_undecodable(self, topic: Topic, error: str, now: Instant) -> None:
+        """Note that a message could not be decoded."""
+
+    def reject_dropped(self, topic: Topic, count: int) -> None:
+        """Note that so many messages of a topic were dropped undecoded."""
+
+    def update_graph(self, domain: Domain, endpoints: Mapping[str, Endpoint], now: Instant) -> None:
+        """Take all topics of a domain, by name."""
+
+    def note_other_types(
+        self, domain: Domain, types: Mapping[str, tuple[str, ...]], now: Instant
+    ) -> None:
+        """Take the types of all topics of a domain that have no DiagnosticArray, by name."""
+
+    def wanted_topics(self, domain: Domain) -> Mapping[str, bool]:
+        """Name -> whether robots share it, for each topic to be subscribed."""
+
+    def domain_joined(self, domain: Domain) -> None:
+        """Note that a domain was joined."""
+
+    def domain_failed(self, domain: Domain, error: str, now: Instant) -> None:
+        """Note that a domain could not be joined."""
+
+
+@dataclass(slots=True)
+class Content:
+    """What is received on a topic, whichever subscription brings it."""
+
+    queue: TopicQueue
+    decoder: Decoder = field(default_factory=Decoder)
+    received: bool = False  # since the last look at the graph
+
+
+@dataclass(slots=True)
+class Subscription:
+    """A subscribed topic; ``depth`` is how many messages the middleware holds of it.
+
+    ``take`` returns what `Reception.data` makes bytes of, or None where nothing has arrived.
+    ``offer`` is what is known of the publishers and decides how to subscribe.
+    """
+
+    take: Callable[[], Any]
+    close: Callable[[], object]
+    offer: object
+    depth: int
+    content: Content
+
+
+@dataclass(slots=True)
+class _Spent:
+    """CPU seconds of one turn."""
+
+    decode: float = 0.0
+    ingest: float = 0.0
+
+
+class Reception(ABC):
+    """One domain: a thread that joins it, takes what arrives, and leaves it.
+
+    ``settings`` are those of the config by which it is joined.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        receiver: Receiver,
+        count: Count,
+        poll_interval: float,
+        settings: object = None,
+    ) -> None:
+        self.settings = settings
+        self.poll_interval = poll_interval
+        self.receiver = receiver
+        self.topics: dict[str, Subscription] = {}
+        self.error = ""  # why it could not be joined
+        self.last_look = 0.0
+        self.last_turn = 0.0
+        self.look_at = 0.0  # when the graph is looked at again, monotonic
+        self._domain = domain
+        self._count = count
+        self._waiting: dict[str, Content] = {}  # topics with messages to decode
+        self._logged: dict[tuple[str, str], float] = {}
+        self._look: Iterator[None] | None = None
+        self._is_open = False
+        self.loop = Loop(f"domain-{domain}", TAKE_INTERVAL, self._turn, end=self.leave)
+
+    # -- what each middleware does in its own way -----------------------------------------------
+
+    @abstractmethod
+    def join(self) -> None:
+        """Join the domain; whatever is raised is why it could not be."""
+
+    @abstractmethod
+    def leave(self) -> None:
+        """Leave the domain, also where it was not joined."""
+
+    @abstractmethod
+    def look(self) -> Iterator[None]:
+        """Report what the graph shows, and subscribe what is wanted; in small pieces."""
+
+    @abstractmethod
+    def open(
+        self, name: str, offer: Any, depth: int
+    ) -> tuple[Callable[[], Any], Callable[[], object]]:
+        """(take, close) of a new subscription; see `Subscription`."""
+
+    @abstractmethod
+    def data(self, taken: Any) -> bytes:
+        """The bytes of what was taken."""
+
+    def decode(self, data: bytes) -> Array:
+        """A message in another encoding than CDR; ValueError where there is none such."""
+        raise ValueError(f"no message in CDR: it begins with {data[:4].hex() or 'nothing'}")
+
+    def check(self) -> None:
+        """Look whether it is still joined, at each turn; sets ``error``."""
+        return
+
+    # -- joined and left ------------------------------------------------------------------------
+
+    @property
+    def alive(self) -> bool:
+        """Whether the thread runs: it joins, works, or leaves."""
+        return self.loop.alive and not (self.error and self.loop.stopping)
+
+    @property
+    def joined(self) -> bool:
+        """Whether messages are taken."""
+        return self.alive and self._is_open and not (self.error or self.loop.stopping)
+
+    @property
+    def joining(self) -> bool:
+        """Whether the domain is not joined yet."""
+        return self.alive and not (self._is_open or self.error or self.loop.stopping)
+
+    def wait(self, seconds: float) -> None:
+        """Wait until the domain is left, at most so many seconds."""
+        if not self.loop.stop(seconds):
+            log.warning("%s is not left yet: its thread still runs", place(self._domain))
+
+    def give_up(self, error: Exception) -> None:
+        """Note why the domain could not be joined; it may be joined anew."""
+        self.loop.ask_to_stop()
+        log.error("cannot join %s", place(self._domain), exc_info=error)
+        self.fail(str(error) or type(error).__name__)
+
+    def fail(self, why: str) -> None:
+        """Note that the domain is not joined."""
+        self.error = one_line(why).strip()[:MAX_ERROR]
+        self.receiver.domain_failed(self._domain, self.error, read_clocks())
+
+    def _turn(self) -> None:
+        """Join the domain at the first turn; take what has arrived at all others."""
+        if self._is_open:
+            self._take()
+            return
+        if time.monotonic() < self.look_at:
+            return
+        try:
+            self.join()
+        except Exception as error:  # noqa: BLE001 - whatever the middleware raises; others go on
+            self.give_up(error)
+            return
+        self.last_turn = time.monotonic()
+        self._is_open = True
+        if not (self.loop.stopping or self.error):
+            self.receiver.domain_joined(self._domain)
+
+    def _take(self) -> None:
+        """Look at the graph when that is due, and take what has arrived."""
+        self.check()
+        self._run_safely(self._look_on)
+        topics = iter(list(self.topics.items()))
+        while not self._run_safely(partial(self._drain_all, topics)):
+            pass  # the topics after the one that failed
+        self._decode_waiting()
+        self.last_turn = time.monotonic()
+
+    def _run_safely(self, work: Callable[[], None]) -> bool:
+        """Run one piece of work; a bug with one robot's messages must not stop the domain.
+
+        Whether it was done without an error.
+        """
+        try:
+            work()
+        except Exception as error:
+            self.log_seldom("", "error", "%s%s: internal error: %s", error)
+            log.debug("%s", place(self._domain), exc_info=True)
+            return False
+        return True
+
+    def _look_on(self) -> None:
+        """Go on with the look under way, or begin one that is due, for at most ``LOOK_TIME``."""
+        begin = time.monotonic()
+        if self._look is None:
+            if begin < self.look_at:
+                return
+            self.look_at = begin + self.poll_interval
+            self._look = self.look()
+        for _ in self._look:
+            if time.monotonic() - begin >= LOOK_TIME:
+                return
+        self._look = None
+
+    # -- topics ---------------------------------------------------------------------------------
+
+    def want(self, name: str, offer: object, *, shared: bool) -> None:
+        """Subscribe a topic, or have it follow what its publishers offer now."""
+        share = SHARED if shared else SHARE
+        topic = self.topics.get(name)
+        if topic is None:
+            self._subscribe(name, offer, DEPTH, Content(TopicQueue(share)))
+            return
+        topic.content.queue.share = share
+        if topic.offer != offer:
+            self._subscribe(name, offer, topic.depth, topic.content)
+
+    def _subscribe(self, name: str, offer: object, depth: int, content: Content) -> None:
+        """Subscribe anew; what waits in ``content`` stays."""
+        if name in self.topics:
+            self.topics.pop(name).close()
+        take, close = self.open(name, offer, depth)
+        self.topics[name] = Subscription(take, close, offer, depth, content)
+
+    def unsubscribe(self, name: str) -> None:
+        """Take no more of a topic."""
+        self.topics.pop(name).close()
+        self._waiting.pop(name, None)
+        for key in [key for key in self._logged if key[0] == name]:
+            del self._logged[key]
+
+    # -- messages -------------------------------------------------------------------------------
+
+    def _drain_all(self, topics: Iterator[tuple[str, Subscription]]) -> None:
+        """Take the bytes of what has arrived on these topics.
+
+        Most of the time that is nothing: asking costs a microsecond, so nothing else is done here.
+        """
+        for name, topic in topics:
+            first = topic.take()
+            if first is not None:
+                self._drain(name, topic, self.data(first))
+            if self.loop.stopping:
+                return
+
+    def _drain(self, name: str, topic: Subscription, data: bytes) -> None:
+        """Queue the first message and what else has arrived, for at most ``DRAIN_TIME``."""
+        until = time.monotonic() + DRAIN_TIME
+        largest = len(data)
+        topic.content.received = True
+        self._put(name, topic.content, data)
+        while time.monotonic() < until:
+            taken = topic.take()
+            if taken is None:
+                break
+            data = self.data(taken)
+            largest = max(largest, len(data))
+            self._put(name, topic.content, data)
+        dropped = topic.content.queue.dropped()
+        if dropped:
+            self.receiver.reject_dropped(Topic(self._domain, name), dropped)
+            self.log_seldom(
+                name,
+                "rate",
+                "%s, %s: more arrives than is decoded, %d messages were dropped just now, "
+                "the oldest first; counted as rate",
+                dropped,
+            )
+        if largest * topic.depth > MAX_HISTORY:
+            depth = max(1, MAX_HISTORY // largest)
+            self._subscribe(name, topic.offer, depth, topic.content)
+
+    def _put(self, name: str, content: Content, data: bytes) -> None:
+        if len(data) <= MAX_MESSAGE:
+            content.queue.put(data)
+            self._waiting[name] = content
+        else:
+            error = f"{len(data)} bytes, more than {MAX_MESSAGE} are not decoded"
+            self._undecodable(name, error, read_clocks())
+
+    def _decode_waiting(self) -> None:
+        """Decode what waits, the topics that have cost least first, for ``DECODE_TIME``."""
+        begin = time.monotonic()
+        spent = _Spent()
+        due = [each for each in self._waiting.items() if each[1].queue.is_due(begin)]
+        due.sort(key=lambda each: each[1].queue.cost(begin))
+        for name, content in due:
+            while content.queue.is_due(now := time.monotonic()):
+                if self.loop.stopping or now - begin >= DECODE_TIME:
+                    break
+                self._run_safely(partial(self._receive, name, content, spent))
+            if not content.queue:
+                del self._waiting[name]
+        self._count(spent.decode, spent.ingest)
+
+    def _receive(self, name: str, content: Content, spent: _Spent) -> None:
+        now = read_clocks()
+        begin = time.thread_time()
+        array = self._decode(name, content, now)
+        decoded = time.thread_time()
+        try:
+            if array is not None:
+                self.receiver.receive(Topic(self._domain, name), array, now)
+        finally:
+            end = time.thread_time()
+            content.queue.spend(end - begin)
+            spent.decode += decoded - begin
+            spent.ingest += end - decoded
+
+    def _decode(self, name: str, content: Content, now: Instant) -> Array | None:
+        data = content.queue.get()
+        try:
+            return content.decoder.decode(data) if is_cdr(data) else self.decode(data)
+        except ValueError as error:
+            self._undecodable(name, str(error), now)
+            return None
+
+    def _undecodable(self, name: str, error: str, now: Instant) -> None:
+        self.log_seldom(name, "undecodable", "%s, %s: undecodable message dropped: %s", error)
+        self.receiver.reject_undecodable(Topic(self._domain, name), error, now)
+
+    def log_seldom(self, name: str, kind: str, text: str, what: object) -> None:
+        """Log a text with the domain, a topic and ``what``, at most once in ``LOG_INTERVAL``."""
+        now = time.monotonic()
+        if now - self._logged.get((name, kind), -LOG_INTERVAL) >= LOG_INTERVAL:
+            self._logged[name, kind] = now
+            log.warning(text, place(self._domain), name, what)

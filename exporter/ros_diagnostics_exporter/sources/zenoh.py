@@ -1,0 +1,212 @@
+"""What zenoh's routers bring of robots beyond the LAN; the only file that knows zenoh.
+
+A session connects to a router and does so again when that was away; it keeps its subscriptions.
+Messages wait in a ring for each topic, of which the oldest are dropped, and are taken as those of
+DDS are (`reception`). Which robots there are, liveliness tokens tell (`liveliness`).
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from typing_extensions import override
+
+from ros_diagnostics_exporter.config.fleet import Zenoh
+from ros_diagnostics_exporter.loops import read_clocks
+from ros_diagnostics_exporter.model import ZENOH, Endpoint
+from ros_diagnostics_exporter.sources.liveliness import TOKENS, Token, parse
+from ros_diagnostics_exporter.sources.reception import Count, Receiver, Reception
+
+try:
+    import zenoh
+except ImportError as error:  # raised by check_zenoh before anything is started
+    _IMPORT_ERROR: ImportError | None = error
+else:
+    _IMPORT_ERROR = None
+
+log = logging.getLogger(__name__)
+
+RETRY = 2.0  # seconds between two attempts to reach a router
+MAX_TOKENS = 100_000  # that are known at once; a router may be shared with anybody
+
+
+class ZenohMissingError(Exception):
+    """The package eclipse-zenoh is not installed; the text says what to do."""
+
+
+def check_zenoh() -> None:
+    """Raise ZenohMissingError, with the way out, where the package is not installed."""
+    if _IMPORT_ERROR is not None:
+        raise ZenohMissingError(
+            f"fleet.yml has zenoh, and eclipse-zenoh was not found ({_IMPORT_ERROR}): install it "
+            "with this package: pip install 'ros-diagnostics-exporter[zenoh]'"
+        )
+
+
+class ZenohNetwork(Reception):
+    """What the routers of one config connect: one session."""
+
+    settings: Zenoh
+
+    def __init__(
+        self, settings: Zenoh, receiver: Receiver, count: Count, poll_interval: float
+    ) -> None:
+        super().__init__(ZENOH, receiver, count, poll_interval, settings)
+        self._session: Any = None
+        self._watched: list[Any] = []  # subscriptions to tokens
+        self._tokens: dict[str, Token] = {}
+        self._connections: dict[str, str] = {}  # wanted topic -> that of its last publisher
+        self._too_many = False  # tokens, since the last look
+
+    @override
+    def join(self) -> None:
+        check_zenoh()
+        self._session = zenoh.open(_config(self.settings))
+        self.error, self.look_at = "", 0.0
+        for key in TOKENS:
+            tokens = self._session.liveliness()
+            self._watched.append(tokens.declare_subscriber(key, self._note, history=True))
+
+    @override
+    def leave(self) -> None:
+        if self._session is not None:
+            self._session.close()
+
+    @override
+    def give_up(self, error: Exception) -> None:
+        """Try again soon: mostly no router answers."""
+        why = str(error).partition(" at /")[0]  # without where zenoh's source raised it
+        why = self._away if why.startswith("Unable to connect") else why
+        if why != self.error:
+            log.warning("zenoh: %s", why)
+            self.fail(why)
+        self.look_at = time.monotonic() + RETRY
+
+    @override
+    def check(self) -> None:
+        """Follow whether a router is there: the session reconnects by itself."""
+        if not self.is_connected and not self.error:
+            log.warning("zenoh: %s", self._away)
+            self.fail(self._away)
+        elif self.is_connected and self.error:
+            log.info("a zenoh router answers again")
+            self.error = ""
+            self.receiver.domain_joined(ZENOH)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether a router, or with mode peer a bridge, is connected."""
+        info = self._session.info
+        return bool(info.routers_zid() or info.peers_zid())
+
+    @property
+    def _away(self) -> str:
+        return f"no router answers at {', '.join(self.settings.routers)} and accepts this exporter"
+
+    # -- tokens ---------------------------------------------------------------------------------
+
+    def _note(self, sample: zenoh.Sample) -> None:
+        """Take a token that came or went; called by zenoh's threads."""
+        key = str(sample.key_expr)
+        if sample.kind == zenoh.SampleKind.DELETE:
+            self._tokens.pop(key, None)
+        elif len(self._tokens) < MAX_TOKENS:
+            token = parse(key)
+            if token is not None:
+                self._tokens[key] = token
+        else:
+            self._too_many = True
+
+    @override
+    def look(self) -> Iterator[None]:
+        now = read_clocks()
+        if self.error:
+            return  # without a router nothing is known of robots
+        if self._too_many:
+            self._too_many = False
+            text = "%s%s: publishers beyond %d are not noted; a robot, or somebody else, has many"
+            self.log_seldom("", "tokens", text, MAX_TOKENS)
+        wanted = self.receiver.wanted_topics(ZENOH)
+        tokens = list(self._tokens.values())
+        publishers = [each for each in tokens if each.topic]
+        yield
+        self.receiver.update_graph(ZENOH, self._endpoints(tokens, publishers, wanted), now)
+        yield
+        keys = {each.topic: each.key for each in publishers}
+        for name in self.topics.keys() - wanted.keys():
+            self.unsubscribe(name)
+            yield
+        for name, shared in wanted.items():
+            known = self.topics.get(name)
+            key = keys.get(name) or (known.offer if known else name.removeprefix("/"))
+            self.want(name, key, shared=shared)
+            yield
+        self.last_look = now.wall
+
+    def _endpoints(
+        self, tokens: list[Token], publishers: list[Token], wanted: Mapping[str, bool]
+    ) -> dict[str, Endpoint]:
+        """What the tokens show of each topic."""
+        connections = {each.connection for each in tokens}
+        last = {each.topic: each.connection for each in publishers if each.topic in wanted}
+        known = {name: of for name, of in self._connections.items() if name in wanted}
+        self._connections = known | last
+        found = {
+            name: Endpoint(0, is_cut_off=of not in connections)
+            for name, of in self._connections.items()
+        }
+        for each in publishers:
+            count = found[each.topic].publishers if each.topic in found else 0
+            found[each.topic] = Endpoint(count + 1)
+        return found
+
+    # -- messages -------------------------------------------------------------------------------
+
+    @override
+    def open(
+        self, name: str, offer: str, depth: int
+    ) -> tuple[Callable[[], Any], Callable[[], object]]:
+        made = self._session.declare_subscriber(offer, zenoh.handlers.RingChannel(depth))
+        return made.try_recv, made.undeclare
+
+    @override
+    def data(self, taken: zenoh.Sample) -> bytes:
+        return taken.payload.to_bytes()
+
+
+def _config(settings: Zenoh) -> Any:
+    """The session's config.
+
+    Raises:
+        OSError: the password's file cannot be read.
+    """
+    tls = {
+        "root_ca_certificate": settings.ca_file,
+        "connect_certificate": settings.cert_file,
+        "connect_private_key": settings.key_file,
+    }
+    values: dict[str, object] = {
+        "mode": settings.mode,
+        "connect/endpoints": list(settings.routers),
+        "connect/timeout_ms": 0,
+        "connect/exit_on_failure": settings.mode == "client",
+        "connect/retry": {"period_init_ms": 500, "period_max_ms": int(1000 * RETRY)},
+        "listen/endpoints": [],
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        **{f"transport/link/tls/{key}": str(path) for key, path in tls.items() if path is not None},
+    }
+    if settings.cert_file is not None:
+        values["transport/link/tls/enable_mtls"] = True
+    if settings.password_file is not None:
+        password = settings.password_file.read_text("utf-8").rstrip("\r\n")
+        values["transport/auth/usrpwd/user"] = settings.user
+        values["transport/auth/usrpwd/password"] = password
+    config = zenoh.Config()
+    for key, value in values.items():
+        config.insert_json5(key, json.dumps(value))
+    return config

@@ -1,0 +1,245 @@
+"""A capsule has what was received around the begin of its fault, byte for byte, within limits."""
+
+from __future__ import annotations
+
+import json
+import struct
+from contextlib import closing
+
+import pytest
+from rosbags.highlevel import AnyReader
+
+from ros_diagnostics_exporter.capsules import rings as rings_module
+from ros_diagnostics_exporter.capsules.capsules import FIRST, MOST, Capsules, Kept, config_lines
+from ros_diagnostics_exporter.capsules.rings import RING, Rings
+from ros_diagnostics_exporter.decode.cdr import Decoder
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.model import Instant, Topic
+from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
+from ros_diagnostics_tools.main import main
+from virtual_robots.model import Status
+from virtual_robots.recording.cdr import encode_array
+
+WALL = 1_790_000_000.0
+FAULT = "0123456789ab"
+TOPICS = Topic(0, "/r/diagnostics_agg"), Topic(0, "/r/diagnostics")
+BEGAN = Event(
+    WALL + 100, "fault_began", "r", "/Arm", "motor", scope="component", state="critical",
+    severity="critical", message="motor: hot\nTemperature: 91", since=WALL + 90,
+)  # fmt: skip
+
+
+def at(second):
+    return Instant(float(second), WALL + second)
+
+
+def message(second, size=200):
+    return encode_array([Status(0, "motor", f"{second}" * (size // 5), "m", ())], WALL + second)
+
+
+@pytest.fixture
+def config(tmp_path):
+    path = tmp_path / "fleet.yml"
+    path.write_text("fleet: f\nrobots: [{name: r, site: a}, {name: s, site: b}]\n")
+    return path
+
+
+@pytest.fixture
+def capsules(tmp_path, config):
+    return Capsules(tmp_path / "kept", config, lambda _robot: TOPICS)
+
+
+def receive(rings, topic, seconds, size=200):
+    """Receive a message each second; returns them."""
+    decoder, sent = Decoder(), []
+    for second in seconds:
+        data = message(second, size)
+        sent.append((round((WALL + second) * 1e9), topic.name, data))
+        rings.receive(topic, decoder.decode(data), at(second))
+        rings.compress()
+    return sent
+
+
+def capsule(capsules, second=110):
+    """The capsule of a fault that began at 100, written when all of it was received."""
+    capsules.note(FAULT, BEGAN, at(100))
+    capsules.turn(at(second))
+    return capsules.read(FAULT, at(second))
+
+
+def records(content, kind):
+    """The contents of the records of one kind outside of chunks."""
+    place = 8
+    while place < len(content) - 8:
+        op, size = struct.unpack_from("<BQ", content, place)
+        if op == kind:
+            yield content[place + 9 : place + 9 + size]
+        place += 9 + size
+
+
+@pytest.mark.parametrize("size", [200, 4_000])
+def test_its_messages_are_those_received_byte_for_byte(tmp_path, capsules, size):
+    sent = [
+        *receive(capsules.rings, TOPICS[0], range(111), size),
+        *receive(capsules.rings, TOPICS[1], range(111), size),
+    ]
+    path = tmp_path / "a.mcap"
+    path.write_bytes(capsule(capsules))
+
+    with AnyReader([path]) as reader:
+        found = [(time, each.topic, bytes(data)) for each, time, data in reader.messages()]
+        decoded = reader.deserialize(found[0][2], "diagnostic_msgs/msg/DiagnosticArray")
+    assert decoded.status[0].name == "motor"
+    for topic in TOPICS:
+        ours = [each for each in found if each[1] == topic.name]
+        theirs = [each for each in sent if each[1] == topic.name]
+        assert ours == theirs[-len(ours) :]
+        assert ours[0][0] <= (WALL + 40) * 1e9
+    with closing(Recordings([RecordingSource(path)])) as recordings:
+        assert len(list(recordings.messages())) == recordings.count == len(found)
+        assert recordings.warnings == []
+
+
+def test_it_names_its_robot_the_fault_and_what_judged_it(capsules):
+    receive(capsules.rings, TOPICS[0], range(111))
+    content = capsule(capsules)
+
+    (metadata,) = records(content, 0x0C)
+    assert metadata.endswith(b"\x0a\0\0\0deviceName\x01\0\0\0r")
+    fault, fleet = records(content, 0x09)
+    described = json.loads(fault[fault.index(b"{") : -4])
+    assert described["fault"] == FAULT
+    assert described["evidence"] == ["motor: hot", "Temperature: 91"]
+    assert b"site: a" in fleet
+    assert b"site: b" not in fleet
+
+
+def test_a_silent_robots_has_its_last_messages(capsules):
+    receive(capsules.rings, TOPICS[0], range(10))
+    content = capsule(capsules, second=5_000)
+
+    (statistics,) = records(content, 0x0B)
+    assert struct.unpack_from("<Q", statistics) == (10,)
+
+
+def test_a_robot_that_was_never_received_has_none(capsules):
+    with pytest.raises(LookupError, match="no capsule of fault"):
+        capsule(capsules)
+    for name in ("../../etc", "*", FAULT.upper()):
+        with pytest.raises(LookupError):
+            capsules.read(name, at(0))
+
+
+def test_one_that_is_not_complete_says_when_it_is(capsules):
+    receive(capsules.rings, TOPICS[0], range(100))
+    capsules.note(FAULT, BEGAN, at(100))
+    capsules.turn(at(103))
+
+    with pytest.raises(LookupError, match="is complete in 7 s"):
+        capsules.read(FAULT, at(103))
+
+
+def test_a_storm_keeps_the_first_and_worst(capsules, tmp_path):
+    receive(capsules.rings, TOPICS[0], range(100))
+    for number in range(1_000):
+        severity = "critical" if number >= 500 else "warning"
+        event = Event(WALL + 100, "fault_began", "r", severity=severity)
+        capsules.note(f"{number:012x}", event, at(100))
+    capsules.turn(at(110))
+
+    kept = sorted(int(path.name[:12], 16) for path in (tmp_path / "kept").iterdir())
+    assert kept == [*range(FIRST), *range(500, 500 + MOST - FIRST)]
+    assert capsules.skipped == 1_000 - MOST
+    capsules.note(FAULT, BEGAN, at(100 + 601))
+    assert capsules.skipped == 1_000 - MOST
+
+
+@pytest.mark.parametrize(
+    ("limits", "left"),
+    [(Kept(number=3), 3), (Kept(size=20_000), None), (Kept(age=-1e10), 0)],
+)
+def test_files_are_kept_by_number_size_and_age(tmp_path, config, limits, left):
+    capsules = Capsules(tmp_path / "kept", config, lambda _robot: TOPICS, limits)
+    receive(capsules.rings, TOPICS[0], range(100))
+    for number in range(10):
+        capsules.note(f"{number:012x}", BEGAN, at(100))
+    capsules.turn(at(110))
+
+    found = list((tmp_path / "kept").iterdir())
+    if left is None:
+        assert 0 < sum(path.stat().st_size for path in found) <= limits.size
+    else:
+        assert len(found) == left
+
+
+def test_a_topic_has_no_more_memory_than_its_ring(capsules):
+    rings = Rings()
+    decoder = Decoder()
+    for second in range(1_000):
+        random = "".join(f"{(second * 7919 + n) ** 5 % 1_000_003:x}" for n in range(800))
+        data = encode_array([Status(0, "motor", random, "m", ())], WALL + second)
+        rings.receive(TOPICS[0], decoder.decode(data), at(second))
+        rings.compress()
+        assert rings.size <= RING + 2 * rings_module.CHUNK
+
+
+def test_what_nobody_compresses_is_dropped_and_counted(monkeypatch):
+    monkeypatch.setattr(rings_module, "WAITING", 1_000)
+    rings, decoder = Rings(), Decoder()
+    for second in range(20):
+        rings.receive(TOPICS[0], decoder.decode(message(second)), at(second))
+    assert rings.dropped
+    assert rings.size <= 1_000
+
+
+def test_a_config_that_cannot_be_read_is_said(tmp_path):
+    assert "cannot be read" in config_lines(tmp_path / "none.yml", "r")
+    (tmp_path / "bad.yml").write_text("a: [")
+    assert "cannot be read" in config_lines(tmp_path / "bad.yml", "r")
+
+
+FLEET = "fleet: f\nrobots: [{name: r, topic: /r/diagnostics, source: raw}]\n"
+
+
+@pytest.fixture
+def recorded(tmp_path, config, capsules, capsys):
+    """A function (arguments): (exit code, result, standard error) of judging a capsule."""
+    config.write_text(FLEET)
+    decoder = Decoder()
+    for second in range(111):
+        level = 2 if second >= 90 else 0
+        data = encode_array([Status(level, "motor", "m", "m", ())], WALL + second)
+        capsules.rings.receive(TOPICS[1], decoder.decode(data), at(second))
+    path = tmp_path / "capsule.mcap"
+    path.write_bytes(capsule(capsules))
+
+    def judge(*arguments):
+        code = main(["backtest", "--output", "json", *arguments, str(path)])
+        captured = capsys.readouterr()
+        return code, json.loads(captured.out), captured.err
+
+    return judge
+
+
+def test_it_replays_by_what_is_attached(recorded):
+    code, found, err = recorded()
+
+    assert (code, err) == (0, "")
+    (fault,) = found["notifications"]
+    assert (fault["since"] - WALL, fault["notified"] - WALL) == (90, 100)
+    assert fault["component"] == "motor"
+
+
+def test_another_config_is_judged_and_says_when_it_is_too_short(recorded, tmp_path):
+    other = tmp_path / "other.yml"
+    other.write_text(FLEET + "profiles: {default: {confirm_after: 15s}}\n")
+    code, found, err = recorded("--config", str(other))
+    assert (code, err) == (0, "")
+    assert [each["notified"] - WALL for each in found["notifications"]] == [105]
+
+    other.write_text(FLEET + "profiles: {default: {confirm_after: 2m}}\n")
+    code, found, err = recorded("--config", str(other))
+    assert (code, found["notifications"]) == (0, [])
+    assert "too short to know: the capsule shows 20s of the trouble" in err
+    assert "confirmed after 2m" in err
+    assert found["warnings"] == [err.strip().removeprefix("ros-diagnostics: ")]
