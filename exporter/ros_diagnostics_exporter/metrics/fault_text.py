@@ -15,7 +15,10 @@ from ros_diagnostics_exporter.notifications import Key
 from ros_diagnostics_exporter.texts import encodable, escape
 
 # A robot's own labels by these names are left out: they would be read as the fault's identity.
-_RESERVED = {label for family in metrics.FAULT_FAMILIES for label in family.labels} - {"site"}
+_RESERVED = {label for family in metrics.FAULT_FAMILIES for label in family.labels} - {
+    "site",
+    "team",
+}
 
 
 class _Lines(NamedTuple):

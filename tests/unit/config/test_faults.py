@@ -3,8 +3,10 @@
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.fleet import (
     CauseSettings,
+    Falling,
     FaultSettings,
     Flapping,
+    Intermittent,
     WarningHours,
 )
 
@@ -25,6 +27,8 @@ def test_every_key_of_the_section_is_applied(fleet_of):
         + "  pending_after: 1h\n"
         + "  confirm_after: 20s\n"
         + "  flapping: {start: 0.5, stop: 0.3}\n"
+        + "  intermittent: {changes: 6, within: 20m}\n"
+        + "  falling: {ahead: 1h, over: 5m}\n"
         + "  value_hysteresis: 0.05\n"
         + "  many: {components: 3, share: 0.4, absolute: 9}\n"
         + "  site: {robots: 24, share: 0.6}\n"
@@ -36,17 +40,21 @@ def test_every_key_of_the_section_is_applied(fleet_of):
         restart_grace=60.0,
         pending_after=3600.0,
         flapping=Flapping(0.5, 0.3),
+        intermittent=Intermittent(6, 1200.0),
+        falling=Falling(over=300.0, ahead=3600.0),
         value_hysteresis=0.05,
         many=CauseSettings(3, 0.4, absolute=9),
         site=CauseSettings(24, 0.6, absolute=24),
         common=CauseSettings(6, 0.2, absolute=30),
         warning_hours=WarningHours(tuple((day, 360, 1080) for day in range(5)), "Europe/Berlin"),
     )
-    described = describe(fleet).partition("faults (8):\n")[2].splitlines()
+    described = describe(fleet).partition("faults (10):\n")[2].splitlines()
     assert described == [
         "  no fault for want of data within 1m after a start",
         "  declared robots that were never received after 1h",
         "  flapping from 0.5 until below 0.3",
+        "  intermittent from 6 changes in 20m",
+        "  values too low within 1h, by the last 5m",
         "  values come back by 0.05 of their threshold",
         "  many components of a robot: 3 and 0.4 of all, or 9",
         "  silent robots of a site: 24 and 0.6 of all, or 24, confirmed after 20s",

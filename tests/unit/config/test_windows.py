@@ -6,7 +6,7 @@ from zoneinfo import ZoneInfo
 import pytest
 
 from ros_diagnostics_exporter.model import Downtime
-from ros_diagnostics_exporter.robots.maintenance import in_maintenance, maintenance_until
+from ros_diagnostics_exporter.robots.maintenance import lasting, maintenance_until
 
 BERLIN = ZoneInfo("Europe/Berlin")
 
@@ -25,7 +25,7 @@ def during(fleet_of):
             maintenance:
               - {{name: x, comment: y, selector: {{robot: "*"}}, {times}}}
         """)
-        return in_maintenance(fleet, {"robot": "r", "fleet": "demo", **labels}, at)
+        return bool(lasting(fleet, {"robot": "r", "fleet": "demo", **labels}, at))
 
     return active
 
@@ -123,11 +123,11 @@ def test_selector_picks_robots_by_all_of_its_labels(fleet_of, selector, selected
           - {{name: x, comment: y, start: 2026-01-01, selector: {selector}}}
     """)
     labels = {"robot": "amr_1", "fleet": "demo", "site": "hall", "floor": "3"}
-    assert in_maintenance(fleet, labels, unix("2026-03-01T00:00")) is selected
+    assert bool(lasting(fleet, labels, unix("2026-03-01T00:00"))) is selected
 
 
 def test_without_downtimes_nothing_is_in_maintenance(fleet_of):
-    assert not in_maintenance(fleet_of("fleet: demo"), {"robot": "r"}, 0.0)
+    assert not lasting(fleet_of("fleet: demo"), {"robot": "r"}, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -153,7 +153,7 @@ def test_the_end_of_a_downtime(fleet_of, times, at, end):
     """)
     labels = {"robot": "r", "fleet": "demo"}
     assert maintenance_until(fleet, labels, unix(at)) == unix(end)
-    assert not in_maintenance(fleet, labels, unix(end))
+    assert not lasting(fleet, labels, unix(end))
 
 
 def test_downtimes_that_follow_one_another_end_with_the_last(fleet_of):
@@ -174,7 +174,7 @@ def test_a_downtime_that_a_person_planned_for_a_component_is_none_of_the_robot(f
     robot = Downtime("r", "", 0.0, 60.0, "ann", "new gears")
     motor = robot._replace(component="Motor", end=90.0)
 
-    assert not in_maintenance(fleet, labels, 30.0, (motor,))
+    assert not lasting(fleet, labels, 30.0, (motor,))
     assert maintenance_until(fleet, labels, 30.0, (motor,)) == 30.0
     assert maintenance_until(fleet, labels, 30.0, (robot, motor)) == 60.0
 

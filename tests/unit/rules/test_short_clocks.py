@@ -47,7 +47,7 @@ def test_every_scrape_and_evaluation_follows_the_interval(prometheus: Path):
 
 
 def test_a_number_that_is_not_there_is_an_error(prometheus: Path):
-    with pytest.raises(LookupError, match="have the number 1800"):
+    with pytest.raises(LookupError, match="have the number 300"):
         short_clocks.scale(prometheus / "rules")
 
 

@@ -67,6 +67,7 @@ def server():
             "faults": [
                 {
                     **{key: broken()[key] for key in broken() if key not in OF_PROBLEMS},
+                    "fault": "0123456789ab",
                     "labels": {"site": "hall"},
                 }
             ],

@@ -177,7 +177,7 @@ def _uplink(site: Site, robot: Robot, robots: list[Robot]) -> str:
     names = {each.name for each in robots}
     uplink = ""
     for parent in robot.host.list("parents"):
-        if not uplink and parent not in names and site.find("host", parent):
+        if not uplink and parent not in names and _can_be_uplink(site, parent):
             uplink = parent
             robot.host.take("parents", f"fleet.yml: robots[{robot.name}].labels.uplink")
         else:
@@ -188,10 +188,19 @@ def _uplink(site: Site, robot: Robot, robots: list[Robot]) -> str:
     return uplink
 
 
+def _can_be_uplink(site: Site, name: str) -> bool:
+    """Whether it is a host, whose name can be that of an entry and, without another, its address."""
+    try:
+        address(name)
+    except WrongValueError:
+        return False
+    return is_name(name) and site.find("host", name) is not None
+
+
 def _uplinks(site: Site, robots: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Entries of what robots are reached through, and of what that is reached through."""
     names = {each["name"] for each in robots}
-    wanted = [each.get("labels", {}).get("uplink", "") for each in robots]
+    wanted = [each["labels"]["uplink"] for each in robots if "uplink" in each.get("labels", {})]
     found = []
     while wanted:
         name = wanted.pop(0)
@@ -204,7 +213,7 @@ def _uplinks(site: Site, robots: list[dict[str, Any]]) -> list[dict[str, Any]]:
         entry: dict[str, Any] = {"name": name, "source": "queries", "address": name}
         entry |= _address(host, where)
         for parent in host.list("parents"):
-            if "labels" not in entry and site.find("host", parent):
+            if "labels" not in entry and _can_be_uplink(site, parent):
                 host.take("parents", f"{where}.labels.uplink")
                 entry["labels"] = {"uplink": parent}
                 wanted.append(parent)
