@@ -189,7 +189,7 @@ def _uplink(site: Site, robot: Robot, robots: list[Robot]) -> str:
 
 
 def _can_be_uplink(site: Site, name: str) -> bool:
-    """Whether it is a host, whose name can be that of an entry and, without another, its address."""
+    """Whether it is a host whose name can be an entry's, and its address where it has no other."""
     try:
         address(name)
     except WrongValueError:
