@@ -120,8 +120,9 @@ def decay(book: Book, component: Component, now: Instant) -> None:
     if flaps is None or not component.robot.up:
         return
     flaps.decay(now.mono, component.robot.settings.flap_interval)
-    oldest = now.mono - book.settings.intermittent.within
-    flaps.changed = tuple(mono for mono in flaps.changed if mono > oldest)
+    within = book.settings.intermittent.within
+    # Computed as the timer is: else rounding keeps what is due, and the timer is due for ever.
+    flaps.changed = tuple(mono for mono in flaps.changed if mono + within > now.mono)
     _judge_intermittent(book, component, now)
     _judge_flapping(book, component, flaps, now)
     book.write(component)
