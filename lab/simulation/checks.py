@@ -19,6 +19,7 @@ from simulation.world import (
     LATE,
     LEVEL_OF,
     LOW,
+    OVER,
     STALE_AFTER,
     Delivered,
     Part,
@@ -140,6 +141,8 @@ class Judge:
         """What is wrong with the begin of a fault, by what was delivered of its component."""
         at, since = self._at(event), part.trouble_since
         if event.scope == "value":
+            if event.state == "falling":
+                return self._wrong_fall(event, part)
             beyond = part.charge < LOW[event.state] * (1 + HYSTERESIS)  # once it was below
             return "" if beyond else "a fault of a value within its threshold began"
         if event.state == "stale":
@@ -149,6 +152,19 @@ class Judge:
             return "a fault of another level than was delivered began"
         if since is None or at - since < self.world.shortest_confirm - 1:
             return "a fault began before its confirm_after"
+        return ""
+
+    def _wrong_fall(self, event: Event, part: Part) -> str:
+        """What is wrong with the forecast that a value will be too low."""
+        same = (event.robot, event.component)
+        if any(each.scope == "value" and each.state in LOW and (each.robot, each.component) == same
+               for each in self._faults.values()):  # fmt: skip
+            return "a value falls that is known to be too low"
+        if part.charge < LOW["critical"]:
+            return "a value falls that is too low already"
+        lately = _charges_since(part, self._at(event) - OVER - TICK)
+        if max(lately, default=part.charge) <= part.charge:
+            return "a value falls that did not fall lately"
         return ""
 
     def _at(self, event: Event) -> float:
@@ -200,7 +216,17 @@ class Judge:
         if known.last is None or now - known.last > STALE_AFTER + TICK or part is None:
             self._fail("a fault recovered by absence", event)
             return
-        self._any(_wrong_recovery, event, part)
+        self._any(self._wrong_recovery, event, part)
+
+    def _wrong_recovery(self, event: Event, part: Part) -> str:
+        if event.state == "falling":
+            return _wrong_end_of_fall(part, self._at(event))
+        if event.scope == "value":
+            well = not part.stale and part.charge >= LOW[event.state] * (1 + HYSTERESIS)
+            return "" if well else "a value recovered within its hysteresis"
+        better = (OK,) if event.state == "warning" else (OK, WARN)
+        well = not part.stale and part.level in better
+        return "" if well else "a fault recovered without a fresh lower level"
 
     def _known(self, event: Event) -> tuple[Delivered, Part | None]:
         known = self.world.delivered[event.robot]
@@ -331,7 +357,10 @@ class Judge:
     def _check_value(self, known: Delivered, part: Part, found: set[str]) -> None:
         if part.stale or part.charge < LOW["warning"] * (1 + HYSTERESIS):
             return
-        if any(each.startswith("value") for each in found):
+        wrong = {each for each in found if each.startswith("value")}
+        if self.world.now.mono - part.touched < OVER + LATE:
+            wrong.discard("value falling")
+        if wrong:
             self._fail("a value that is well has a fault", (known.name, part.charge, found))
 
     def _check_silence(self, known: Delivered, now: float) -> None:
@@ -346,13 +375,20 @@ class Judge:
             self._fail("a robot that is received has a fault of silence", known.name)
 
 
-def _wrong_recovery(event: Event, part: Part) -> str:
-    if event.scope == "value":
-        well = not part.stale and part.charge >= LOW[event.state] * (1 + HYSTERESIS)
-        return "" if well else "a value recovered within its hysteresis"
-    better = (OK,) if event.state == "warning" else (OK, WARN)
-    well = not part.stale and part.level in better
-    return "" if well else "a fault recovered without a fresh lower level"
+def _wrong_end_of_fall(part: Part, at: float) -> str:
+    if part.stale or part.charge < LOW["critical"]:
+        return "a value recovered from falling that is not known, or too low"
+    lately = _charges_since(part, at - OVER + 2 * TICK)
+    # A single step: the line through it goes on to below the threshold.
+    if len(lately) == 2 and part.charge - max(0.0, lately[0] - part.charge) < LOW["critical"]:
+        return "a value recovered that still falls"
+    return ""
+
+
+def _charges_since(part: Part, at: float) -> list[float]:
+    """What was delivered of the charge from then on, and the last before."""
+    before = [charge for time, charge in part.charges if time < at]
+    return [*before[-1:], *(charge for time, charge in part.charges if time >= at)]
 
 
 def _same(event: Event, key: tuple[Any, ...]) -> bool:

@@ -58,6 +58,7 @@ SETTINGS = Settings(
     pending_after=PENDING_AFTER,
     site=CauseSettings(2, 0.5),  # a fleet of ten robots has sites of two
 )
+OVER = SETTINGS.falling.over  # seconds in which a value is seen to fall
 _THRESHOLDS = tuple(Threshold("low", severity, number) for severity, number in LOW.items())
 _PROFILE = Profile(
     stale_after=STALE_AFTER,
@@ -78,6 +79,7 @@ class Part:
     trouble_since: float | None = None
     changes: list[float] = field(default_factory=list)
     charge: float = 80.0
+    charges: list[tuple[float, float]] = field(default_factory=list)  # when it became another
     touched: float = -1.0  # when it was last delivered, or missing
     before: list[Part] = field(default_factory=list)  # what was known before, in that tick
 
@@ -396,6 +398,8 @@ def _note(part: Part, status: Status, now: float) -> None:
     part.stale = status.level == STALE
     if not part.stale:
         part.level = status.level
+    if charge != part.charge or not part.charges:
+        part.charges = [*part.charges[-30:], (now, charge)]
     part.charge, part.received = charge, now
 
 
