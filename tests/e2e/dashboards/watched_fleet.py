@@ -29,6 +29,9 @@ READY = {
     "firing alerts": (
         'count(ALERTS{alertname="RosDiagnosticsValueWarning", alertstate="firing"}) == 2'
     ),
+    "an alert about a level that is none": (
+        'ALERTS{alertname="RosDiagnosticsLimitHit", alertstate="firing", robot="broken"}'
+    ),
     "the state of a robot with a short check": (
         'robot:ros_diagnostics_state:max1m{robot="short"} == 3'
     ),
@@ -41,6 +44,9 @@ READY = {
     "notifications of every fault": (
         "count(count without (receiver)"
         " (ros_diagnostics_fault_notified_timestamp_seconds > 0)) == 12"
+    ),
+    "a notification of the uplink": (
+        'ros_diagnostics_fault_notified_timestamp_seconds{component="uplink"} > 0'
     ),
     "a notification that failed": (
         'increase(alertmanager_notifications_failed_total{integration="email"}[1m]) > 0'

@@ -82,6 +82,7 @@ def test_the_record_equals_the_mailbox_with_an_escalation_silenced_and_alertmana
     until(lambda: stack.exporter.answers("/-/ready"), "the exporter is ready", 60)
     repair(stack, "robot_2", "Motor 2")
     repair(stack, "robot_1", "Motor 1")
+    until(lambda: "ESCALATION 1 ENDED ** demo/robot_1" in subjects(stack), "its end", 60)
     wait_for_scrapes(3)
 
     mails = mails_of(stack)
@@ -116,7 +117,7 @@ def first_of_each(steps: tuple[str, ...], texts: list[str]) -> list[str]:
 def _line_of_mail(mail: Any) -> tuple[str, str]:
     robot = next(name for name in ("robot_1", "robot_2") if name in mail.subject)
     if "ESCALATION" in mail.subject:
-        return robot, "escalation-1 firing"
+        return robot, f"escalation-1 {'resolved' if 'ENDED' in mail.subject else 'firing'}"
     return robot, f"email {'resolved' if 'RECOVERY' in mail.subject else 'firing'}"
 
 
