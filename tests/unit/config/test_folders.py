@@ -2,7 +2,7 @@
 
 from ros_diagnostics_exporter.config import yaml_file
 from ros_diagnostics_exporter.config.load import load, sources
-from ros_diagnostics_exporter.robots.maintenance import in_maintenance
+from ros_diagnostics_exporter.robots.maintenance import lasting
 
 A = "fleet: demo\nrobots: [{name: a, domain_id: 1}]\n"
 
@@ -79,8 +79,8 @@ def test_downtimes_of_the_folder_are_active(fleet_of):
             """
         },
     )
-    assert in_maintenance(fleet, {"robot": "a"}, 1_800_000_000)
-    assert not in_maintenance(fleet, {"robot": "b"}, 1_800_000_000)
+    assert lasting(fleet, {"robot": "a"}, 1_800_000_000)
+    assert not lasting(fleet, {"robot": "b"}, 1_800_000_000)
 
 
 def test_errors_name_the_file_of_the_folder(errors_of):
