@@ -64,7 +64,9 @@ class Site:
             " ".join(filter(None, (_name(each), labels.get("robot"), labels.get("component"))))
             for each in alerts
             for labels in [each["labels"]]
-            if each["state"] == "firing" and labels.get("fleet") == "hall"
+            if each["state"] == "firing"
+            and labels.get("fleet") == "hall"
+            and labels["alertname"] != "RosDiagnosticsExporterWithoutAlertmanager"  # it has none
         }
 
     def becomes(self, *alerts: str, keeps: str = "") -> None:

@@ -120,6 +120,7 @@ def _change(at: float, level: str, description: str, messages: Messages) -> Even
 
 
 WORSE = "demo/robot_1 Motor 1"
+NO_LONGER = "is no longer CRITICAL, or in maintenance now"
 DAY = (
     _change(0, "warn", "A motor warns.", _problem(WORSE, "WARNING", CONFIRM)),
     _change(
@@ -171,6 +172,8 @@ DAY = (
                 CONFIRM + ESCALATE,
                 "SMS",
             ),
+            Expected(f"** ESCALATION 1 ENDED ** demo/robot_6 Motor 1 {NO_LONGER}", 145),
+            Expected(f"ESCALATION 1 ENDED demo: Motor 1 of robot_6 {NO_LONGER}.", 145, "SMS"),
         ),
     ),
     Event(
@@ -180,8 +183,9 @@ DAY = (
         act="maintain",
         lasts=40,
         messages=(
-            Expected("** MAINTENANCE ** demo/robot_1 began", 105),
-            Expected("** MAINTENANCE ** demo/robot_1 ended", 144),  # fleet.yml has whole seconds
+            Expected("** MAINTENANCE ** demo downtime inspection began", 105),
+            # fleet.yml has whole seconds.
+            Expected("** MAINTENANCE ** demo downtime inspection ended", 144),
         ),
     ),
     Event(

@@ -7,16 +7,20 @@ from typing import Any, NamedTuple
 
 SITE = "site hall"
 _MAIL = re.compile(
-    r"\*\* (?P<kind>PROBLEM|RECOVERY|ESCALATION|FLAPPING) (?:\d )?\*\* "
+    r"\*\* (?P<kind>PROBLEM|RECOVERY|ESCALATION|FLAPPING) (?:\d )?(?P<ended>ENDED )?\*\* "
     r"demo[/ ](?P<what>.*?) (?:is|started|stopped) (?P<rest>.*)"
 )
 _SMS = re.compile(
-    r"(?P<kind>PROBLEM|RECOVERY|ESCALATION) (?:\d )?demo: (?P<what>.*?) (?:is|are) (?P<rest>.*)\."
+    r"(?P<kind>PROBLEM|RECOVERY|ESCALATION) (?:\d )?(?P<ended>ENDED )?"
+    r"demo: (?P<what>.*?) (?:is|are) (?P<rest>.*)\."
 )
 
 
 class Line(NamedTuple):
-    """One notification: by mail or SMS; a fault that lasts, escalates or is over; of what."""
+    """One notification: by mail or SMS; a fault that lasts, escalates or is over; of what.
+
+    The end of an escalation is a RECOVERY too, as its event is.
+    """
 
     by: str
     kind: str
@@ -31,12 +35,14 @@ def of_message(by: str, text: str) -> Line | None:
         assert "MAINTENANCE" in text, text
         return None
     kind, what, rest = found["kind"], found["what"], found["rest"]
-    if kind == "FLAPPING":
+    if found["ended"]:
+        kind = "RECOVERY"
+    elif kind == "FLAPPING":
         kind = "PROBLEM" if "started" in text else "RECOVERY"
     if " of " in what:
         component, _of, robot = what.partition(" of ")
         what = f"{robot} {component}" if component.startswith("Motor") else SITE
-    state = rest.removeprefix("no longer ").removesuffix(" and not acknowledged")
+    state = re.sub("^no longer | and not acknowledged$|, or in maintenance now$", "", rest)
     return Line(by, kind, what, state.upper())
 
 

@@ -144,11 +144,11 @@ def declare(folder: Path, domain_id: int) -> Path:
 
 
 def plan_maintenance(folder: Path, robot: str) -> Path:
-    """Plan a downtime of the robot that lasts until its file is removed."""
+    """Plan a downtime of the robot, and of its name, that lasts until its file is removed."""
     path = folder / "maintenance.d" / f"{robot}.yml"
     path.parent.mkdir(exist_ok=True)
     downtime = {
-        "name": "new motor",
+        "name": robot,
         "comment": "planned maintenance",
         "selector": {"robot": robot},
         "weekly": ["daily 00:00-24:00"],

@@ -19,7 +19,9 @@ PREFIX = "RosDiagnostics"
 
 def name_of(labels: dict[str, str]) -> str:
     """What a scenario calls an alert: its name, the robot (uplink, site, fleet), and of what."""
-    if "robot" in labels:
+    if "downtime" in labels:
+        words = ["downtime"]
+    elif "robot" in labels:
         words = ["robot", "component", "check", "reason", "key"]
     elif {"component", "uplink", "site"} & labels.keys():
         words = ["uplink", "site", "component"]
@@ -30,10 +32,13 @@ def name_of(labels: dict[str, str]) -> str:
 
 
 def owns(scenario: Scenario, labels: dict[str, str]) -> bool:
-    """Whether an alert belongs to the scenario: by its robot, else by its uplink or fleet."""
+    """Whether an alert belongs to the scenario: by its robot, else by its downtime or fleet.
+
+    A downtime is named after its robot.
+    """
     if "robot" in labels:
         return labels["robot"] in scenario.robots
-    return labels.get("uplink") in scenario.robots or labels.get("fleet") in scenario.robots
+    return bool({labels.get(each) for each in ("uplink", "downtime", "fleet")} & {*scenario.robots})
 
 
 def changes(result: dict[str, Any], scenario: Scenario) -> list[Change]:
