@@ -99,7 +99,8 @@ class LargerCauses:
     def _site(self, site: str) -> Iterator[Wrong]:
         robots = [each for each in self._world.declared() if site_of(each.name) == site]
         lasts = ("site", site) in self._standing
-        if lasts and robots and all(map(self._is_up, robots)):
+        is_over = bool(robots) and all(map(self._is_up, robots))
+        if lasts and is_over and not self._world.holds_adopted:
             yield "a site is silent whose robots are received", site
         least = STALE_AFTER + SETTINGS.confirm_after + LATE
         silent = [

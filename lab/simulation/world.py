@@ -313,6 +313,11 @@ class World:
         """Whether the exporter has received the robot, or its database says so."""
         return known.last is not None and known.last >= self._lost_at
 
+    @property
+    def holds_adopted(self) -> bool:
+        """Whether what was adopted may last unseen: of a start without the database, in grace."""
+        return self.started == self._lost_at and self.now.mono <= self.started + GRACE
+
     def is_declared(self, robot: str) -> bool:
         """Whether fleet.yml has the robot now."""
         return robot not in self._undeclared
