@@ -86,7 +86,7 @@ class LargerCauses:
         if explained or self._recently("site", site_of(name)):
             return
         least = STALE_AFTER + world.confirm_after + SETTINGS.confirm_after + LATE
-        if known.last is None:
+        if known.last is None or not world.is_known(known):
             if self._for(known.quiet) > PENDING_AFTER + LATE and not (
                 {("pending", name), ("silent", name)} & self._standing
             ):
@@ -99,13 +99,16 @@ class LargerCauses:
     def _site(self, site: str) -> Iterator[Wrong]:
         robots = [each for each in self._world.declared() if site_of(each.name) == site]
         lasts = ("site", site) in self._standing
-        if lasts and robots and all(map(self._is_up, robots)):
+        is_over = bool(robots) and all(map(self._is_up, robots))
+        if lasts and is_over and not self._world.holds_adopted:
             yield "a site is silent whose robots are received", site
         least = STALE_AFTER + SETTINGS.confirm_after + LATE
         silent = [
             each
             for each in robots
-            if each.last is not None and self._for(max(each.last, each.quiet)) > least
+            if each.last is not None
+            and self._world.is_known(each)
+            and self._for(max(each.last, each.quiet)) > least
         ]
         if self._for(self._world.resized.get(site, 0.0)) <= SETTINGS.confirm_after + LATE:
             return  # enough since then, perhaps

@@ -127,6 +127,7 @@ class World:
         self._starts_at = 0
         self._loses = False
         self.lost = False  # the database, at this tick
+        self._lost_at = -1.0  # when it last was, monotonic
         self.firing: Callable[[], list[Fault]] = list  # what Alertmanager has
         self.removed: set[tuple[str, str]] = set()  # by a person or the config, at this tick
         # What was delivered of their robots before: a fault may begin in the tick that ends it.
@@ -302,10 +303,20 @@ class World:
     def _adopt(self) -> None:
         """Start without the database, with what fires; a person forgets robots that are no more."""
         self.restarts = Restarts()
+        self._lost_at = self.now.mono
         self.state = State(self.fleet, self.now)
         self.state.adopt(self.firing(), self.now)
         for robot in self._undeclared:
             self.state.forget(robot, None, self.now)
+
+    def is_known(self, known: Delivered) -> bool:
+        """Whether the exporter has received the robot, or its database says so."""
+        return known.last is not None and known.last >= self._lost_at
+
+    @property
+    def holds_adopted(self) -> bool:
+        """Whether what was adopted may last unseen: of a start without the database, in grace."""
+        return self.started == self._lost_at and self.now.mono <= self.started + GRACE
 
     def is_declared(self, robot: str) -> bool:
         """Whether fleet.yml has the robot now."""

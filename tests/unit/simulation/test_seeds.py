@@ -84,6 +84,15 @@ STORIES = {
             Event(100, "restart", "", (30, True)),
         ),
     ),
+    "an exporter without its database waits for a robot as for one never received": Story(
+        111,
+        8,
+        240,
+        (
+            Event(31, "off", "r001", (True,)),
+            Event(38, "restart", "", (100, True)),
+        ),
+    ),
     "the robots that are silent are many of a site that got smaller": Story(
         0,
         20,
