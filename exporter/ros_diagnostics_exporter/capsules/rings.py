@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from itertools import count
 
 from ros_diagnostics_exporter.capsules.mcap import Chunk, OpenChunk
 from ros_diagnostics_exporter.decode.cdr import is_cdr
@@ -66,6 +67,7 @@ class Rings:
         self._waiting: list[tuple[Topic, float, bytes]] = []
         self._waiting_bytes = 0
         self._rings: dict[Topic, Ring] = {}
+        self._numbers = count()  # not how many there are: that of one forgotten would come again
         self.dropped = 0  # messages, because `compress` was late
 
     def receive(self, topic: Topic, array: Array, now: Instant) -> None:
@@ -86,7 +88,7 @@ class Rings:
                 continue  # rclpy decoded it; the channels say CDR
             ring = self._rings.get(topic)
             if ring is None:
-                ring = self._rings[topic] = Ring(len(self._rings) % 65_535 + 1)
+                ring = self._rings[topic] = Ring(next(self._numbers) % 65_535 + 1)
             ring.append(int(wall * 1e9), data)
 
     def get(self, topic: Topic) -> Ring | None:

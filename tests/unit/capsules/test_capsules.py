@@ -243,3 +243,14 @@ def test_another_config_is_judged_and_says_when_it_is_too_short(recorded, tmp_pa
     assert "too short to know: the capsule shows 20s of the trouble" in err
     assert "confirmed after 2m" in err
     assert found["warnings"] == [err.strip().removeprefix("ros-diagnostics: ")]
+
+
+def test_no_two_topics_have_one_channel_also_after_one_was_forgotten():
+    rings, third = Rings(), TOPICS[1]._replace(name="/third/diagnostics")
+    for topic in TOPICS[:2]:
+        receive(rings, topic, range(2))
+    rings.compress()
+    rings.follow({TOPICS[1]})
+    receive(rings, third, range(2))
+    rings.compress()
+    assert rings.get(TOPICS[1]).channel != rings.get(third).channel
