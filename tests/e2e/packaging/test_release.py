@@ -1,4 +1,4 @@
-"""``packaging/release``: what a release consists of, from a commit, with the same bytes each time."""
+"""``packaging/release``: what a release consists of, with the same bytes each time."""
 
 from __future__ import annotations
 
