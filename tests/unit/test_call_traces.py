@@ -11,7 +11,7 @@ LIMITS = {
     "unchanged": (29, 11),
     "breaking": (155, 23),
     "scrape": (330, 33),
-    "restart": (618, 60),
+    "restart": (619, 60),
 }
 
 
