@@ -383,13 +383,26 @@ class State:
             found = [each for each in robot.components if component in (None, each.label)]
             if component is not None and not found:
                 raise LookupError(f"robot {name!r} has no component {component!r}")
+            of_graph = [each.identity[0] for each in found if is_of_graph(each.identity)]
             for each in found:
                 robot.forget(each, now)
             if component is None and not robot.declared:
                 self._registry.drop(robot, now)
             else:
                 self._faults.update(robot, now)
-            return len(found)
+        with self._watching:
+            for each in of_graph:
+                self._watch.forget(name, each, now)
+        return len(found)
+
+    def accept_graph(self, robot: str, now: Instant) -> int:
+        """Take what the ROS graph shows of a robot as expected; how many nodes are expected.
+
+        Raises:
+            LookupError: nothing of such a robot was ever seen in the graph.
+        """
+        with self._watching:
+            return self._watch.accept(robot, now)
 
     def adopt(self, faults: Iterable[Fault], now: Instant) -> None:
         """Go on with faults whose alerts fire and which this process does not know.

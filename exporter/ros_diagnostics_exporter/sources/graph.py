@@ -18,7 +18,7 @@ from ros_diagnostics_exporter.config.fleet import Robot
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.model import Domain, Feed, Instant, Level, Status
 from ros_diagnostics_exporter.sources.graph_nodes import Nodes
-from ros_diagnostics_exporter.sources.graph_topics import Topics, TopicView
+from ros_diagnostics_exporter.sources.graph_topics import Mismatch, Topics, TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading
 
 GROUP = "ROS graph"
@@ -42,20 +42,23 @@ IGNORED = re.compile(
 _OWN_TOPICS = re.compile(r".*/(rosout|parameter_events|_.*)")
 _Name = Annotated[str, Field(max_length=256)]
 _Seconds = Annotated[float, Field(ge=0, le=1e11, allow_inf_nan=False)]
+_Accepted = tuple[_Name, tuple[_Name, _Name, Annotated[str, Field(max_length=1000)]]]
 _Learned = Annotated[dict[_Name, _Seconds], Field(max_length=MOST_KNOWN)]
 
 
 class Learned(NamedTuple):
     """What a later process should know of one robot.
 
-    ``known`` is the Unix time since when it is, the others are seconds by name; ``shown`` are the
-    components with a status.
+    ``known`` is the Unix time since when it is, ``nodes`` and ``topics`` are seconds by name;
+    ``shown`` are the components with a status, ``accepted`` mismatches that a person knows, by
+    topic.
     """
 
     known: Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
     nodes: _Learned
     topics: _Learned
     shown: Annotated[list[_Name], Field(max_length=2 * MOST_KNOWN)]
+    accepted: Annotated[list[_Accepted], Field(max_length=MOST_KNOWN)]
 
 
 class Report(NamedTuple):
@@ -200,18 +203,44 @@ class RobotGraph:
         for name in sorted(self._well.keys() - self._problems.keys()):
             yield Status(int(Level.OK), name, "OK")
 
+    # -- by a person -----------------------------------------------------------------------------
+
+    def accept(self, now: Instant) -> int:
+        """Take what is there as expected, and be no shadow any more; how many nodes are expected.
+
+        What is faulty now is well.
+        """
+        self._nodes.accept(self.settings.learn_after)
+        self._topics.accept(self.settings.learn_after)
+        self.known = min(self.known, now.wall - SHADOW_TIME)
+        self.report_at = self.write_at = now.mono
+        return self._nodes.expected
+
+    def forget(self, component: str, now: Instant) -> None:
+        """Expect no more what a component is about."""
+        self._nodes.forget(component)
+        self._topics.forget(component, self.settings.learn_after)
+        self._problems.pop(component, None)
+        self._well.pop(component, None)
+        self._held.discard(component)
+        self.report_at = self.write_at = now.mono
+
     # -- outliving the process ---------------------------------------------------------------
 
     def learned(self, now: Instant) -> Learned:
         """What a later process should know."""
         shown = sorted(self._problems.keys() | self._well.keys() | self._held)
-        return Learned(self.known, self._nodes.learned(now), self._topics.learned(), shown)
+        accepted = self._topics.accepted()
+        nodes, topics = self._nodes.learned(now), self._topics.learned()
+        return Learned(self.known, nodes, topics, shown, accepted)
 
     def restore(self, learned: Learned, now: Instant) -> None:
         """Go on from what an earlier process knew."""
         self.met, self.known = True, min(learned.known, now.wall)
         self._nodes.restore(learned.nodes, now)
-        self._topics.restore(learned.topics)
+        self._topics.restore(
+            learned.topics, ((name, Mismatch(*of)) for name, of in learned.accepted)
+        )
         self._held = set(learned.shown)
 
 
@@ -280,6 +309,23 @@ class GraphWatch:
                 report = robot.report(name, now)
                 if report is not None:
                     yield report
+
+    # -- by a person -----------------------------------------------------------------------------
+
+    def accept(self, robot: str, now: Instant) -> int:
+        """Take what is there of a robot as expected; how many nodes are expected.
+
+        Raises:
+            LookupError: nothing of such a robot was ever seen in the graph.
+        """
+        if robot not in self._robots or not self._robots[robot].met:
+            raise LookupError(f"nothing of robot {robot!r} was seen in the ROS graph")
+        return self._robots[robot].accept(now)
+
+    def forget(self, robot: str, component: str, now: Instant) -> None:
+        """Expect no more what a component of a robot is about."""
+        if robot in self._robots:
+            self._robots[robot].forget(component, now)
 
     # -- outliving the process ---------------------------------------------------------------
 

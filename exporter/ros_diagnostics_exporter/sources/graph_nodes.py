@@ -160,6 +160,21 @@ class Nodes:
                     each.stopped = True
                 self._events.append(f"all {len(within)} nodes in {namespace} were stopped")
 
+    # -- by a person -----------------------------------------------------------------------------
+
+    def accept(self, learn_after: float) -> None:
+        """Expect those that are there, and no others."""
+        self._nodes = {name: each for name, each in self._nodes.items() if each.count}
+        for each in self._nodes.values():
+            each.seen = max(each.seen, learn_after) if each.count == 1 else 0.0
+        self.expected = sum(each.count == 1 for each in self._nodes.values())
+
+    def forget(self, component: str) -> None:
+        """Expect no more what a component is about."""
+        for name, each in list(self._nodes.items()):
+            if component == f"node {name}" or (component == NODES and each.together):
+                del self._nodes[name]
+
     def take_events(self) -> list[str]:
         """What happened since the last call."""
         events, self._events = self._events, []

@@ -65,6 +65,7 @@ class _Topic:
 
     alone: float = 0.0
     read: float = 0.0
+    accepted: frozenset[Mismatch] = frozenset()  # of which a person knows
     publishers: dict[str, frozenset[str]] = field(default_factory=dict)
     doubled: float | None = None  # since when there are several
     mismatches: dict[Mismatch, float] = field(default_factory=dict)  # since when
@@ -72,12 +73,17 @@ class _Topic:
     def problems(self, learn_after: float) -> Iterator[str]:
         """What is wrong with it, as far as two looks show."""
         for each, since in self.mismatches.items():
-            if self.read - since >= SEEN_FOR:
+            if self.read - since >= SEEN_FOR and each not in self.accepted:
                 yield f"{each.subscriber} receives nothing from {each.publisher}: {each.why}"
         is_late = self.doubled is not None and self.read - self.doubled >= SEEN_FOR
         if is_late and self.alone >= learn_after:
             nodes = ", ".join(sorted(self.publishers))
             yield f"{_count(self.publishers)} publishers where one was: {nodes}"
+
+    def accept(self, learn_after: float) -> None:
+        """Take what is there as usual."""
+        self.accepted = frozenset(self.mismatches)
+        self.alone = learn_after if _count(self.publishers) == 1 else 0.0
 
 
 class Topics:
@@ -123,6 +129,19 @@ class Topics:
                 problems[f"topic {name}"] = int(Level.WARN), "; ".join(texts)
         return problems
 
+    # -- by a person -----------------------------------------------------------------------------
+
+    def accept(self, learn_after: float) -> None:
+        """Take what is there as usual."""
+        for topic in self._topics.values():
+            topic.accept(learn_after)
+
+    def forget(self, component: str, learn_after: float) -> None:
+        """Take as usual what a component is about."""
+        for name, topic in self._topics.items():
+            if component == f"topic {name}":
+                topic.accept(learn_after)
+
     def take_events(self) -> list[str]:
         """What happened since the last call."""
         events, self._events = self._events, []
@@ -134,10 +153,19 @@ class Topics:
         """For how long each had one publisher."""
         return {name: round(each.alone) for name, each in self._topics.items() if each.alone}
 
-    def restore(self, learned: Mapping[str, float]) -> None:
+    def accepted(self) -> list[tuple[str, Mismatch]]:
+        """The topics, and what of them a person knows."""
+        return [(name, each) for name, of in self._topics.items() for each in sorted(of.accepted)]
+
+    def restore(
+        self, learned: Mapping[str, float], accepted: Iterable[tuple[str, Mismatch]]
+    ) -> None:
         """Go on from what an earlier process learned."""
         for name, alone in learned.items():
             self._topics[name] = _Topic(alone=alone)
+        for name, mismatch in accepted:
+            topic = self._topics.setdefault(name, _Topic())
+            topic.accepted |= {Mismatch(*mismatch)}
 
 
 def _count(publishers: Mapping[str, Iterable[str]]) -> int:

@@ -94,6 +94,24 @@ def test_what_is_not_received_is_no_fault_while_too_many_messages_are_lost():
     assert driver.faults() == [("Laser", "stale"), ("link", "critical")]
 
 
+def test_what_a_person_forgets_or_accepts_is_no_fault_any_more():
+    driver = Driver(fleet=fleet())
+    driver.go_on(70, *USUAL, "driver", "lift")
+    driver.go_on(30, "diag")
+    found = [("node amcl", "critical"), ("node driver", "critical"), ("node lift", "critical")]
+    assert driver.faults() == found
+    assert driver.state.forget("r", "node amcl", driver.now) == 1
+    driver.go_on(60, "diag")
+    assert driver.faults() == found[1:]
+    assert driver.state.accept_graph("r", driver.now) == 1
+    driver.go_on(60, "diag")
+    assert driver.faults() == []
+    assert {each.reason for each in driver.events if each.kind == "fault_ended"} == {
+        "removed",
+        "recovered",
+    }
+
+
 def test_how_messages_arrive_is_served_while_it_is_known():
     driver = Driver(fleet=fleet())
     driver.link = LOSSY

@@ -325,6 +325,31 @@ def test_a_node_is_of_the_robot_with_the_longest_namespace():
     assert found == {"root": ["node one"], "a": ["node c/one", "node one"], "ab": []}
 
 
+def test_what_a_person_accepts_is_expected_from_then_on():
+    site = Site(Graph())
+    why = Mismatch("/r/amcl", "/r/driver", "best effort and reliable")
+    views = {"chat": CHAT._replace(mismatches=(why,)), "plan": CHAT}
+    site.learn(*USUAL, **views)
+    site.look(60, *without("driver"), "new", "amcl", **views)
+    assert site.problems.keys() == {"node driver", "node amcl", "topic chat"}
+    assert site.watch.accept("r", site.now) == 4  # of amcl there are two
+    usual = [*without("driver"), "new", "amcl"]
+    site.look(60, *usual, **views)
+    assert (site.problems, site.reports[-1].feed) == ({}, GRAPH)
+    site.look(60, *usual[1:], **views)
+    assert site.problems.keys() == {"node diag"}
+
+    again = Site(Graph())
+    again.now = Instant(0.0, site.now.wall)
+    again.watch.restore({"r": site.rows["r"]})
+    second = (*CHAT.publishers, Peer("/r/new", "03" * 16))
+    again.look(130, *usual, **{**views, "plan": CHAT._replace(publishers=second)})
+    assert (again.problems.keys(), again.reports[-1].feed) == ({"topic plan"}, GRAPH)
+
+    with pytest.raises(LookupError, match="nothing of robot 'x' was seen in the ROS graph"):
+        site.watch.accept("x", site.now)
+
+
 def test_what_was_learned_outlives_the_process(site):
     site.graph = Graph()
     second = CHAT._replace(publishers=(*CHAT.publishers, Peer("/r/driver", "03" * 16)))
