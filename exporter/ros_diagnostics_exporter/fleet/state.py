@@ -391,8 +391,8 @@ class State:
             else:
                 self._faults.update(robot, now)
         with self._watching:
-            for each in of_graph:
-                self._watch.forget(name, each, now)
+            for watched in of_graph:
+                self._watch.forget(name, watched, now)
         return len(found)
 
     def accept_graph(self, robot: str, now: Instant) -> int:

@@ -13,6 +13,7 @@ from bisect import bisect_right
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 from time import thread_time
@@ -22,7 +23,7 @@ from typing_extensions import override
 
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status
-from ros_diagnostics_exporter.sources.graph_topics import Mismatch, Peer, TopicView
+from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, Mismatch, Peer, TopicView
 from ros_diagnostics_exporter.sources.link import Link
 from ros_diagnostics_exporter.sources.reception import (
     Count,
@@ -95,6 +96,8 @@ LOOK_SHARE, MAX_STRETCH = 0.01, 5
 ROUND, ROUND_SHARE = 20.0, 0.02
 MAX_READ = 100  # topics of one look
 MAX_ENDPOINTS = 50  # publishers, or subscribers, of a topic; more are every robot's, as of /tf
+MAX_MISMATCHES = 10  # of one topic that are named
+NO_NODE = "_NODE_NAME_UNKNOWN_"  # of rmw: of an endpoint whose participant has named no node of it
 MAX_MATCHES = 1000  # of two QoS that are kept
 GLOBAL = ("/rosout", "/parameter_events")  # topics of every node
 LINKS = 5.0  # seconds between two looks at how messages arrive
@@ -420,8 +423,11 @@ class DdsDomain(Reception):
             for other in subscribers
             if (why := self._why_no_match(one, other))
         )
+        unknown = any(each.node_name == NO_NODE for each in (*publishers, *subscribers))
         return TopicView(
-            tuple(map(_peer, publishers)), tuple(map(_peer, subscribers)), tuple(mismatches)
+            tuple(map(_peer, publishers)),
+            tuple(map(_peer, subscribers)),
+            (*islice(mismatches, MAX_MISMATCHES), *((UNKNOWN,) if unknown else ())),
         )
 
     def _why_no_match(self, one: TopicEndpointInfo, other: TopicEndpointInfo) -> str:

@@ -18,7 +18,13 @@ from ros_diagnostics_exporter.config.fleet import Robot
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.model import Domain, Feed, Instant, Level, Status
 from ros_diagnostics_exporter.sources.graph_nodes import Nodes
-from ros_diagnostics_exporter.sources.graph_topics import Mismatch, Topics, TopicView
+from ros_diagnostics_exporter.sources.graph_topics import (
+    Mismatch,
+    Seconds,
+    TopicLearned,
+    Topics,
+    TopicView,
+)
 from ros_diagnostics_exporter.sources.link import LinkReading
 
 GROUP = "ROS graph"
@@ -28,6 +34,7 @@ GRAPH = Feed(GROUP, GROUP, FRESH, planned_stale=True)
 SHADOW = GRAPH._replace(shadow=True)
 SHADOW_TIME = 7 * 86_400.0  # seconds for which a robot is known until its silent faults are faults
 HELD = 120.0  # ... after a start, until what is no problem any more is well
+UNREAD = 900.0  # ... more after which a topic that was not read again is not there any more
 KEPT = 3600.0  # seconds for which a status is made after its trouble
 WRITTEN = 3600.0  # ... between two writes of what was learned
 LINK = "link"
@@ -41,22 +48,19 @@ IGNORED = re.compile(
 )
 _OWN_TOPICS = re.compile(r".*/(rosout|parameter_events|_.*)")
 _Name = Annotated[str, Field(max_length=256)]
-_Seconds = Annotated[float, Field(ge=0, le=1e11, allow_inf_nan=False)]
 _Accepted = tuple[_Name, tuple[_Name, _Name, Annotated[str, Field(max_length=1000)]]]
-_Learned = Annotated[dict[_Name, _Seconds], Field(max_length=MOST_KNOWN)]
 
 
 class Learned(NamedTuple):
     """What a later process should know of one robot.
 
-    ``known`` is the Unix time since when it is, ``nodes`` and ``topics`` are seconds by name;
-    ``shown`` are the components with a status, ``accepted`` mismatches that a person knows, by
-    topic.
+    ``known`` is the Unix time since when it is, ``nodes`` are seconds by name; ``shown`` are the
+    components with a status, ``accepted`` mismatches that a person knows, by topic.
     """
 
     known: Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
-    nodes: _Learned
-    topics: _Learned
+    nodes: Annotated[dict[_Name, Seconds], Field(max_length=MOST_KNOWN)]
+    topics: Annotated[dict[_Name, TopicLearned], Field(max_length=MOST_KNOWN)]
     shown: Annotated[list[_Name], Field(max_length=2 * MOST_KNOWN)]
     accepted: Annotated[list[_Accepted], Field(max_length=MOST_KNOWN)]
 
@@ -162,18 +166,24 @@ class RobotGraph:
         return Report(robot, self._feed(now), statuses, held, expected, self.lossy, events)
 
     def _release(self, now: Instant) -> None:
-        """Once all is known again, what is held and is no problem is well."""
+        """Once what it is about is known again, what is held and is no problem is well."""
         if self._held and self._held_until == inf:
             self._held_until = now.mono + HELD
         if now.mono >= self._held_until:
-            self._well |= dict.fromkeys(self._held, now.mono)
-            self._held.clear()
+            is_late = now.mono >= self._held_until + UNREAD
+            known = {each for each in self._held if is_late or self._topics.is_known(each)}
+            self._well |= dict.fromkeys(known, now.mono)
+            self._held -= known
 
     def _judge(self, now: Instant) -> dict[str, tuple[int, str]]:
         learn_after = self.settings.learn_after
         expected = filter(None, map(self._own, self.settings.expect))
         problems = self._nodes.judge(learn_after, expected, now)
-        return problems | self._topics.judge(learn_after)
+        return problems | self._topics.judge(learn_after, self._is_there)
+
+    def _is_there(self, node: str) -> bool:
+        """Whether a node is, by its full name; of those of others nobody knows."""
+        return node.startswith(f"{self.namespace}/") and self._nodes.is_there(self._own(node))
 
     def _take(self, problems: dict[str, tuple[int, str]], now: Instant) -> None:
         for name in self._problems.keys() - problems.keys():
@@ -230,17 +240,17 @@ class RobotGraph:
     def learned(self, now: Instant) -> Learned:
         """What a later process should know."""
         shown = sorted(self._problems.keys() | self._well.keys() | self._held)
-        accepted = self._topics.accepted()
-        nodes, topics = self._nodes.learned(now), self._topics.learned()
+        accepted: list[Any] = self._topics.accepted()  # a Mismatch is a tuple of texts
+        nodes, topics = self._nodes.learned(now), self._topics.learned(shown)
         return Learned(self.known, nodes, topics, shown, accepted)
 
     def restore(self, learned: Learned, now: Instant) -> None:
         """Go on from what an earlier process knew."""
         self.met, self.known = True, min(learned.known, now.wall)
         self._nodes.restore(learned.nodes, now)
-        self._topics.restore(
-            learned.topics, ((name, Mismatch(*of)) for name, of in learned.accepted)
-        )
+        topics = {name: TopicLearned(*each) for name, each in learned.topics.items()}
+        accepted = [(name, Mismatch(*each)) for name, each in learned.accepted]
+        self._topics.restore(topics, accepted)
         self._held = set(learned.shown)
 
 

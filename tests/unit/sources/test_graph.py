@@ -11,7 +11,7 @@ from ros_diagnostics_exporter.config.fleet import Profile, Robot
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.sources.graph import GRAPH, SHADOW, GraphWatch, Report
-from ros_diagnostics_exporter.sources.graph_topics import Mismatch, Peer, TopicView
+from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, Mismatch, Peer, TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading
 
 WALL = 1_700_000_000.0
@@ -245,6 +245,65 @@ def test_a_second_publisher_where_one_was_is_a_problem(site):
     assert site.problems == {}
     site.look(10, *USUAL, chat=doubled, other=doubled)
     assert site.problems == {"topic chat": "2 publishers where one was: /r/amcl, /r/driver"}
+
+
+def test_a_side_that_a_topic_lost_although_its_node_goes_on_is_a_problem(site):
+    unheard, silent = CHAT._replace(subscribers=()), CHAT._replace(publishers=())
+    site.learn(*USUAL, chat=CHAT, plan=CHAT, new=unheard)
+    site.look(25, *USUAL, chat=unheard, plan=silent, new=unheard)
+    assert site.problems == {}
+    site.look(10, *USUAL, chat=unheard, plan=silent, new=unheard)
+    lost = {
+        "topic chat": "nobody subscribes any more, as /r/driver did",
+        "topic plan": "nobody publishes any more, as /r/amcl did",
+    }
+    assert site.problems == lost
+
+    again = Site()
+    again.watch.restore({"r": site.rows["r"]})
+    again.look(20, *USUAL, chat=unheard, plan=silent)
+    assert again.reports[-1].held == lost.keys()
+    again.look(120, *USUAL, chat=unheard, plan=silent)
+    assert again.problems == lost
+
+    site.look(60, *without("driver"), chat=unheard, plan=CHAT)
+    assert site.problems.keys() == {"node driver"}
+    site.watch.accept("r", site.now)
+    site.look(60, *USUAL, chat=unheard)
+    assert site.problems == {}
+
+
+def test_endpoints_of_no_known_node_are_half_a_discovery(site):
+    half = CHAT._replace(mismatches=(UNKNOWN,))
+    site.look(25, *USUAL, chat=half, plan=half, other=CHAT)
+    assert site.problems == {}
+    site.look(10, *USUAL, chat=half, plan=half, other=CHAT)
+    text = "endpoints of 2 topics are of no known node: chat, plan"
+    assert site.problems == {"discovery": text}
+    site.look(10, *USUAL, chat=CHAT, plan=CHAT)
+    assert site.problems == {}
+    site.look(40, *USUAL, chat=half)
+    site.watch.forget("r", "discovery", site.now)
+    site.look(40, *USUAL, chat=half)
+    assert site.problems == {}
+
+
+def test_what_was_wrong_with_a_topic_before_a_restart_is_well_once_it_was_read_twice(site):
+    why = Mismatch("/r/amcl", "/r/driver", "best effort and reliable")
+    site.look(40, *USUAL, chat=CHAT._replace(mismatches=(why,)))
+    again = Site()
+    again.watch.restore({"r": site.rows["r"]})
+    again.look(1, *USUAL, chat=CHAT)
+    again.look(300, *USUAL)  # there are many topics to read
+    assert (again.names, again.reports[-1].held) == ([], {"topic chat"})
+    again.look(31, *USUAL, chat=CHAT)
+    again.look(31, *USUAL)
+    assert (again.names, again.problems) == (["topic chat"], {})
+
+    again = Site()
+    again.watch.restore({"r": site.rows["r"]})
+    again.look(1050, *USUAL)  # the topic is not there any more
+    assert (again.names, again.problems) == (["topic chat"], {})
 
 
 @pytest.mark.parametrize("between", [(), (Peer("/r/amcl", "01" * 16), Peer("/r/amcl", "09" * 16))])
