@@ -297,7 +297,7 @@ class RobotText:
         self._set(
             metrics.COMPONENT_MESSAGE,
             (
-                f'{name}{labels},message="{escape(component.message[:length])}"}} 1\n'
+                f'{name}{labels},message="{escape(component.account[:length])}"}} 1\n'
                 for component, labels in shown
                 if component.level != Level.OK
             ),

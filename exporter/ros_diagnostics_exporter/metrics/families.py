@@ -193,7 +193,8 @@ COMPONENT_PLANNED_STALE = _family(
 COMPONENT_MESSAGE = _family(
     "component_message_info",
     "gauge",
-    "1 with the status' message, while the level is not OK.",
+    "1 with the status' message, while the level is not OK; of a component that no longer reports, "
+    "that it does not, and its last one.",
     (*COMPONENT, "message"),
 )
 COMPONENT_INFO = _family(
