@@ -373,7 +373,8 @@ class _Object:
         Where CRITICAL ends, the WARNING below it ends or begins at the same time.
         """
         if sent.name == UNACKNOWLEDGED:
-            self.kinds.append((sent.received, OF_STATE[sent.labels["state"]]))
+            kind = OF_STATE[sent.labels["state"]] if sent.firing else "RECOVERY"
+            self.kinds.append((sent.received, kind))
             return
         (self._lasting.add if sent.firing else self._lasting.discard)(STATES[sent.name])
         kind = next((state for state in WORST if state in self._lasting), "RECOVERY")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 from ros_diagnostics_exporter.events import Event
@@ -74,6 +75,7 @@ class Judge:
             gone = [key for key, each in self._faults.items() if not self._is_adopted(each)]
             for key in gone:
                 del self._faults[key]
+            self._follow_adopted()
         if world.state is not None:
             begun, ended = [], False
             for event in world.state.take_events():
@@ -246,6 +248,13 @@ class Judge:
         """Whether an exporter without its database knows the fault again."""
         return not event.robot or self.world.is_declared(event.robot)
 
+    def _follow_adopted(self) -> None:
+        """Take the begin of what fires: that of an earlier fault, which ended and began unseen."""
+        for fault in self.mails.faults():
+            for key, event in self._faults.items():
+                if _same(event, tuple(fault.identity)):
+                    self._faults[key] = replace(event, since=fault.since)
+
     def _limits(self) -> None:
         state = self.world.state
         if state is None:
@@ -292,7 +301,7 @@ class Judge:
         for what, key, _at in self.mails.sent[sent:]:
             if (what == "PROBLEM") is (key in before):
                 self._fail("a mail was sent twice", (what, key))
-            if what == "RECOVERY" and any(_same(each, key) for each in self._faults.values()):
+            if what != "PROBLEM" and any(_same(each, key) for each in self._faults.values()):
                 self._fail("a recovery was sent of a fault that lasts", key)
         if self.world.state is not None:
             for key in self._scraped:

@@ -54,7 +54,7 @@ class Site:
     def alerts(self) -> list[dict[str, dict[str, str]]]:
         """All alerts of the engine."""
         with urllib.request.urlopen(f"http://{self._alerts}/api/v1/alerts", timeout=10) as answer:
-            found: list[dict[str, dict[str, str]]] = json.load(answer)["data"]["alerts"]
+            found: list[dict[str, dict[str, str]]] = json.load(answer)["data"]["alerts"] or []
             return found
 
     def firing(self) -> set[str]:

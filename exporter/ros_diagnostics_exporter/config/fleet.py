@@ -20,6 +20,7 @@ from pydantic import BeforeValidator, Field
 from typing_extensions import override
 
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, suggestion
+from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.config.keys import Entry, Written, described
 from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
 from ros_diagnostics_exporter.config.patterns import (
@@ -52,6 +53,7 @@ from ros_diagnostics_exporter.config.scalars import (
     Namespace,
     PositiveDuration,
     QueryInterval,
+    RecordedTime,
     TaskName,
     TimeZone,
     Topic,
@@ -561,6 +563,11 @@ class Profile(Entry):
         example={"drive": ["Motor", "Laser"], "lift": ["Lift"]},
         default_factory=_nothing,
     )
+    graph: Graph = described(
+        "What is seen of the robot in the ROS graph, and of lost messages: silent faults.",
+        example={"mode": "on", "expect": ["amcl"]},
+        default=Graph(),
+    )
 
     @cached_property
     def has_conditions(self) -> bool:
@@ -1059,6 +1066,19 @@ class Falling(Entry):
     ahead: Duration = described("How soon it would be too low.", example="1h", default=1800.0)
 
 
+class CapsuleSettings(Entry, title="Capsules"):
+    """What a capsule has of the messages around the begin of its fault (docs/time-machine.md)."""
+
+    before: RecordedTime = described(
+        "Time before the begin, at most 10m. Memory grows with it.", example="2m", default=60.0
+    )
+    after: RecordedTime = described(
+        "Time after the begin, at most 10m; that long a capsule is not there yet.",
+        example="30s",
+        default=10.0,
+    )
+
+
 class FaultSettings(Entry, title="Faults"):
     """How the exporter decides which problems are faults, for the whole fleet."""
 
@@ -1256,6 +1276,11 @@ class Fleet(Entry, title="FleetFile"):
         "How the exporter decides which problems are faults.",
         example={"pending_after": "1h"},
         default=FaultSettings(),
+    )
+    capsules: CapsuleSettings = described(
+        "How much of what was received around the begin of a fault is kept.",
+        example={"before": "2m"},
+        default=CapsuleSettings(),
     )
     exporter: LabelValue = described(
         "This exporter's name where several share the fleet: the label `exporter` of its faults, "

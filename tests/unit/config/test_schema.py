@@ -63,6 +63,7 @@ WHOLE = {
     "FaultSettings": lambda entry: {"faults": entry},
     "Flapping": lambda entry: {"faults": {"flapping": entry}},
     "Intermittent": lambda entry: {"faults": {"intermittent": entry}},
+    "CapsuleSettings": lambda entry: {"capsules": entry},
     "Falling": lambda entry: {"faults": {"falling": entry}},
     "Many": lambda entry: {"faults": {"many": entry}},
     "Site": lambda entry: {"faults": {"site": entry}},
@@ -70,6 +71,7 @@ WHOLE = {
     "WarningHours": lambda entry: {
         "faults": {"warning_hours": {"weekly": ["daily 06:00-18:00"], **entry}}
     },
+    "Graph": lambda entry: {"profiles": {"default": {"graph": entry}}},
     "Limits": lambda entry: {"limits": entry},
     "Query": lambda entry: {"queries": [{"expr": "up", "component": "c", **entry}]},
     "Zenoh": lambda entry: {
