@@ -150,8 +150,11 @@ class State:
         with self._lock:
             self._registry.note_other_types(domain_id, types, now)
 
-    def update_nodes(self, domain_id: Domain, nodes: list[tuple[str, str]], now: Instant) -> None:
-        """Take the name and namespace of all nodes of a domain, and judge what is due there."""
+    def update_nodes(self, domain_id: Domain, nodes: list[tuple[str, str]], now: Instant) -> bool:
+        """Take the name and namespace of all nodes of a domain, and judge what is due there.
+
+        Returns whether any robot there is watched.
+        """
         with self._lock:
             robots = [
                 robot.settings
@@ -162,8 +165,10 @@ class State:
             self._watch.follow(domain_id, robots, now)
             self._watch.see_nodes(domain_id, nodes, now)
             reports = list(self._watch.reports(domain_id, now))
+            watches = self._watch.watches(domain_id)
         for report in reports:
             self._receive_report(report, now)
+        return watches
 
     def update_endpoints(
         self, domain_id: Domain, topics: Mapping[str, TopicView], now: Instant
