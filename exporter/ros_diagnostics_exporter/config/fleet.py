@@ -20,6 +20,7 @@ from pydantic import BeforeValidator, Field
 from typing_extensions import override
 
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, suggestion
+from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.config.keys import Entry, Written, described
 from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
 from ros_diagnostics_exporter.config.patterns import (
@@ -561,6 +562,11 @@ class Profile(Entry):
         "notifications say what it can no longer do, and what it still can.",
         example={"drive": ["Motor", "Laser"], "lift": ["Lift"]},
         default_factory=_nothing,
+    )
+    graph: Graph = described(
+        "What is seen of the robot in the ROS graph, and of lost messages: silent faults.",
+        example={"mode": "on", "expect": ["amcl"]},
+        default=Graph(),
     )
 
     @cached_property

@@ -17,7 +17,12 @@ from ros_diagnostics_exporter.config.fleet import (
     Intermittent,
     WarningHours,
 )
-from ros_diagnostics_exporter.faults.model import ComponentName, ComponentReport, ValueReport
+from ros_diagnostics_exporter.faults.model import (
+    ComponentName,
+    ComponentReport,
+    State,
+    ValueReport,
+)
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from support.fault_histories import (
     BATTERY,
@@ -303,7 +308,12 @@ def test_the_engine_gives_what_brute_force_gives(history):
 @busy
 @given(histories)
 def test_a_new_engine_from_the_written_rows_at_any_event_changes_nothing(history):
-    assert run(history, reborn=True).changes == run(history).changes
+    # What falls is computed anew after a start.
+    reborn, other = (
+        [each for each in found.changes if each.fault.identity.state is not State.FALLING]
+        for found in (run(history, reborn=True), run(history))
+    )
+    assert reborn == other
 
 
 @busy
