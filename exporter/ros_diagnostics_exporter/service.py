@@ -180,7 +180,8 @@ class Service:
 
     def _make_capsules(self, database: Path, config_file: Path) -> Capsules:
         folder = database.with_name(f"{database.stem}.capsules")
-        capsules = Capsules(folder, config_file, self.state.topics_of)
+        settings = self.state.fleet.capsules
+        capsules = Capsules(folder, config_file, self.state.topics_of, settings=settings)
         self.state.recorder = capsules.rings.receive
         return capsules
 
@@ -286,6 +287,8 @@ class Service:
 
     def _configure(self, fleet: Fleet) -> None:
         self.state.configure(fleet, read_clocks())
+        if self._capsules is not None:
+            self._capsules.configure(fleet.capsules)
         for domain_id in self._listener.domain_ids:  # also for robots that are new
             self.state.domain_joined(domain_id)
         self._configured.set()
@@ -336,7 +339,8 @@ class Service:
         return snapshot.faults(self.state, read_clocks(), self._care())
 
     def _care(self) -> snapshot.Care:
-        return snapshot.Care(self._notifications.lasting(), self._acknowledged())
+        has = None if self._capsules is None else self._capsules.has
+        return snapshot.Care(self._notifications.lasting(), self._acknowledged(), has)
 
     def capsule(self, fault: str) -> bytes:
         """The newest capsule of a fault; LookupError if there is none."""
@@ -377,21 +381,11 @@ class Service:
             "entries": ledger.entries(own, of_many, component, site),
         }
         problems = [each for each in known["problems"] if component in (None, each["component"])]
-        sentences = ledger.standings(problems, now.wall, known) + self._capsules_of(problems)
-        return {**found, "now": sentences + (self._explain(robot, component) if ask else [])}
-
-    def _capsules_of(self, problems: list[dict[str, Any]]) -> list[str]:
-        """Where what was received around the begin of each fault is."""
-        fleet, capsules = self.state.fleet, self._capsules
-        if capsules is None:
-            return []
-        ids = [
-            fault_id(fleet.name, fleet.exporter, identity_of(each))
-            for each in problems
-            if each["confirmed"] is not None
+        sentences = ledger.standings(problems, now.wall, known)
+        sentences += [
+            f"recorded around its begin: {each['capsule']}" for each in problems if each["capsule"]
         ]
-        found = filter(capsules.has, ids)
-        return [f"recorded around its begin: /api/v1/faults/{each}/capsule.mcap" for each in found]
+        return {**found, "now": sentences + (self._explain(robot, component) if ask else [])}
 
     def _explain(self, robot: str, component: str | None) -> list[str]:
         """What Alertmanager says of a robot's alerts, or why it says nothing."""

@@ -168,20 +168,35 @@ def shown_problems(
     """
     if not of["problems"]:
         return [], 0
-    found = [
-        (problem_state(each), standing(each, now, of, local=local), subject(each), each)
-        for each in _without_milder(of["problems"])
-    ]
-    found.sort(key=lambda each: (-SEVERITIES[each[0]], each[1], natural(each[2])))
+    found = list(_without_milder(of["problems"]))
+    found.sort(
+        key=lambda each: (
+            -SEVERITIES[problem_state(each)],
+            standing(each, now, of, local=local),
+            natural(subject(each)),
+        )
+    )
+    return shown_as_they_are(found[:limit], of, now, local=local), len(found)
+
+
+def shown_as_they_are(
+    problems: Iterable[dict[str, Any]], of: dict[str, Any], now: float, *, local: bool = False
+) -> list[ShownProblem]:
+    """These problems of a robot, or of the whole fleet; arguments as for `shown_problems`."""
     components = {(each["group"], each["component"]): each for each in of.get("components", ())}
     checks = {each["check"]: each for each in of.get("short_checks", ())}
-    shown = []
-    for state, words, about, each in found[:limit]:
-        component = components.get((each["group"], each["component"]))
-        message = _message(each, of, component, checks)
-        who = notice(each, now)
-        shown.append(ShownProblem(state, about, words, each["since"], message, each, who))
-    return shown, len(found)
+    return [
+        ShownProblem(
+            problem_state(each),
+            subject(each),
+            standing(each, now, of, local=local),
+            each["since"],
+            _message(each, of, components.get((each["group"], each["component"])), checks),
+            each,
+            notice(each, now),
+        )
+        for each in problems
+    ]
 
 
 def _without_milder(problems: list[dict[str, Any]]) -> Iterable[dict[str, Any]]:

@@ -117,13 +117,16 @@ def set_addresses(alertmanager: dict[str, Any], addresses: Addresses) -> None:
 
 def _set_links(site: Path, addresses: Addresses) -> None:
     """Set the links in notifications to this run's servers; Prometheus serves the runbooks."""
-    grafana = f"http://{addresses.grafana}"
+    grafana, exporter = f"http://{addresses.grafana}", f"http://{addresses.exporter}"
+    fault = exporter + '{{ template "ros_diagnostics.fault_path" . }}'
     path = '{{ template "ros_diagnostics.dashboard_path" . }}'
     text = site.read_text()
     for name, link in {
         "site.runbooks_url": f"http://{addresses.prometheus}/user/alerts",
         "site.dashboard.text": f"Dashboard:  {grafana}{path}\n",
         "site.dashboard.html": f'<a href="{grafana}{path}">Dashboard</a> &middot; ',
+        "site.exporter.text": f"Fault:      {fault}\n",
+        "site.exporter.html": f'<a href="{fault}">Fault</a> &middot; ',
     }.items():
         define = re.compile(
             rf'^\{{\{{ define "{re.escape(name)}" \}}\}}.*?\{{\{{ end \}}\}}$', re.MULTILINE

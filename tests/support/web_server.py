@@ -60,6 +60,8 @@ def problem(scope: str, state: str, **changed: Any) -> dict[str, Any]:
         "because": "",
         "well": False,
         "evidence": "",
+        "fault": None,
+        "capsule": None,
         "notified": None,
         "acknowledged": None,
         **changed,

@@ -36,15 +36,16 @@ def session(
 
 
 class Router:
-    """A router that can be away for a time."""
+    """A router that can be away for a time; ``more`` is of its config."""
 
-    def __init__(self, port: int) -> None:
-        self.locator = f"tcp/127.0.0.1:{port}"
+    def __init__(self, locator: str, **more) -> None:
+        self.locator = locator
+        self._more = more
         self._session = None
         self.start()
 
     def start(self) -> None:
-        self._session = session("router", listen=[self.locator])
+        self._session = session("router", listen=[self.locator], **self._more)
 
     def stop(self) -> None:
         if self._session is not None:
@@ -53,12 +54,11 @@ class Router:
 
 
 class Bridge:
-    """A session at the router with the topics of a robot."""
+    """A session with the topics of a robot; without a locator to connect to it listens itself."""
 
-    def __init__(self, locator: str, user: str = "", password: str = "") -> None:
-        access = {"user": user, "password": password} if user else {}
-        more = {f"transport/auth/usrpwd/{key}": value for key, value in access.items()}
-        self._session = session("client", connect=[locator], **more)
+    def __init__(self, locator: str = "", *, listen: str = "", **more) -> None:
+        endpoints = {"connect": [locator] if locator else [], "listen": [listen] if listen else []}
+        self._session = session("peer" if listen else "client", **endpoints, **more)
         self._id = self._session.zid()
         self._publishers = {}
         self._tokens = {}

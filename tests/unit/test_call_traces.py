@@ -11,7 +11,7 @@ LIMITS = {
     "unchanged": (29, 11),
     "breaking": (155, 23),
     "scrape": (326, 33),
-    "restart": (615, 59),
+    "restart": (620, 59),
 }
 
 

@@ -292,6 +292,7 @@ def test_lint_checks_python_with_the_generators_in_tools_and_the_shell_scripts(m
 
     assert done.returncode == 0, done.stderr
     scripts = ["run", ".ci/run", "packaging/install-packages", "packaging/build-deb"]
+    scripts += ["packaging/release"]
     scripts += [f"packaging/debian/{name}" for name in ("postinst", "prerm", "postrm")]
     assert machine.calls()[-4:] == [
         "ruff check exporter sim grafana lab tests tools",

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.alertmanager import Acknowledgement
+from ros_diagnostics_exporter.config.fleet import Fleet, Source, ValueRule
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
-from ros_diagnostics_exporter.config.fleet import Source, ValueRule
 from ros_diagnostics_exporter.faults.model import (
     AbilityView,
     ComponentName,
     Followed,
+    Identity,
     ProblemView,
     as_texts,
     fault_id,
@@ -35,24 +36,35 @@ UPLINK = "uplink"  # may have one, where pings are not possible
 
 
 class Care:
-    """Who was notified of faults that last, and who takes care of them."""
+    """Who was notified of faults that last, who takes care of them, and their capsules."""
 
     def __init__(
         self,
         notified: Mapping[Key, Mapping[str, float]] | None = None,
         acknowledgements: Iterable[Acknowledgement] = (),
+        has_capsule: Callable[[str, float], bool] | None = None,
     ) -> None:
-        """``notified``: receivers, and when last; None: not known. The newest ack is the last."""
+        """Take what is known.
+
+        Args:
+            notified: Receivers, and when last; None: not known.
+            acknowledgements: The newest is the last.
+            has_capsule: Whether a fault, by its id, that began then has one; None: none has.
+        """
         self._notified = notified
+        self._has_capsule = has_capsule
         self._acknowledged: dict[Key, list[Acknowledgement]] = {}
         for each in acknowledgements:
             self._acknowledged.setdefault(each.fault[1:], []).append(each)
 
-    def of(self, identity: dict[str, str], since: float) -> dict[str, Any]:
-        """The fields of the fault that began then."""
+    def of(self, fault: str, identity: dict[str, str], since: float) -> dict[str, Any]:
+        """The fields of the fault with that id that began then."""
         key, notified = key_of(identity), self._notified
         acknowledged = [each for each in self._acknowledged.get(key, ()) if each.is_of(since)]
+        has_capsule = self._has_capsule is not None and self._has_capsule(fault, since)
         return {
+            "fault": fault,
+            "capsule": f"/api/v1/faults/{fault}/capsule.mcap" if has_capsule else None,
             "notified": None if notified is None else dict(notified.get(key, {})),
             "acknowledged": _acknowledgement(acknowledged[-1]) if acknowledged else None,
         }
@@ -68,7 +80,12 @@ def _acknowledgement(found: Acknowledgement) -> dict[str, Any]:
 
 
 NOBODY = Care()
-_NO_CARE: dict[str, Any] = {"notified": {}, "acknowledged": None}  # of what is not confirmed
+_NO_CARE: dict[str, Any] = {  # of what is not confirmed
+    "fault": None,
+    "capsule": None,
+    "notified": {},
+    "acknowledged": None,
+}
 
 
 def fleet_snapshot(state: State, now: Instant, care: Care = NOBODY) -> dict[str, Any]:
@@ -80,7 +97,7 @@ def fleet_snapshot(state: State, now: Instant, care: Care = NOBODY) -> dict[str,
     fleet = state.fleet
     problems: dict[str, list[dict[str, Any]]] = {}
     for view in state.problems(now):
-        problems.setdefault(view.identity.robot, []).append(_problem(view, care))
+        problems.setdefault(view.identity.robot, []).append(_problem(fleet, view, care))
     return {
         "fleet": fleet.name,
         "time": now.wall,
@@ -126,7 +143,7 @@ def robot_snapshot(state: State, name: str, now: Instant, care: Care) -> dict[st
         "robot": name,
         "labels": dict(robot.settings.labels),
         "maintenance": robot.maintenance,
-        "problems": [_problem(view, care) for view in views],
+        "problems": [_problem(state.fleet, view, care) for view in views],
     }
     return {**known, **_maintenance(state, known, now)}
 
@@ -139,21 +156,24 @@ def faults(state: State, now: Instant, care: Care = NOBODY) -> dict[str, Any]:
         "time": now.wall,
         "faults": [
             {
-                "fault": fault_id(state.fleet.name, state.fleet.exporter, fault.identity),
                 **(identity := as_texts(fault.identity, fault.labels)),
                 "since": fault.since,
                 "confirmed": fault.confirmed,
                 "evidence": fault.evidence,
                 "work": fault.work,
                 "labels": dict(fault.labels),
-                **care.of(identity, fault.since),
+                **care.of(_id(state.fleet, fault.identity), identity, fault.since),
             }
             for fault in lasting
         ],
     }
 
 
-def _problem(view: ProblemView, care: Care) -> dict[str, Any]:
+def _id(fleet: Fleet, identity: Identity) -> str:
+    return fault_id(fleet.name, fleet.exporter, identity)
+
+
+def _problem(fleet: Fleet, view: ProblemView, care: Care) -> dict[str, Any]:
     fault = view.fault
     identity = as_texts(view.identity, {} if fault is None else fault.labels)
     return {
@@ -166,7 +186,9 @@ def _problem(view: ProblemView, care: Care) -> dict[str, Any]:
         "well": view.well,
         "evidence": "" if fault is None else fault.evidence,
         "work": "" if fault is None else fault.work,
-        **(_NO_CARE if fault is None else care.of(identity, fault.since)),
+        **(
+            _NO_CARE if fault is None else care.of(_id(fleet, view.identity), identity, fault.since)
+        ),
     }
 
 

@@ -1,11 +1,12 @@
 """A file for each fault of a robot: what was received around its begin, and what judged it.
 
-Written once ``AFTER`` seconds have passed since the begin; limited in number, size and age.
+Written once fleet.yml's ``after`` has passed since the begin; limited in number, size and age.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -16,7 +17,8 @@ from typing import Any, NamedTuple
 import yaml
 
 from ros_diagnostics_exporter.capsules.mcap import Attachment, Chunk, write
-from ros_diagnostics_exporter.capsules.rings import AFTER, BEFORE, Rings
+from ros_diagnostics_exporter.capsules.rings import Rings
+from ros_diagnostics_exporter.config.fleet import CapsuleSettings
 from ros_diagnostics_exporter.events import Event, filled
 from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_exporter.model import Instant, Topic
@@ -42,6 +44,7 @@ class Waiting:
 
     fault: str
     event: Event
+    settings: CapsuleSettings
     topics: tuple[Topic, ...]
     due: float  # monotonic
 
@@ -53,6 +56,8 @@ class Capsules:
         folder: Where they are written.
         config_file: fleet.yml, of which the lines for the robot are attached.
         topics: The topics of a robot by its name.
+        limits: How many are kept.
+        settings: How much of the past they have.
     """
 
     def __init__(
@@ -61,6 +66,7 @@ class Capsules:
         config_file: Path,
         topics: Callable[[str], tuple[Topic, ...]],
         limits: Kept | None = None,
+        settings: CapsuleSettings | None = None,
     ) -> None:
         self.rings = Rings()
         self.skipped = 0  # faults in storms
@@ -69,6 +75,14 @@ class Capsules:
         self._limits = limits or Kept()
         self._waiting: deque[Waiting] = deque()
         self._begun: deque[float] = deque()  # of late, monotonic
+        self._settings = CapsuleSettings()
+        self.configure(settings or self._settings)
+        self._newest: dict[str, float] | None = None  # when its fault began, by id; None: not known
+
+    def configure(self, settings: CapsuleSettings) -> None:
+        """Follow the config; a capsule that is under way ends as it began."""
+        self._settings = settings
+        self.rings.keep = settings.before + settings.after
 
     def note(self, fault: str, event: Event, now: Instant) -> None:
         """Note that a fault of a robot began; beyond the limits of a storm it has no capsule."""
@@ -79,20 +93,23 @@ class Capsules:
             return
         self._begun.append(now.mono)
         topics = self._topics(event.robot)
-        self._waiting.append(Waiting(fault, event, topics, now.mono + AFTER))
+        due = now.mono + self._settings.after
+        self._waiting.append(Waiting(fault, event, self._settings, topics, due))
 
     def turn(self, now: Instant) -> None:
         """Compress what was received, and write the capsules that are complete."""
         self.rings.compress()
         written = False
-        while self._waiting and self._waiting[0].due <= now.mono:
+        for each in [each for each in list(self._waiting) if each.due <= now.mono]:
             try:
-                self._write(self._waiting[0], now)
+                self._write(each, now)
             finally:
-                self._waiting.popleft()  # one that cannot be written is not tried again
+                self._waiting.remove(each)  # one that cannot be written is not tried again
             written = True
         if written:
             self._prune(now)
+        if written or self._newest is None:
+            self._newest = self._find()
 
     def read(self, fault: str, now: Instant) -> bytes:
         """The newest capsule of a fault.
@@ -112,22 +129,31 @@ class Capsules:
             "storm of faults, before the exporter was started or too long ago"
         )
 
-    def has(self, fault: str) -> bool:
-        """Whether a fault has a capsule."""
-        return any(self._folder.glob(f"{fault}-*.mcap"))
+    def has(self, fault: str, since: float) -> bool:
+        """Whether a fault whose trouble began then (Unix time) has a capsule; no disk is asked."""
+        return (self._newest or {}).get(fault, -math.inf) >= int(since)
 
     # -- files ---------------------------------------------------------------------------------
 
+    def _find(self) -> dict[str, float]:
+        """When the fault of the newest capsule began, by id."""
+        found: dict[str, float] = {}
+        for path in self._folder.glob("*.mcap"):
+            fault, _, began = path.stem.partition("-")
+            if ID.fullmatch(fault) and began.isdecimal():
+                found[fault] = max(found.get(fault, 0.0), float(began))
+        return found
+
     def _write(self, waiting: Waiting, now: Instant) -> None:
-        event = waiting.event
-        begin, end = event.time - BEFORE, event.time + AFTER
+        event, settings = waiting.event, waiting.settings
+        begin, end = event.time - settings.before, event.time + settings.after
         topics: dict[int, str] = {}
         chunks: list[Chunk] = []
         for topic in waiting.topics:
             ring = self.rings.get(topic)
             if ring is not None:
                 topics[ring.channel] = topic.name
-                chunks += ring.chunks(int(begin * 1e9), int(end * 1e9))
+                chunks += ring.chunks(int(begin * 1e9), int(end * 1e9), settings.before)
         if not chunks:
             return  # a robot of which nothing was received
         content = write(topics, chunks, _metadata(waiting), self._attached(waiting), _ns(now.wall))
@@ -142,8 +168,8 @@ class Capsules:
             "fault": waiting.fault,
             **filled(waiting.event),
             "evidence": waiting.event.message.splitlines(),
-            "before": BEFORE,
-            "after": AFTER,
+            "before": waiting.settings.before,
+            "after": waiting.settings.after,
             "domain_ids": sorted({each.domain_id for each in waiting.topics}),
         }
         text = json.dumps(described, ensure_ascii=False, indent=2)

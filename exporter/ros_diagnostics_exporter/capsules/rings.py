@@ -13,10 +13,10 @@ from ros_diagnostics_exporter.capsules.mcap import Chunk, OpenChunk
 from ros_diagnostics_exporter.decode.cdr import is_cdr
 from ros_diagnostics_exporter.model import Array, Instant, Topic
 
-BEFORE, AFTER = 60.0, 10.0  # seconds of a capsule before and after the begin of its fault
 CHUNK = 16 << 10  # bytes of a chunk before it is compressed
 WAITING = 16 << 20  # bytes that wait for `compress`; what is beyond is dropped
-RING = 40 << 10  # compressed bytes of one topic; the oldest are dropped beyond
+RING = 40 << 10  # compressed bytes of one topic for ``PER`` seconds; the oldest are dropped beyond
+PER = 70.0
 
 
 class Ring:
@@ -29,17 +29,17 @@ class Ring:
         self._chunks: deque[Chunk] = deque()
         self._open = OpenChunk(channel)
 
-    def append(self, time: int, data: bytes) -> None:
-        """Append a message, and compress what a chunk is full of."""
+    def append(self, time: int, data: bytes, keep: float) -> None:
+        """Append a message, and compress what a chunk is full of; ``keep`` is in seconds."""
         self._open.append(time, data)
         if len(self._open.content) >= CHUNK:
             self._chunks.append(self._open.compressed())
             self._open = OpenChunk(self.channel)
-            self._drop(time - int((BEFORE + AFTER) * 1e9))
+            self._drop(time - int(keep * 1e9), RING * max(1.0, keep / PER))
 
-    def _drop(self, oldest: int) -> None:
+    def _drop(self, oldest: int, most: float) -> None:
         size = sum(len(each.data) for each in self._chunks)
-        while len(self._chunks) > 1 and (size > RING or self._chunks[0].end < oldest):
+        while len(self._chunks) > 1 and (size > most or self._chunks[0].end < oldest):
             size -= len(self._chunks.popleft().data)
 
     @property
@@ -47,15 +47,15 @@ class Ring:
         """Bytes in memory."""
         return len(self._open.content) + sum(len(each.data) for each in self._chunks)
 
-    def chunks(self, begin: int, end: int) -> list[Chunk]:
+    def chunks(self, begin: int, end: int, before: float) -> list[Chunk]:
         """The chunks with what was received from ``begin`` to ``end`` (ns), and some before.
 
-        Of a topic on which nothing was received of late, its last messages.
+        Of a topic on which nothing was received of late, its last ``before`` seconds.
         """
         found = [*self._chunks, *([self._open.compressed()] if self._open.index else [])]
         if not found:
             return []
-        begin = min(begin, found[-1].end - int(BEFORE * 1e9))
+        begin = min(begin, found[-1].end - int(before * 1e9))
         return [each for each in found if each.end >= begin and each.begin <= end]
 
 
@@ -69,6 +69,7 @@ class Rings:
         self._rings: dict[Topic, Ring] = {}
         self._numbers = count()  # not how many there are: that of one forgotten would come again
         self.dropped = 0  # messages, because `compress` was late
+        self.keep = PER  # seconds that are kept of each topic
 
     def receive(self, topic: Topic, array: Array, now: Instant) -> None:
         """Append a message."""
@@ -89,7 +90,7 @@ class Rings:
             ring = self._rings.get(topic)
             if ring is None:
                 ring = self._rings[topic] = Ring(next(self._numbers) % 65_535 + 1)
-            ring.append(int(wall * 1e9), data)
+            ring.append(int(wall * 1e9), data, self.keep)
 
     def get(self, topic: Topic) -> Ring | None:
         """A topic's ring; None if nothing was received on it."""

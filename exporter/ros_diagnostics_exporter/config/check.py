@@ -8,6 +8,7 @@ from datetime import datetime
 from zoneinfo import ZoneInfo
 
 from ros_diagnostics_exporter.config.fleet import (
+    CapsuleSettings,
     CauseSettings,
     Check,
     Discovery,
@@ -39,6 +40,9 @@ def describe(fleet: Fleet) -> str:
     lines += _section("queries", map(_query, fleet.queries))
     if fleet.faults != FaultSettings():
         lines += _section("faults", _faults(fleet.faults))
+    if fleet.capsules != CapsuleSettings():
+        before, after = map(written, (fleet.capsules.before, fleet.capsules.after))
+        lines += _section("capsules", [f"{before} before, {after} after"])
     if fleet.canary is not None:
         lines += _section("canary", [f"every {written(fleet.canary)}"])
     if fleet.limits != Limits():

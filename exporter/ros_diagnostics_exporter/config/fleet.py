@@ -53,6 +53,7 @@ from ros_diagnostics_exporter.config.scalars import (
     Namespace,
     PositiveDuration,
     QueryInterval,
+    RecordedTime,
     TimeZone,
     Topic,
     WeeklyTime,
@@ -950,6 +951,19 @@ class Falling(Entry):
     ahead: Duration = described("How soon it would be too low.", example="1h", default=1800.0)
 
 
+class CapsuleSettings(Entry, title="Capsules"):
+    """What a capsule has of the messages around the begin of its fault (docs/time-machine.md)."""
+
+    before: RecordedTime = described(
+        "Time before the begin, at most 10m. Memory grows with it.", example="2m", default=60.0
+    )
+    after: RecordedTime = described(
+        "Time after the begin, at most 10m; that long a capsule is not there yet.",
+        example="30s",
+        default=10.0,
+    )
+
+
 class FaultSettings(Entry, title="Faults"):
     """How the exporter decides which problems are faults, for the whole fleet."""
 
@@ -1147,6 +1161,11 @@ class Fleet(Entry, title="FleetFile"):
         "How the exporter decides which problems are faults.",
         example={"pending_after": "1h"},
         default=FaultSettings(),
+    )
+    capsules: CapsuleSettings = described(
+        "How much of what was received around the begin of a fault is kept.",
+        example={"before": "2m"},
+        default=CapsuleSettings(),
     )
     exporter: LabelValue = described(
         "This exporter's name where several share the fleet: the label `exporter` of its faults, "

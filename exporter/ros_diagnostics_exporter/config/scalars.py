@@ -26,6 +26,7 @@ MAX_LABEL_VALUE = 256
 MAX_TOPIC = 247  # RMW_TOPIC_MAX_NAME_LENGTH
 TEN_YEARS = 10 * 365 * 86_400.0
 LEAST_CANARY = 60  # seconds between two canaries
+MOST_RECORDED = 600  # seconds of a capsule before or after the begin of its fault
 
 _TOPIC = r"(?:/[A-Za-z_][A-Za-z0-9_]*)+"
 _ADDRESS = r"[A-Za-z0-9_](?:[A-Za-z0-9._:-]*[A-Za-z0-9_])?|::[A-Fa-f0-9:.]*"
@@ -104,6 +105,16 @@ def canary_interval(value: Any) -> float:
         raise WrongValueError(
             f"{quoted(value)} is too often for a canary",
             "use 1m or more, such as 5m; omit it for none",
+        )
+    return seconds
+
+
+def recorded_time(value: Any) -> float:
+    """A duration of ten minutes or less, in seconds."""
+    seconds = duration(value)
+    if seconds > MOST_RECORDED:
+        raise WrongValueError(
+            f"{quoted(value)} is more than a capsule may have", "use 10m or less, such as 2m"
         )
     return seconds
 
@@ -342,6 +353,9 @@ PositiveDuration = Annotated[
 ]
 CanaryInterval = Annotated[
     float, Value(canary_interval, "duration", anyOf=_seconds(minimum=LEAST_CANARY))
+]
+RecordedTime = Annotated[
+    float, Value(recorded_time, "duration", anyOf=_seconds(minimum=0, maximum=MOST_RECORDED))
 ]
 QueryInterval = Annotated[
     float,

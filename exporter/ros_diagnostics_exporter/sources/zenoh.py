@@ -61,10 +61,13 @@ class ZenohNetwork(Reception):
         self._tokens: dict[str, Token] = {}
         self._connections: dict[str, str] = {}  # wanted topic -> that of its last publisher
         self._too_many = False  # tokens, since the last look
+        self._other_types: dict[str, tuple[str, ...]] = {}  # by topics without DiagnosticArray
 
     @override
     def join(self) -> None:
         check_zenoh()
+        # RUST_LOG=warn: why a router cannot be connected
+        zenoh.try_init_log_from_env()  # type: ignore[no-untyped-call]
         self._session = zenoh.open(_config(self.settings))
         self.error, self.look_at = "", 0.0
         for key in TOKENS:
@@ -105,7 +108,8 @@ class ZenohNetwork(Reception):
 
     @property
     def _away(self) -> str:
-        return f"no router answers at {', '.join(self.settings.routers)} and accepts this exporter"
+        where = ", ".join(self.settings.routers)
+        return f"no router answers at {where} and accepts this exporter (RUST_LOG=warn logs why)"
 
     # -- tokens ---------------------------------------------------------------------------------
 
@@ -132,17 +136,24 @@ class ZenohNetwork(Reception):
             self.log_seldom("", "tokens", text, MAX_TOKENS)
         wanted = self.receiver.wanted_topics(ZENOH)
         tokens = list(self._tokens.values())
-        publishers = [each for each in tokens if each.topic]
+        publishers = [each for each in tokens if each.topic and not each.other_type]
         yield
-        self.receiver.update_graph(ZENOH, self._endpoints(tokens, publishers, wanted), now)
+        endpoints, others = self._endpoints(tokens, publishers, wanted), _other_types(tokens)
+        for name in others.keys() & (endpoints.keys() | wanted.keys()):
+            known = endpoints.get(name, Endpoint(0))
+            endpoints[name] = known._replace(wrong_type=", ".join(others.pop(name)))
+        if others != self._other_types:
+            self.receiver.note_other_types(ZENOH, others, now)
+            self._other_types = others
+        self.receiver.update_graph(ZENOH, endpoints, now)
         yield
         keys = {each.topic: each.key for each in publishers}
         for name in self.topics.keys() - wanted.keys():
             self.unsubscribe(name)
             yield
         for name, shared in wanted.items():
-            known = self.topics.get(name)
-            key = keys.get(name) or (known.offer if known else name.removeprefix("/"))
+            topic = self.topics.get(name)
+            key = keys.get(name) or (topic.offer if topic else name.removeprefix("/"))
             self.want(name, key, shared=shared)
             yield
         self.last_look = now.wall
@@ -179,21 +190,34 @@ class ZenohNetwork(Reception):
         return message
 
 
+def _other_types(tokens: list[Token]) -> dict[str, tuple[str, ...]]:
+    """Topic -> types other than DiagnosticArray that are published on it."""
+    found: dict[str, set[str]] = {}
+    for each in tokens:
+        if each.other_type:
+            found.setdefault(each.topic, set()).add(each.other_type)
+    return {topic: tuple(sorted(types)) for topic, types in found.items()}
+
+
 def _config(settings: Zenoh) -> Any:
     """The session's config.
 
     Raises:
-        OSError: the password's file cannot be read.
+        OSError: a file cannot be read.
     """
     tls = {
         "root_ca_certificate": settings.ca_file,
         "connect_certificate": settings.cert_file,
         "connect_private_key": settings.key_file,
     }
+    for path in tls.values():
+        if path is not None:
+            path.open("rb").close()  # zenoh does not name what it cannot read
     values: dict[str, object] = {
         "mode": settings.mode,
         "connect/endpoints": list(settings.routers),
-        "connect/timeout_ms": 0,
+        # A client tries once, and is opened again; a peer goes on to look for those that are away.
+        "connect/timeout_ms": 0 if settings.mode == "client" else -1,
         "connect/exit_on_failure": settings.mode == "client",
         "connect/retry": {"period_init_ms": 500, "period_max_ms": int(1000 * RETRY)},
         "listen/endpoints": [],

@@ -30,7 +30,13 @@ from ros_diagnostics_exporter.web.auth import Logins
 from ros_diagnostics_exporter.web.backend import Backend
 from ros_diagnostics_exporter.web.connections import Connections
 from ros_diagnostics_exporter.web.middleware import AccessControl
-from ros_diagnostics_exporter.web.pages import EVENTS, landing, missing_robot, robot_page
+from ros_diagnostics_exporter.web.pages import (
+    EVENTS,
+    fault_page,
+    landing,
+    missing_robot,
+    robot_page,
+)
 from ros_diagnostics_exporter.web.responses import ResponseLimit, ResponseLimiter, busy_response
 from ros_diagnostics_exporter.web.scrape import Scrape
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
@@ -73,6 +79,12 @@ class Pages:
         if page is None:
             return HTMLResponse(missing_robot(snapshot.fleet, name), status_code=404)
         return HTMLResponse(page)
+
+    async def fault(self, request: Request) -> Response:
+        """One fault that lasts; 404 for any other id."""
+        snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
+        page = await self.workers.run(fault_page, snapshot.fleet, request.path_params["fault"])
+        return HTMLResponse(page.html, status_code=page.status)
 
     async def healthy(self, _request: Request) -> Response:
         """200 as long as the exporter works; 503 with what hangs where only a restart may help."""
@@ -158,6 +170,7 @@ def build(
         Route(telemetry_path, scrape, methods=["GET"]),
         Route("/", pages.landing),
         Route("/robots/{robot:path}", pages.robot),
+        Route("/faults/{fault}", pages.fault),
         Route("/-/healthy", pages.healthy),
         Route("/-/ready", pages.ready),
         Route("/-/reload", api.reload, methods=write_methods),

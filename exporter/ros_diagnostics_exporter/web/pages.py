@@ -26,6 +26,7 @@ from ros_diagnostics_exporter.severity import (
     downtime_texts,
     event_text,
     query_text,
+    shown_as_they_are,
     shown_problems,
     silent_text,
     span,
@@ -105,6 +106,38 @@ def robot_page(
 def missing_robot(fleet: dict[str, Any], name: str) -> str:
     """The page for the name of a robot that there is not."""
     return _render("missing.html", title=f"{fleet['fleet']}: no such robot", name=name)
+
+
+class Page(NamedTuple):
+    """A page and its HTTP status."""
+
+    html: str
+    status: int = 200
+
+
+def fault_page(fleet: dict[str, Any], fault: str) -> Page:
+    """The page of the fault with that id; all texts in it are escaped."""
+    now = fleet["time"]
+    for of in (fleet, *fleet["robots"]):
+        its = [each for each in of["problems"] if each["fault"] == fault]
+        if not its:
+            continue
+        (found,) = shown_as_they_are(its, of, now)
+        robot = of.get("robot", "")
+        title = f"{robot or fleet['fleet']}: {found.subject}"
+        return Page(
+            _render(
+                "fault.html",
+                title=title,
+                now=now,
+                fleet=fleet["fleet"],
+                robot=robot,
+                fault=found,
+                marks=_marks(of, now) if robot else [],
+            )
+        )
+    title = f"{fleet['fleet']}: no such fault"
+    return Page(_render("missing_fault.html", title=title, name=fault), 404)
 
 
 class _Troubled(NamedTuple):

@@ -74,7 +74,7 @@ def robots(ros_domain: int) -> Iterator[Publisher]:
 @pytest.fixture
 def router(free_port: Callable[[], int]) -> Iterator[Router]:
     """A zenoh router."""
-    made = Router(free_port())
+    made = Router(f"tcp/127.0.0.1:{free_port()}")
     yield made
     made.stop()
 

@@ -90,6 +90,27 @@ def test_the_reasons_of_silence_are_told_apart(router, bridge, run_exporter):
     again.close()
 
 
+def test_another_type_on_a_topic_is_the_reason_of_silence_and_rejected_where_discovered(
+    router, bridge, run_exporter
+):
+    found = validated(
+        Discovery,
+        {"zenoh": "/", "topic": "/{robot}/diagnostics", "source": "raw"},
+        {"default": QUICK},
+    )
+    running = run_exporter(fleet_at(router, robot("known"), discoveries=(found,)))
+    for name in ("known", "found"):
+        bridge.offer(f"/{name}/diagnostics", kind="std_msgs/msg/String")
+
+    wait_for_reason(running, "known", "wrong_type")
+    running.wait_for("exporter_rejected_total", 1, reason="wrong_type")
+    assert set(running.service.state.robots) == {"known"}
+
+    bridge.withdraw("/known/diagnostics")
+    bridge.offer("/known/diagnostics")
+    is_up(running, bridge, "/known/diagnostics", "known")
+
+
 def test_a_router_that_is_away_is_one_reason_and_its_return_brings_all_back(
     router, bridge, run_exporter
 ):
@@ -128,3 +149,23 @@ def test_a_router_that_is_there_later_is_found(router, run_exporter):
     bridge.offer("/a/diagnostics")
     is_up(running, bridge, "/a/diagnostics", "a")
     bridge.close()
+
+
+def test_in_mode_peer_the_exporter_connects_to_each_bridge(free_port, run_exporter):
+    first, second = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+    bridge = Bridge(listen=first)
+    bridge.offer("/a/diagnostics")
+    settings = Zenoh((first, second), mode="peer")
+    running = run_exporter(Fleet("f", (robot("a"), robot("b")), zenoh=settings))
+    is_up(running, bridge, "/a/diagnostics", "a")
+    wait_for_reason(running, "b", "never_seen")
+
+    other = Bridge(listen=second)
+    other.offer("/b/diagnostics")
+    is_up(running, other, "/b/diagnostics", "b")
+    bridge.close()
+
+    wait_for_reason(running, "a", "unreachable")
+    is_up(running, other, "/b/diagnostics", "b")
+    other.close()
+    running.wait_for("exporter_domain_up", 0, domain_id="zenoh")

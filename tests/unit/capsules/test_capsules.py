@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from contextlib import closing
+from dataclasses import replace
 
 import pytest
 from rosbags.highlevel import AnyReader
@@ -12,6 +13,7 @@ from rosbags.highlevel import AnyReader
 from ros_diagnostics_exporter.capsules import rings as rings_module
 from ros_diagnostics_exporter.capsules.capsules import FIRST, MOST, Capsules, Kept, config_lines
 from ros_diagnostics_exporter.capsules.rings import RING, Rings
+from ros_diagnostics_exporter.config.fleet import CapsuleSettings
 from ros_diagnostics_exporter.decode.cdr import Decoder
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.model import Instant, Topic
@@ -137,6 +139,39 @@ def test_one_that_is_not_complete_says_when_it_is(capsules):
 
     with pytest.raises(LookupError, match="is complete in 7 s"):
         capsules.read(FAULT, at(103))
+
+
+def test_before_and_after_are_those_of_the_config(tmp_path, config):
+    settings = CapsuleSettings(before=200.0, after=30.0)
+    capsules = Capsules(tmp_path / "kept", config, lambda _robot: TOPICS, settings=settings)
+    receive(capsules.rings, TOPICS[0], range(1, 401), 4_000)
+    capsules.note(FAULT, replace(BEGAN, time=WALL + 370, since=WALL + 365), at(370))
+    capsules.turn(at(399))
+    with pytest.raises(LookupError, match="is complete in 1 s"):
+        capsules.read(FAULT, at(399))
+    capsules.configure(CapsuleSettings())  # of those that begin from now on
+    capsules.turn(at(400))
+
+    content = capsules.read(FAULT, at(400))
+    (statistics,) = records(content, 0x0B)
+    begin, end = struct.unpack_from("<QQ", statistics, 8 + 2 + 4 * 4)
+    assert WALL + 165 < begin / 1e9 <= WALL + 170
+    assert end / 1e9 == WALL + 400
+    fault, _ = records(content, 0x09)
+    assert (b'"before": 200.0' in fault, b'"after": 30.0' in fault) == (True, True)
+
+
+def test_a_fault_has_the_capsule_of_its_own_begin_also_after_a_restart(capsules, tmp_path, config):
+    receive(capsules.rings, TOPICS[0], range(111))
+    assert not capsules.has(FAULT, BEGAN.since)
+    capsule(capsules)
+
+    restarted = Capsules(tmp_path / "kept", config, lambda _robot: TOPICS)
+    restarted.turn(at(120))
+    for each in (capsules, restarted):
+        assert each.has(FAULT, BEGAN.since)
+        assert not each.has(FAULT, BEGAN.time + 5)  # it has begun again: that is not complete yet
+        assert not each.has("ba9876543210", BEGAN.since)
 
 
 def test_a_storm_keeps_the_first_and_worst(capsules, tmp_path):

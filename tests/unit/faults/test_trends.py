@@ -73,8 +73,12 @@ def test_it_goes_on_while_the_value_is_too_low():
     known = battery()
     found = follow(known, drain(60, 70, 1.0))
     assert found == [f"24 began {FALLING}", "52 began value/critical r1 battery charge low"]
-    later = [each[3:] for each in follow(known, [80.0] * 30, 70)]
-    assert later == ["recovered value/critical r1 battery charge low", f"recovered {FALLING}"]
+    assert follow(known, [5.0] * 30, 70) == []
+    later = [each[3:] for each in follow(known, [80.0] * 30, 100)]
+    assert [each.lstrip() for each in later] == [
+        "recovered value/critical r1 battery charge low",
+        f"recovered {FALLING}",
+    ]
 
 
 def test_a_value_that_is_in_warning_already_does_not_fall_as_well():

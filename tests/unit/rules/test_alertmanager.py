@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -42,14 +43,19 @@ def data(status: str, labels: dict[str, str], **annotations: str) -> dict[str, A
     }
 
 
-def render(template: str, content: dict[str, Any], folder: Path) -> str:
+def render(
+    template: str,
+    content: dict[str, Any],
+    folder: Path,
+    templates: Path = ALERTMANAGER / "templates",
+) -> str:
     file = folder / "data.json"
     file.write_text(json.dumps(content))
     return run_tool(
         "amtool",
         "template",
         "render",
-        f"--template.glob={ALERTMANAGER}/templates/*.tmpl",
+        f"--template.glob={templates}/*.tmpl",
         f"--template.data={file}",
         f"--template.type={'html' if template.endswith('html') else 'text'}",
         f'--template.text={{{{ template "{template}" . }}}}',
@@ -487,6 +493,34 @@ def test_without_an_address_of_grafana_a_mail_has_no_link_to_it(tmp_path: Path):
         assert "ashboard" not in output
 
 
+def test_a_mail_links_the_exporters_page_of_its_fault_as_the_sites_file_shows(tmp_path: Path):
+    fault = {**MOTOR_FAULT, "fault": "0123456789ab"}
+    labels = {"alertname": "RosDiagnosticsComponentCritical", **fault}
+    templates = tmp_path / "templates"
+    shutil.copytree(ALERTMANAGER / "templates", templates)
+    site = templates / "site.tmpl"
+    text = site.read_text()
+    shown = re.search(r"with its address:\n(.*?)\n +Several exporters", text, re.DOTALL)
+    assert shown is not None
+    site.write_text(text + re.sub(r"(?m)^ +", "", shown[1]))
+
+    for part in TWO:
+        template = f"ros_diagnostics.email.{part}"
+        output = render(template, data("firing", labels), tmp_path, templates)
+        assert "http://localhost:9877/faults/0123456789ab" in output
+        assert "http://localhost:9877/api/v1/faults/0123456789ab/capsule.mcap" in output
+        common = {**labels, "robot": "", "scope": "common"}
+        output = render(template, data("firing", common), tmp_path, templates)
+        assert "/faults/0123456789ab" in output
+        assert "capsule" not in output
+        own = {"alertname": "RosDiagnosticsExporterDown", "fleet": "f"}
+        for given in (
+            render(template, data("firing", own), tmp_path, templates),
+            render(template, data("firing", labels), tmp_path),
+        ):
+            assert "9877" not in given
+
+
 def test_all_mails_about_one_component_are_one_thread(tmp_path: Path):
     threads = {
         render("ros_diagnostics.email.thread", data(status, {"alertname": name, **MOTOR}), tmp_path)
@@ -677,4 +711,7 @@ def test_what_a_person_removed_is_no_recovery_and_a_recovery_says_what_ended_it(
     for kind in ("text", "html"):
         text = render(f"ros_diagnostics.email.{kind}", ended, tmp_path)
         assert "What ended it: a person removed it; whether it works is not known." in text
-    assert render("ros_diagnostics.sms", ended, tmp_path).startswith("REMOVED ")
+    text = render("ros_diagnostics.sms", ended, tmp_path)
+    assert text.startswith("REMOVED f: Motor 1 of r1 is no longer monitored. It lasted ")
+    ended["commonLabels"]["state"] = "flapping"
+    assert render("ros_diagnostics.email.subject", ended, tmp_path) == subject

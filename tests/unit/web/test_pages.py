@@ -116,6 +116,43 @@ def test_each_robot_has_a_page_whose_links_work(serve, name):
             assert [each["robot"] for each in json.loads(there.body)["robots"]] == [name]
 
 
+FAULT = "0123456789ab"
+CAPSULE = f"/api/v1/faults/{FAULT}/capsule.mcap"
+
+
+def test_a_fault_has_a_page_and_links_what_was_received(serve):
+    recorded = broken("Motor 1", fault=FAULT, capsule=CAPSULE, evidence="over current")
+    given = fleet(robot("a", component("Motor 1", "ERROR"), problems=[recorded]))
+    server = serve(fleet_snapshot=lambda: given, capsule=lambda _fault: b"mcap")
+    for path in ("/", "/robots/a", f"/faults/{FAULT}"):
+        answer = ask(server, path)
+        assert answer.status == 200
+        assert "/Motor/Motor 1" in answer.text
+        links = [attrs["href"] for tag, attrs in read(answer.text).tags if tag == "a"]
+        assert {urljoin(path, link) for link in links} >= {f"/faults/{FAULT}", CAPSULE}
+        assert {ask(server, urljoin(path, link)).status for link in links} == {200}
+    assert "When confirmed: over current" in read(answer.text).text
+
+
+def test_a_fault_without_a_capsule_links_none():
+    given = fleet(robot("a", component("Motor 1", "ERROR"), problems=[broken(fault=FAULT)]))
+    assert "capsule" not in landing(given, "/metrics") + (robot_page(given, "a", []) or "")
+
+
+def test_a_fault_of_many_robots_has_a_page(serve):
+    common = problem("common", "critical", component="Map", confirmed=1_010.0, fault=FAULT)
+    server = serve(fleet_snapshot=lambda: fleet(robot("a"), problems=[common]))
+    answer = ask(server, f"/faults/{FAULT}")
+    assert answer.status == 200
+    assert "hall: Map of many robots" in read(answer.text).text
+
+
+def test_a_fault_that_has_ended_is_404(serve):
+    answer = ask(serve(fleet_snapshot=lambda: fleet(robot("a"))), f"/faults/{FAULT}")
+    assert (answer.status, answer.headers["Content-Type"]) == (404, "text/html; charset=utf-8")
+    assert f"Fault {FAULT} does not last" in read(answer.text).text
+
+
 def test_a_robot_that_there_is_not_is_404(serve):
     answer = ask(serve(fleet_snapshot=lambda: fleet(robot("a"))), "/robots/b%3Cb%3E")
     assert (answer.status, answer.headers["Content-Type"]) == (404, "text/html; charset=utf-8")

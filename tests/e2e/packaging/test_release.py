@@ -1,0 +1,50 @@
+"""``packaging/release``: what a release consists of, with the same bytes each time."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from ros_diagnostics_exporter import __version__
+from support import debian
+from testbed.configuration import CHECKOUT
+
+ABSENT = debian.why_not("dpkg-deb", "git")
+
+pytestmark = debian.marks(ABSENT)
+
+
+def test_a_commit_is_built_twice_with_the_same_bytes(tmp_path: Path):
+    source = tmp_path / "source"
+    subprocess.run(["git", "clone", "--quiet", CHECKOUT, source], check=True)
+    (source / "README.md").write_text("not committed, so not released")
+    path = f"{Path(sys.prefix) / 'bin'}:{os.environ['PATH']}"
+    command = [source / "packaging" / "release", "--twice", tmp_path / "dist"]
+    done = subprocess.run(
+        command, env=os.environ | {"PATH": path}, capture_output=True, text=True, check=False
+    )
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    built = {each.name: each.read_bytes() for each in (tmp_path / "dist").iterdir()}
+    sums = dict(map(reversed, map(str.split, built.pop("SHA256SUMS").decode().splitlines())))
+    assert sums == {name: hashlib.sha256(data).hexdigest() for name, data in built.items()}
+    assert {name.replace(__version__, "V") for name in built} == {
+        "CHANGES-V.md",
+        "ros-diagnostics-exporter-V.cdx.json",
+        "ros-diagnostics-exporter_V-1_amd64.deb",
+        "ros_diagnostics_exporter-V-py3-none-any.whl",
+        "ros_diagnostics_exporter-V.tar.gz",
+        "ros_diagnostics_virtual_robots-V-py3-none-any.whl",
+        "ros_diagnostics_virtual_robots-V.tar.gz",
+    }
+    assert b"not committed" not in b"".join(built.values())
+    assert b"### Added" in built[f"CHANGES-{__version__}.md"]
+    bill = json.loads(built[f"ros-diagnostics-exporter-{__version__}.cdx.json"])
+    lock = (CHECKOUT / "packaging" / "locks" / "exporter.txt").read_text()
+    assert bill["metadata"]["component"]["name"] == "ros-diagnostics-exporter"
+    named = {f"{each['name']}=={each['version']}" for each in bill["components"]}
+    assert named == {line.split()[0] for line in lock.splitlines() if "==" in line}
