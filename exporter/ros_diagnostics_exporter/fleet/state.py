@@ -15,6 +15,7 @@ from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import (
     DOWNTIMES,
     LEARNED,
+    AbilityView,
     ComponentName,
     End,
     Fault,
@@ -503,6 +504,10 @@ class State:
     def followed(self, robot: Robot) -> dict[ComponentName, Followed]:
         """What is kept of the components of a robot that is visited, in trouble now or before."""
         return self._faults.followed(robot)
+
+    def abilities(self, robot: Robot) -> dict[str, AbilityView]:
+        """What a robot that is visited can do, each after those that it needs."""
+        return self._faults.abilities(robot)
 
     def downtimes(self, robot: str) -> tuple[Downtime, ...]:
         """The downtimes of a robot and its components that people planned; some may lie ahead."""
