@@ -49,13 +49,17 @@ SCRAPES = (("/metrics?collect[]=faults", 2.0), ("/metrics?exclude[]=faults", 15.
 
 
 class Cost(NamedTuple):
-    """Of one process: cores, those of the middleware's threads, MB at the end and at most."""
+    """Of one process: cores, those of the middleware's threads, MB at the end and at most.
+
+    ``received`` are all messages, ``rate`` those in a second of the measurement.
+    """
 
     cpu: float
     middleware: float
     resident: float
     peak: float
     received: int
+    rate: float
 
 
 class Fleet:
@@ -147,8 +151,7 @@ def site_for(options: argparse.Namespace, *, zenoh: bool = False) -> Iterator[Si
 
 
 def measure(process: Process, seconds: float) -> tuple[float, float]:
-    """(cores of the whole process, of the middleware's threads) from SETTLE on."""
-    time.sleep(SETTLE)
+    """(cores of the whole process, of the middleware's threads) for so many seconds."""
     before, of_threads = cpu_seconds(process.pid), middleware_seconds(process.pid)
     begin = time.monotonic()
     time.sleep(seconds)
@@ -171,12 +174,13 @@ def taking(options: argparse.Namespace) -> Cost:
         taker = site.start_actor("taker", str(options.robots), seconds=2 * BEGIN + seconds)
         fleet = Fleet(site, CHANGING["every value changes"], seconds)
         fleet.wait_until_all_publish()
+        time.sleep(SETTLE)
         cpu, middleware = measure(taker, seconds)
         resident, peak = resident_megabytes(taker.pid), peak_megabytes(taker.pid)
         fleet.wait_for_end()
         pattern = rf"{fleet.sent} arrays taken"
         taker.wait_for_output(pattern, SETTLE)
-        return Cost(cpu, middleware, resident, peak, fleet.sent)
+        return Cost(cpu, middleware, resident, peak, fleet.sent, options.robots)
 
 
 def exporting(
@@ -190,13 +194,16 @@ def exporting(
         fleet = Fleet(site, changing, options.seconds)
         fleet.wait_until_all_publish()
         with scraping(address):
+            time.sleep(SETTLE)
+            begin, before = time.monotonic(), count_received(address)
             cpu, middleware = measure(exporter, options.seconds)
+            rate = (count_received(address) - before) / (time.monotonic() - begin)
             resident, peak = resident_megabytes(exporter.pid), peak_megabytes(exporter.pid)
             fleet.wait_for_end()
         received = count_received(address)
         while received < fleet.sent and (more := count_after(address, CALM)) > received:
             received = more
-        return Cost(cpu, middleware, resident, peak, received), fleet
+        return Cost(cpu, middleware, resident, peak, received, rate), fleet
 
 
 def count_after(address: str, seconds: float) -> int:

@@ -27,19 +27,21 @@ def main() -> None:
     options = parser.parse_args()
     processes = f"in {options.processes} processes"
     print(f"{options.robots} robots at 1 Hz {processes}, {options.seconds:g} s a measurement")
-    print(f"{'':<28}{'us/msg':>8}{'of DDS':>8}{'threads':>9}{'MB':>6}{'peak':>6}{'lost':>6}")
+    columns = f"{'us/msg':>8}{'of DDS':>8}{'threads':>9}{'msg/s':>8}{'MB':>6}{'peak':>6}{'lost':>6}"
+    print(f"{'':<28}{columns}")
     for what in CASES:
         dds, fleet = exporting(options, CHANGING[what])
-        print_row(f"{what}, DDS", dds, dds, options.robots, fleet.sent)
+        print_row(f"{what}, DDS", dds, dds, fleet.sent)
         zenoh, fleet = exporting(options, CHANGING[what], zenoh=True)
-        print_row(f"{what}, zenoh", zenoh, dds, options.robots, fleet.sent)
+        print_row(f"{what}, zenoh", zenoh, dds, fleet.sent)
 
 
-def print_row(what: str, cost: Cost, dds: Cost, robots: int, sent: int) -> None:
-    """One measurement; ``robots`` send a message a second each."""
+def print_row(what: str, cost: Cost, dds: Cost, sent: int) -> None:
+    """One measurement, beside that over DDS."""
+    each = cost.cpu / cost.rate
     print(
-        f"{what:<28}{cost.cpu / robots * 1e6:>8.0f}{cost.cpu / dds.cpu:>8.2f}"
-        f"{cost.middleware / cost.cpu:>9.0%}"
+        f"{what:<28}{each * 1e6:>8.0f}{each * dds.rate / dds.cpu:>8.2f}"
+        f"{cost.middleware / cost.cpu:>9.0%}{cost.rate:>8.0f}"
         f"{cost.resident:>6.0f}{cost.peak:>6.0f}{sent - cost.received:>6}",
         flush=True,
     )

@@ -19,10 +19,11 @@ from pathlib import Path
 from typing import IO
 
 import pytest
+from zenoh import Config
 
 from support import short_clocks, subnets
 from testbed import configuration, domains, programs, zenoh
-from testbed.configuration import Addresses, Clocks
+from testbed.configuration import CHECKOUT, Addresses, Clocks
 from testbed.polling import until
 from testbed.processes import Process
 
@@ -60,11 +61,22 @@ class Site:
         return self.networks.start(host, argv, self._environment(host))
 
     def _start_bridge(self, host: str) -> Process:
-        router = ENDPOINT.format(HOSTS.index(host) + 1)
+        """With the config of packaging/, but another router, without TLS and login."""
+        config = Config.from_file(str(CHECKOUT / "packaging" / "zenoh" / "bridge.json5"))
+        for key, value in {
+            "connect/endpoints": [ENDPOINT.format(HOSTS.index(host) + 1)],
+            "transport/link/tls/root_ca_certificate": None,
+            "transport/auth/usrpwd/user": None,
+            "transport/auth/usrpwd/password": None,
+            "plugins/ros2dds/namespace": configuration.BRIDGED,
+            "plugins/ros2dds/domain": self._domains[host],
+            "scouting/multicast/enabled": False,
+        }.items():
+            config.insert_json5(key, json.dumps(value))
         path = self._folder / f"{host}.json5"
-        argv = zenoh.bridge(path, router, self._domains[host], configuration.BRIDGED)
+        path.write_text(str(config))
         environment = zenoh.on_loopback(self._environment(host))
-        return self.networks.start(host, argv, environment)
+        return self.networks.start(host, [zenoh.program("zenoh-bridge"), path], environment)
 
     def _start_robot(self, host: str) -> Process:
         path = self._folder / f"{host}.yaml"

@@ -112,6 +112,11 @@ class Subnets:
         """
         subprocess.run([*self._into(host), *argv], check=True)
 
+    def output(self, host: str, *argv: str) -> str:
+        """What a command writes on a host; arguments and errors as `run`."""
+        command = [*self._into(host), *argv]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
     def fetch(self, host: str, url: str) -> str:
         """What a server answers to a host.
 
