@@ -295,7 +295,6 @@ def test_lint_checks_python_with_the_generators_in_tools_and_the_shell_scripts(m
     scripts += ["packaging/release"]
     scripts += [f"packaging/debian/{name}" for name in ("postinst", "prerm", "postrm")]
     scripts += ["sim/zenoh_bridge/build-zenoh"]
-    scripts.append("sim/zenoh_bridge/build-zenoh")
     assert machine.calls()[-4:] == [
         "ruff check exporter sim grafana lab tests tools",
         "ruff format --check exporter sim grafana lab tests tools",
