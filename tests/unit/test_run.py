@@ -294,7 +294,7 @@ def test_lint_checks_python_with_the_generators_in_tools_and_the_shell_scripts(m
     scripts = ["run", ".ci/run", "packaging/install-packages", "packaging/build-deb"]
     scripts += ["packaging/release"]
     scripts += [f"packaging/debian/{name}" for name in ("postinst", "prerm", "postrm")]
-    scripts.append("sim/zenoh_bridge/build-zenoh")
+    scripts += ["sim/zenoh_bridge/build-zenoh"]
     assert machine.calls()[-4:] == [
         "ruff check exporter sim grafana lab tests tools",
         "ruff format --check exporter sim grafana lab tests tools",
