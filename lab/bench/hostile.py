@@ -199,9 +199,14 @@ ATTACKS = {
 OF_ZENOH = "4"
 
 
+def is_hostile(robot: str) -> bool:
+    """Whether it is of an attack: the hostile robot, or one that is only offered."""
+    return robot.startswith(HOSTILE)
+
+
 def robots_up(scrape: Scrape) -> int:
     """How many of the fleet's own robots are up."""
-    return sum(up for robot, up in scrape.up.items() if robot != HOSTILE)
+    return sum(up for robot, up in scrape.up.items() if not is_hostile(robot))
 
 
 def run_case(attack: Attack | None, options: argparse.Namespace) -> Result:
@@ -232,7 +237,7 @@ def measure(site: Site, attacker: Process | None, seconds: float) -> Result:
     done = "none" if attacker is None else last_line(attacker)  # before the exporter stops
     good = [scrape for scrape in scrapes if scrape is not None]
     times = [TIMEOUT if scrape is None else scrape.seconds for scrape in scrapes]
-    ages = [age for each in good for robot, age in each.ages.items() if robot != HOSTILE]
+    ages = [age for each in good for robot, age in each.ages.items() if not is_hostile(robot)]
     return Result(
         up=min(map(robots_up, good), default=math.nan),
         age_median=median(ages) if ages else math.nan,
