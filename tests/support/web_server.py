@@ -92,6 +92,7 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
         "work": "",
         "downtimes": [],
         "problems": [],
+        "capabilities": [],
         "short_checks": [],
         "groups": [{"group": "/Motor", "level": "OK", "message": "OK"}],
         "components": list(components),

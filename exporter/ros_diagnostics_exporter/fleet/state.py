@@ -15,6 +15,7 @@ from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import (
     DOWNTIMES,
     LEARNED,
+    AbilityView,
     ComponentName,
     End,
     Fault,
@@ -150,8 +151,11 @@ class State:
         with self._lock:
             self._registry.note_other_types(domain_id, types, now)
 
-    def update_nodes(self, domain_id: Domain, nodes: list[tuple[str, str]], now: Instant) -> None:
-        """Take the name and namespace of all nodes of a domain, and judge what is due there."""
+    def update_nodes(self, domain_id: Domain, nodes: list[tuple[str, str]], now: Instant) -> bool:
+        """Take the name and namespace of all nodes of a domain, and judge what is due there.
+
+        Returns whether any robot there is watched.
+        """
         with self._lock:
             robots = [
                 robot.settings
@@ -162,8 +166,10 @@ class State:
             self._watch.follow(domain_id, robots, now)
             self._watch.see_nodes(domain_id, nodes, now)
             reports = list(self._watch.reports(domain_id, now))
+            watches = self._watch.watches(domain_id)
         for report in reports:
             self._receive_report(report, now)
+        return watches
 
     def update_endpoints(
         self, domain_id: Domain, topics: Mapping[str, TopicView], now: Instant
@@ -498,6 +504,10 @@ class State:
     def followed(self, robot: Robot) -> dict[ComponentName, Followed]:
         """What is kept of the components of a robot that is visited, in trouble now or before."""
         return self._faults.followed(robot)
+
+    def abilities(self, robot: Robot) -> dict[str, AbilityView]:
+        """What a robot that is visited can do, each after those that it needs."""
+        return self._faults.abilities(robot)
 
     def downtimes(self, robot: str) -> tuple[Downtime, ...]:
         """The downtimes of a robot and its components that people planned; some may lie ahead."""

@@ -7,7 +7,7 @@ from functools import lru_cache
 from math import isfinite
 
 from ros_diagnostics_exporter.config.fleet import Profile
-from ros_diagnostics_exporter.faults.model import ComponentName, Followed
+from ros_diagnostics_exporter.faults.model import ABILITIES, AbilityView, ComponentName, Followed
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import Level
@@ -18,6 +18,7 @@ from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.texts import escape
 
 _VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_MONITORED_VALUE.name}
+_STATES = {ability: number for number, ability in enumerate(ABILITIES)}
 _WORDS = tuple(level.name.lower() for level in Level)
 
 
@@ -60,6 +61,7 @@ class RobotText:
         exporter: str,
         robot: Robot,
         followed: Callable[[Robot], Mapping[ComponentName, Followed]],
+        abilities: Callable[[Robot], Mapping[str, AbilityView]],
     ) -> None:
         self.fleet = fleet
         self.exporter = exporter
@@ -71,6 +73,7 @@ class RobotText:
         self._base = f'fleet="{escape(fleet)}",robot="{escape(robot.settings.name)}"'
         self._exporter_label = f',exporter="{escape(exporter)}"' if exporter else ""
         self._followed = followed
+        self._abilities = abilities
         self._seen: Versions | None = None
         self._presence: tuple[bool, str | None] | None = None
         self._receipt_due = self._values_due = True
@@ -304,6 +307,14 @@ class RobotText:
         )
         self._render_followed(shown)
         self._render_checks()
+        family = metrics.CAPABILITY_STATE
+        self._set(
+            family,
+            (
+                self._one(family, _STATES[each.ability], f',capability="{escape(capability)}"')
+                for capability, each in self._abilities(self.robot).items()
+            ),
+        )
 
     def _render_followed(self, shown: list[tuple[Component, str]]) -> None:
         """What faults/ keeps; where it keeps nothing, trouble began with the level."""

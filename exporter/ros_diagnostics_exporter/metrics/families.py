@@ -144,6 +144,12 @@ CHECK_EXPECTED = _family(
     "How many components the config expects the check to find.",
     (*ROBOT, "check"),
 )
+CAPABILITY_STATE = _family(
+    "capability_state",
+    "gauge",
+    "What a robot can do, by fleet.yml: 0 OK, 1 no reserve, 2 degraded, 3 lost, 4 unknown.",
+    (*ROBOT, "capability"),
+)
 COMPONENT_LEVEL = _family(
     "component_level",
     "gauge",
@@ -257,6 +263,7 @@ FLEET_FAMILIES = (
     ROBOT_REJECTED,
     CHECK_COMPONENTS,
     CHECK_EXPECTED,
+    CAPABILITY_STATE,
     COMPONENT_LEVEL,
     COMPONENT_PROBLEM_LEVEL,
     COMPONENT_SINCE,

@@ -315,9 +315,10 @@ class DdsDomain(Reception):
             self.look_at = max(self.look_at, now.mono + stretched)
         self._types = types
         self.last_look = now.wall
-        self.receiver.update_nodes(self._domain, node.get_node_names_and_namespaces(), now)
         self._report_links(topics, now)
-        yield from self._read_endpoints(node, [name for name, _types in found], now)
+        nodes = node.get_node_names_and_namespaces()
+        if self.receiver.update_nodes(self._domain, nodes, now):
+            yield from self._read_endpoints(node, [name for name, _types in found], now)
 
     def _to_be_asked(self, types: Mapping[str, tuple[str, ...]]) -> list[str]:
         """The subscribed topics that are due, and as many others as one look may ask for, in turns.

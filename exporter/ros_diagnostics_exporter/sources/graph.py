@@ -43,10 +43,10 @@ MOST_KNOWN = 1000  # nodes, or topics, of one robot
 
 # Tools and helpers, and names that have the number of a process or something random in them.
 IGNORED = re.compile(
-    r".*/(_.*|rviz.*|rqt.*|launch_ros_.*|ros2cli.*|rosbag2.*|ros_diagnostics_exporter"
-    r"|transform_listener_impl_.*|.*[0-9]{4,}.*|.*_(?=[0-9a-f]*[0-9])[0-9a-f]{6,})"
+    r".*/((_|rviz|rqt|launch_ros_|ros2cli|rosbag2|transform_listener_impl_)[^/]*"
+    r"|ros_diagnostics_exporter|[^/]*[0-9]{4,}[^/]*|[^/]*_(?=[0-9a-f]*[0-9])[0-9a-f]{6,})"
 )
-_OWN_TOPICS = re.compile(r".*/(rosout|parameter_events|_.*)")
+_NO_TOPIC = re.compile(r".*/(rosout|parameter_events|_action/.*)")  # every node's, an action's
 _Name = Annotated[str, Field(max_length=256)]
 _Accepted = tuple[_Name, tuple[_Name, _Name, Annotated[str, Field(max_length=1000)]]]
 
@@ -116,7 +116,7 @@ class RobotGraph:
     def see_topic(self, name: str, view: TopicView, now: Instant) -> None:
         """Take one of its topics."""
         own = self._own(name)
-        if own and not _OWN_TOPICS.fullmatch(name):
+        if own and not _NO_TOPIC.fullmatch(name):
             self._topics.update(own, view.without(self._is_ignored), now)
             self._nodes.note_processes(self._processes(view))
             self.report_at = now.mono
@@ -284,6 +284,10 @@ class GraphWatch:
             self._gone.discard(name)
             if (learned := self._restored.pop(name, None)) is not None:
                 made.restore(learned, now)
+
+    def watches(self, domain: Domain) -> bool:
+        """Whether any robot of a domain is watched."""
+        return bool(self._owners[domain].by_name)
 
     def see_nodes(self, domain: Domain, nodes: list[tuple[str, str]], now: Instant) -> None:
         """Take the name and namespace of all nodes of a domain."""

@@ -62,8 +62,8 @@ class Receiver(Protocol):
     ) -> None:
         """Take the types of all topics of a domain that have no DiagnosticArray, by name."""
 
-    def update_nodes(self, domain: Domain, nodes: list[tuple[str, str]], now: Instant) -> None:
-        """Take the name and namespace of all nodes of a domain."""
+    def update_nodes(self, domain: Domain, nodes: list[tuple[str, str]], now: Instant) -> bool:
+        """Take the name and namespace of all nodes of a domain; whether endpoints are wanted."""
 
     def update_endpoints(
         self, domain: Domain, topics: Mapping[str, TopicView], now: Instant

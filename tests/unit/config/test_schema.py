@@ -58,6 +58,19 @@ WHOLE = {
             }
         }
     },
+    "Capability": lambda entry: {
+        "profiles": {
+            "default": {
+                "capabilities": {
+                    "front view": ["Camera"],
+                    "x": {
+                        **({} if {"all", "any", "at_least"} & {*entry} else {"all": "Motor"}),
+                        **entry,
+                    },
+                }
+            }
+        }
+    },
     "Thresholds": lambda entry: {"profiles": {"default": {"values": [{"thresholds": entry}]}}},
     "Bound": lambda entry: {"profiles": {"default": {"values": [{"thresholds": {"low": entry}}]}}},
     "FaultSettings": lambda entry: {"faults": entry},

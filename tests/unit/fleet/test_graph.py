@@ -139,7 +139,10 @@ def test_a_fault_and_what_was_learned_outlive_a_restart(tmp_path: Path):
     assert again.faults() == []
 
 
-def test_a_robot_of_another_domain_is_left_alone():
+def test_a_robot_of_another_domain_and_one_that_is_not_watched_are_left_alone():
     driver = Driver(fleet=fleet())
-    driver.state.update_nodes(1, [("amcl", "/r")] * 2, driver.now)
+    assert driver.state.update_nodes(0, [("amcl", "/r")], driver.now)
+    assert not driver.state.update_nodes(1, [("amcl", "/r")] * 2, driver.now)
+    driver = Driver(fleet=fleet(mode="off"))
+    assert not driver.state.update_nodes(0, [("amcl", "/r")], driver.now)
     assert len(driver.robot.components) == 0

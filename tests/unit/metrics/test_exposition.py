@@ -17,6 +17,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from prometheus_client.registry import Collector
 
 from ros_diagnostics_exporter.canary import FIRST, Canary
+from ros_diagnostics_exporter.config.capabilities import Capability, ComponentsOf, Expression
 from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
     Fleet,
@@ -158,6 +159,9 @@ def full_scenario() -> StateDriver:
             ),
             ValueRule(key=re.compile("Charge"), metric="ros_battery_charge_ratio", scale=0.01),
         ),
+        capabilities={
+            "view": Capability("view", Expression(1, (ComponentsOf((re.compile("Cam"),)),)))
+        },
     )
     robot = Robot(
         "r",

@@ -148,6 +148,13 @@ def test_tools_and_names_with_numbers_of_processes_never_count(site, name):
     assert site.names == []
 
 
+def test_the_number_of_a_robot_is_none_of_a_process():
+    site = Site(Graph(mode="on", learn_after=1.0), namespace="/j100_0849")
+    site.look(60, *USUAL)
+    site.look(60, *without("amcl", "nav/planner"))
+    assert site.problems.keys() == {"node amcl", "node nav/planner"}
+
+
 def test_a_namespace_whose_processes_leave_at_once_was_stopped(site):
     views = {
         "plan": TopicView((Peer("/r/nav/planner", "0a" * 16),), ()),
@@ -240,10 +247,12 @@ def test_what_was_seen_once_is_no_problem_until_it_is_seen_again(site):
 def test_a_second_publisher_where_one_was_is_a_problem(site):
     second = Peer("/r/driver", "03" * 16)
     doubled = CHAT._replace(publishers=(*CHAT.publishers, second))
-    site.learn(*USUAL, chat=CHAT, other=doubled)
-    site.look(25, *USUAL, chat=doubled, other=doubled)
+    usual = {"rosout": CHAT, "go/_action/status": CHAT, "other": doubled}
+    site.learn(*USUAL, chat=CHAT, **usual)
+    now = dict.fromkeys(usual, doubled)
+    site.look(25, *USUAL, chat=doubled, **now)
     assert site.problems == {}
-    site.look(10, *USUAL, chat=doubled, other=doubled)
+    site.look(10, *USUAL, chat=doubled, **now)
     assert site.problems == {"topic chat": "2 publishers where one was: /r/amcl, /r/driver"}
 
 
