@@ -336,7 +336,8 @@ def _message(
         short = checks[problem["check"]]
         return f"finds {short['found']} of {short['expected']}"
     if scope == "robot" and state in {"silent", "pending"}:
-        return silent_text(of["silent_reason"]) or str(problem["evidence"])
+        known = silent_text(of["silent_reason"]) or str(problem["evidence"])
+        return known if problem["quiet"] != "restart" else "not received since the exporter started"
     return str(problem["evidence"])
 
 

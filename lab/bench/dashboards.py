@@ -30,7 +30,7 @@ from support.served_fleet import ServedFleet, serving
 from testbed.polling import until
 
 INTERVAL = 5  # seconds, of scrapes and evaluations, as shipped
-THINNED = 30  # seconds, of rules/timeline.yml
+RANKED = 10  # seconds, of rules/states.yml
 PIXELS = 1800  # of a graph as wide as that screen: so many points it requests
 FAULTY = 20  # every so many robots one is
 SITES = 10
@@ -46,12 +46,12 @@ class Cost(NamedTuple):
 
 def history(robots: int, begin: float, end: float) -> Iterator[str]:
     """The states of ``robots`` robots as recorded at every evaluation; OpenMetrics."""
-    name = "robot:ros_diagnostics_state:max1m"
+    name = "robot:ros_diagnostics_state:rank"
     yield f"# TYPE {name} gauge\n"
     for number in range(robots):
         rank = 0 if number % FAULTY else 3
         series = f'{name}{{fleet="bench",robot="robot_{number}"}} {rank}'
-        yield "".join(f"{series} {each}\n" for each in range(int(begin), int(end), THINNED))
+        yield "".join(f"{series} {each}\n" for each in range(int(begin), int(end), RANKED))
     times = range(int(begin), int(end), INTERVAL)
     name = "site_robot_group:ros_diagnostics_robots:count"
     yield f"# TYPE {name} gauge\n"

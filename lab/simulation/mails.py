@@ -12,8 +12,7 @@ Key = tuple[str, ...]
 
 
 class Mails:
-    """What was sent: PROBLEM when an alert begins to fire, RECOVERY when it has ended,
-    REMOVED when a person ended it.
+    """What was sent: PROBLEM when an alert begins, RECOVERY or (by a person) REMOVED at its end.
 
     `fleet:ros_diagnostics_fault_start:held` is what is served, and what was held before,
     until it is served that it has ended. A milder alert of the same component or value is

@@ -164,6 +164,7 @@ class FakeBackend:
     not_ready_reason: Callable[[], str | None] = lambda: None
     reload: Callable[[], None] = lambda: None
     forget: Callable[[str, str | None], int] = lambda _robot, _component: 1
+    accept_graph: Callable[[str], int] = lambda _robot: 1
 
 
 BACKEND_METHODS = {field.name for field in fields(FakeBackend)}

@@ -22,6 +22,7 @@ from typing_extensions import override
 from ros_diagnostics_exporter.config.capabilities import Capability, Parts, short_capability
 from ros_diagnostics_exporter.config.conditions import LEVELS, Conditional, ConditionList
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, suggestion
+from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.config.keys import Entry, Written, described
 from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
 from ros_diagnostics_exporter.config.patterns import (
@@ -452,6 +453,11 @@ class Profile(Entry):
         "still works ([capabilities](capabilities.md)).",
         example={"driving": ["Motor", "front view"], "front view": {"any": ["Laser", "Camera"]}},
         default_factory=_nothing,
+    )
+    graph: Graph = described(
+        "What is seen of the robot in the ROS graph, and of lost messages: silent faults.",
+        example={"mode": "on", "expect": ["amcl"]},
+        default=Graph(),
     )
 
     @cached_property

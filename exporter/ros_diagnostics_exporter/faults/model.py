@@ -261,6 +261,7 @@ class ProblemView(NamedTuple):
 
 
 DOWNTIMES = "downtimes"  # the kind of the one row of those that people planned
+LEARNED = "graph"  # the kind of the rows of what was learned of robots' nodes and topics
 
 
 class Row(NamedTuple):

@@ -88,7 +88,7 @@ def last_received(identity: Identity, find: Find) -> str:
 def _of_component(identity: Identity, component: Component, robot: Robot) -> Iterator[str]:
     if identity.scope is Scope.VALUE:
         yield from _monitored(identity, component)
-    yield _text(component.message)
+    yield _text(component.account)
     if component.last is not None and identity.scope is not Scope.VALUE:
         pairs = (f"{_text(key)}: {_text(text)}" for key, text in component.last.values)
         yield _listed("values", pairs)

@@ -40,7 +40,7 @@ from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProbl
 from ros_diagnostics_exporter.fleet.fault_evidence import evidence, last_received, parts
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component
-from ros_diagnostics_exporter.robots.components import Components
+from ros_diagnostics_exporter.robots.components import SHADOWED, Components
 from ros_diagnostics_exporter.robots.conditions import Quiet, RobotConditions
 from ros_diagnostics_exporter.robots.measured import query_of
 from ros_diagnostics_exporter.robots.robot import Robot
@@ -440,6 +440,8 @@ class RobotReports:
 
     def _quiet(self, component: Component) -> Quiet | None:
         """Why the component's trouble is no fault, if it is none."""
+        if component.feed is not None and component.feed.shadow:
+            return Quiet(SHADOWED, known=True)
         rule = component.rule
         return None if rule is None else self._conditions.find(component, rule.conditions)
 
@@ -610,6 +612,8 @@ class RobotReports:
         """The component as it is judged: well, or not known, where its condition says so."""
         level, settings = _LEVELS[component.level], self._component_settings(component)
         quiet = self._quiet(component)
+        if self.robot.network.lossy and component.feed is None and level is Level.STALE:
+            quiet = Quiet("messages are lost", known=False)
         if quiet is None or level is Level.OK:
             return ComponentReport(name, level, settings)
         if quiet.known and level is not Level.STALE:

@@ -14,6 +14,7 @@ from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component, ExportedValue
 from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_exporter.robots.versions import Versions
+from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.texts import escape
 
 _VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_MONITORED_VALUE.name}
@@ -238,6 +239,23 @@ class RobotText:
         if robot.clock_offset is not None:
             family = metrics.ROBOT_CLOCK_OFFSET
             self._set(family, [self._one(family, round(robot.clock_offset, 6))])
+        if (expected := robot.network.expected_nodes) is not None:
+            family = metrics.ROBOT_EXPECTED_NODES
+            self._set(family, [self._one(family, expected)])
+        link = robot.network.link
+        if link is not None or metrics.ROBOT_LINK_LOST.name in self.chunks:
+            self._render_link(link)
+
+    def _render_link(self, link: LinkReading | None) -> None:
+        for family, value in (
+            (metrics.ROBOT_LINK_LOST, link and link.loss),
+            (metrics.ROBOT_LINK_DELAY, link and link.delay),
+            (metrics.ROBOT_LINK_JITTER, link and link.jitter),
+        ):
+            if value is None:
+                self._remove(family.name)
+            else:
+                self._set(family, [self._one(family, round(value, 6))])
 
     def _render_presence(self) -> None:
         presence = up, reason = self.robot.up, self.robot.silent_reason
@@ -282,7 +300,7 @@ class RobotText:
         self._set(
             metrics.COMPONENT_MESSAGE,
             (
-                f'{name}{labels},message="{escape(component.message[:length])}"}} 1\n'
+                f'{name}{labels},message="{escape(component.account[:length])}"}} 1\n'
                 for component, labels in shown
                 if component.level != Level.OK
             ),

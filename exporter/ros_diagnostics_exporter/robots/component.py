@@ -110,6 +110,13 @@ class Component:
         """Whether nothing fresh is known, whatever the config makes of that."""
         return self.reported == STALE
 
+    @property
+    def account(self) -> str:
+        """The message, for people; of a component that says nothing any more, that it is old."""
+        if not self.is_stale or (self.last is not None and self.last.level == STALE):
+            return self.message
+        return "no longer reports" + (f"; its last message: {self.message}" if self.message else "")
+
     def effective_level(self, reported: int) -> int:
         """The level after the config's overrides."""
         return self.rule.levels.get(reported, reported) if self.rule is not None else reported

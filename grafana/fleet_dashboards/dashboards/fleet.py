@@ -42,6 +42,7 @@ def build() -> builders.Dashboard:
             variables.robot_group(),
             variables.state(),
             variables.problems(),
+            variables.worst(_worst()),
         ],
         [
             robots_by_state(),
@@ -65,16 +66,15 @@ STATE_LABELS["UNKNOWN"] = "unknown|unreachable"
 def robots_by_state() -> stat.Panel:
     """Count the robots in each state; a click filters by it."""
     counts = {state: _count(state) for state in palette.WORST_FIRST}
-    panel = panels.on_colour(
-        panels.number(
-            "Robots by state",
-            "How many robots are in each state? CRITICAL: an error, or fewer components than "
-            "expected. UNKNOWN: silent. STALE: a component stopped reporting. WARNING: it works, "
-            "but needs attention. PENDING: declared in fleet.yml, never received. A click filters "
-            "by the state.",
-            counts[palette.CRITICAL],
-        )
-    ).targets(
+    number = panels.number(
+        "Robots by state",
+        "How many robots are in each state? CRITICAL: an error, or fewer components than "
+        "expected. UNKNOWN: silent. STALE: a component stopped reporting. WARNING: it works, "
+        "but needs attention. PENDING: declared in fleet.yml, never received. A question mark: not "
+        "known while an exporter does not answer. A click filters by the state.",
+        counts[palette.CRITICAL],
+    ).mappings(palette.UNKNOWN_NUMBER)
+    panel = panels.on_colour(number).targets(
         [
             panels.at_end(expr, state.word, ref)
             for ref, (state, expr) in zip("ABCDEF", counts.items(), strict=True)
@@ -88,12 +88,14 @@ def robots_by_state() -> stat.Panel:
 
 
 def _count(state: palette.State) -> str:
-    """Return the number of robots in a state; 0 only where robots are counted at all."""
+    """Return the number of robots in a state; 0 only where all exporters answer, else NaN."""
     all_robots = f"sum({_COUNT}{{{_MATCHERS}}})"
     return f"""
       sum({_COUNT}{{{_MATCHERS}, state=~"{STATE_LABELS[state.word]}"}})
     or
-      {all_robots} * 0
+      ({all_robots} * 0 and on () ({_PROOF}))
+    or
+      {all_robots} * 0 / 0
     """
 
 
@@ -277,23 +279,25 @@ def states_of_robots() -> statetimeline.Panel:
     """Show the states of the worst robots over time."""
     link = builders.DashboardLink("Open this robot").url(links.TO_ROBOT_OF_SERIES)
     # The worst are chosen at the end of the range, so that the rows stay the same over all of it.
-    # Every point queries all robots: hence the series of one value a minute, and few points.
+    # Only those are read: the states of all robots over weeks would be too much for Prometheus.
+    read = f'robot:ros_diagnostics_state:rank{{fleet=~"$fleet", {variables.WORST}}}'
     expr = f"""
-      max_over_time(robot:ros_diagnostics_state:max1m{{fleet=~"$fleet"}}[$__rate_interval])
+      max_over_time({read}[$__interval])
     and on (fleet, robot)
-      topk(15,
-          ({_RANK} @ end() ${{state:raw}})
-        and on (fleet, robot)
-          {_SELECTED} @ end()
-      )
+      ({_worst(" @ end()")})
     """
     panel = panels.timeline(
         "States of the robots",
-        "When was which robot in which state? The worst state of each minute or step, half a "
-        "minute late. The 15 robots that are worst at the end of the range: filter to see others.",
-        panels.over_time(in_order(expr), "{{fleet}}/{{robot}}"),
+        "When was which robot in which state? The worst state of each step, of at least ten "
+        "seconds. The 15 robots that are worst at the end of the range: filter to see others.",
+        panels.over_time(in_order(expr), "{{fleet}}/{{robot}}").interval("10s"),
     )
     return panel.max_data_points(400).data_links([link]).height(8)
+
+
+def _worst(at: str = "") -> str:
+    """Return the 15 robots that are worst; ``at`` is a modifier, such as "@ end()"."""
+    return f"topk(15, ({_RANK}{at} ${{state:raw}}) and on (fleet, robot) {_SELECTED}{at})"
 
 
 _IN_TROUBLE = """

@@ -18,6 +18,7 @@ from fleet_dashboards.lib.promql import (
     message_age,
     promoted,
     settled,
+    silent_reason,
     with_unit,
 )
 from fleet_dashboards.lib.tables import Column
@@ -128,7 +129,7 @@ def connection() -> stat.Panel:
         f"""
           max by (reason) ({receiving})
         or
-          max by (reason) (ros_diagnostics_robot_silent_reason{{{_ROBOT}}} == 1)
+          max by (reason) ({silent_reason(_ROBOT)})
         """,
         "reason",
         palette.words({reason: (text, None) for reason, text in palette.SHORT_REASONS.items()}),

@@ -154,6 +154,7 @@ SILENT_REASONS = {
     "domain_unreachable": "its DDS domain could not be joined, or no zenoh router answers",
     "uplink_down": "its uplink does not answer",
     "limit": "not received: the limit of robots is reached",
+    "just_started": "not received since the exporter started",
 }
 
 
@@ -168,6 +169,7 @@ SHORT_REASONS = {
     "domain_unreachable": "domain down",
     "uplink_down": "uplink down",
     "limit": "over the limit",
+    "just_started": "not known yet",
 }
 
 
@@ -199,3 +201,7 @@ def special(
     result = dashboard.ValueMappingResult(text=text, color=colour)
     options = dashboard.DashboardSpecialValueMapOptions(match=match, result=result)
     return dashboard.SpecialValueMap(options)
+
+
+# A number that is not known.
+UNKNOWN_NUMBER = [special(dashboard.SpecialValueMatch.NULL_AND_NAN, "?")]

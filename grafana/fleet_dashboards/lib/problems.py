@@ -8,7 +8,7 @@ from grafana_foundation_sdk.builders import table
 
 from fleet_dashboards.lib import links, palette, tables
 from fleet_dashboards.lib.palette import State
-from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, label
+from fleet_dashboards.lib.promql import HELD, HELD_OF_ROBOT, label, silent_reason
 from fleet_dashboards.lib.tables import Column
 
 # A fault's identity; a row has the labels of it that apply.
@@ -110,9 +110,7 @@ def _soft(matchers: str, covered: str) -> str:
       ros_diagnostics_component_message_info{{{matchers}}} and on ({_COMPONENT}) {components}
     )
 """
-    reason = label(
-        f"ros_diagnostics_robot_silent_reason{{{matchers}}} == 1", "message", "$1", "reason", "(.*)"
-    )
+    reason = label(silent_reason(matchers), "message", "$1", "reason", "(.*)")
     found = f"{_with_message(component, message, _COMPONENT)}\nor\n"
     found += _with_message(robot, reason, "fleet, robot")
     return f"({found})"

@@ -38,6 +38,21 @@ floor(clamp_min(
 """
 
 
+def silent_reason(matchers: str) -> str:
+    """Return why each silent robot is; right after a start of the exporter nobody knows that."""
+    reason = f"ros_diagnostics_robot_silent_reason{{{matchers}}} == 1"
+    unsure = f'{matchers}, reason=~"mute|publisher_gone|never_seen"'
+    early = (
+        f"(ros_diagnostics_robot_silent_reason{{{unsure}}} == 1"
+        " and on (instance) ros_diagnostics_exporter_settled == 0)"
+    )
+    return f"""
+  (({reason}) unless {early})
+or
+  {label(early, "reason", "just_started")}
+"""
+
+
 def promoted(matchers: str, at: str = "") -> str:
     """Select the values that fleet.yml gives a metric of their own, by any name."""
     return f'{{{matchers}, component!="", key!="", __name__!~"{_OTHERS}"}}{at}'

@@ -22,6 +22,7 @@ FLEET = 'fleet=~"$fleet"'
 ONE_ROBOT = 'fleet=~"$fleet", robot=~`${robot:regex}`'
 OF_ONE_ROBOT = 'fleet=~"$fleet", robot=~`|${robot:regex}`'  # and what is of no single robot
 ROBOTS = "robot=~`${robots:regex}`"
+WORST = "robot=~`${worst:regex}`"
 COMPONENT = "component=~`${component:regex}`"
 COMPONENTS = "component=~`${components:regex}`"
 KEY = "key=~`${key:regex}`"
@@ -85,6 +86,15 @@ def unit() -> builders.QueryVariable:
     """Units of one robot's values, except for temperatures; a panel is repeated for each."""
     query = f"label_values({_VALUE}{{{ONE_ROBOT}}}, unit)"
     variable = _several("unit", "Unit", query).regex(r"/^(?!(?:degC|degF|K)$).+/")
+    return variable.hide(dashboard.VariableHide.HIDE_VARIABLE)
+
+
+def worst(robots: str) -> builders.QueryVariable:
+    """All robots that ``robots``, PromQL, returns: chosen by no person, so it is hidden."""
+    query = f"query_result(max by (robot) ({robots}))"
+    everything = dashboard.VariableOption(True, ["All"], ["$__all"])
+    variable = _filled(builders.QueryVariable("worst"), "Worst", query).regex('/robot="(.*)"} /')
+    variable = variable.multi(True).include_all(True).current(everything)
     return variable.hide(dashboard.VariableHide.HIDE_VARIABLE)
 
 

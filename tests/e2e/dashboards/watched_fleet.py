@@ -33,10 +33,7 @@ READY = {
         'ALERTS{alertname="RosDiagnosticsLimitHit", alertstate="firing", robot="broken"}'
     ),
     "the state of a robot with a short check": (
-        'robot:ros_diagnostics_state:max1m{robot="short"} == 3'
-    ),
-    "states of each minute": (
-        "count(robot:ros_diagnostics_state:max1m == robot:ros_diagnostics_state:rank) == 13"
+        'robot:ros_diagnostics_state:rank{robot="short"} == 3'
     ),
     "scraped servers": 'count(up{job=~"prometheus|alertmanager"} == 1) == 2',
     "a ping": "count(probe_success) == 3",

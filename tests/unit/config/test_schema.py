@@ -84,6 +84,7 @@ WHOLE = {
     "WarningHours": lambda entry: {
         "faults": {"warning_hours": {"weekly": ["daily 06:00-18:00"], **entry}}
     },
+    "Graph": lambda entry: {"profiles": {"default": {"graph": entry}}},
     "Limits": lambda entry: {"limits": entry},
     "Query": lambda entry: {"queries": [{"expr": "up", "component": "c", **entry}]},
     "Zenoh": lambda entry: {

@@ -104,11 +104,20 @@ def test_a_confirmed_warning_that_gets_worse_is_critical_at_once_and_goes_on():
 
 
 def test_a_component_that_the_aggregator_lost_is_stale():
-    driver = StateDriver(Source.AGG)
+    driver, motor = StateDriver(Source.AGG), MOTOR._replace(message="fine")
     for second in range(60):
         driver.at(second)
-        driver.agg(*tree(Parts=[MOTOR, LASER] if second < SETTLED else [LASER]))
+        driver.agg(*tree(Parts=[motor, LASER] if second < SETTLED else [LASER]))
     assert faults(driver) == {("component", "stale", "r", "/Parts", "Motor")}
+    (fault,) = driver.state.faults()
+    assert fault.evidence.startswith("no longer reports; its last message: fine")
+
+
+def test_a_component_that_reports_stale_itself_has_its_message_as_it_is():
+    driver = settled(MOTOR)
+    stand(driver, 12, MOTOR._replace(level=STALE, message="no encoder"))
+    (fault,) = driver.state.faults()
+    assert fault.evidence.startswith("no encoder")
 
 
 @pytest.mark.parametrize(("level", "critical"), [(STALE, True), (WARN, False)])

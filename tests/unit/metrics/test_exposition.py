@@ -40,6 +40,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import (
 )
 from ros_diagnostics_exporter.model import Endpoint, Instant, Part, Status
 from ros_diagnostics_exporter.robots.rejections import REASONS, FleetRejectionReason
+from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.sources.prometheus import Outcome
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
@@ -175,6 +176,9 @@ def full_scenario() -> StateDriver:
     driver.agg(*tree(All=parts))
     driver.at(1)
     driver.agg(*tree(All=[battery, Status(ERROR, "Laser"), Status(3, "Cam", "gone")]))
+    reading = LinkReading(10, 1, 0.1, 0.01)
+    driver.state.update_links(0, {"/r/diagnostics_agg": reading}, driver.now)
+    driver.state.update_nodes(0, [("amcl", "/")], driver.now)
     return driver
 
 

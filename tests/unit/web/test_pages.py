@@ -153,6 +153,13 @@ def test_a_fault_that_has_ended_is_404(serve):
     assert f"Fault {FAULT} does not last" in read(answer.text).text
 
 
+def test_right_after_a_start_nobody_knows_why_a_robot_is_not_received():
+    starting = problem("robot", "silent", quiet="restart")
+    text = text_of(robot("a", problems=[starting], **SILENT))
+    assert "not received since the exporter started" in text
+    assert "its publisher sends nothing" not in text
+
+
 def test_a_robot_that_there_is_not_is_404(serve):
     answer = ask(serve(fleet_snapshot=lambda: fleet(robot("a"))), "/robots/b%3Cb%3E")
     assert (answer.status, answer.headers["Content-Type"]) == (404, "text/html; charset=utf-8")
