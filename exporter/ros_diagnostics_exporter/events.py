@@ -16,7 +16,7 @@ from typing import Any
 
 KINDS = (
     *("level", "condition", "fault_began", "fault_ended"),
-    *("notified", "acknowledged", "robot", "config"),
+    *("notified", "acknowledged", "robot", "graph", "config"),
 )
 MAX_EVENTS = 10_000  # events in memory; some 5 MB
 BYTES = 32 * 1024 * 1024  # of their texts, where messages are long
@@ -30,7 +30,7 @@ class Event:
     ``kind`` is ``level`` (a component changed), ``condition`` (one of fleet.yml began or ceased to
     keep a problem quiet), ``fault_began`` or ``fault_ended`` (what is confirmed), ``notified``
     (Alertmanager sent it to a receiver), ``acknowledged``, ``robot`` (known, forgotten, silent or
-    back) or ``config`` (read or rejected).
+    back), ``graph`` (``message`` says what the ROS graph shows) or ``config`` (read or rejected).
     ``before`` and ``after`` are the words of levels, OK, WARN, ERROR, STALE; ``after`` may also be
     heard, silent, known, forgotten, read, refused, firing or resolved, of a condition quiet or
     judged. Of a component that is not OK when first received, ``before`` is "". A field that does

@@ -68,7 +68,7 @@ class Feed(NamedTuple):
     component is STALE ``stale_after`` seconds after it was last in one, which is no fault with
     ``planned_stale``. ``confirm_after`` is None where the robot's profile says it; ``group`` is the
     group of its components. What fails of an ``uplink`` makes robots unreachable that name the
-    component's robot as theirs.
+    component's robot as theirs. What fails of a ``shadow`` is shown, and is no fault.
     """
 
     name: str
@@ -77,6 +77,7 @@ class Feed(NamedTuple):
     confirm_after: float | None = None
     planned_stale: bool = False
     uplink: bool = False
+    shadow: bool = False
 
 
 class Instant(NamedTuple):

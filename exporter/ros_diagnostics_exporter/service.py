@@ -434,6 +434,10 @@ class Service:
         """Remove a robot or a component; LookupError if there is none of that name."""
         return self.state.forget(robot, component, read_clocks())
 
+    def accept_graph(self, robot: str) -> int:
+        """Take what the ROS graph shows of a robot as expected; LookupError if that is nothing."""
+        return self.state.accept_graph(robot, read_clocks())
+
     # -- for the metrics ------------------------------------------------------------------------
 
     def _acknowledged(self) -> list[Acknowledgement]:

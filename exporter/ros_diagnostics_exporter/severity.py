@@ -37,11 +37,12 @@ QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condit
     "site": "many robots of the site are silent",
     "common": "the same component failed on many robots",
     "many": "many components of the robot failed at once",
+    "capability": "something that the robot can no longer do well, and that needs it, is reported",
     "fault": "a worse fault of it is confirmed",
     "condition": "by its condition in fleet.yml",
     "hours": "outside of warning hours",
 }
-OF_LARGER = {"site", "common", "many"}  # reasons: it is part of a larger fault
+OF_LARGER = {"site", "common", "many", "capability"}  # reasons: it is part of a larger fault
 SILENT = {  # why a robot is silent
     "never_seen": "nothing was ever received",
     "publisher_gone": "nobody publishes on its topics",
@@ -59,6 +60,11 @@ _OF_ROBOT = {
     "many": "many components failed at once",
     "clock": "robot's clock is wrong",
 }
+_OF_CAPABILITY = {
+    "no_reserve": "has no reserve",
+    "degraded": "is degraded",
+    "lost": "is lost",
+}
 _AFTER = {
     "received": "is received",
     "silent": "is silent",
@@ -72,6 +78,8 @@ _WORSE = {
     "warning": ("stale", "critical"),
     "stale": ("critical",),
     "falling": ("warning", "critical"),
+    "no_reserve": ("degraded", "lost"),
+    "degraded": ("lost",),
 }
 
 
@@ -217,6 +225,7 @@ def subject(problem: dict[str, Any]) -> str:
         "component": path,
         "value": f"{path}: {problem['key']}",
         "check": f"check {problem['check']}",
+        "capability": f"{problem['check']} {_OF_CAPABILITY.get(problem['state'], '')}".rstrip(),
         "robot": _OF_ROBOT.get(problem["state"], "robot"),
         "flapping": path,
         "site": f"many robots of site {problem['site'] or '(none)'} are silent",

@@ -34,6 +34,7 @@ COMMANDS = {
     "ack": "Acknowledge an alert, so that it does not escalate.",
     "downtime": "Plan a downtime of robots or of one component.",
     "forget": "Remove a robot or a component that is gone for good.",
+    "watch": "Expect of a robot what the ROS graph shows of it now.",
     "oncall": "Who is on call: build, check and show the rota.",
     "backtest": "Judge recordings: what would have been notified?",
     "nagios": "Come from Nagios: import its files, compare its log.",

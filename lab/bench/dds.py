@@ -36,10 +36,11 @@ EXPORTER = Path(sys.executable).with_name("ros-diagnostics-exporter")
 CONFIG = """\
 fleet: bench
 discovery:
-  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain_id}]}}
+  - {{topic: "/{{robot}}/diagnostics_agg", {found}}}
 limits: {{robots: 10000}}
 """
 CHANGING = {"nothing changes": 0, "a quarter changes": 4, "every value changes": 16}
+THREADS = ("dds.", "acc-", "app-", "net-", "rx-", "tx-")  # of Fast DDS; of zenoh
 BEGIN = 300.0  # seconds until all robots are matched
 SETTLE = 15.0  # seconds from the first message to the measurement
 CALM = 5.0  # seconds without a message after the last that is acknowledged: the rest is lost
@@ -48,13 +49,17 @@ SCRAPES = (("/metrics?collect[]=faults", 2.0), ("/metrics?exclude[]=faults", 15.
 
 
 class Cost(NamedTuple):
-    """Of one process: cores, those of the middleware's threads, MB at the end and at most."""
+    """Of one process: cores, those of the middleware's threads, MB at the end and at most.
+
+    ``received`` are all messages, ``rate`` those in a second of the measurement.
+    """
 
     cpu: float
     middleware: float
     resident: float
     peak: float
     received: int
+    rate: float
 
 
 class Fleet:
@@ -94,26 +99,33 @@ def _has_ended(process: Process) -> bool:
 
 
 class Site:
-    """A ROS domain and a folder of its own."""
+    """A folder of its own, and a ROS domain or, with zenoh, a router."""
 
-    def __init__(self, options: argparse.Namespace, domain_id: int, folder: Path) -> None:
+    def __init__(
+        self, options: argparse.Namespace, domain_id: int, folder: Path, *, zenoh: bool
+    ) -> None:
         self.options = options
-        self._domain_id = domain_id
         self._environment = domains.environment(domain_id)
         self._folder = folder
         self._started: list[Process] = []
+        self._where = f"tcp/127.0.0.1:{free_port()}" if zenoh else str(domain_id)
+        self._config = CONFIG.format(found=f"domain_ids: [{domain_id}]")
+        if zenoh:
+            routers = f"zenoh: {{routers: [{self._where}]}}\n"
+            self._config = routers + CONFIG.format(found="zenoh: /")
+            self.start_actor("router", seconds=2 * BEGIN + options.seconds).wait_for_output("ready")
 
     def start_exporter(self, address: str) -> Process:
         """Start the exporter, which finds the fleet."""
         config = self._folder / "fleet.yml"
-        config.write_text(CONFIG.format(domain_id=self._domain_id))
+        config.write_text(self._config)
         arguments: list[str | Path] = ["--config.file", config, "--web.listen-address", address]
         arguments += ["--storage.path", self._folder / "exporter.db"]
         return self._start("exporter", [EXPORTER, *arguments])
 
     def start_actor(self, kind: str, *arguments: str, seconds: float) -> Process:
-        """Start one of `bench.actors` in this domain."""
-        argv = [sys.executable, "-m", "bench.actors", kind, str(self._domain_id)]
+        """Start one of `bench.actors` in this domain, or at this router."""
+        argv = [sys.executable, "-m", "bench.actors", kind, self._where]
         return self._start(f"{kind}-{len(self._started)}", [*argv, *arguments, str(seconds)])
 
     def _start(self, name: str, argv: list[str | Path]) -> Process:
@@ -128,19 +140,18 @@ class Site:
 
 
 @contextmanager
-def site_for(options: argparse.Namespace) -> Iterator[Site]:
+def site_for(options: argparse.Namespace, *, zenoh: bool = False) -> Iterator[Site]:
     """A site that is closed at the end."""
     with ExitStack() as stack:
         domain_id = stack.enter_context(domains.lease())
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        site = Site(options, domain_id, folder)
+        site = Site(options, domain_id, folder, zenoh=zenoh)
         stack.callback(site.close)
         yield site
 
 
 def measure(process: Process, seconds: float) -> tuple[float, float]:
-    """(cores of the whole process, of the middleware's threads) from SETTLE on."""
-    time.sleep(SETTLE)
+    """(cores of the whole process, of the middleware's threads) for so many seconds."""
     before, of_threads = cpu_seconds(process.pid), middleware_seconds(process.pid)
     begin = time.monotonic()
     time.sleep(seconds)
@@ -150,9 +161,9 @@ def measure(process: Process, seconds: float) -> tuple[float, float]:
 
 
 def middleware_seconds(pid: int) -> float:
-    """User and system time so far of the threads that Fast DDS has named as its own."""
+    """User and system time so far of the threads that Fast DDS or zenoh has named as its own."""
     tasks = Path(f"/proc/{pid}/task").iterdir()
-    own = [each.name for each in tasks if (each / "comm").read_text().startswith("dds.")]
+    own = [each.name for each in tasks if (each / "comm").read_text().startswith(THREADS)]
     return sum(cpu_seconds(f"{pid}/task/{task}") for task in own)
 
 
@@ -163,30 +174,36 @@ def taking(options: argparse.Namespace) -> Cost:
         taker = site.start_actor("taker", str(options.robots), seconds=2 * BEGIN + seconds)
         fleet = Fleet(site, CHANGING["every value changes"], seconds)
         fleet.wait_until_all_publish()
+        time.sleep(SETTLE)
         cpu, middleware = measure(taker, seconds)
         resident, peak = resident_megabytes(taker.pid), peak_megabytes(taker.pid)
         fleet.wait_for_end()
         pattern = rf"{fleet.sent} arrays taken"
         taker.wait_for_output(pattern, SETTLE)
-        return Cost(cpu, middleware, resident, peak, fleet.sent)
+        return Cost(cpu, middleware, resident, peak, fleet.sent, options.robots)
 
 
-def exporting(options: argparse.Namespace, changing: int) -> tuple[Cost, Fleet]:
+def exporting(
+    options: argparse.Namespace, changing: int, *, zenoh: bool = False
+) -> tuple[Cost, Fleet]:
     """What the exporter costs with the same messages."""
-    with site_for(options) as site:
+    with site_for(options, zenoh=zenoh) as site:
         address = f"127.0.0.1:{free_port()}"
         exporter = site.start_exporter(address)
-        until(lambda: http.answers(address, "/-/ready"), exporter.describe, SETTLE)
+        until(lambda: http.answers(address, "/-/ready"), exporter.describe, BEGIN)
         fleet = Fleet(site, changing, options.seconds)
         fleet.wait_until_all_publish()
         with scraping(address):
+            time.sleep(SETTLE)
+            begin, before = time.monotonic(), count_received(address)
             cpu, middleware = measure(exporter, options.seconds)
+            rate = (count_received(address) - before) / (time.monotonic() - begin)
             resident, peak = resident_megabytes(exporter.pid), peak_megabytes(exporter.pid)
             fleet.wait_for_end()
         received = count_received(address)
         while received < fleet.sent and (more := count_after(address, CALM)) > received:
             received = more
-        return Cost(cpu, middleware, resident, peak, received), fleet
+        return Cost(cpu, middleware, resident, peak, received, rate), fleet
 
 
 def count_after(address: str, seconds: float) -> int:

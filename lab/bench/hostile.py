@@ -1,12 +1,14 @@
 """How a hostile robot or client affects the other robots and the scrapes.
 
 Each attack meets a fresh exporter with 20 robots at 1 Hz, of 16 components each, over real DDS on
-this machine; the exporter is scraped each second. First comes a case without an attack: each
-column beside a value is its ratio to that.
+this machine, or with --zenoh through a router, which the hostile robot is connected to as well.
+The exporter is scraped each second. First comes a case without an attack: each column beside a
+value is its ratio to that.
 
   1  a robot publishes arrays of 276 kB, 60 a second
   2  a robot publishes 500 components with 200 equal keys each, once a second
   3  a robot publishes arrays of 2.8 MB, 20 a second
+  4  2,000 robots more are offered each second and publish nothing; only with --zenoh
   7  520 connections ask for /metrics and do not read the answer
   7b the same with /api/v1/fleet
   8  the event log is full of long texts; 8 connections ask for all of it and do not read the answer
@@ -49,7 +51,7 @@ MOST_MEMORY = 6000.0  # MB of the exporter at which a case ends early
 CONFIG = """\
 fleet: bench
 discovery:
-  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain_id}]}}
+  - {{topic: "/{{robot}}/diagnostics_agg", {found}}}
 """
 
 
@@ -100,10 +102,10 @@ COLUMNS = (  # of the table: title, field of Result, format
 
 
 class Site:
-    """A fresh exporter and its fleet, in a ROS domain and a folder of their own."""
+    """A fresh exporter and its fleet: a folder, and a ROS domain or router, of their own."""
 
-    def __init__(self, domain_id: int, folder: Path, seconds: float) -> None:
-        self._domain_id = domain_id
+    def __init__(self, domain_id: int, folder: Path, seconds: float, *, zenoh: bool) -> None:
+        self._where = f"tcp/127.0.0.1:{free_port()}" if zenoh else str(domain_id)
         self._environment = domains.environment(domain_id)
         self._folder = folder
         self._seconds = seconds + 5 * SETTLE  # after which actors end by themselves
@@ -111,12 +113,16 @@ class Site:
         self.port = free_port()
         self.address = f"127.0.0.1:{self.port}"
         self.scraper = Scraper(self.address)
-        self.exporter = self._start_exporter()
-        self.fleet = self.start_actor("fleet", str(domain_id), str(ROBOTS))
+        text = CONFIG.format(found=f"domain_ids: [{domain_id}]")
+        if zenoh:
+            text = CONFIG.format(found="zenoh: /") + f"zenoh: {{routers: [{self._where}]}}\n"
+            self.start_actor("router", "WHERE").wait_for_output("ready", SETTLE)
+        self.exporter = self._start_exporter(text)
+        self.fleet = self.start_actor("fleet", "WHERE", str(ROBOTS))
 
-    def _start_exporter(self) -> Process:
+    def _start_exporter(self, text: str) -> Process:
         config = self._folder / "fleet.yml"
-        config.write_text(CONFIG.format(domain_id=self._domain_id))
+        config.write_text(text)
         arguments: list[str | Path] = [
             "--config.file",
             config,
@@ -127,8 +133,8 @@ class Site:
         return self._start("exporter", [EXPORTER, *arguments])
 
     def start_actor(self, *arguments: str) -> Process:
-        """Start one of `bench.actors`; DOMAIN and PORT are replaced by this site's."""
-        places = {"DOMAIN": str(self._domain_id), "PORT": str(self.port)}
+        """Start one of `bench.actors`; WHERE and PORT are replaced by this site's."""
+        places = {"WHERE": self._where, "PORT": str(self.port)}
         named = [places.get(argument, argument) for argument in arguments]
         argv = [sys.executable, "-m", "bench.actors", *named, str(self._seconds)]
         return self._start(f"actor-{len(self._started)}", argv)
@@ -168,7 +174,7 @@ class Site:
 
 def fill_event_log(site: Site) -> None:
     """Let a robot flap until the event log is full, as far as the exporter lets it."""
-    flapping = site.start_actor("arrays", "DOMAIN", "flapping")
+    flapping = site.start_actor("arrays", "WHERE", "flapping")
     try:
         site.wait_for(lambda scrape: scrape.changes.get(HOSTILE, 0) >= EVENTS, "a full event log")
     except TimeoutError:
@@ -178,9 +184,10 @@ def fill_event_log(site: Site) -> None:
 
 
 ATTACKS = {
-    "1": Attack("276 kB at 60/s", ("arrays", "DOMAIN", "fast")),
-    "2": Attack("equal keys", ("arrays", "DOMAIN", "equal-keys")),
-    "3": Attack("2.8 MB at 20/s", ("arrays", "DOMAIN", "huge")),
+    "1": Attack("276 kB at 60/s", ("arrays", "WHERE", "fast")),
+    "2": Attack("equal keys", ("arrays", "WHERE", "equal-keys")),
+    "3": Attack("2.8 MB at 20/s", ("arrays", "WHERE", "huge")),
+    "4": Attack("ever more robots", ("keys", "WHERE")),
     "7": Attack("unread /metrics", ("readers", "PORT", "/metrics", "520"), reports=4),
     "7b": Attack("unread fleet", ("readers", "PORT", "/api/v1/fleet", "520"), reports=4),
     "8": Attack(
@@ -189,17 +196,20 @@ ATTACKS = {
 }
 
 
+OF_ZENOH = "4"
+
+
 def robots_up(scrape: Scrape) -> int:
     """How many of the fleet's own robots are up."""
     return sum(up for robot, up in scrape.up.items() if robot != HOSTILE)
 
 
-def run_case(attack: Attack | None, seconds: float) -> Result:
+def run_case(attack: Attack | None, options: argparse.Namespace) -> Result:
     """Measure a fresh exporter under the attack, or without one."""
     with ExitStack() as stack:
         domain_id = stack.enter_context(domains.lease())
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        site = Site(domain_id, folder, seconds)
+        site = Site(domain_id, folder, options.seconds, zenoh=options.zenoh)
         stack.callback(site.close)
         site.wait_until_ready()
         attacker = None
@@ -208,7 +218,7 @@ def run_case(attack: Attack | None, seconds: float) -> Result:
                 attack.prepare(site)
             attacker = site.start_actor(*attack.actor)
             attacker.wait_for_output(rf"(.*\n){{{attack.reports}}}", SETTLE)
-        return measure(site, attacker, seconds)
+        return measure(site, attacker, options.seconds)
 
 
 def measure(site: Site, attacker: Process | None, seconds: float) -> Result:
@@ -328,18 +338,22 @@ def main() -> None:
     parser.add_argument(
         "--attacks",
         type=lambda text: text.split(","),
-        default=list(ATTACKS),
         help="which, for example 1,2 (default: all)",
     )
+    parser.add_argument("--zenoh", action="store_true", help="through a zenoh router")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers there, too")
     options = parser.parse_args()
+    if options.attacks is None:
+        options.attacks = [each for each in ATTACKS if options.zenoh or each != OF_ZENOH]
+    if OF_ZENOH in options.attacks and not options.zenoh:
+        parser.error(f"attack {OF_ZENOH} needs --zenoh")
     if unknown := set(options.attacks) - set(ATTACKS):
         parser.error(f"no attack {min(unknown)}; there are {', '.join(ATTACKS)}")
     print_header(options.seconds)
-    results = {"no attack": run_case(None, options.seconds)}
+    results = {"no attack": run_case(None, options)}
     for number in options.attacks:
         attack = ATTACKS[number]
-        results[f"{number} {attack.what}"] = run_case(attack, options.seconds)
+        results[f"{number} {attack.what}"] = run_case(attack, options)
     print_table(results)
     if options.json is not None:
         cases = {name: asdict(result) for name, result in results.items()}

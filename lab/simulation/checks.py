@@ -301,7 +301,7 @@ class Judge:
         for what, key, _at in self.mails.sent[sent:]:
             if (what == "PROBLEM") is (key in before):
                 self._fail("a mail was sent twice", (what, key))
-            if what == "RECOVERY" and any(_same(each, key) for each in self._faults.values()):
+            if what != "PROBLEM" and any(_same(each, key) for each in self._faults.values()):
                 self._fail("a recovery was sent of a fault that lasts", key)
         if self.world.state is not None:
             for key in self._scraped:

@@ -12,7 +12,7 @@ Key = tuple[str, ...]
 
 
 class Mails:
-    """What was sent: PROBLEM when an alert begins to fire, RECOVERY when it has ended.
+    """What was sent: PROBLEM when an alert begins, RECOVERY or (by a person) REMOVED at its end.
 
     `fleet:ros_diagnostics_fault_start:held` is what is served, and what was held before,
     until it is served that it has ended. A milder alert of the same component or value is
@@ -33,6 +33,9 @@ class Mails:
         served = {tuple(fault.identity): fault for fault in faults}
         ended = {tuple(end.fault.identity): end.at for end in ends if end.fault is not None}
         forgotten = {end.robot: end.at for end in ends if end.fault is None}
+        removed = {
+            tuple(end.fault.identity) for end in ends if end.fault and end.reason == "removed"
+        }
 
         def lasts(key: Key, fault: Fault) -> bool:
             at = max(ended.get(key, -inf), forgotten.get(fault.identity.robot, -inf))
@@ -45,7 +48,9 @@ class Mails:
         problems = {key for key in self._held.keys() - self._notified if not self._inhibited(key)}
         recoveries = self._notified - self._held.keys()
         self.sent += [("PROBLEM", key, now.mono) for key in sorted(problems)]
-        self.sent += [("RECOVERY", key, now.mono) for key in sorted(recoveries)]
+        for key in sorted(recoveries):
+            is_removed = key in removed or key not in ended
+            self.sent.append(("REMOVED" if is_removed else "RECOVERY", key, now.mono))
         self._notified = (self._notified | problems) - recoveries
 
     def _inhibited(self, key: Key) -> bool:

@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup's is kept
             signal.signal(number, _interrupt)
     try:
-        errors = _demo(seconds, options.scenario, console)
+        errors = _demo(seconds, Plan(scenario=options.scenario, zenoh=options.zenoh), console)
     except KeyboardInterrupt:
         console.print("stopped")
         return 0 if seconds is None else 130
@@ -67,6 +67,12 @@ def _parser() -> argparse.ArgumentParser:
         help="run this scenario of virtual robots (docs/virtual-robots.md) instead of the motor's"
         " fault; emails are then not checked. The robots keep running after its duration",
     )
+    parser.add_argument(
+        "--zenoh",
+        action="store_true",
+        help="the robots are received through zenoh's bridge and router (docs/beyond-the-lan.md),"
+        " which are built first; that needs cargo",
+    )
     return parser
 
 
@@ -91,11 +97,12 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _demo(seconds: float | None, scenario: Path | None, console: Console) -> list[str]:
+def _demo(seconds: float | None, plan: Plan, console: Console) -> list[str]:
     """Start everything, run the demo, stop everything; return the errors."""
-    plan = Plan(scenario=scenario)
-    robots = f"{plan.robots} virtual robots" if scenario is None else f"the robots of {scenario}"
-    console.print(f"starting {robots}, the exporter, Prometheus and Alertmanager ...")
+    scripted = plan.scenario is not None
+    robots = f"the robots of {plan.scenario}" if scripted else f"{plan.robots} virtual robots"
+    links = "a zenoh bridge and router, " if plan.zenoh else ""
+    console.print(f"starting {robots}, {links}the exporter, Prometheus and Alertmanager ...")
     with (
         tempfile.TemporaryDirectory(prefix="fleet-demo-") as folder,
         running(Path(folder), plan, Inbox()) as stack,
@@ -104,7 +111,7 @@ def _demo(seconds: float | None, scenario: Path | None, console: Console) -> lis
         for line in _addresses(stack):
             console.print(line, highlight=False, soft_wrap=True)
         screen.open("Ctrl-C stops the demo")
-        return DemoRun(stack, screen, inject=scenario is None).run(seconds)
+        return DemoRun(stack, screen, inject=not scripted).run(seconds)
 
 
 def _addresses(stack: Stack) -> list[str]:

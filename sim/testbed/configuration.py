@@ -16,6 +16,7 @@ import yaml
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 FLEET = "demo"
+BRIDGED = "/hall"  # the namespace of the zenoh bridge
 NOTIFICATIONS = "/api/v1/notifications"  # of the exporter
 
 
@@ -47,14 +48,23 @@ class Configs:
     alertmanager: Path
 
 
-def write(folder: Path, domain_id: int, addresses: Addresses, clocks: Clocks) -> Configs:
+def write(
+    folder: Path, domain_id: int, addresses: Addresses, clocks: Clocks, zenoh: str = ""
+) -> Configs:
     """Write the configuration of one run to ``folder``.
+
+    Args:
+        folder: Where to.
+        domain_id: The robots' ROS domain.
+        addresses: Of the servers.
+        clocks: For fleet.yml.
+        zenoh: The endpoint of a router that brings the robots instead, "" for none.
 
     Raises:
         LookupError: The shipped configuration lacks what is edited here.
     """
     fleet = folder / "fleet.yml"
-    fleet.write_text(_fleet(domain_id, clocks))
+    fleet.write_text(_fleet(domain_id, clocks, zenoh))
     shutil.copytree(CHECKOUT / "prometheus", folder / "prometheus")
     _list_targets(folder / "prometheus" / "targets", addresses)
     shutil.copytree(CHECKOUT / "alertmanager", folder / "alertmanager")
@@ -64,10 +74,14 @@ def write(folder: Path, domain_id: int, addresses: Addresses, clocks: Clocks) ->
     return Configs(fleet, folder / "prometheus" / "prometheus.yml", alertmanager)
 
 
-def _fleet(domain_id: int, clocks: Clocks) -> str:
-    """Return a fleet.yml that discovers every robot of one ROS domain by its topic."""
+def _fleet(domain_id: int, clocks: Clocks, zenoh: str) -> str:
+    """Return a fleet.yml that finds every robot of one ROS domain, or router, by its topic."""
+    where, routers = f"domain_ids: [{domain_id}]", ""
+    if zenoh:
+        where, routers = f"zenoh: {BRIDGED.strip('/')}", f"zenoh: {{routers: [{zenoh}]}}\n"
     return f"""\
 fleet: {FLEET}
+{routers}\
 profiles:
   default: {{stale_after: {clocks.stale_after}s, confirm_after: {clocks.confirm_after}s}}
   thesis:
@@ -82,12 +96,12 @@ profiles:
         scale: 0.01
 discovery:
   - topic: "/{{robot}}/diagnostics_agg"
-    domain_ids: [{domain_id}]
+    {where}
     include: ["robot_*"]
     profile: thesis
     labels: {{site: hall}}
   - topic: "/{{robot}}/diagnostics_agg"        # other names in a scenario
-    domain_ids: [{domain_id}]
+    {where}
     exclude: ["robot_*"]
     labels: {{site: hall}}
 """

@@ -1,5 +1,7 @@
 """All programs on this machine: virtual robots, exporter, Prometheus, Alertmanager, mail, Grafana.
 
+With zenoh a bridge and a router stand between the robots and the exporter.
+
 Starts them with the shipped configuration, waits until all are ready, and stops them.
 """
 
@@ -11,7 +13,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from testbed import configuration, domains, grafana, http, programs, servers
+from testbed import configuration, domains, grafana, http, programs, servers, zenoh
 from testbed.mail import Inbox, MailServer
 from testbed.polling import until
 from testbed.ports import free_port
@@ -28,6 +30,7 @@ class Plan:
     robots: int = 10
     seed: int = 1
     scenario: Path | None = None
+    zenoh: bool = False  # the robots come through a bridge and a router
     clocks: configuration.Clocks = field(default_factory=configuration.Clocks)
     environment: Mapping[str, str] = field(default_factory=dict)  # more of it, for all programs
 
@@ -42,6 +45,7 @@ class Stack:
     inbox: Inbox
     mail_server: MailServer
     robots: Server
+    links: tuple[Server, ...]  # zenoh's router and bridge, where they are used
     exporter: Server
     prometheus: Server
     alertmanager: Server
@@ -50,7 +54,7 @@ class Stack:
     @property
     def servers(self) -> tuple[Server, ...]:
         """The programs that every run needs."""
-        return (self.robots, self.exporter, self.prometheus, self.alertmanager)
+        return (self.robots, *self.links, self.exporter, self.prometheus, self.alertmanager)
 
     @property
     def programs(self) -> tuple[Server, ...]:
@@ -105,7 +109,8 @@ def _prepare(folder: Path, domain_id: int, plan: Plan, inbox: Inbox) -> Stack:
     environment = domains.environment(domain_id) | {"ROS_LOG_DIR": str(folder / "ros-log")}
     environment |= plan.environment
     addresses = configuration.Addresses(*(f"127.0.0.1:{free_port()}" for _ in range(5)))
-    configs = configuration.write(folder, domain_id, addresses, plan.clocks)
+    endpoint = f"tcp/127.0.0.1:{free_port()}" if plan.zenoh else ""
+    configs = configuration.write(folder, domain_id, addresses, plan.clocks, endpoint)
 
     def server(name: str, argv: list[str], address: str = "") -> Server:
         log = folder / f"{name.replace(' ', '-')}.log"
@@ -121,6 +126,7 @@ def _prepare(folder: Path, domain_id: int, plan: Plan, inbox: Inbox) -> Stack:
             "virtual-robots",
             programs.virtual_robots(plan.robots, plan.seed, domain_id, plan.scenario),
         ),
+        _links(folder, endpoint, domain_id, environment) if plan.zenoh else (),
         server(
             "ros-diagnostics-exporter",
             programs.exporter(
@@ -135,6 +141,19 @@ def _prepare(folder: Path, domain_id: int, plan: Plan, inbox: Inbox) -> Stack:
             folder, configs.alertmanager, addresses.alertmanager, environment=environment
         ),
         _grafana(folder / "grafana", addresses),
+    )
+
+
+def _links(
+    folder: Path, endpoint: str, domain_id: int, environment: Mapping[str, str]
+) -> tuple[Server, Server]:
+    """The router that listens at ``endpoint``, and the bridge that connects to it."""
+    router = zenoh.router(folder / "zenohd.json5", endpoint)
+    bridge = zenoh.bridge(folder / "bridge.json5", endpoint, domain_id, configuration.BRIDGED)
+    local = zenoh.on_loopback(environment)
+    return (
+        Server(Process("zenohd", router, environment, folder / "zenohd.log")),
+        Server(Process("zenoh-bridge", bridge, local, folder / "zenoh-bridge.log")),
     )
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from testbed import grafana
+from testbed import grafana, programs, zenoh
 from testbed.configuration import CHECKOUT
 from testbed.polling import until
 from testbed.processes import Process
@@ -132,3 +132,17 @@ def test_after_a_short_scenario_the_robots_run_until_the_seconds_are_over(start_
     last_table = demo.output().rpartition("robot_1 ")[2]
     assert "Motor 2: ERROR" in last_table
     assert "SILENT" not in last_table
+
+
+@pytest.mark.slow
+def test_robots_are_received_through_zenoh(start_demo):
+    try:
+        zenoh.program("zenohd")
+    except programs.MissingProgram as error:
+        pytest.skip(str(error))
+    demo = start_demo("--zenoh", "--seconds", "90")
+
+    until(lambda: not demo.alive, "the end of the demo", 150, every=0.5)
+
+    assert demo.exit_code == 0, demo.output()
+    assert "demo finished: 1 problem, 1 recovery" in demo.output()

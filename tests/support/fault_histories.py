@@ -88,6 +88,11 @@ def maintenance(*robots: str, planned: bool) -> Event:
     return lambda faults, now: faults.maintenance(dict.fromkeys(robots or ("r1",), planned), now)
 
 
+def unreachable(*robots: str, is_so: bool) -> Event:
+    """What these robots are behind begins to fail, or no longer does."""
+    return lambda faults, now: faults.unreachable(dict.fromkeys(robots, is_so), now)
+
+
 def restart() -> Event:
     """The exporter was killed, and starts with what it had written."""
     return lambda faults, now: faults.started(now)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from datetime import datetime
 from math import ceil
+from statistics import linear_regression
 from typing import Any
 from zoneinfo import ZoneInfo
 
@@ -18,6 +19,7 @@ from ros_diagnostics_exporter.model import Level
 
 OK, WARN, ERROR, STALE = Level
 STATE_OF = {WARN: "warning", ERROR: "critical", STALE: "stale"}
+LOW = ("warning", "critical")
 Key = tuple[str, ...]  # scope, state, site, robot, group, component, check, key, bound, severity
 
 
@@ -79,6 +81,19 @@ class Monitored:
     flapping: bool = False
     flapping_since: int = 0
     counted: bool = False
+    changed: list[int] = field(default_factory=list)  # of its level, that no fault explains
+    intermittent_since: int | None = None
+
+
+@dataclass
+class Followed:
+    """A value that may fall below a critical low threshold, and its number at each second."""
+
+    number: float | None = None  # None: nothing is known now
+    threshold: float = 0.0
+    samples: list[float] = field(default_factory=list)
+    verdict: str = "well"
+    since: int | None = None
 
 
 @dataclass
@@ -100,6 +115,8 @@ class RobotModel:
     components: dict[tuple[str, str], Monitored] = field(default_factory=dict)
     values: dict[tuple[str, ...], Monitored] = field(default_factory=dict)  # group, name, key, ...
     checks: dict[str, Monitored] = field(default_factory=dict)
+    followed: dict[tuple[str, str], Followed] = field(default_factory=dict)
+    sampled: int = 0
 
 
 @dataclass
@@ -159,6 +176,7 @@ class Model:
         robot.components.pop((group, component), None)
         for value in [value for value in robot.values if value[:2] == (group, component)]:
             del robot.values[value]
+        robot.followed.pop((group, component), None)
 
     def silent(self, name: str, now: int) -> None:
         robot = self.robots[name]
@@ -181,6 +199,14 @@ class Model:
             *robot.checks.values(),
         ):
             part.fresh = False
+        for each in robot.followed.values():
+            self._lose(each)
+
+    def _lose(self, followed: Followed) -> None:
+        """Nothing is known of a value."""
+        followed.number, followed.samples = None, []
+        if followed.verdict == "bad":
+            followed.verdict = "held"
 
     def pending(self, name: str, now: int) -> None:
         robot = self.robots[name]
@@ -200,9 +226,12 @@ class Model:
         robot.pending_since = None
         if key_of("robot", "silent", robot=name) not in self.faults:
             robot.silent_since = None
-        for part in robot.components.values():
+        for (group, component), part in robot.components.items():
             if part.slots is not None:
                 part.slots.last = now
+            where = {"robot": name, "group": group, "component": component}
+            if key_of("flapping", "intermittent", **where) in self.faults:
+                part.changed = [now for _ in part.changed]
 
     def _note(self, robot: RobotModel, state: int, now: int) -> None:
         if robot.slots is None:
@@ -220,7 +249,7 @@ class Model:
         part.settings, part.level, part.fresh = how, to, True
         planned = to == STALE and how.planned_stale
         if not planned:
-            self._note_level(robot, part, to, now)
+            self._note_level(name, where, to, now)
         if to == OK:
             part.clock, part.open = None, {}
             return
@@ -229,6 +258,8 @@ class Model:
         if to == STALE:
             for value in [value for value in robot.values if value[:2] == where]:
                 robot.values[value].fresh = False
+            if where in robot.followed and robot.followed[where].verdict == "bad":
+                robot.followed[where].verdict = "held"
         if to == WARN:
             part.open = {state: at for state, at in part.open.items() if state == "warning"}
         else:
@@ -249,13 +280,27 @@ class Model:
         if to == STALE and part.settings.stale_is_critical:
             part.open.setdefault("critical", now)
 
-    def _note_level(self, robot: RobotModel, part: Monitored, to: Level, now: int) -> None:
+    def _has_fault(self, name: str, where: tuple[str, str]) -> bool:
+        """Whether a component has a fault that explains its changes."""
+        states = ("warning", "stale", "critical")
+        of = {"robot": name, "group": where[0], "component": where[1]}
+        keys = [key_of("component", state, **of) for state in states]
+        return any(key in self.faults for key in (*keys, key_of("flapping", "flapping", **of)))
+
+    def _note_level(self, name: str, where: tuple[str, str], to: Level, now: int) -> None:
+        robot = self.robots[name]
+        part = robot.components[where]
         last = OK if part.slots is None else part.slots.states[-1]
         returned = to == STALE and now < robot.returned_until
         if to == last or returned or robot.maintenance:
             return
         part.slots = part.slots or Slots(now)
         part.slots.record(to, now)
+        intermittent = key_of(
+            "flapping", "intermittent", robot=name, group=where[0], component=where[1]
+        )
+        explained = self._has_fault(name, where) and intermittent not in self.faults
+        part.changed = [] if explained else [*part.changed, now][-20:]
 
     def value(
         self,
@@ -295,6 +340,32 @@ class Model:
                 part.open = {}
         if component and ("", component) in robot.components:
             robot.components["", component].settings = how
+        self._follow(name, number, thresholds, now, where=("", component))
+
+    def _follow(
+        self,
+        name: str,
+        number: float | None,
+        thresholds: tuple[Threshold, ...],
+        now: int,
+        *,
+        where: tuple[str, str],
+    ) -> None:
+        """Follow the value ``charge``, if it may fall below a critical threshold."""
+        robot = self.robots[name]
+        lows = [each for each in thresholds if (each.bound, each.severity) == ("low", "critical")]
+        if not lows:
+            self._end(self._falling_key(name, where), "removed", now)
+            robot.followed.pop(where, None)
+            return
+        followed = robot.followed.setdefault(where, Followed())
+        if number is None:
+            self._lose(followed)
+            return
+        followed.number, followed.threshold = number, lows[0].value
+
+    def _falling_key(self, name: str, where: tuple[str, str]) -> Key:
+        return self._value_key(name, (*where, "charge", "low", "falling"))
 
     def _value_key(self, name: str, known: tuple[str, ...]) -> Key:
         group, component, key, bound, severity = known
@@ -321,6 +392,7 @@ class Model:
         """Compute all causes and faults at this second."""
         for robot in self.robots.values():
             self._flap(robot, now)
+            self._sample(robot, now)
         for scope in ("site", "common", "many"):
             self._find_causes(scope, now)
         for name, robot in self.robots.items():
@@ -337,6 +409,35 @@ class Model:
             if part.slots is not None and robot.presence == "up":
                 part.slots.tick(now, robot.settings.flap_interval)
                 self._weigh(part, now)
+
+    def _sample(self, robot: RobotModel, now: int) -> None:
+        """Take the values of this second, and see where each will be."""
+        if now == robot.sampled:
+            return
+        robot.sampled = now
+        for followed in robot.followed.values():
+            if followed.number is not None:
+                followed.samples = [*followed.samples, followed.number][-16:]
+                self._foresee(followed, now)
+
+    def _foresee(self, followed: Followed, now: int) -> None:
+        samples, number = followed.samples, followed.number
+        assert number is not None
+        if len(samples) < 16 or number < followed.threshold:
+            verdict = "well" if followed.verdict == "well" else "held"
+        elif samples[-1] >= samples[0]:
+            verdict = "well"
+        else:
+            slope, start = linear_regression(range(16), samples)
+            later = start + slope * (15 + self.settings.falling.ahead)
+            margin = abs(followed.threshold) * self.settings.value_hysteresis
+            limit = followed.threshold + (0 if followed.verdict == "well" else margin)
+            verdict = "bad" if later < limit else "well"
+        followed.verdict = verdict
+        if verdict == "well":
+            followed.since = None
+        elif followed.since is None:
+            followed.since = now
 
     def _weigh(self, thing: Monitored | RobotModel, now: int) -> None:
         was, settings = thing.flapping, self.settings
@@ -476,6 +577,13 @@ class Model:
             begins = since is not None and part.fresh and returned and now >= since + confirm
             key = key_of("check", "critical", robot=name, check=check)
             update(key, since, begins, well=part.fresh and since is None)
+        for where, followed in robot.followed.items():
+            since = followed.since
+            due = since is not None and now >= since + 2  # two more samples
+            lows = [self._value_key(name, (*where, "charge", "low", each)) for each in LOW]
+            begins = followed.verdict == "bad" and due and not any(e in self.faults for e in lows)
+            well = followed.verdict == "well" and followed.number is not None
+            update(self._falling_key(name, where), since, begins, well=well)
         for known, part in robot.values.items():
             since = part.open.get("")
             wait = part.settings.confirm_after
@@ -538,6 +646,31 @@ class Model:
                 begins = False
             well = part.fresh and state not in part.open and not part.flapping
             update(key_of("component", state, **where), since, begins, well=well)
+        if up:
+            self._update_intermittent(part, where, update, covered=covered, now=now)
+
+    def _update_intermittent(
+        self, part: Monitored, where: dict[str, str], update: Any, *, covered: bool, now: int
+    ) -> None:
+        """Changes too short to be faults, and too many to be chance."""
+        key, settings = key_of("flapping", "intermittent", **where), self.settings
+        part.changed = [at for at in part.changed if at + settings.intermittent.within > now]
+        number, most = len(part.changed), settings.intermittent.changes
+        is_ok = part.fresh and part.level == OK
+        well = number < most and (key not in self.faults or (2 * number < most and is_ok))
+        if well:
+            part.intermittent_since = None
+        elif part.intermittent_since is None:
+            part.intermittent_since = now
+        since = part.intermittent_since
+        restless = part.flapping
+        if part.slots is not None:
+            restless = restless or part.slots.ratio >= settings.flapping.stop
+        due = since is not None and now >= since + part.settings.confirm_after
+        begins = number >= most and due and not restless and not covered
+        place = where["group"], where["component"]
+        begins = begins and not self._has_fault(where["robot"], place)
+        update(key, since, begins, well=well)
 
     def _update(
         self, key: Key, since: int | None, begins: bool, *, well: bool, labels: Any, now: int

@@ -37,6 +37,12 @@ done
 echo ready
 exec sleep infinity
 """
+# The router forwards nothing, and the hosts know no way but to it.
+APART = "".join(
+    line
+    for line in ROUTED.splitlines(keepends=True)
+    if "ip_forward" not in line and "route add" not in line
+)
 SWITCHED = """
 mount -t tmpfs tmpfs /run
 ip link add switch type bridge
@@ -76,7 +82,8 @@ class Subnets:
         stack: Ends all of it.
         folder: For what the programs write.
         hosts: Their names.
-        layout: ``ROUTED``, each in a subnet of its own, or ``SWITCHED``, all in one.
+        layout: ``ROUTED``, each in a subnet of its own, ``APART``, the same without a route from
+            one to another, or ``SWITCHED``, all in one.
     """
 
     def __init__(
@@ -92,12 +99,23 @@ class Subnets:
         until(lambda: all(map(self._is_up, hosts)), "the interfaces of the hosts are up")
 
     def start(self, host: str, argv: Sequence[str | Path], env: Mapping[str, str]) -> Process:
-        """Start a program on a host; it ends with the stack."""
-        return self._start(f"{host}-{Path(argv[0]).name}", [*self._into(host), *argv], env)
+        """Start a program on a host ("": the router); it ends with the stack."""
+        return self._start(
+            f"{host or 'router'}-{Path(argv[0]).name}", [*self._into(host), *argv], env
+        )
 
     def run(self, host: str, *argv: str) -> None:
-        """Run a command on a host until it ends, which has to be without an error."""
+        """Run a command on a host ("": the router) until it ends.
+
+        Raises:
+            CalledProcessError: It ended with an error.
+        """
         subprocess.run([*self._into(host), *argv], check=True)
+
+    def output(self, host: str, *argv: str) -> str:
+        """What a command writes on a host; arguments and errors as `run`."""
+        command = [*self._into(host), *argv]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
     def fetch(self, host: str, url: str) -> str:
         """What a server answers to a host.
@@ -122,7 +140,7 @@ class Subnets:
         return ["nsenter", "--target", str(self._router.pid), *into, "--"]
 
     def _into(self, host: str) -> list[str]:
-        return [*self._enter(), "ip", "netns", "exec", host]
+        return [*self._enter(), "ip", "netns", "exec", host] if host else self._enter()
 
     def _start(
         self, name: str, argv: Sequence[str | Path], env: Mapping[str, str] | None

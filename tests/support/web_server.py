@@ -92,6 +92,7 @@ def robot(name: str, *components: dict[str, Any], **changed: Any) -> dict[str, A
         "work": "",
         "downtimes": [],
         "problems": [],
+        "capabilities": [],
         "short_checks": [],
         "groups": [{"group": "/Motor", "level": "OK", "message": "OK"}],
         "components": list(components),
@@ -163,6 +164,7 @@ class FakeBackend:
     not_ready_reason: Callable[[], str | None] = lambda: None
     reload: Callable[[], None] = lambda: None
     forget: Callable[[str, str | None], int] = lambda _robot, _component: 1
+    accept_graph: Callable[[str], int] = lambda _robot: 1
 
 
 BACKEND_METHODS = {field.name for field in fields(FakeBackend)}

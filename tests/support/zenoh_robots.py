@@ -67,7 +67,7 @@ class Bridge:
     def _declare(self, key: str):
         return self._session.liveliness().declare_token(key)
 
-    def offer(self, topic: str, kind: str = TYPE) -> None:
+    def offer(self, topic: str, kind: str = TYPE, *, depth: int = 0) -> None:  # noqa: ARG002 - of DDS
         """A publisher, and its token."""
         key = topic.removeprefix("/")
         self._publishers[topic] = self._session.declare_publisher(

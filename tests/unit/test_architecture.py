@@ -75,6 +75,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     "testbed": (
         ("configuration", "http", "locks", "mail", "polling"),
         ("domains", "grafana", "ports", "processes", "programs"),
+        ("zenoh",),
         ("servers",),
         ("stack",),
     ),

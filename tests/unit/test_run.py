@@ -294,9 +294,49 @@ def test_lint_checks_python_with_the_generators_in_tools_and_the_shell_scripts(m
     scripts = ["run", ".ci/run", "packaging/install-packages", "packaging/build-deb"]
     scripts += ["packaging/release"]
     scripts += [f"packaging/debian/{name}" for name in ("postinst", "prerm", "postrm")]
+    scripts += ["sim/zenoh_bridge/build-zenoh"]
     assert machine.calls()[-4:] == [
         "ruff check exporter sim grafana lab tests tools",
         "ruff format --check exporter sim grafana lab tests tools",
         "mypy ",
         f"shellcheck {' '.join(scripts)}",
     ]
+
+
+def with_bridge(machine: Machine, *, built: bool) -> None:
+    folder = machine.checkout / "sim" / "zenoh_bridge"
+    folder.mkdir(parents=True)
+    script = folder / "build-zenoh"
+    script.write_text(
+        f'#!/bin/sh\necho "build-zenoh $*" >>{machine.folder}/calls\nexit {0 if built else 1}\n'
+    )
+    script.chmod(0o755)
+
+
+def test_the_demo_through_zenoh_without_cargo_says_what_to_install(machine):
+    with_bridge(machine, built=False)
+
+    done = machine.run("demo", "--zenoh")
+
+    assert done.returncode == 1
+    assert "install Rust (https://rustup.rs)" in done.stderr
+    assert "build-zenoh " not in machine.calls()
+    assert machine.pip()[-1] == (
+        "--constraint packaging/locks/versions.txt --no-build-isolation --editable .[zenoh]"
+    )
+
+
+def test_the_demo_through_zenoh_builds_the_bridge_unless_it_is_built(machine):
+    with_bridge(machine, built=False)
+    for name in ("cargo", "cmake", "cc"):
+        machine.program(name, "#!/bin/sh\n")
+
+    machine.run("demo", "--zenoh")
+    assert "build-zenoh " in machine.calls()
+
+    (machine.folder / "calls").unlink()
+    shutil.rmtree(machine.checkout / "sim")
+    with_bridge(machine, built=True)
+    assert machine.run("demo", "--zenoh").returncode == 0
+    assert "build-zenoh " not in machine.calls()
+    assert machine.calls()[-1] == "python -m demo --zenoh"

@@ -11,6 +11,7 @@ from ros_diagnostics_exporter.alertmanager import Acknowledgement
 from ros_diagnostics_exporter.config.fleet import Fleet, Source, ValueRule
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
 from ros_diagnostics_exporter.faults.model import (
+    AbilityView,
     ComponentName,
     Followed,
     Identity,
@@ -18,13 +19,13 @@ from ros_diagnostics_exporter.faults.model import (
     as_texts,
     fault_id,
 )
+from ros_diagnostics_exporter.fleet.capabilities import work
 from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.notifications import Key, key_of
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.maintenance import maintenance_until
 from ros_diagnostics_exporter.robots.robot import Robot
-from ros_diagnostics_exporter.robots.work import work
 from ros_diagnostics_exporter.severity import component_state
 from ros_diagnostics_exporter.sources.prometheus import Outcome
 
@@ -109,7 +110,9 @@ def fleet_snapshot(state: State, now: Instant, care: Care = NOBODY) -> dict[str,
                 **_maintenance(state, robot, now),
                 "problems": problems.get(robot["robot"], []),
             }
-            for robot in state.visit(lambda robot: _robot(robot, state.followed(robot)))
+            for robot in state.visit(
+                lambda robot: _robot(robot, state.followed(robot), state.abilities(robot))
+            )
         ],
     }
 
@@ -261,7 +264,11 @@ def _host(address: str | None) -> str:
     return f"[{address}]" if address.count(":") > 1 and not address.startswith("[") else address
 
 
-def _robot(robot: Robot, followed: Mapping[ComponentName, Followed]) -> dict[str, Any]:
+def _robot(
+    robot: Robot,
+    followed: Mapping[ComponentName, Followed],
+    abilities: Mapping[str, AbilityView],
+) -> dict[str, Any]:
     settings: Settings = robot.settings
     return {
         "robot": settings.name,
@@ -275,7 +282,8 @@ def _robot(robot: Robot, followed: Mapping[ComponentName, Followed]) -> dict[str
         "topic": settings.topic_agg or settings.topic_raw,
         "profile": settings.profile.name,
         "maintenance": robot.maintenance,
-        "work": work(robot),
+        "work": work(abilities) if robot.up else "",
+        "capabilities": [_capability(name, each) for name, each in abilities.items()],
         "short_checks": list(_short_checks(robot)) if robot.up else [],
         "groups": [
             {"group": path, "level": Level(level).name, "message": message}
@@ -289,6 +297,18 @@ def _robot(robot: Robot, followed: Mapping[ComponentName, Followed]) -> dict[str
             )
             for component in robot.components
             if component.level >= 0
+        ],
+    }
+
+
+def _capability(name: str, view: AbilityView) -> dict[str, Any]:
+    """What a robot can do, and the parts that keep it from that."""
+    return {
+        "capability": name,
+        "state": view.ability.name.lower(),
+        "parts": [
+            {**part._asdict(), "state": ability.name.lower()}
+            for part, ability in view.parts.items()
         ],
     }
 

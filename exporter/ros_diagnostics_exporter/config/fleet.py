@@ -5,7 +5,7 @@ as a field that is `described`; what loads, checks and documents it follows from
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
@@ -19,12 +19,14 @@ from zoneinfo import ZoneInfo
 from pydantic import BeforeValidator, Field
 from typing_extensions import override
 
+from ros_diagnostics_exporter.config.capabilities import Capability, Parts, short_capability
+from ros_diagnostics_exporter.config.conditions import LEVELS, Conditional, ConditionList
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, suggestion
+from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.config.keys import Entry, Written, described
 from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
 from ros_diagnostics_exporter.config.patterns import (
     ROBOT,
-    Equals,
     KeyTemplate,
     NameTemplate,
     Split,
@@ -32,12 +34,12 @@ from ros_diagnostics_exporter.config.patterns import (
     Wildcards,
     Words,
     topic_pattern,
-    written,
 )
 from ros_diagnostics_exporter.config.promql import ComponentTemplate, Expression, ResultLabel
 from ros_diagnostics_exporter.config.scalars import (
     Address,
     CanaryInterval,
+    CapabilityName,
     DomainId,
     DomainIds,
     Duration,
@@ -53,7 +55,6 @@ from ros_diagnostics_exporter.config.scalars import (
     PositiveDuration,
     QueryInterval,
     RecordedTime,
-    TaskName,
     TimeZone,
     Topic,
     WeeklyTime,
@@ -66,10 +67,7 @@ AGGREGATED = "_agg"  # the usual suffix of an aggregator's topic
 RAW_NAME = "diagnostics"
 DEFAULT = "default"  # the profile that applies where none is named
 ALL = "all"  # the check that is always there
-MAX_CONDITIONS = 10  # of one when or unless
 MESSAGE_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
-_MOST_WORDS = 200  # characters of a condition as it is shown; what it matches may be longer
-_LEVELS = {"OK": 0, "WARN": 1, "ERROR": 2, "STALE": 3}
 
 Count = Annotated[int, Field(ge=1, le=10_000_000)]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -132,122 +130,6 @@ class Limits(Entry):
     )
 
 
-# -- conditions --------------------------------------------------------------------------------
-
-
-def _list_of_one(value: Any) -> Any:
-    if value == []:
-        raise WrongValueError("is an empty list", "remove it or fill it in")
-    return value if isinstance(value, list) else [value]
-
-
-def _one_or_more(kind: Any, most: int | None = None) -> Any:
-    """A list in the file, or the only one of it without a list."""
-    only = BeforeValidator(_list_of_one, json_schema_input_type=kind | list[kind])
-    return Annotated[list[kind], Field(min_length=1, max_length=most), only]
-
-
-class Condition(Entry):
-    """What a component, or a value, of the same robot has to be like."""
-
-    text: str = ""  # for people
-    component: Words = described(
-        "Words, case ignored, one of which the component's name contains; one such component is "
-        "enough. Without it, the component itself.",
-        example="Charger",
-        default=(),
-    )
-    levels: Annotated[
-        tuple[int, ...],
-        Written(
-            _one_or_more(Literal["OK", "WARN", "ERROR"]),
-            lambda words: tuple(_LEVELS[each] for each in words),
-        ),
-    ] = described(
-        "The component's level, or a list of levels one of which it has. In place of `key`.",
-        example="ERROR",
-        default=(),
-        key="level",
-    )
-    key: Wildcards = described(
-        "The key of one of its values.", example="Charging state", default=()
-    )
-    texts: Equals = described(
-        "The text that the driver publishes, case ignored, `*` for anything; or a list, one of "
-        "which it is; or {regex: ...}, matched against the whole text.",
-        example="charging",
-        default=(),
-        key="equals",
-    )
-    below: float | None = described(
-        "The number is below, as it is exported: after `enum`, `scale` and `offset`.",
-        example=20,
-        default=None,
-    )
-    above: float | None = described(
-        "The number is above, as it is exported.", example=0.5, default=None
-    )
-
-    @override
-    def completed(self, given: Mapping[str, Any]) -> "Condition":
-        if bool(self.levels) == bool(self.key):
-            what = "has level and key" if self.key else "has neither level nor key"
-            remedy = (
-                "give one: {component: Gripper, level: ERROR} or {key: State, equals: charging}"
-            )
-            raise WrongValueError(what, remedy)
-        if self.levels and not self.component:
-            what = "is about the component's own level"
-            raise WrongValueError(what, "name another component, or use levels to change a level")
-        is_number = self.below is not None or self.above is not None
-        if self.levels and (is_number or self.texts):
-            raise WrongValueError("compares a level with a value", "give key in place of level")
-        if self.key and is_number == bool(self.texts):
-            what = (
-                "compares a text and a number" if is_number else "compares the value with nothing"
-            )
-            raise WrongValueError(what, "give equals, or below, above or both of these")
-        if self.below is not None and self.above is not None and self.below <= self.above:
-            what = f"never holds: nothing is above {self.above:g} and below {self.below:g}"
-            raise WrongValueError(what, "give one of them, or two conditions")
-        return replace(self, text=" ".join(filter(None, self._in_words()))[:_MOST_WORDS])
-
-    def _in_words(self) -> Iterator[str]:
-        """The condition as people read it: "Charger State is charging"."""
-        yield written(self.component)
-        yield written(self.key)
-        yield "is"
-        yield " or ".join(word for word, level in _LEVELS.items() if level in self.levels)
-        yield written(self.texts)
-        bounds = (("above", self.above), ("below", self.below))
-        yield " and ".join(f"{word} {number:g}" for word, number in bounds if number is not None)
-
-
-ConditionList = Annotated[
-    tuple[Condition, ...], Written(_one_or_more(Condition, most=MAX_CONDITIONS), tuple)
-]
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """When a component's or a value's trouble is a fault: all of ``when``, none of ``unless``."""
-
-    when: tuple[Condition, ...] = ()
-    unless: tuple[Condition, ...] = ()
-
-
-class _Conditional:
-    """What has the keys ``when`` and ``unless``."""
-
-    when: tuple[Condition, ...]
-    unless: tuple[Condition, ...]
-
-    @cached_property
-    def conditions(self) -> Conditions | None:
-        """Of its faults; None = always."""
-        return Conditions(self.when, self.unless) if self.when or self.unless else None
-
-
 # -- components and values ---------------------------------------------------------------------
 
 # An entry has all the patterns of its key; `_one_each` makes of it rules that have one each.
@@ -270,7 +152,7 @@ def _nothing() -> Mapping[Any, Any]:
     return MappingProxyType({})
 
 
-class ComponentRule(_Conditional, Entry, title="Component"):
+class ComponentRule(Conditional, Entry, title="Component"):
     """Settings for some components; the first entry that matches applies."""
 
     pattern: OneOfWords = described(
@@ -293,7 +175,7 @@ class ComponentRule(_Conditional, Entry, title="Component"):
         Mapping[int, int],
         Written(
             dict[LevelWord, LevelWord],
-            lambda words: MappingProxyType({_LEVELS[k]: _LEVELS[v] for k, v in words.items()}),
+            lambda words: MappingProxyType({LEVELS[k]: LEVELS[v] for k, v in words.items()}),
         ),
     ] = described(
         "The level that counts in place of the published one.",
@@ -392,7 +274,7 @@ def _numbers(enum: dict[str, float]) -> Mapping[str, float]:
     return MappingProxyType(numbers)
 
 
-class ValueRule(_Conditional, Entry, title="Value"):
+class ValueRule(Conditional, Entry, title="Value"):
     """How some key-values are read; the first entry that matches applies."""
 
     component: OneOfWords | None = described(
@@ -485,8 +367,9 @@ class Profile(Entry):
 
     name: str = DEFAULT
     extends: Name = described(
-        "The profile to start from. Checks are added to its own (one of the same name replaces it, "
-        "null removes it); its components and values are searched after this profile's own.",
+        "The profile to start from. Checks and capabilities are added to its own (one of the same "
+        "name replaces it, null removes it); its components and values are searched after this "
+        "profile's own.",
         example="wheeled",
         default=DEFAULT,
     )
@@ -550,17 +433,31 @@ class Profile(Entry):
         example=[{"key": "PID", "keep": False}],
         default=(),
     )
-    tasks: Annotated[
-        Mapping[str, Words],
+    capabilities: Annotated[
+        Mapping[str, Capability],
         Written(
-            dict[TaskName, Words | None],
-            lambda tasks: MappingProxyType({name: each for name, each in tasks.items() if each}),
+            dict[
+                CapabilityName,
+                Annotated[
+                    Capability,
+                    BeforeValidator(short_capability, json_schema_input_type=Parts | Capability),
+                ]
+                | None,
+            ],
+            lambda found: MappingProxyType(
+                {name: replace(each, name=name) for name, each in found.items() if each}
+            ),
         ),
     ] = described(
-        "What the robot does, and words of the names of the components that it needs for it: "
-        "notifications say what it can no longer do, and what it still can.",
-        example={"drive": ["Motor", "Laser"], "lift": ["Lift"]},
+        "What the robot can do, and what it needs for it: a fault says what is lost, and what "
+        "still works ([capabilities](capabilities.md)).",
+        example={"driving": ["Motor", "front view"], "front view": {"any": ["Laser", "Camera"]}},
         default_factory=_nothing,
+    )
+    graph: Graph = described(
+        "What is seen of the robot in the ROS graph, and of lost messages: silent faults.",
+        example={"mode": "on", "expect": ["amcl"]},
+        default=Graph(),
     )
 
     @cached_property

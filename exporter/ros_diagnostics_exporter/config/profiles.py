@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+from ros_diagnostics_exporter.config.capabilities import wrong_names
 from ros_diagnostics_exporter.config.errors import Finding, quoted, suggestion
 from ros_diagnostics_exporter.config.fleet import ALL, DEFAULT, Profile
 from ros_diagnostics_exporter.config.keys import validated
@@ -34,10 +35,32 @@ def resolved(
     }
     problems.extend(resolver.problems)
     default = Profile(stale_is_critical=stale_is_critical)
-    return entries, {
+    profiles = {
         name: default if each is None else replace(validated(Profile, each), name=name)
         for name, each in made.items()
     }
+    problems.extend(_wrong_names(profiles, resolver.entries))
+    return entries, profiles
+
+
+def _wrong_names(
+    profiles: Mapping[str, Profile], entries: Mapping[str, Placed[Profile]]
+) -> Iterator[Finding]:
+    """Names in capabilities that are not there, and circles; one that is inherited, once."""
+    found = [
+        (entries[name], each)
+        for name, profile in profiles.items()
+        if name in entries
+        for each in wrong_names(profile.capabilities, [each.name for each in profile.checks])
+    ]
+    own = [each for each in found if each[1][0] in (each[0].data.get("capabilities") or ())]
+    known = {each[:2] for _, each in own}
+    for placed, (capability, what, remedy) in own:
+        yield placed.problem("capabilities", capability, what=what, remedy=remedy)
+    for placed, each in found:
+        if each[:2] not in known:
+            what = f"capability {quoted(each[0])}, which is inherited: {each[1]}"
+            yield placed.problem("capabilities", what=what, remedy=each[2])
 
 
 class _Resolver:
@@ -87,7 +110,7 @@ class _Resolver:
         """A profile's own content over that of the profile that it extends."""
         own = {key: each for key, each in placed.data.items() if each is not None}
         merged = {**parent, **own}
-        for key in ("checks", "tasks"):
+        for key in ("checks", "capabilities"):
             merged[key] = self._added(key, parent.get(key, {}), own.get(key, {}), placed)
         for key in ("components", "values"):  # the first match wins
             merged[key] = [*own.get(key, []), *parent.get(key, [])]

@@ -33,7 +33,7 @@ _ADDRESS = r"[A-Za-z0-9_](?:[A-Za-z0-9._:-]*[A-Za-z0-9_])?|::[A-Fa-f0-9:.]*"
 _KEY = r"[A-Za-z0-9_][A-Za-z0-9_.:-]*(?:/[A-Za-z0-9_][A-Za-z0-9_.:-]*)*"
 _LOCATOR = r"(?:tcp|tls|quic|udp|ws)/\S+:\d{1,5}"
 _RANGE = r"(\d{1,3})-(\d{1,3})"
-_TASK = r"[^\W_](?:[\w '-]{0,38}\w)?"
+_CAPABILITY = r"[^\W_](?:[\w '-]{0,38}\w)?"
 _LABEL = r"[A-Za-z_][A-Za-z0-9_]*"
 
 # Labels of the exporter, of its rules and of Prometheus. (The table of metrics cannot be imported
@@ -211,12 +211,12 @@ def name(value: Any) -> str:
     return found
 
 
-def task_name(value: Any) -> str:
-    """A task, as it follows "can" and "cannot"."""
+def capability_name(value: Any) -> str:
+    """A capability, as it follows "has lost"."""
     found = text(value)
-    if not re.fullmatch(_TASK, found):
-        what = f"{quoted(found)} cannot be a task"
-        raise WrongValueError(what, "write what the robot can do in 1 to 40 letters: lift pallets")
+    if not re.fullmatch(_CAPABILITY, found):
+        what = f"{quoted(found)} cannot be a capability"
+        raise WrongValueError(what, "name what the robot can do in 1 to 40 letters: lifting")
     return found
 
 
@@ -380,7 +380,7 @@ KeyPrefix = Annotated[str, _value(key_prefix, "beginning of a key", _whole(_KEY 
 Locator = Annotated[str, _value(locator, "locator", _whole(_LOCATOR))]
 File = Annotated[Path, _value(file, "absolute path", "^/")]
 Name = Annotated[str, _value(name, "name", "^[^/]+$", maxLength=MAX_NAME)]
-TaskName = Annotated[str, _value(task_name, "task", "^[^;,/]+$", maxLength=40)]
+CapabilityName = Annotated[str, _value(capability_name, "capability", "^[^;,/]+$", maxLength=40)]
 Address = Annotated[str, Value(address, "host", type="string", minLength=1)]
 Folder = Annotated[str, Value(folder, "folder", type="string", minLength=1)]
 LabelName = Annotated[

@@ -6,7 +6,7 @@ of its end, so it lasts as one of an earlier process does, until what ends a fau
 
 from __future__ import annotations
 
-from ros_diagnostics_exporter.faults import causes, components, presence
+from ros_diagnostics_exporter.faults import capabilities, causes, components, presence
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
 from ros_diagnostics_exporter.faults.model import (
@@ -79,6 +79,8 @@ def _prepare_robot(
         robot.history = _restless(now, 0, 1)
         book.timers.set(("presence", robot), now.mono + robot.settings.presence_interval)
         book.write(robot)
+    elif identity.scope is Scope.CAPABILITY:
+        capabilities.adopt(book, robot, identity.check)
     elif identity.component:
         component = _component(book, robot, ComponentName(identity.group, identity.component))
         if identity.scope is Scope.COMPONENT:

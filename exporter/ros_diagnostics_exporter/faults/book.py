@@ -10,6 +10,7 @@ from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.model import ComponentName, Identity, Scope, State
 from ros_diagnostics_exporter.faults.records import (
     TREND_STEPS,
+    CapabilityRecord,
     Cause,
     Component,
     Ended,
@@ -34,7 +35,7 @@ TimerKind = Literal[
     "hours",
     "ends",
 ]
-Timer = tuple[TimerKind, "Problem | Cause | Robot | Component | None"]
+Timer = tuple[TimerKind, "Problem | Cause | CapabilityRecord | Robot | Component | None"]
 CLOCK_TIME = 60.0  # seconds for which a clock has to be wrong: longer than arrays are buffered
 FLEET_ROW: RowKey = ("fleet", ())
 UPLINK_TIME = 15.0  # seconds in which a query has noticed that an uplink does not answer
@@ -58,20 +59,24 @@ class Book:
         self.timers: Timers[Timer] = Timers()
         self.touched: dict[Problem, None] = {}
         self.touched_causes: dict[Cause, None] = {}
+        self.touched_robots: dict[Robot, None] = {}  # whose capabilities are to be judged
         self.written: dict[RowKey, None] = {}  # rows that differ from what was last taken
         self.followed: dict[str, None] = {}  # robots of which `Faults.followed` changed
 
     # -- notes -------------------------------------------------------------------------------
 
     def touch(self, problems: Iterable[Problem]) -> None:
-        """Have these judged again."""
-        self.touched.update(dict.fromkeys(problems))
+        """Have these judged again, and the capabilities that rest on them."""
+        for problem in problems:
+            self.touched[problem] = None
+            if problem.robot is not None and problem.robot.capabilities and not problem.capability:
+                self.touched_robots[problem.robot] = None
 
     def touch_causes(self) -> None:
         """Have every site and common cause judged again, because the whole has changed."""
         self.touched_causes.update(dict.fromkeys(self.causes.values()))
 
-    def write(self, record: Problem | Cause | Robot | Component) -> None:
+    def write(self, record: Problem | Cause | CapabilityRecord | Robot | Component) -> None:
         """Have the row of this record written again."""
         self.written[record.row] = None
         if isinstance(record, Component):
@@ -121,7 +126,8 @@ class Book:
     def drop_problem(self, problem: Problem) -> None:
         """Take out a problem, here and at its owner."""
         del self.problems[problem.identity]
-        self.touched.pop(problem, None)
+        self.touch((problem,))
+        del self.touched[problem]
         self.timers.clear(("confirm", problem))
         self.write(problem)
         _drop_from_owner(problem)
@@ -161,7 +167,7 @@ class Book:
     def due(self, problem: Problem) -> float:
         """When (monotonic) the problem may be a fault at the earliest."""
         clock, state, component = problem.clock, problem.identity.state, problem.component
-        if state is State.FLAPPING:
+        if state is State.FLAPPING or problem.capability is not None:
             return clock
         if state is State.PENDING:
             return clock + self.settings.pending_after
@@ -190,6 +196,8 @@ def _drop_from_owner(problem: Problem) -> None:
     identity = problem.identity
     if problem.cause is not None:
         del problem.cause.problems[identity.severity]
+    elif problem.capability is not None:
+        del problem.capability.problems[identity.state]
     elif problem.component is not None and identity.scope is Scope.VALUE:
         del problem.component.values[identity.key, identity.bound, identity.state.value]
     elif problem.component is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from ros_diagnostics_exporter.faults import causes, verdicts
+from ros_diagnostics_exporter.faults import capabilities, causes, verdicts
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
 from ros_diagnostics_exporter.faults.judge import end_all
@@ -76,7 +76,7 @@ def give_verdict(book: Book, problem: Problem, verdict: Verdict) -> None:
     if verdict is not problem.verdict:
         problem.verdict = verdict
         book.write(problem)
-    book.touched[problem] = None
+    book.touch((problem,))
 
 
 def hold(book: Book, robot: Robot) -> None:
@@ -109,7 +109,8 @@ def _note_change(book: Book, component: Component, level: Level, now: Instant) -
     if component.flaps is None:
         component.flaps = FlapHistory([last] * SLOTS, now.mono)
     component.flaps.change(level, now.mono, robot.settings.flap_interval)
-    if component.has_fault and not component.is_intermittent:
+    is_known = component.has_fault or capabilities.is_known(component)
+    if is_known and not component.is_intermittent:
         component.flaps.changed = ()  # people know of what explains them
     _judge_flapping(book, component, component.flaps, now)
 

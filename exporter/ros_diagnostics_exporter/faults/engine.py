@@ -13,6 +13,7 @@ from math import inf
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults import (
     adoption,
+    capabilities,
     causes,
     clocks,
     components,
@@ -26,6 +27,7 @@ from ros_diagnostics_exporter.faults import (
 )
 from ros_diagnostics_exporter.faults.book import FLEET_ROW, Book
 from ros_diagnostics_exporter.faults.model import (
+    AbilityView,
     Change,
     ComponentName,
     ComponentReport,
@@ -39,8 +41,16 @@ from ros_diagnostics_exporter.faults.model import (
     Verdict,
     at_mono,
 )
+from ros_diagnostics_exporter.faults.needs import WantedCapability
 from ros_diagnostics_exporter.faults.quiet import why_not_begin, why_not_end
-from ros_diagnostics_exporter.faults.records import Cause, Component, Presence, Problem, Robot
+from ros_diagnostics_exporter.faults.records import (
+    CapabilityRecord,
+    Cause,
+    Component,
+    Presence,
+    Problem,
+    Robot,
+)
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant
 
@@ -101,8 +111,8 @@ class Faults:
         book = self._book
         if isinstance(record, Problem):
             book.touch((record,))
-        elif isinstance(record, Cause):
-            causes.end_cover(book, record)
+        elif isinstance(record, Cause | CapabilityRecord):
+            _end_cover(book, record)
         elif isinstance(record, Component):
             components.decay(book, record, at)
         elif kind == "ends":
@@ -158,6 +168,15 @@ class Faults:
         presence.judge_anew(book, robot, now)
         book.write(robot)
         return changes + judge.settle(book, now)
+
+    def configure_capabilities(
+        self, robot: str, wanted: Iterable[WantedCapability], now: Instant
+    ) -> list[Change]:
+        """Set what a robot can do, each after those that it needs; all others are removed."""
+        changes = self.advance(now)
+        gone = capabilities.configure(self._book, self._robot(robot), wanted)
+        changes += judge.end_all(self._book, gone, now)
+        return changes + judge.settle(self._book, now)
 
     def maintenance(self, planned: Mapping[str, bool], now: Instant) -> list[Change]:
         """Begin (True) or end the planned downtimes of robots, of all that change at one time.
@@ -348,6 +367,16 @@ class Faults:
                 well=well,
             )
 
+    def abilities(self, robot: str) -> dict[str, AbilityView]:
+        """What a robot can do, each after those that it needs."""
+        return {
+            name: AbilityView(
+                each.ability,
+                {part: bad.ability for part, bad in each.parts.items()} if each.active else {},
+            )
+            for name, each in self._robot(robot).capabilities.items()
+        }
+
     def identities(self, robot: str) -> Iterator[Identity]:
         """Which problems a robot and its parts have."""
         return (problem.identity for problem in self._robot(robot).all_problems())
@@ -395,3 +424,10 @@ class Faults:
         if robot is None:
             raise LookupError(f"no robot {name!r} is configured")
         return robot
+
+
+def _end_cover(book: Book, of: Cause | CapabilityRecord) -> None:
+    if isinstance(of, Cause):
+        causes.end_cover(book, of)
+    else:
+        capabilities.end_cover(book, of)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from types import MappingProxyType
 
-from ros_diagnostics_exporter.faults import causes, ends
+from ros_diagnostics_exporter.faults import capabilities, causes, ends
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.model import Change, Fault, Verdict
 from ros_diagnostics_exporter.faults.quiet import why_not_begin, why_not_end
@@ -18,6 +18,7 @@ EVIDENCE_LENGTH = 4096  # characters
 
 def settle(book: Book, now: Instant) -> list[Change]:
     """Judge all that was touched, larger causes first; what began and ended."""
+    capabilities.update_touched(book, now)
     causes.update_touched(book, now)
     changes: list[Change] = []
     # In the order of their identities, so that the result depends on nothing else.

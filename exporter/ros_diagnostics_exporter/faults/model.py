@@ -24,6 +24,7 @@ class Scope(str, Enum):
     FLAPPING = "flapping"  # of a component, or intermittent
     SITE = "site"
     COMMON = "common"
+    CAPABILITY = "capability"  # of a robot; its name is the identity's ``check``
     CLOCK = "clock"  # of the exporter
 
 
@@ -40,6 +41,9 @@ class State(str, Enum):
     INTERMITTENT = "intermittent"
     MANY = "many"
     CLOCK = "clock"
+    NO_RESERVE = "no_reserve"
+    DEGRADED = "degraded"
+    LOST = "lost"
 
 
 class Identity(NamedTuple):
@@ -60,11 +64,14 @@ class Identity(NamedTuple):
     severity: str = ""
 
 
+_CRITICAL = {State.CRITICAL, State.SILENT, State.LOST}
+
+
 def severity_of(identity: Identity) -> Literal["critical", "warning"]:
     """The severity of a fault, which follows from its identity."""
     if identity.state is State.MANY:
         return "critical" if identity.severity == "critical" else "warning"
-    return "critical" if identity.state in (State.CRITICAL, State.SILENT) else "warning"
+    return "critical" if identity.state in _CRITICAL else "warning"
 
 
 def fault_id(fleet: str, exporter: str, identity: Identity) -> str:
@@ -173,6 +180,38 @@ class Verdict(IntEnum):
     BAD = 3  # in trouble, freshly reported
 
 
+class Ability(IntEnum):
+    """Whether a robot can do something, the better first."""
+
+    OK = 0
+    NO_RESERVE = 1  # it can, and no further part may fail
+    DEGRADED = 2  # it can, by a part that is in WARNING
+    UNKNOWN = 3  # that rests on what is not received
+    LOST = 4
+
+
+ABILITIES = (  # as they are shown: what is not known last
+    *(Ability.OK, Ability.NO_RESERVE, Ability.DEGRADED),
+    *(Ability.LOST, Ability.UNKNOWN),
+)
+
+
+class PartName(NamedTuple):
+    """What an expression rests on: a component, one value of it, or a check."""
+
+    group: str = ""
+    component: str = ""
+    key: str = ""
+    check: str = ""
+
+
+class AbilityView(NamedTuple):
+    """A capability as it is now, and the parts that keep it from being OK."""
+
+    ability: Ability
+    parts: Mapping[PartName, Ability]
+
+
 class ValueReport(NamedTuple):
     """One value that has thresholds, or had; ``number`` is None while nothing fresh is known.
 
@@ -199,6 +238,7 @@ class Reason(str, Enum):
     SITE = "site"
     COMMON = "common"
     MANY = "many"
+    CAPABILITY = "capability"  # one that is in trouble because of it
     FAULT = "fault"  # a worse one of the same is confirmed
     CONDITION = "condition"  # fleet.yml's `when` or `unless`
     HOURS = "hours"  # outside of the hours in which warnings begin
@@ -221,6 +261,7 @@ class ProblemView(NamedTuple):
 
 
 DOWNTIMES = "downtimes"  # the kind of the one row of those that people planned
+LEARNED = "graph"  # the kind of the rows of what was learned of robots' nodes and topics
 
 
 class Row(NamedTuple):

@@ -121,6 +121,7 @@ def touch_all(book: Book, robot: Robot) -> None:
     """Have everything about a robot judged again."""
     book.touch(robot.all_problems())
     book.touched_causes[robot.many] = None
+    book.touched_robots[robot] = None
 
 
 def decay(book: Book, robot: Robot, now: Instant) -> None:
@@ -143,6 +144,7 @@ def _note_presence(book: Book, robot: Robot, now: Instant) -> None:
     book.note_presence(robot)
     causes.count_robot(book, robot, now)
     book.touched_causes[robot.many] = None
+    book.touched_robots[robot] = None
     book.write(robot)
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from ros_diagnostics_exporter.faults import capabilities
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.hours import warnings_may_begin
 from ros_diagnostics_exporter.faults.model import Reason, Scope, State, Verdict, severity_of
-from ros_diagnostics_exporter.faults.records import Component, Problem, Robot
+from ros_diagnostics_exporter.faults.records import CapabilityRecord, Component, Problem, Robot
 from ros_diagnostics_exporter.model import Instant
 
 # Of the robot itself rather than of a part of it: its silence keeps none of them quiet.
@@ -14,15 +15,14 @@ _OF_PRESENCE = {State.SILENT, State.PENDING, State.FLAPPING}
 
 def why_not_begin(book: Book, problem: Problem, now: Instant) -> Reason | None:
     """The first reason that keeps the problem from beginning now; None: it may."""
-    robot, component = problem.robot, problem.component
+    robot = problem.robot
     if robot is not None:
         reason = _of_uplink(problem, robot) or _of_robot(book, problem, robot, now)
         if reason is not None:
             return reason
-    if component is not None:
-        reason = _of_component(book, problem, component, now)
-        if reason is not None:
-            return reason
+    reason = _of_larger(book, problem, now)
+    if reason is not None:
+        return reason
     if problem.verdict is Verdict.HELD:
         return Reason.NO_DATA
     if problem.verdict is Verdict.ABSENT and now.mono < book.grace_until:
@@ -99,6 +99,18 @@ def _is_reported(book: Book, flaps: Problem | None, now: Instant) -> bool:
     return flaps.fault is not None or warnings_may_begin(book, now)
 
 
+def _of_larger(book: Book, problem: Problem, now: Instant) -> Reason | None:
+    """Why what it is about, or what that is a part of, keeps it quiet."""
+    reason = None
+    if problem.component is not None:
+        reason = _of_component(book, problem, problem.component, now)
+    elif problem.capability is not None:
+        reason = _of_parts(book, problem.capability, now)
+    if reason is None and capabilities.explains(problem, now):
+        return Reason.CAPABILITY
+    return reason
+
+
 def _of_component(
     book: Book, problem: Problem, component: Component, now: Instant
 ) -> Reason | None:
@@ -115,6 +127,18 @@ def _of_component(
     if component.robot.many.covers(now):
         return Reason.MANY
     if book.covered(Scope.COMMON, component.name.component, now):
+        return Reason.COMMON
+    return None
+
+
+def _of_parts(book: Book, capability: CapabilityRecord, now: Instant) -> Reason | None:
+    """What explains all parts that keep a capability from being OK."""
+    if capability.robot.many.covers(now):
+        return Reason.MANY
+    if capability.parts and all(
+        part.component and book.covered(Scope.COMMON, part.component, now)
+        for part in capability.parts
+    ):
         return Reason.COMMON
     return None
 

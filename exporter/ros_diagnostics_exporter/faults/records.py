@@ -14,14 +14,17 @@ from math import inf
 from ros_diagnostics_exporter.config.fleet import Threshold
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
 from ros_diagnostics_exporter.faults.model import (
+    Ability,
     ComponentName,
     End,
     Fault,
     Identity,
+    PartName,
     Scope,
     State,
     Verdict,
 )
+from ros_diagnostics_exporter.faults.needs import Bad, WantedCapability
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant, Level
 
@@ -42,11 +45,13 @@ class Problem:
     """One thing that is wrong, confirmed (``fault``) or not yet.
 
     ``since`` is when this state began, ``clock`` (monotonic) when the trouble did from which
-    confirm_after is counted. ``robot``, ``component`` and ``cause`` are what it belongs to.
+    confirm_after is counted. ``robot``, ``component``, ``cause`` and ``capability`` are what it
+    belongs to; ``clock`` of a capability is when its parts have been so for their confirm_after.
     ``restored``: the fault is of an earlier process, and nothing has confirmed it since.
     """
 
     __slots__ = (
+        "capability",
         "cause",
         "clock",
         "component",
@@ -67,6 +72,7 @@ class Problem:
         robot: Robot | None = None,
         component: Component | None = None,
         cause: Cause | None = None,
+        capability: CapabilityRecord | None = None,
     ) -> None:
         self.identity = identity
         self.row: RowKey = ("problem", (identity[0].value, identity[1].value, *identity[2:]))
@@ -75,6 +81,7 @@ class Problem:
         self.robot = robot
         self.component = component
         self.cause = cause
+        self.capability = capability
         self.verdict = Verdict.HELD
         self.fault: Fault | None = None
         self.restored = False
@@ -180,6 +187,7 @@ class Robot:
     """
 
     __slots__ = (
+        "capabilities",
         "checks",
         "components",
         "counted",
@@ -214,6 +222,7 @@ class Robot:
         self.history: FlapHistory | None = None
         self.problems: dict[State, Problem] = {}  # SILENT, PENDING, FLAPPING
         self.checks: dict[str, Problem] = {}
+        self.capabilities: dict[str, CapabilityRecord] = {}  # each after those that it needs
         self.components: dict[ComponentName, Component] = {}
         self.trends: dict[tuple[ComponentName, str], Trend] = {}  # not written: followed anew
         self.many = Cause(Scope.ROBOT, name, self)
@@ -239,6 +248,8 @@ class Robot:
         yield from self.problems.values()
         yield from self.checks.values()
         yield from self.many.problems.values()
+        for capability in self.capabilities.values():
+            yield from capability.problems.values()
         for component in self.components.values():
             yield from component.problems.values()
             yield from component.values.values()
@@ -302,6 +313,50 @@ class Cause:
     def is_usual(self) -> bool:
         """Whether there is nothing to keep."""
         return not (self.counted or self.problems or self.active) and self.covers_until == -inf
+
+
+class CapabilityRecord:
+    """Something that a robot can do; ``wanted`` is None until it is configured.
+
+    ``ability`` is how good it is. While ``active``, and until ``covers_until`` (monotonic) after
+    it, the ``parts`` that keep it from being OK are quiet; ``worst`` is how bad it was when last
+    known. ``adopted``: it was a fault before the start, and its parts then are not known.
+    """
+
+    __slots__ = (
+        "ability",
+        "active",
+        "adopted",
+        "covers_until",
+        "name",
+        "parts",
+        "problems",
+        "robot",
+        "row",
+        "wanted",
+        "worst",
+    )
+
+    def __init__(self, robot: Robot, name: str) -> None:
+        self.robot = robot
+        self.name = name
+        self.row: RowKey = ("capability", (robot.name, name))
+        self.wanted: WantedCapability | None = None
+        self.ability = self.worst = Ability.UNKNOWN
+        self.active: Instant | None = None
+        self.adopted = False
+        self.covers_until = -inf
+        self.parts: dict[PartName, Bad] = {}
+        self.problems: dict[State, Problem] = {}
+
+    def covers(self, now: Instant) -> bool:
+        """Whether its parts are quiet."""
+        return self.active is not None or now.mono < self.covers_until
+
+    @property
+    def is_fault(self) -> bool:
+        """Whether it is confirmed that it is in trouble."""
+        return any(each.fault is not None and each.in_trouble for each in self.problems.values())
 
 
 class Ended:

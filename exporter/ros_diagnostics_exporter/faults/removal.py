@@ -20,6 +20,10 @@ def remove_robot(book: Book, robot: Robot, now: Instant) -> list[Change]:
     changes += end_all(book, robot.all_problems(), now)
     leave_site(book, robot)
     book.touched_causes.pop(robot.many, None)
+    book.touched_robots.pop(robot, None)
+    for capability in robot.capabilities.values():
+        book.timers.clear(("cover", capability))
+        book.write(capability)
     book.timers.clear(("cover", robot.many))
     book.timers.clear(("returned", robot))
     book.timers.clear(("reachable", robot))

@@ -14,21 +14,25 @@ from math import inf
 from types import MappingProxyType
 from typing import Any
 
-from ros_diagnostics_exporter.faults import causes, components, hours
+from ros_diagnostics_exporter.faults import capabilities, causes, components, hours
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
 from ros_diagnostics_exporter.faults.model import (
+    Ability,
     ComponentName,
     End,
     Fault,
     Identity,
+    PartName,
     Row,
     Scope,
     State,
     Verdict,
     at_mono,
 )
+from ros_diagnostics_exporter.faults.needs import Bad
 from ros_diagnostics_exporter.faults.records import (
+    CapabilityRecord,
     Cause,
     Component,
     Ended,
@@ -41,6 +45,7 @@ from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSet
 from ros_diagnostics_exporter.faults.stored import (
     SCHEMAS,
     History,
+    OfCapability,
     OfCause,
     OfComponent,
     OfEnd,
@@ -92,6 +97,7 @@ def restore(book: Book, rows: Iterable[Row], now: Instant) -> None:
         "robot": _read_robot,
         "component": _read_component,
         "cause": _read_cause,
+        "capability": _read_capability,
         "problem": _read_problem,
         "end": _read_end,
     }
@@ -105,6 +111,7 @@ def restore(book: Book, rows: Iterable[Row], now: Instant) -> None:
     hours.wake(book, now)
     book.touched.clear()
     book.touched_causes.clear()
+    book.touched_robots.clear()
     book.written.clear()
 
 
@@ -131,8 +138,16 @@ def _stored(book: Book, row: RowKey, clock: _Clock) -> Stored | None:
         cause = _cause(book, key)
         return None if cause is None else _of_cause(cause, clock)
     robot = book.robots.get(key[0])
-    if robot is None or kind == "robot":
-        return None if robot is None else _of_robot(robot, clock)
+    return None if robot is None else _stored_of(robot, row, clock)
+
+
+def _stored_of(robot: Robot, row: RowKey, clock: _Clock) -> Stored | None:
+    """The row of a robot, or of what it has."""
+    kind, key = row
+    if kind == "robot":
+        return _of_robot(robot, clock)
+    if kind == "capability":
+        return _of_capability(robot.capabilities.get(key[1]), clock)
     component = robot.components.get(ComponentName(*key[1:]))
     return None if component is None else _of_component(component, clock)
 
@@ -176,6 +191,20 @@ def _of_cause(cause: Cause, clock: _Clock) -> OfCause | None:
         active=None if cause.active is None else cause.active.wall,
         covers_until=clock.wall(cause.covers_until),
         adopted=cause.adopted,
+    )
+
+
+def _of_capability(capability: CapabilityRecord | None, clock: _Clock) -> OfCapability | None:
+    if capability is None or (capability.active is None and capability.covers_until == -inf):
+        return None
+    return OfCapability(
+        active=None if capability.active is None else capability.active.wall,
+        covers_until=clock.wall(capability.covers_until),
+        worst=int(capability.worst),
+        parts=[
+            (*part, int(bad.ability), bad.due + clock.offset)
+            for part, bad in capability.parts.items()
+        ],
     )
 
 
@@ -283,6 +312,18 @@ def _read_cause(book: Book, key: tuple[str, ...], stored: OfCause, clock: _Clock
     cause.adopted = stored.adopted
 
 
+def _read_capability(book: Book, key: tuple[str, ...], stored: OfCapability, clock: _Clock) -> None:
+    robot = book.robots[key[0]]
+    capability = robot.capabilities[key[1]] = CapabilityRecord(robot, key[1])
+    capability.active = None if stored.active is None else clock.instant(stored.active)
+    capability.covers_until = clock.mono(stored.covers_until)
+    capability.worst = Ability(stored.worst)
+    capability.parts = {
+        PartName(*part): Bad(Ability(ability), clock.mono(due))
+        for *part, ability, due in stored.parts
+    }
+
+
 def _read_problem(book: Book, key: tuple[str, ...], stored: OfProblem, clock: _Clock) -> None:
     identity = _identity(key)
     problem = Problem(identity, clock.instant(stored.since))
@@ -318,6 +359,9 @@ def give_to_owner(book: Book, problem: Problem) -> None:
         cause.problems[identity.severity] = problem
     elif identity.scope is Scope.CHECK:
         robot.checks[identity.check] = problem
+    elif identity.scope is Scope.CAPABILITY:
+        problem.capability = capabilities.adopt(book, robot, identity.check)
+        problem.capability.problems[identity.state] = problem
     elif identity.scope is Scope.ROBOT:
         robot.problems[identity.state] = problem
     else:
@@ -342,6 +386,9 @@ def _bound(book: Book, now: Instant) -> None:
         for component in robot.components.values():
             component.since = _not_after(component.since, now)
             _bound_history(component.flaps, now)
+        for capability in robot.capabilities.values():
+            capability.active = _not_after(capability.active, now)
+            capability.covers_until = min(capability.covers_until, most)
     for cause in (*book.causes.values(), *(robot.many for robot in book.robots.values())):
         cause.active = _not_after(cause.active, now)
         most = now.mono + causes.confirm_after(book, cause)
@@ -395,6 +442,9 @@ def _set_timers(book: Book) -> None:
             timers.set(("cover", cause), cause.covers_until)
     for robot in book.robots.values():
         _set_timers_of(book, robot)
+        for capability in robot.capabilities.values():
+            if capability.covers_until > -inf:
+                timers.set(("cover", capability), capability.covers_until)
 
 
 def _set_timers_of(book: Book, robot: Robot) -> None:

@@ -87,6 +87,15 @@ class OfCause(NamedTuple):
     adopted: bool
 
 
+class OfCapability(NamedTuple):
+    """A capability in trouble; each part with how good it is."""
+
+    active: Moment | None
+    covers_until: Moment | None
+    worst: Annotated[int, Field(ge=0, le=4)]
+    parts: list[tuple[Text, Text, Text, Text, Annotated[int, Field(ge=0, le=4)], Moment]]
+
+
 class OfProblem(NamedTuple):
     """A problem."""
 
@@ -106,12 +115,13 @@ class OfEnd(NamedTuple):
     labels: Labels
 
 
-Stored = OfFleet | OfRobot | OfComponent | OfCause | OfProblem | OfEnd
+Stored = OfFleet | OfRobot | OfComponent | OfCause | OfCapability | OfProblem | OfEnd
 SCHEMAS: dict[str, TypeAdapter[Any]] = {  # by kind, in the order in which they refer to each other
     "fleet": TypeAdapter(OfFleet),
     "robot": TypeAdapter(OfRobot),
     "component": TypeAdapter(OfComponent),
     "cause": TypeAdapter(OfCause),
+    "capability": TypeAdapter(OfCapability),
     "problem": TypeAdapter(OfProblem),
     "end": TypeAdapter(OfEnd),
 }

@@ -38,6 +38,9 @@ def follow(
     threshold = next((each for each in report.thresholds if _is_followed(each)), None)
     if threshold is None or report.number is None or isnan(report.number):
         robot.trends.pop((name, report.key), None)
+        problem = _problem(robot, name, report.key)
+        if problem is not None:
+            give_verdict(book, problem, Verdict.HELD)
         return
     trend = robot.trends.get((name, report.key))
     if trend is None:
@@ -71,6 +74,11 @@ def forecast(samples: deque[float], steps: float) -> float:
     return mean + slope * (middle + steps)
 
 
+def _problem(robot: Robot, name: ComponentName, key: str) -> Problem | None:
+    component = robot.components.get(name)
+    return None if component is None else component.values.get((key, "low", "falling"))
+
+
 def _is_followed(threshold: Threshold) -> bool:
     return threshold.bound == "low" and threshold.severity == "critical"
 
@@ -83,7 +91,7 @@ def _step(book: Book) -> float:
 def _judge(book: Book, place: tuple[Robot, ComponentName, str], trend: Trend, now: Instant) -> None:
     robot, name, key = place
     component = robot.components.get(name)
-    problem = None if component is None else component.values.get((key, "low", "falling"))
+    problem = _problem(robot, name, key)
     verdict = _verdict(book, trend, in_trouble=problem is not None and problem.in_trouble)
     if problem is None and verdict is Verdict.BAD:
         component = component or book.add_component(robot, name, trend.settings)

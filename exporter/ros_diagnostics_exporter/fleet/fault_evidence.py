@@ -5,19 +5,24 @@ All but the last end with a semicolon, so that it reads well on one line, too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from ros_diagnostics_exporter.faults.model import Identity, Scope, State
+from ros_diagnostics_exporter.faults.model import (
+    AbilityView,
+    ComponentName,
+    Identity,
+    PartName,
+    Scope,
+    State,
+)
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.robot import Robot
-from ros_diagnostics_exporter.robots.work import work
 from ros_diagnostics_exporter.severity import SILENT
 from ros_diagnostics_exporter.texts import one_line
 
 LENGTH = 512  # characters of the whole
 _TEXT_LENGTH = 160  # of one text of a robot
-_WORK_LENGTH = 240
 _MOST_NAMED = 5  # of values, components or robots
 
 _WORDS = {Level.WARN: "WARNING", Level.ERROR: "CRITICAL"}  # as alerts name them
@@ -45,14 +50,24 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> str:
     return ";\n".join(filter(None, parts))[:LENGTH]
 
 
-def lost_work(identity: Identity, find: Find) -> str:
-    """What the robot can no longer do; nothing of one that is silent."""
-    found = find(identity)
-    if found is None:
-        return ""
-    robot, component = found
-    is_broken = identity.scope is Scope.VALUE and identity.state is State.CRITICAL
-    return work(robot, component if is_broken else None)[:_WORK_LENGTH]
+def parts(of: AbilityView, known: Mapping[ComponentName, Component]) -> str:
+    """The parts because of which a robot can do something no longer, or no longer well.
+
+    Args:
+        of: What is known of the capability.
+        known: The robot's components.
+    """
+    return ";\n".join(_part(each, known) for each in list(of.parts)[:_MOST_NAMED])[:LENGTH]
+
+
+def _part(part: PartName, known: Mapping[ComponentName, Component]) -> str:
+    if part.check:
+        return f"check {_text(part.check)} finds too few components"
+    component = known.get(ComponentName(part.group, part.component))
+    if component is None:
+        return _text(part.component)
+    texts = [_with_level(component), _text(part.key), _text(component.message)]
+    return ": ".join(filter(None, texts))
 
 
 def last_received(identity: Identity, find: Find) -> str:

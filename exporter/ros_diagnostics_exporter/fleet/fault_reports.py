@@ -18,6 +18,7 @@ from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.clocks import LIMIT
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import (
+    AbilityView,
     Change,
     ComponentName,
     ComponentReport,
@@ -34,11 +35,12 @@ from ros_diagnostics_exporter.faults.model import (
     as_texts,
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
+from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities, work
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
-from ros_diagnostics_exporter.fleet.fault_evidence import evidence, last_received, lost_work
+from ros_diagnostics_exporter.fleet.fault_evidence import evidence, last_received, parts
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component
-from ros_diagnostics_exporter.robots.components import Components
+from ros_diagnostics_exporter.robots.components import SHADOWED, Components
 from ros_diagnostics_exporter.robots.conditions import Quiet, RobotConditions
 from ros_diagnostics_exporter.robots.measured import query_of
 from ros_diagnostics_exporter.robots.robot import Robot
@@ -178,15 +180,28 @@ class FaultReports:
             described = fault
             if what == "began":
                 identity = fault.identity
-                text = fault.evidence or evidence(identity, self._find, self._troubled(identity))
-                work = fault.work or lost_work(identity, self._find)
-                described = self._faults.describe(fault, text, work)
+                text = fault.evidence or self._evidence(identity)
+                described = self._faults.describe(fault, text, fault.work or self._work(identity))
             elif what == "recovered":
                 self._faults.describe_end(fault, last_received(fault.identity, self._find))
             self._events.append(_event(what, described, at))
         for name in self._faults.take_followed():
             if name in self._robots:
                 self._robots[name].robot.versions.levels += 1
+
+    def _evidence(self, identity: Identity) -> str:
+        reports = self._robots.get(identity.robot)
+        if identity.scope is not Scope.CAPABILITY or reports is None:
+            return evidence(identity, self._find, self._troubled(identity))
+        of = self._faults.abilities(identity.robot).get(identity.check)
+        return "" if of is None else parts(of, reports.by_name)
+
+    def _work(self, identity: Identity) -> str:
+        """What the robot can no longer do; nothing of one that is silent."""
+        reports = self._robots.get(identity.robot)
+        if reports is None or not reports.robot.up:
+            return ""
+        return work(self._faults.abilities(identity.robot))
 
     def _find(self, identity: Identity) -> tuple[Robot, Component | None] | None:
         """The robot, and the component if it is of one, that a fault is about."""
@@ -258,6 +273,10 @@ class FaultReports:
             if reports is not None and reports.find(name) is None:  # adopted, never received
                 self._record(self._faults.forget_component(robot, name, now))
 
+    def abilities(self, robot: Robot) -> dict[str, AbilityView]:
+        """What a robot can do, each after those that it needs."""
+        return self._faults.abilities(robot.settings.name)
+
     def followed(self, robot: Robot) -> dict[ComponentName, Followed]:
         """What is kept of a robot's components that are or were in trouble."""
         return self._faults.followed(robot.settings.name)
@@ -303,6 +322,7 @@ class RobotReports:
         self._everything = True  # is to be reported, because none of it was, or by other settings
         self._awaited: dict[Component, float] = {}
         self._conditions = RobotConditions(robot)
+        self._capabilities = RobotCapabilities(robot)
         self.by_condition = ConditionalProblems()
 
     # -- config ------------------------------------------------------------------------------
@@ -324,6 +344,8 @@ class RobotReports:
             robot.settings.labels, profile.confirm_after, profile.flap_interval
         )
         changes = faults.configure_robot(name, settings, now, declared=robot.declared)
+        self._capabilities = RobotCapabilities(robot)
+        changes += self._report_capabilities(faults, now)
         expected = _expected(profile)
         for identity in list(faults.identities(name)):
             if identity.scope is Scope.CHECK and identity.check not in expected:
@@ -379,6 +401,7 @@ class RobotReports:
         if renamed:
             changes += self._follow_names(faults, now)
         self._apply_conditions(now)
+        changes += self._report_capabilities(faults, now)
         if self.robot.up:
             self._find_awaited()
             changes += self._report_levels(faults, now, renamed=renamed)
@@ -407,8 +430,18 @@ class RobotReports:
                 of = self.robot.settings.name, name
                 self._events.extend(self.by_condition.update(component, of, self._conditions, now))
 
+    def _report_capabilities(self, faults: Faults, now: Instant) -> list[Change]:
+        components = self.robot.components
+        changed = {**components.level_changes, **components.value_changes}
+        wanted = self._capabilities.update(changed, self._names)
+        if wanted is None:
+            return []
+        return faults.configure_capabilities(self.robot.settings.name, wanted, now)
+
     def _quiet(self, component: Component) -> Quiet | None:
         """Why the component's trouble is no fault, if it is none."""
+        if component.feed is not None and component.feed.shadow:
+            return Quiet(SHADOWED, known=True)
         rule = component.rule
         return None if rule is None else self._conditions.find(component, rule.conditions)
 
@@ -523,6 +556,11 @@ class RobotReports:
         """The component that was reported by this name."""
         return next((each for each, known in self._names.items() if known == name), None)
 
+    @property
+    def by_name(self) -> dict[ComponentName, Component]:
+        """The components by the names by which they were reported."""
+        return {name: each for each, name in self._names.items()}
+
     def name_of(self, component: Component) -> ComponentName | None:
         """The name by which a component was reported."""
         return self._names.get(component)
@@ -574,6 +612,8 @@ class RobotReports:
         """The component as it is judged: well, or not known, where its condition says so."""
         level, settings = _LEVELS[component.level], self._component_settings(component)
         quiet = self._quiet(component)
+        if self.robot.network.lossy and component.feed is None and level is Level.STALE:
+            quiet = Quiet("messages are lost", known=False)
         if quiet is None or level is Level.OK:
             return ComponentReport(name, level, settings)
         if quiet.known and level is not Level.STALE:

@@ -14,6 +14,8 @@ from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import (
     DOWNTIMES,
+    LEARNED,
+    AbilityView,
     ComponentName,
     End,
     Fault,
@@ -39,8 +41,12 @@ from ros_diagnostics_exporter.model import (
 )
 from ros_diagnostics_exporter.robots.limits import truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
+from ros_diagnostics_exporter.robots.measured import is_of_graph
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.sources.graph import GROUP, SHADOW, GraphWatch, Report
+from ros_diagnostics_exporter.sources.graph_topics import TopicView
+from ros_diagnostics_exporter.sources.link import LinkReading, joined
 
 log = logging.getLogger(__name__)
 
@@ -65,7 +71,9 @@ class State:
         self._holding: tuple[bool, ...] | None = None  # which downtimes do; None: not known
         self._downtimes: tuple[Downtime, ...] = ()  # that people planned
         self._downtimes_changed = False  # since their row was taken
-        self._feeds = {each.name: each.feed for each in fleet.queries}
+        self._feeds = _feeds(fleet)
+        self._watch = GraphWatch()
+        self._watching = threading.Lock()  # of the watch; taken before the other, or alone
         self.recorder: Callable[[Topic, Array, Instant], None] | None = None  # of what is received
         self.unmatched = UnmatchedWatch()  # entries of the config that match nothing
         self._faults = FaultReports(fleet, now, self._events)
@@ -142,6 +150,68 @@ class State:
         """Note the types of all topics of a domain that have no DiagnosticArray, by name."""
         with self._lock:
             self._registry.note_other_types(domain_id, types, now)
+
+    def update_nodes(self, domain_id: Domain, nodes: list[tuple[str, str]], now: Instant) -> bool:
+        """Take the name and namespace of all nodes of a domain, and judge what is due there.
+
+        Returns whether any robot there is watched.
+        """
+        with self._lock:
+            robots = [
+                robot.settings
+                for robot in self._registry.robots.values()
+                if robot.settings.domain_id == domain_id and not robot.shared
+            ]
+        with self._watching:
+            self._watch.follow(domain_id, robots, now)
+            self._watch.see_nodes(domain_id, nodes, now)
+            reports = list(self._watch.reports(domain_id, now))
+            watches = self._watch.watches(domain_id)
+        for report in reports:
+            self._receive_report(report, now)
+        return watches
+
+    def update_endpoints(
+        self, domain_id: Domain, topics: Mapping[str, TopicView], now: Instant
+    ) -> None:
+        """Take all endpoints of some topics of a domain, by name."""
+        with self._watching:
+            self._watch.see_topics(domain_id, topics, now)
+
+    def update_links(
+        self, domain_id: Domain, links: Mapping[str, LinkReading | None], now: Instant
+    ) -> None:
+        """Take what arrived of late on subscribed topics; None where one has several publishers."""
+        readings: dict[str, list[LinkReading]] = {}
+        with self._lock:
+            for name, reading in links.items():
+                for robot, _raw in self._registry.bindings.get(Topic(domain_id, name), ()):
+                    found = readings.setdefault(robot.settings.name, [])
+                    if reading is not None and not robot.shared:
+                        found.append(reading)
+            of_robots = {name: joined(each) if each else None for name, each in readings.items()}
+            for name, reading in of_robots.items():
+                self._registry.robots[name].update_link(reading)
+        with self._watching:
+            self._watch.see_links(of_robots, now)
+
+    def _receive_report(self, report: Report, now: Instant) -> None:
+        """Update a robot from what the ROS graph shows of it: what is not among it is forgotten."""
+        with self._lock:
+            robot = self._registry.robots.get(report.robot)
+            if robot is None:
+                return
+            robot.measure(report.feed, truncate_array(Array(0.0, report.statuses)).statuses, now)
+            names = {each.name for each in report.statuses} | report.held
+            for component in [each for each in robot.components if is_of_graph(each.identity)]:
+                if component.identity[0] not in names:
+                    robot.forget(component, now)
+            robot.set_expected_nodes(report.expected)
+            robot.set_lossy(lossy=report.lossy)
+            for text in report.events:
+                self._events.append(Event(now.wall, "graph", report.robot, message=text))
+            self._faults.update(robot, now)
+            self._ticks.set_at_latest(robot, robot.next_tick)
 
     def wanted_topics(self, domain_id: Domain) -> dict[str, bool]:
         """The topics to be subscribed in a domain: name -> whether robots share it."""
@@ -269,7 +339,7 @@ class State:
     def _configure(self, fleet: config.Fleet, now: Instant) -> Iterator[None]:
         self.fleet = fleet
         self._faults.configure(fleet, now)
-        self._feeds = {each.name: each.feed for each in fleet.queries}
+        self._feeds = _feeds(fleet)
         for robot in self._registry.configure(fleet, now):
             if robot is not None:
                 robot.follow_feeds(self._feeds, now)
@@ -319,13 +389,26 @@ class State:
             found = [each for each in robot.components if component in (None, each.label)]
             if component is not None and not found:
                 raise LookupError(f"robot {name!r} has no component {component!r}")
+            of_graph = [each.identity[0] for each in found if is_of_graph(each.identity)]
             for each in found:
                 robot.forget(each, now)
             if component is None and not robot.declared:
                 self._registry.drop(robot, now)
             else:
                 self._faults.update(robot, now)
-            return len(found)
+        with self._watching:
+            for watched in of_graph:
+                self._watch.forget(name, watched, now)
+        return len(found)
+
+    def accept_graph(self, robot: str, now: Instant) -> int:
+        """Take what the ROS graph shows of a robot as expected; how many nodes are expected.
+
+        Raises:
+            LookupError: nothing of such a robot was ever seen in the graph.
+        """
+        with self._watching:
+            return self._watch.accept(robot, now)
 
     def adopt(self, faults: Iterable[Fault], now: Instant) -> None:
         """Go on with faults whose alerts fire and which this process does not know.
@@ -360,8 +443,11 @@ class State:
             if row.kind == DOWNTIMES and row.fields is not None:
                 planned: Any = row.fields["planned"]
                 self.plan([Downtime(*each) for each in planned], now)
+        with self._watching:
+            self._watch.restore({row.key[0]: row.fields for row in rows if row.kind == LEARNED})
         with self._lock:
-            self._faults.restore([row for row in rows if row.kind != DOWNTIMES], now)
+            others = (DOWNTIMES, LEARNED)
+            self._faults.restore([row for row in rows if row.kind not in others], now)
 
     # -- queries -----------------------------------------------------------------------------
 
@@ -419,6 +505,10 @@ class State:
         """What is kept of the components of a robot that is visited, in trouble now or before."""
         return self._faults.followed(robot)
 
+    def abilities(self, robot: Robot) -> dict[str, AbilityView]:
+        """What a robot that is visited can do, each after those that it needs."""
+        return self._faults.abilities(robot)
+
     def downtimes(self, robot: str) -> tuple[Downtime, ...]:
         """The downtimes of a robot and its components that people planned; some may lie ahead."""
         with self._lock:
@@ -429,8 +519,10 @@ class State:
 
         To be called now and then, also where nobody needs them.
         """
+        with self._watching:
+            learned = [Row(LEARNED, (name,), each) for name, each in self._watch.take_rows(now)]
         with self._lock:
-            rows = self._faults.take_rows(now)
+            rows = [*self._faults.take_rows(now), *learned]
             if self._downtimes_changed:
                 self._downtimes_changed = False
                 planned: dict[str, object] = {"planned": list(map(list, self._downtimes))}
@@ -464,3 +556,8 @@ class State:
         """The names of the robots that are rejected by a limit, sorted."""
         with self._lock:
             return sorted(self._registry.rejections.over_limit)
+
+
+def _feeds(fleet: config.Fleet) -> dict[str, Feed]:
+    """By name what delivers statuses beside ROS; of the graph as long as nothing else is known."""
+    return {**{each.name: each.feed for each in fleet.queries}, GROUP: SHADOW}

@@ -10,8 +10,9 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from ros_diagnostics_exporter.config.capabilities import ComponentsOf, Expression, Need
+from ros_diagnostics_exporter.config.conditions import Conditions
 from ros_diagnostics_exporter.config.fleet import (
-    Conditions,
     Discovery,
     Fleet,
     Profile,
@@ -35,7 +36,16 @@ from ros_diagnostics_exporter.texts import nearest
 
 log = logging.getLogger(__name__)
 
-KINDS = ("check", "component", "condition", "discovery", "maintenance", "shared", "task", "value")
+KINDS = (
+    "capability",
+    "check",
+    "component",
+    "condition",
+    "discovery",
+    "maintenance",
+    "shared",
+    "value",
+)
 GRACE = 300.0  # seconds for which nothing has to match until it is reported
 
 Part = tuple[str, str, tuple[str, ...]]  # of a robot: group, component, keys of its values
@@ -185,11 +195,8 @@ def _rules(profile: Profile, parts: Collection[Part]) -> Iterator[tuple[Unmatche
             matches = any(rule.pattern.search(name[:SEARCHED]) for name in names)
             yield Unmatched("component", text, "" if matches else nearest(text, names)), matches
             yield from _conditions(rule.conditions, rule.pattern, parts)
-    for task, patterns in profile.tasks.items():
-        text = written(patterns)
-        matches = any(_is_named(part, patterns) for part in parts)
-        near = "" if matches else nearest(text, names)
-        yield Unmatched("task", f"{task}: {text}", near), matches
+    for name, capability in profile.capabilities.items():
+        yield from _parts(name, capability.need, parts)
     for value in profile.values:
         yield _value(value, parts)
         yield from _conditions(value.conditions, value.component, parts)
@@ -212,6 +219,25 @@ def _conditions(
             names = keys or [name for _group, name, _keys in parts]
             near = nearest(written(each.key if keys else patterns), names)
             yield Unmatched("condition", each.text, near), False
+
+
+def _parts(name: str, need: Need, parts: Collection[Part]) -> Iterator[tuple[Unmatched, bool]]:
+    """The components and values that a capability needs."""
+    if isinstance(need, Expression):
+        for each in need.of:
+            yield from _parts(name, each, parts)
+    elif isinstance(need, ComponentsOf):
+        named = [part for part in parts if _is_named(part, need.patterns)]
+        keys = [key for _group, _name, keys in named for key in keys]
+        text = written(need.patterns)
+        near = nearest(text, (part[1] for part in parts))
+        if need.keys and named:
+            text = f"{text} {written(need.keys)}"
+            near = nearest(written(need.keys), keys)
+        matches = bool(named) and (
+            not need.keys or any(key_matches(one, key) for one in need.keys for key in keys)
+        )
+        yield Unmatched("capability", f"{name}: {text}", "" if matches else near), matches
 
 
 def _is_named(part: Part, patterns: Iterable[Pattern]) -> bool:

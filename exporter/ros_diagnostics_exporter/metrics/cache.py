@@ -7,16 +7,18 @@ from functools import lru_cache
 from math import isfinite
 
 from ros_diagnostics_exporter.config.fleet import Profile
-from ros_diagnostics_exporter.faults.model import ComponentName, Followed
+from ros_diagnostics_exporter.faults.model import ABILITIES, AbilityView, ComponentName, Followed
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component, ExportedValue
 from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_exporter.robots.versions import Versions
+from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.texts import escape
 
 _VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_MONITORED_VALUE.name}
+_STATES = {ability: number for number, ability in enumerate(ABILITIES)}
 _WORDS = tuple(level.name.lower() for level in Level)
 
 
@@ -59,6 +61,7 @@ class RobotText:
         exporter: str,
         robot: Robot,
         followed: Callable[[Robot], Mapping[ComponentName, Followed]],
+        abilities: Callable[[Robot], Mapping[str, AbilityView]],
     ) -> None:
         self.fleet = fleet
         self.exporter = exporter
@@ -70,6 +73,7 @@ class RobotText:
         self._base = f'fleet="{escape(fleet)}",robot="{escape(robot.settings.name)}"'
         self._exporter_label = f',exporter="{escape(exporter)}"' if exporter else ""
         self._followed = followed
+        self._abilities = abilities
         self._seen: Versions | None = None
         self._presence: tuple[bool, str | None] | None = None
         self._receipt_due = self._values_due = True
@@ -235,6 +239,23 @@ class RobotText:
         if robot.clock_offset is not None:
             family = metrics.ROBOT_CLOCK_OFFSET
             self._set(family, [self._one(family, round(robot.clock_offset, 6))])
+        if (expected := robot.network.expected_nodes) is not None:
+            family = metrics.ROBOT_EXPECTED_NODES
+            self._set(family, [self._one(family, expected)])
+        link = robot.network.link
+        if link is not None or metrics.ROBOT_LINK_LOST.name in self.chunks:
+            self._render_link(link)
+
+    def _render_link(self, link: LinkReading | None) -> None:
+        for family, value in (
+            (metrics.ROBOT_LINK_LOST, link and link.loss),
+            (metrics.ROBOT_LINK_DELAY, link and link.delay),
+            (metrics.ROBOT_LINK_JITTER, link and link.jitter),
+        ):
+            if value is None:
+                self._remove(family.name)
+            else:
+                self._set(family, [self._one(family, round(value, 6))])
 
     def _render_presence(self) -> None:
         presence = up, reason = self.robot.up, self.robot.silent_reason
@@ -286,6 +307,14 @@ class RobotText:
         )
         self._render_followed(shown)
         self._render_checks()
+        family = metrics.CAPABILITY_STATE
+        self._set(
+            family,
+            (
+                self._one(family, _STATES[each.ability], f',capability="{escape(capability)}"')
+                for capability, each in self._abilities(self.robot).items()
+            ),
+        )
 
     def _render_followed(self, shown: list[tuple[Component, str]]) -> None:
         """What faults/ keeps; where it keeps nothing, trouble began with the level."""

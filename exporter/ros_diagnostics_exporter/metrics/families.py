@@ -100,6 +100,32 @@ ROBOT_CLOCK_OFFSET = _family(
     "Receive time minus header.stamp of the last array that had one; transport delay included.",
     ROBOT,
 )
+ROBOT_LINK_LOST = _family(
+    "robot_link_lost_ratio",
+    "gauge",
+    "Share of the last minute's messages that are missing by their sequence numbers; only where "
+    "a topic of the robot has one publisher.",
+    ROBOT,
+)
+ROBOT_LINK_DELAY = _family(
+    "robot_link_delay_seconds",
+    "gauge",
+    "Longest delay of a message in the last minute, above the least of the last ten.",
+    ROBOT,
+)
+ROBOT_LINK_JITTER = _family(
+    "robot_link_jitter_seconds",
+    "gauge",
+    "Mean difference of the delays of two successive messages, as RFC 3550 computes it.",
+    ROBOT,
+)
+ROBOT_EXPECTED_NODES = _family(
+    "robot_expected_nodes",
+    "gauge",
+    "Nodes that are expected in the ROS graph, learned or by fleet.yml; whether they are there or "
+    "not.",
+    ROBOT,
+)
 ROBOT_REJECTED = _family(
     "robot_rejected_total",
     "counter",
@@ -117,6 +143,12 @@ CHECK_EXPECTED = _family(
     "gauge",
     "How many components the config expects the check to find.",
     (*ROBOT, "check"),
+)
+CAPABILITY_STATE = _family(
+    "capability_state",
+    "gauge",
+    "What a robot can do, by fleet.yml: 0 OK, 1 no reserve, 2 degraded, 3 lost, 4 unknown.",
+    (*ROBOT, "capability"),
 )
 COMPONENT_LEVEL = _family(
     "component_level",
@@ -224,9 +256,14 @@ FLEET_FAMILIES = (
     ROBOT_MESSAGE_BYTES,
     ROBOT_PUBLISHERS,
     ROBOT_CLOCK_OFFSET,
+    ROBOT_LINK_LOST,
+    ROBOT_LINK_DELAY,
+    ROBOT_LINK_JITTER,
+    ROBOT_EXPECTED_NODES,
     ROBOT_REJECTED,
     CHECK_COMPONENTS,
     CHECK_EXPECTED,
+    CAPABILITY_STATE,
     COMPONENT_LEVEL,
     COMPONENT_PROBLEM_LEVEL,
     COMPONENT_SINCE,

@@ -30,6 +30,7 @@ from ros_diagnostics_exporter.robots.versions import Versions
 
 # How many series a component has at least: level, since, changes, info, problem since, message.
 SERIES_OF_COMPONENT = 6
+SHADOWED = "shadow mode (graph in fleet.yml)"  # why what a shadow shows is no fault
 
 
 class Components:
@@ -261,6 +262,7 @@ class Components:
         if component.feed != feed:
             component.feed = feed
             self.level_changes[component] = None
+            self.set_quiet(component, SHADOWED if feed.shadow else "")
 
     def set_quiet(self, component: Component, because: str) -> None:
         """Set by which condition of the config the trouble of a component is no fault; "": none."""

@@ -13,7 +13,8 @@ from collections.abc import Iterable, Iterator
 from math import isnan
 from typing import NamedTuple
 
-from ros_diagnostics_exporter.config.fleet import Condition, Conditions, Profile
+from ros_diagnostics_exporter.config.conditions import Condition, Conditions
+from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_exporter.robots.rules import SEARCHED, key_matches
@@ -33,8 +34,8 @@ class RobotConditions:
         self._robot = robot
         self._profile: Profile | None = None
         self._names_version = -1
-        self._watches: dict[tuple[Component | None, Condition], _Watch] = {}
-        self._watched: dict[Component, list[_Watch]] = {}  # by a component that they ask about
+        self._watches: dict[tuple[Component | None, Condition], Watch] = {}
+        self._watched: dict[Component, list[Watch]] = {}  # by a component that they ask about
         self._conditional: dict[Component, tuple[Conditions, ...]] = {}
         self._quiet: dict[tuple[Component, Conditions], Quiet] = {}
 
@@ -80,11 +81,11 @@ class RobotConditions:
             self._judge(component)
         return dict.fromkeys((*former, *self._conditional), True)
 
-    def _watch(self, component: Component, condition: Condition) -> _Watch:
+    def _watch(self, component: Component, condition: Condition) -> Watch:
         key = (None if condition.component else component, condition)
         watch = self._watches.get(key)
         if watch is None:
-            watch = self._watches[key] = _Watch(condition)
+            watch = self._watches[key] = Watch(condition)
             for each in [component] if key[0] is not None else self._named(condition):
                 self._watched.setdefault(each, []).append(watch)
                 watch.update(each)
@@ -125,7 +126,7 @@ class RobotConditions:
         return self._watches[None if condition.component else component, condition].holds
 
 
-class _Watch:
+class Watch:
     """One condition, and what each of the components that it asks about says."""
 
     __slots__ = ("condition", "dependents", "met", "unknown", "unmet")

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from ros_diagnostics_exporter.model import Feed, Instant, Status
 from ros_diagnostics_exporter.robots.component import Component, Identity
 from ros_diagnostics_exporter.robots.components import Components
+from ros_diagnostics_exporter.sources.graph import GROUP
 
 _MARK = "query:"
 
@@ -19,6 +20,11 @@ def query_of(identity: Identity) -> str | None:
     """The name of the query that measures a component; None where the robot publishes it."""
     _name, group, _hardware_id = identity
     return group.removeprefix(_MARK) if group.startswith(_MARK) else None
+
+
+def is_of_graph(identity: Identity) -> bool:
+    """Whether it is the ROS graph that shows a component."""
+    return query_of(identity) == GROUP
 
 
 class MeasuredUpdates:
@@ -57,6 +63,8 @@ class MeasuredUpdates:
             query = query_of(component.identity)
             if query is None:
                 continue
+            if query == GROUP and component.feed is not None:
+                continue  # it says of each report by which feed it is
             if query in feeds:
                 self._components.set_feed(component, feeds[query])
             else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ros_diagnostics_exporter.model import Endpoint
 from ros_diagnostics_exporter.robots.rejections import SilentReason
+from ros_diagnostics_exporter.sources.link import LinkReading
 
 _NO_PUBLISHER = Endpoint(0)
 
@@ -11,11 +12,14 @@ _NO_PUBLISHER = Endpoint(0)
 class Network:
     """The endpoints of one robot's topics as the ROS graph last showed them."""
 
-    __slots__ = ("_endpoints", "domain_up", "uplink_up")
+    __slots__ = ("_endpoints", "domain_up", "expected_nodes", "link", "lossy", "uplink_up")
 
     def __init__(self, *, domain_up: bool = True, uplink_up: bool = True) -> None:
         self.domain_up = domain_up
         self.uplink_up = uplink_up
+        self.link: LinkReading | None = None  # how messages arrive, where that is known
+        self.expected_nodes: int | None = None  # None: nothing of the graph is known
+        self.lossy = False  # so many are lost that what is not received says nothing
         self._endpoints: dict[str, Endpoint] = {}
 
     def update(self, topic: str, endpoint: Endpoint | None) -> bool:

@@ -38,6 +38,7 @@ from ros_diagnostics_exporter.robots.rejections import (
 )
 from ros_diagnostics_exporter.robots.tree import Structure, TreeReader
 from ros_diagnostics_exporter.robots.versions import Versions
+from ros_diagnostics_exporter.sources.link import LinkReading
 
 log = logging.getLogger(__name__)
 
@@ -305,6 +306,26 @@ class Robot:
         if up != self.network.uplink_up:
             self.network.uplink_up = up
             self.versions.receipt += 1
+
+    def update_link(self, reading: LinkReading | None) -> None:
+        """Set how its messages arrive."""
+        if reading != self.network.link:
+            self.network.link = reading
+            self.versions.receipt += 1
+
+    def set_expected_nodes(self, count: int) -> None:
+        """Set how many nodes are expected of it in the ROS graph."""
+        if count != self.network.expected_nodes:
+            self.network.expected_nodes = count
+            self.versions.receipt += 1
+
+    def set_lossy(self, *, lossy: bool) -> None:
+        """Set whether so many messages are lost that what is STALE may be well."""
+        if lossy != self.network.lossy:
+            self.network.lossy = lossy
+            for component in self.components:
+                if component.is_stale:
+                    self.components.report_again(component)
 
     @property
     def fails_as_uplink(self) -> bool:

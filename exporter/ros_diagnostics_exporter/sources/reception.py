@@ -20,6 +20,8 @@ from ros_diagnostics_exporter.decode.cdr import Decoder, is_cdr
 from ros_diagnostics_exporter.decode.topic_queue import SHARE, SHARED, TopicQueue
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.model import Array, Domain, Endpoint, Instant, Topic, place
+from ros_diagnostics_exporter.sources.graph_topics import TopicView
+from ros_diagnostics_exporter.sources.link import Link, LinkReading
 from ros_diagnostics_exporter.texts import one_line
 
 log = logging.getLogger(__name__)
@@ -60,6 +62,19 @@ class Receiver(Protocol):
     ) -> None:
         """Take the types of all topics of a domain that have no DiagnosticArray, by name."""
 
+    def update_nodes(self, domain: Domain, nodes: list[tuple[str, str]], now: Instant) -> bool:
+        """Take the name and namespace of all nodes of a domain; whether endpoints are wanted."""
+
+    def update_endpoints(
+        self, domain: Domain, topics: Mapping[str, TopicView], now: Instant
+    ) -> None:
+        """Take all endpoints of some topics of a domain, by name."""
+
+    def update_links(
+        self, domain: Domain, links: Mapping[str, LinkReading | None], now: Instant
+    ) -> None:
+        """Take what arrived of late on subscribed topics; None where one has several publishers."""
+
     def wanted_topics(self, domain: Domain) -> Mapping[str, bool]:
         """Name -> whether robots share it, for each topic to be subscribed."""
 
@@ -77,6 +92,7 @@ class Content:
     queue: TopicQueue
     decoder: Decoder = field(default_factory=Decoder)
     received: bool = False  # since the last look at the graph
+    link: Link = field(default_factory=Link)
 
 
 @dataclass(slots=True)
@@ -155,6 +171,10 @@ class Reception(ABC):
     @abstractmethod
     def data(self, taken: Any) -> bytes:
         """The bytes of what was taken."""
+
+    def measure(self, link: Link, taken: Any) -> None:  # noqa: ARG002 - of those that override
+        """Note by what was taken how it arrived, where the middleware says so."""
+        return
 
     def decode(self, data: bytes) -> Array:
         """A message in another encoding than CDR; ValueError where there is none such."""
@@ -287,23 +307,21 @@ class Reception(ABC):
         for name, topic in topics:
             first = topic.take()
             if first is not None:
-                self._drain(name, topic, self.data(first))
+                self._drain(name, topic, first)
             if self.loop.stopping:
                 return
 
-    def _drain(self, name: str, topic: Subscription, data: bytes) -> None:
+    def _drain(self, name: str, topic: Subscription, taken: Any) -> None:
         """Queue the first message and what else has arrived, for at most ``DRAIN_TIME``."""
         until = time.monotonic() + DRAIN_TIME
-        largest = len(data)
+        largest = 0
         topic.content.received = True
-        self._put(name, topic.content, data)
-        while time.monotonic() < until:
-            taken = topic.take()
-            if taken is None:
-                break
+        while taken is not None:
+            self.measure(topic.content.link, taken)
             data = self.data(taken)
             largest = max(largest, len(data))
             self._put(name, topic.content, data)
+            taken = topic.take() if time.monotonic() < until else None
         dropped = topic.content.queue.dropped()
         if dropped:
             self.receiver.reject_dropped(Topic(self._domain, name), dropped)

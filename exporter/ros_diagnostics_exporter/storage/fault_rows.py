@@ -7,8 +7,9 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field, TypeAdapter, ValidationError
 
 from ros_diagnostics_exporter.config.errors import first_error
-from ros_diagnostics_exporter.faults.model import DOWNTIMES, Row
+from ros_diagnostics_exporter.faults.model import DOWNTIMES, LEARNED, Row
 from ros_diagnostics_exporter.faults.stored import SCHEMAS, Moment, Text
+from ros_diagnostics_exporter.sources.graph import Learned
 
 
 class _Downtime(NamedTuple):
@@ -24,7 +25,7 @@ class _Downtimes(NamedTuple):
     planned: Annotated[list[_Downtime], Field(max_length=1000)]
 
 
-_FIELDS = {**SCHEMAS, DOWNTIMES: TypeAdapter(_Downtimes)}
+_FIELDS = {**SCHEMAS, DOWNTIMES: TypeAdapter(_Downtimes), LEARNED: TypeAdapter(Learned)}
 _ROW: TypeAdapter[Any] = TypeAdapter(
     tuple[
         Text,

@@ -33,8 +33,8 @@ LIFECYCLE_DISABLED = (
     "the lifecycle API is not enabled; start the exporter with --web.enable-lifecycle"
 )
 FORGET_DISABLED = (
-    "forget needs a login (basic_auth_users of --web.config.file), a request from the exporter's "
-    "own machine, or --web.enable-lifecycle"
+    "forget and watch/accept need a login (basic_auth_users of --web.config.file), a request from "
+    "the exporter's own machine, or --web.enable-lifecycle"
 )
 LOOPBACK = {"127.0.0.1", "::/64"}  # as `client_address` names them
 FORWARDED = {"forwarded", "x-forwarded-for", "x-real-ip", "via"}  # of a proxy on this machine
@@ -168,6 +168,20 @@ class Api:
             raise ApiError(404, _text(error)) from error
         self._workers.invalidate()
         return _json({"forgotten": removed})
+
+    async def accept_graph(self, request: Request) -> Response:
+        """Take what the ROS graph shows of a robot as expected; the number of expected nodes."""
+        self._check_may_forget(request)
+        _allow_only(request, "robot")
+        robot = request.query_params.get("robot")
+        if not robot:
+            raise ApiError(400, "the query must name a robot: /-/watch/accept?robot=NAME")
+        try:
+            expected = await self._workers.run(self._backend.accept_graph, robot)
+        except LookupError as error:
+            raise ApiError(404, _text(error)) from error
+        self._workers.invalidate()
+        return _json({"expected": expected})
 
     async def why(self, request: Request) -> Response:
         """The ledger of a robot's faults: why somebody was notified, or nobody."""

@@ -181,6 +181,7 @@ def build(
         Route("/-/ready", pages.ready),
         Route("/-/reload", api.reload, methods=write_methods),
         Route("/-/forget", api.forget, methods=write_methods),
+        Route("/-/watch/accept", api.accept_graph, methods=write_methods),
         Route("/api/v1/fleet", api.fleet),
         Route("/api/v1/faults", api.faults),
         Route("/api/v1/faults/{fault}/capsule.mcap", api.capsule),

@@ -82,3 +82,10 @@ class Backend(Protocol):
         Raises:
             LookupError: There is none of that name.
         """
+
+    def accept_graph(self, robot: str, /) -> int:
+        """Take what the ROS graph shows of a robot as expected; how many nodes are.
+
+        Raises:
+            LookupError: Nothing of such a robot was ever seen there.
+        """

@@ -116,6 +116,7 @@ def robot_page(
         name=name,
         state=state_of(robot),
         marks=_marks(robot, now),
+        capabilities=_capabilities(robot),
         facts=_facts(robot, now),
         problems=problems,
         problem_number=problem_number,
@@ -210,12 +211,44 @@ def _facts(robot: dict[str, Any], now: float) -> dict[str, str | None]:
     silent = "" if robot["up"] else f"; silent: {silent_text(robot['silent_reason'])}"
     return {
         "Last message": f"{ago}{silent}",
-        "Work": robot.get("work", ""),
         "Topic": f"{robot['topic']} in {place(robot['domain_id'])}",
         "Profile": robot["profile"],
         "Address": robot["address"],
         **robot["labels"],
     }
+
+
+class _Capability(NamedTuple):
+    """What a robot can do, on its page: the worst first; ``parts`` keep it from being OK."""
+
+    state: str
+    name: str
+    text: str
+    parts: list[str]
+
+
+_OF_CAPABILITY = {  # state -> colour, and what it says
+    "ok": ("OK", ""),
+    "no_reserve": ("WARNING", "no reserve"),
+    "degraded": ("WARNING", "degraded"),
+    "lost": ("CRITICAL", "lost"),
+    "unknown": ("UNKNOWN", "not known"),
+}
+
+
+def _capabilities(robot: dict[str, Any]) -> list[_Capability]:
+    found = [
+        _Capability(state, each["capability"], text, [_part(part) for part in each["parts"]])
+        for each in robot["capabilities"]
+        for state, text in [_OF_CAPABILITY[each["state"]]]
+    ]
+    return sorted(found, key=lambda each: -SEVERITIES[each.state])
+
+
+def _part(part: dict[str, str]) -> str:
+    if part["check"]:
+        return f"check {part['check']}"
+    return f"{component_path(part)}{part['key'] and ': '}{part['key']}"
 
 
 def _components(robot: dict[str, Any], problems: list[ShownProblem]) -> list[_Component]:

@@ -83,7 +83,7 @@ def _covers(other: Notification, each: Notification) -> bool:
     by, fault = other.began, each.began
     same = (by.robot, by.component) == (fault.robot, fault.component)
     larger = (
-        (by.scope == "robot" and by.robot == fault.robot)
+        (by.scope in ("robot", "capability") and by.robot == fault.robot)
         or (by.scope == "common" and by.component == fault.component)
         or (by.scope == "site" and by.site == fault.site)
     )

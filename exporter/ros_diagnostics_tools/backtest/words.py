@@ -14,8 +14,8 @@ def place(fault: Event) -> str:
         return f"site {fault.site or '(none)'}"
     if fault.scope == "common":
         return f"{fault.component} on many robots"
-    if fault.scope == "check":
-        return f"check {fault.check}"
+    if fault.check:
+        return fault.check if fault.scope == "capability" else f"check {fault.check}"
     if fault.scope in ("robot", "clock"):
         return "robot" if fault.robot else "exporter"
     if fault.scope == "value":
@@ -25,7 +25,9 @@ def place(fault: Event) -> str:
 
 def state(fault: Event) -> str:
     """What is wrong with it."""
-    return f"many components {fault.severity}" if fault.state == "many" else fault.state
+    if fault.state == "many":
+        return f"many components {fault.severity}"
+    return fault.state.replace("_", " ")
 
 
 def duration(seconds: float) -> str:

@@ -41,11 +41,15 @@ floor(clamp_min(
 def silent_reason(matchers: str) -> str:
     """Return why each silent robot is; right after a start of the exporter nobody knows that."""
     reason = f"ros_diagnostics_robot_silent_reason{{{matchers}}} == 1"
-    starting = "on (instance) ros_diagnostics_exporter_settled == 0"
+    unsure = f'{matchers}, reason=~"mute|publisher_gone|never_seen"'
+    early = (
+        f"(ros_diagnostics_robot_silent_reason{{{unsure}}} == 1"
+        " and on (instance) ros_diagnostics_exporter_settled == 0)"
+    )
     return f"""
-  (({reason}) unless {starting})
+  (({reason}) unless {early})
 or
-  {label(f"(({reason}) and {starting})", "reason", "just_started")}
+  {label(early, "reason", "just_started")}
 """
 
 

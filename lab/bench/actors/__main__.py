@@ -7,6 +7,9 @@ import argparse
 from bench.actors.publishing import ALL, FLOODS, publish_fleet, publish_flood
 from bench.actors.reading import hold_unread
 from bench.actors.taking import take_fleet
+from bench.actors.zenoh import offer_keys, route
+
+WHERE = "ROS domain, or endpoint of a zenoh router"
 
 
 def main() -> None:
@@ -14,7 +17,7 @@ def main() -> None:
     parser = argparse.ArgumentParser("python -m bench.actors", description=__doc__)
     kinds = parser.add_subparsers(dest="kind", required=True)
     fleet = kinds.add_parser("fleet", help="normal robots")
-    fleet.add_argument("domain_id", type=int)
+    fleet.add_argument("where", help=WHERE)
     fleet.add_argument("robots", type=int)
     fleet.add_argument("--first", type=int, default=0, help="number of the first robot")
     fleet.add_argument(
@@ -24,22 +27,30 @@ def main() -> None:
     taker.add_argument("domain_id", type=int)
     taker.add_argument("robots", type=int)
     arrays = kinds.add_parser("arrays", help="a hostile robot")
-    arrays.add_argument("domain_id", type=int)
+    arrays.add_argument("where", help=WHERE)
     arrays.add_argument("flood", choices=FLOODS)
+    router = kinds.add_parser("router", help="a zenoh router")
+    router.add_argument("endpoint")
+    keys = kinds.add_parser("keys", help="a zenoh session that offers ever more robots")
+    keys.add_argument("endpoint")
     readers = kinds.add_parser("readers", help="clients that do not read their answers")
     readers.add_argument("port", type=int)
     readers.add_argument("path")
     readers.add_argument("count", type=int)
-    for each in (fleet, taker, arrays, readers):
+    for each in (fleet, taker, arrays, router, keys, readers):
         each.add_argument("seconds", type=float, help="after which it ends")
     options = parser.parse_args()
     if options.kind == "fleet":
         robots = range(options.first, options.first + options.robots)
-        publish_fleet(options.domain_id, robots, options.seconds, range(options.changing))
+        publish_fleet(options.where, robots, options.seconds, range(options.changing))
     elif options.kind == "taker":
         take_fleet(options.domain_id, options.robots, options.seconds)
     elif options.kind == "arrays":
-        publish_flood(options.domain_id, options.flood, options.seconds)
+        publish_flood(options.where, options.flood, options.seconds)
+    elif options.kind == "router":
+        route(options.endpoint, options.seconds)
+    elif options.kind == "keys":
+        offer_keys(options.endpoint, options.seconds)
     else:
         hold_unread(options.port, options.path, options.count, options.seconds)
 

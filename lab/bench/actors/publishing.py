@@ -1,4 +1,4 @@
-"""Publishes arrays over DDS on this machine: a normal fleet, and hostile robots.
+"""Publishes arrays over DDS or zenoh on this machine: a normal fleet, and hostile robots.
 
 Arrays are serialized before they are published, so that an attack costs the attacker little: the
 cores belong to the exporter.
@@ -7,7 +7,8 @@ cores belong to the exporter.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
 from struct import pack_into
@@ -17,7 +18,8 @@ from rclpy.serialization import serialize_message
 from bench.actors.pace import ticks
 from bench.robots import COMPONENTS, GROUPS, aggregated_array
 from ros_diagnostics_exporter.model import Status
-from support.ros_publisher import message, publisher
+from support.ros_publisher import Publisher, message, publisher
+from support.zenoh_robots import Bridge
 from testbed.polling import until
 
 HOSTILE_TOPIC = "/hostile/diagnostics_agg"
@@ -32,15 +34,29 @@ def topic_of(robot: int) -> str:
     return f"/robot_{robot}/diagnostics_agg"
 
 
+@contextmanager
+def robots_at(where: str) -> Iterator[Publisher | Bridge]:
+    """Robots in a ROS domain, or with a session at the zenoh router of an endpoint."""
+    if where.isdigit():
+        with publisher(int(where)) as made:
+            yield made
+        return
+    bridge = Bridge(where)
+    try:
+        yield bridge
+    finally:
+        bridge.close()
+
+
 def publish_fleet(
-    domain_id: int, robots: range, seconds: float, changing: Collection[int] = ALL
+    where: str, robots: range, seconds: float, changing: Collection[int] = ALL
 ) -> None:
     """Publish each robot's array once a second, the robots evenly spread over the second.
 
     Begins when each topic has a subscription, and ends when all is acknowledged. The values of the
     components numbered ``changing`` differ from turn to turn, and in any case the stamp.
     """
-    with publisher(domain_id) as fleet:
+    with robots_at(where) as fleet:
         topics = [topic_of(robot) for robot in robots]
         for topic in topics:
             fleet.offer(topic, depth=10)
@@ -77,11 +93,11 @@ class Flood:
     statuses: Callable[[int], list[Status]]  # of one variant
 
 
-def publish_flood(domain_id: int, name: str, seconds: float) -> None:
+def publish_flood(where: str, name: str, seconds: float) -> None:
     """Publish one of FLOODS on the hostile robot's topic."""
     flood = FLOODS[name]
     arrays = [_serialize(flood.statuses(variant)) for variant in range(flood.variants)]
-    with publisher(domain_id) as hostile:
+    with robots_at(where) as hostile:
         # Deep: what the exporter's kernel drops is sent again until the exporter has it.
         hostile.offer(HOSTILE_TOPIC)
         hostile.wait_for_listeners()

@@ -23,8 +23,8 @@ pytestmark = [pytest.mark.e2e, pytest.mark.slow, pytest.mark.timeout(1800)]
 MISTAKES = {
     "confirms one result early": (
         "judge.py",
-        "due = problem.clock + book.confirm_after(problem)",
-        f"due = problem.clock + book.confirm_after(problem) - {TICK}",
+        "due = book.due(problem)",
+        f"due = book.due(problem) - {TICK}",
         "five attempts, four bad results",
     ),
     "notifies what is soft, and its recovery": (

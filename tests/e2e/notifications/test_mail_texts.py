@@ -271,7 +271,7 @@ def test_what_the_robot_can_no_longer_do_is_in_the_first_line_and_in_the_text_me
     received: Sent,
 ):
     name = "RosDiagnosticsComponentCritical"
-    work = "obot cannot drive but can still lift and charge."
+    work = "obot has lost driving, still has lifting and charging."
     mail = received.problems[name]
     assert mail.text.splitlines()[0].endswith(f"Act now. The r{work}")
     assert mail.text.count("work: ") == mail.html.count("work: ") == 0

@@ -23,7 +23,7 @@ PAGE = "docs/install-debian.md"
 CHANGING = ("/var/log", "/var/cache", "/var/lib/systemd/catalog", "/var/lib/dpkg", "/root")
 # The package does not have them.
 ROBOTS = (
-    *("env", "PYTHONPATH=/srv/sim", f"/opt/{NAME}/bin/python", "-c"),
+    *("env", "PYTHONPATH=/srv/sim", "PYTHONDONTWRITEBYTECODE=1", f"/opt/{NAME}/bin/python", "-c"),
     "from virtual_robots.cli import main; main()",
 )
 

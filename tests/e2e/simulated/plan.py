@@ -199,6 +199,8 @@ def _subject(what: str, identity: Identity) -> str:
         about = f"f site {identity.site}"
     elif identity.scope == "common":
         about = f"f {identity.component} of many robots"
+    if what == "REMOVED":
+        return f"** REMOVED ** {about} is no longer monitored"
     ended = what == "RECOVERY"
     if identity.state == "flapping":
         return f"** FLAPPING ** {about} {'stopped' if ended else 'started'} flapping"

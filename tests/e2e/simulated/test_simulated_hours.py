@@ -25,7 +25,7 @@ TOO_MANY = 20.0  # seconds after the last expected mail, in which one too many w
 RELOADED = "reloaded the config: SIGHUP"
 # The stack begins with another fleet, whose exporter is gone as soon as the history's begins.
 BEFORE = "** PROBLEM ** demo exporter is missing from the targets of Prometheus"
-_OF_FAULTS = re.compile(r"\*\* (PROBLEM|RECOVERY|FLAPPING) \*\*")
+_OF_FAULTS = re.compile(r"\*\* (PROBLEM|RECOVERY|REMOVED|FLAPPING) \*\*")
 
 
 class Hours:
@@ -114,6 +114,10 @@ def test_three_hours_of_the_simulation(tmp_path: Path):
 def assert_problems_come_before_recoveries(found: list[str]) -> None:
     lasting: Counter[str] = Counter()
     for subject in found:
+        if "** REMOVED **" in subject:
+            about = subject.split(" ** ")[1].removesuffix("is no longer monitored")
+            lasting.update({what: -1 for what in +lasting if what.strip().startswith(about)})
+            continue
         ended = "no longer" in subject or "stopped" in subject
         what = re.sub(r"\*\* \w+ \*\*|no longer |stopped|started", "", subject)
         lasting[what] += -1 if ended else 1

@@ -58,6 +58,19 @@ WHOLE = {
             }
         }
     },
+    "Capability": lambda entry: {
+        "profiles": {
+            "default": {
+                "capabilities": {
+                    "front view": ["Camera"],
+                    "x": {
+                        **({} if {"all", "any", "at_least"} & {*entry} else {"all": "Motor"}),
+                        **entry,
+                    },
+                }
+            }
+        }
+    },
     "Thresholds": lambda entry: {"profiles": {"default": {"values": [{"thresholds": entry}]}}},
     "Bound": lambda entry: {"profiles": {"default": {"values": [{"thresholds": {"low": entry}}]}}},
     "FaultSettings": lambda entry: {"faults": entry},
@@ -71,6 +84,7 @@ WHOLE = {
     "WarningHours": lambda entry: {
         "faults": {"warning_hours": {"weekly": ["daily 06:00-18:00"], **entry}}
     },
+    "Graph": lambda entry: {"profiles": {"default": {"graph": entry}}},
     "Limits": lambda entry: {"limits": entry},
     "Query": lambda entry: {"queries": [{"expr": "up", "component": "c", **entry}]},
     "Zenoh": lambda entry: {

@@ -21,7 +21,9 @@ def stack(start_process, free_port) -> Stack:
     servers = [Server(start_process(name, ["sleep", "600"])) for name in names]
     addresses = configuration.Addresses(*(f"127.0.0.1:{free_port()}" for _ in range(5)))
     inbox = Inbox()
-    return Stack(0, {}, addresses, inbox, MailServer(addresses.smtp, inbox), *servers)
+    robots, *others = servers
+    mail_server = MailServer(addresses.smtp, inbox)
+    return Stack(0, {}, addresses, inbox, mail_server, robots, (), *others)
 
 
 @pytest.fixture

@@ -17,7 +17,12 @@ from ros_diagnostics_exporter.config.fleet import (
     Intermittent,
     WarningHours,
 )
-from ros_diagnostics_exporter.faults.model import ComponentName, ComponentReport, ValueReport
+from ros_diagnostics_exporter.faults.model import (
+    ComponentName,
+    ComponentReport,
+    State,
+    ValueReport,
+)
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from support.fault_histories import (
     BATTERY,
@@ -46,17 +51,14 @@ JUDGED = {
     "planned": ComponentSettings(3, planned_stale=True),
     "strict": ComponentSettings(3, stale_is_critical=True),
 }
-# The model does not know of these.
-SELDOM = Intermittent(changes=20, within=1.0)
-NEVER = Falling(over=1e9)
 FLEETS = (
     FaultSettings(
         confirm_after=4,
         restart_grace=7,
         pending_after=15,
         flapping=Flapping(0.2, 0.1),
-        intermittent=SELDOM,
-        falling=NEVER,
+        intermittent=Intermittent(3, 150.0),
+        falling=Falling(15.0, 20.0),  # sampled once a second, as the model does
         many=CauseSettings(3, 0.5),
         site=CauseSettings(2, 0.5),
         common=CauseSettings(3, 0.5),
@@ -66,8 +68,8 @@ FLEETS = (
         restart_grace=3,
         pending_after=5,
         flapping=Flapping(0.3, 0.15),
-        intermittent=SELDOM,
-        falling=NEVER,
+        intermittent=Intermittent(2, 40.0),
+        falling=Falling(15.0, 40.0),
         many=CauseSettings(2, 0.3),
         site=CauseSettings(3, 0.7),
         common=CauseSettings(4, 0.9, absolute=2),
@@ -91,6 +93,7 @@ events = st.one_of(
     st.tuples(st.just("array"), robots, arrays),
     st.tuples(st.just("array"), robots, arrays),
     st.tuples(st.just("array"), robots, whole_arrays),
+    st.tuples(st.just("flicks"), robots, components, st.integers(1, 3), st.sampled_from([1, 25])),
     st.tuples(st.just("everywhere"), components, any_level),
     st.tuples(st.just("silent"), robots),
     st.tuples(st.just("outage")),
@@ -98,6 +101,7 @@ events = st.one_of(
     st.tuples(st.just("back"), robots, whole_arrays, numbers, st.integers(0, 2)),
     st.tuples(st.just("never"), robots),
     st.tuples(st.just("value"), robots, numbers, st.integers(0, 2)),
+    st.tuples(st.just("drain"), robots, st.integers(16, 40)),
     st.tuples(st.just("check"), robots, st.sampled_from([(1, 2), (2, 2), (1, 2), (0, None)])),
     st.tuples(st.just("maintenance"), st.sets(robots, min_size=1), st.booleans()),
     st.tuples(st.just("restart")),
@@ -180,6 +184,17 @@ class Both:
             self.array(robot, {component: to})
             self.step()
 
+    def flicks(self, robot, component, times, pause):
+        """Faults too short to be confirmed."""
+        for _ in range(times):
+            self.array(robot, {component: ERROR})
+            self.step()
+            self.go(1)
+            self.engine()
+            self.array(robot, {component: OK})
+            self.step()
+            self.go(pause)
+
     def silent(self, robot):
         if robot in self.model.robots:
             self.engine(silent(robot))
@@ -204,6 +219,14 @@ class Both:
             judged = BATTERY[:thresholds]
             self.engine(_value(robot, number, judged))
             self.model.value(robot, "a", number, judged, JUDGED["a"], now=self.second)
+
+    def drain(self, robot, seconds):
+        """A value that falls by 1 a second."""
+        for second in range(seconds):
+            self.engine()
+            self.value(robot, 50.0 - second, 2)
+            self.step()
+            self.go(1)
 
     def never(self, robot):
         known = self.model.robots.get(robot)
@@ -285,7 +308,12 @@ def test_the_engine_gives_what_brute_force_gives(history):
 @busy
 @given(histories)
 def test_a_new_engine_from_the_written_rows_at_any_event_changes_nothing(history):
-    assert run(history, reborn=True).changes == run(history).changes
+    # What falls is computed anew after a start.
+    reborn, other = (
+        [each for each in found.changes if each.fault.identity.state is not State.FALLING]
+        for found in (run(history, reborn=True), run(history))
+    )
+    assert reborn == other
 
 
 @busy

@@ -176,6 +176,14 @@ def test_a_component_is_judged_on_by_what_is_received():
     assert texts(last.go(61, level("motor", OK))) == ["recovered component/critical r1 motor"]
 
 
+def test_an_intermittent_fault_goes_on_for_its_time_once_its_component_is_received():
+    last = fresh("r1")
+    adopt(last, 1, Identity(Scope.FLAPPING, State.INTERMITTENT, robot="r1", component="motor"))
+    changes = last.go(100, back("r1", level("motor", OK)))
+    assert texts(changes + last.go(699)) == []
+    assert texts(last.go(700)) == ["recovered flapping/intermittent r1 motor"]
+
+
 def test_what_is_known_here_is_not_adopted():
     last = broken_and_repaired()
     unknown = SILENT._replace(robot="r9")

@@ -13,6 +13,7 @@ from ros_diagnostics_exporter.faults.model import Identity, Scope, State, as_tex
         Identity(Scope.COMPONENT, State.CRITICAL, robot="r", group="/g", component="c"),
         Identity(Scope.VALUE, State.WARNING, robot="r", component="c", key="k", bound="high"),
         Identity(Scope.CHECK, State.CRITICAL, robot="r", check="c"),
+        Identity(Scope.CAPABILITY, State.LOST, robot="r", check="c"),
         Identity(Scope.ROBOT, State.SILENT, robot="r"),
         Identity(Scope.ROBOT, State.MANY, robot="r", severity="warning"),
         Identity(Scope.FLAPPING, State.FLAPPING, robot="r", component="c"),

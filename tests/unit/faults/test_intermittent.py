@@ -102,6 +102,17 @@ def test_silence_is_no_rest():
     )
 
 
+def test_changes_of_before_the_robots_silence_are_as_old_as_they_are():
+    play(
+        *flick(0),
+        (20, silent()),
+        (30, None, "began robot/silent r1"),
+        (500, back("r1", level("motor", OK)), "recovered robot/silent r1"),
+        *flick(605),
+        (1000, None),
+    )
+
+
 def test_a_component_that_does_not_report_is_not_at_rest():
     play(
         *flick(0),

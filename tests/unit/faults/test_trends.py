@@ -5,12 +5,14 @@ from collections import deque
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Falling, FaultSettings, Threshold
-from ros_diagnostics_exporter.faults.model import Reason
+from ros_diagnostics_exporter.faults.model import ComponentName, Reason, ValueReport, Verdict
+from ros_diagnostics_exporter.faults.settings import ComponentSettings
 from ros_diagnostics_exporter.faults.trends import forecast
 from support.fault_histories import (
     BATTERY,
     OK,
     STALE,
+    Event,
     Player,
     back,
     forget,
@@ -40,6 +42,13 @@ def follow(known: Player, numbers, first: float = 0, thresholds=EMPTY) -> list[s
         changes = known.go(minute * MINUTE, value(number, thresholds))
         found += [f"{minute} {each}" for each in texts(changes)]
     return found
+
+
+def reported(report: ValueReport) -> Event:
+    name = ComponentName("", "battery")
+    return lambda faults, now: faults.values_changed(
+        "r1", name, ComponentSettings(10.0), [report], now
+    )
 
 
 def drain(start: float, minutes: int, each: float = 1.0):
@@ -97,6 +106,27 @@ def test_only_a_critical_low_threshold_counts(threshold):
     assert follow(battery(), numbers, thresholds=(threshold,)) == []
 
 
+def test_the_threshold_that_counts_may_be_any_of_several():
+    thresholds = (Threshold("high", "critical", 95.0), *EMPTY)
+    assert follow(battery(), drain(60, 26), thresholds=thresholds) == [f"24 began {FALLING}"]
+
+
+def test_a_value_that_does_not_count_now_does_not_fall():
+    known = battery()
+    for minute, number in enumerate(drain(60, 40)):
+        report = ValueReport("charge", number, EMPTY, most=Verdict.HELD)
+        known.go(minute * MINUTE, reported(report))
+    assert list(known.faults.faults()) == []
+
+
+def test_a_value_that_is_no_longer_received_does_not_begin_to_fall():
+    known = battery()
+    known.go(0, maintenance("r1", planned=True))
+    assert follow(known, drain(60, 30)) == []
+    known.go(30 * MINUTE, value(None, EMPTY))
+    assert texts(known.go(31 * MINUTE, maintenance("r1", planned=False))) == []
+
+
 def test_silence_and_stale_are_no_end_and_no_samples():
     known = battery()
     follow(known, drain(60, 26))
@@ -131,10 +161,12 @@ def test_a_threshold_that_is_taken_out_of_the_config_ends_it():
     assert texts(known.go(80 * MINUTE)) == []
 
 
-@pytest.mark.parametrize("event", [forget("r1", "battery"), moved("battery", "", "other")])
-def test_a_component_that_is_gone_does_not_fall(event):
+@pytest.mark.parametrize(
+    ("start", "event"), [(45, forget("r1", "battery")), (60, moved("battery", "", "other"))]
+)
+def test_a_component_that_is_gone_does_not_fall(start, event):
     known = battery()
-    follow(known, drain(60, 16))
+    follow(known, drain(start, 16))
     assert known.go(16 * MINUTE, event) == []
     assert known.go(100 * MINUTE) == []
     assert list(known.faults.problems(instant(100 * MINUTE))) == []
@@ -147,5 +179,5 @@ def test_the_times_are_those_of_the_config():
 
 def test_the_forecast_is_that_of_the_line_through_the_samples():
     assert forecast(deque([4.0, 3.0, 2.0, 1.0]), 5) == pytest.approx(-4.0)
-    # As predict_linear() has it: slope 0.8, 3.4 at the last.
+    # As predict_linear() has it: slope 0.9, 3.6 at the last.
     assert forecast(deque([1.0, 2.0, 2.0, 4.0]), 0) == pytest.approx(3.6)

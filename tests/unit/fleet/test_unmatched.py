@@ -24,7 +24,7 @@ profiles:
     components:
       - {match: Motor, stale_after: 9s, unless: {component: motor, key: Temp*, above: 90}}
       - {match: Nothing, ignore: true}
-    tasks: {drive: [Motor, Wheel]}
+    capabilities: {driving: [Motor, {component: Motor, key: Level}]}
     values:
       - component: Motor
         key: Level
@@ -66,7 +66,8 @@ def test_what_matches_is_not_reported(tmp_path):
     [
         ("match: [Motor]", "match: [Mottor]", "check motors: Mottor|Motor 1"),
         ("{match: Motor,", "{match: Motr 1,", "component Motr 1|Motor 1"),
-        ("[Motor, Wheel]", "Moter 1", "task drive: Moter 1|Motor 1"),
+        ("[Motor, {", "[Moter 1, {", "capability driving: Moter 1|Motor 1"),
+        ("r, key: Level}]", "r, key: Levels}]", "capability driving: Motor Levels|Level"),
         ("t: Motor\n", "t: Mtor 1\n", "value component Mtor 1, key Level|Motor 1"),
         ("key: Level\n", "key: Leval\n", "value component Motor, key Leval|Level"),
         ("t: motor, key", "t: Mtor 1, key", "condition Mtor 1 Temp* is above 90|Motor 1"),

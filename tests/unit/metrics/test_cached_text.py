@@ -16,11 +16,12 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from ros_diagnostics_exporter.config.capabilities import Capability, ComponentsOf, Expression
+from ros_diagnostics_exporter.config.conditions import Condition
 from ros_diagnostics_exporter.config.fleet import (
     CauseSettings,
     Check,
     ComponentRule,
-    Condition,
     Discovery,
     FaultSettings,
     Fleet,
@@ -78,6 +79,12 @@ RICH = replace(
         ),
         ValueRule(key=Pattern("Volt"), metric="ros_voltage_volts", scale=0.5),
     ),
+    capabilities={
+        "driving": Capability("driving", Expression(None, (ComponentsOf((Pattern("Motor"),)),))),
+        "seeing": Capability(
+            "seeing", Expression(1, (ComponentsOf((Pattern("Laser"), Pattern("Arm"))),))
+        ),
+    },
 )
 STRICT = replace(
     PLAIN,

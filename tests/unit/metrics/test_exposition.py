@@ -17,6 +17,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from prometheus_client.registry import Collector
 
 from ros_diagnostics_exporter.canary import FIRST, Canary
+from ros_diagnostics_exporter.config.capabilities import Capability, ComponentsOf, Expression
 from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
     Fleet,
@@ -39,6 +40,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import (
 )
 from ros_diagnostics_exporter.model import Endpoint, Instant, Part, Status
 from ros_diagnostics_exporter.robots.rejections import REASONS, FleetRejectionReason
+from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.sources.prometheus import Outcome
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
 
@@ -157,6 +159,9 @@ def full_scenario() -> StateDriver:
             ),
             ValueRule(key=re.compile("Charge"), metric="ros_battery_charge_ratio", scale=0.01),
         ),
+        capabilities={
+            "view": Capability("view", Expression(1, (ComponentsOf((re.compile("Cam"),)),)))
+        },
     )
     robot = Robot(
         "r",
@@ -171,6 +176,9 @@ def full_scenario() -> StateDriver:
     driver.agg(*tree(All=parts))
     driver.at(1)
     driver.agg(*tree(All=[battery, Status(ERROR, "Laser"), Status(3, "Cam", "gone")]))
+    reading = LinkReading(10, 1, 0.1, 0.01)
+    driver.state.update_links(0, {"/r/diagnostics_agg": reading}, driver.now)
+    driver.state.update_nodes(0, [("amcl", "/")], driver.now)
     return driver
 
 

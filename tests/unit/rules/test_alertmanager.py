@@ -711,4 +711,7 @@ def test_what_a_person_removed_is_no_recovery_and_a_recovery_says_what_ended_it(
     for kind in ("text", "html"):
         text = render(f"ros_diagnostics.email.{kind}", ended, tmp_path)
         assert "What ended it: a person removed it; whether it works is not known." in text
-    assert render("ros_diagnostics.sms", ended, tmp_path).startswith("REMOVED ")
+    text = render("ros_diagnostics.sms", ended, tmp_path)
+    assert text.startswith("REMOVED f: Motor 1 of r1 is no longer monitored. It lasted ")
+    ended["commonLabels"]["state"] = "flapping"
+    assert render("ros_diagnostics.email.subject", ended, tmp_path) == subject

@@ -43,7 +43,7 @@ def test_every_scrape_and_evaluation_follows_the_interval(prometheus: Path):
 
     assert config["global"]["scrape_interval"] == "2s"
     assert {job.get("scrape_interval") for job in config["scrape_configs"]} == {None}
-    assert [group["interval"] for group in rules["groups"]] == ["2s", "12s", "2s"]
+    assert [group["interval"] for group in rules["groups"]] == ["2s", "2s"]
 
 
 def test_a_number_that_is_not_there_is_an_error(prometheus: Path):
@@ -56,6 +56,7 @@ def test_a_number_that_is_not_there_is_an_error(prometheus: Path):
     [
         ("rate(up[10m])", "rate(up[60000ms])"),
         ("x[29m:5m] offset 14m", "x[174000ms:30000ms] offset 84000ms"),
+        ("x[1d:15s]", "x[8640000ms:1500ms]"),
         ("x[299999ms]", "x[29999ms]"),
         ("sum5m > 5", "sum5m > 5"),
     ],

@@ -49,6 +49,16 @@ def fleet(name: str, text: str) -> dict:
         name,
         motor,
         labels={"site": text},
+        capabilities=[
+            {
+                "capability": text,
+                "state": "lost",
+                "parts": [
+                    {"group": text, "component": text, "key": text, "check": "", "state": "lost"},
+                    {"group": "", "component": "", "key": "", "check": text, "state": "lost"},
+                ],
+            }
+        ],
         short_checks=[{"check": text, "patterns": [text], "found": 1, "expected": 2}],
         groups=[{"group": f"/{text}", "level": "ERROR"}],
         problems=problems,

@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from http.server import BaseHTTPRequestHandler
+from itertools import count
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -36,6 +37,7 @@ class Stub:
     def __init__(self) -> None:
         self.answers: dict[str, Answer] = {}
         self.asked: list[tuple[str, Mapping[str, str]]] = []
+        self.timeouts: set[str] = set()
         self.address = ""
 
     def result(self, expr: str, *rows: tuple[dict[str, str], object], kind: str = "vector") -> None:
@@ -52,7 +54,9 @@ def stub() -> Iterator[Stub]:
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            expr = parse_qs(urlsplit(self.path).query)["query"][0]
+            parameters = parse_qs(urlsplit(self.path).query)
+            expr = parameters["query"][0]
+            found.timeouts.update(parameters["timeout"])
             found.asked.append((expr, dict(self.headers)))
             answer = found.answers.get(expr, (500, b""))
             if isinstance(answer, Event):
@@ -248,6 +252,29 @@ def test_a_bad_query_says_why_and_harms_no_other(asking, stub, caplog, answer, w
     assert asking.wait("Host/good").error == ""
     assert [feed.name for feed, *_ in asking.received.answers] == ["Host/good"]
     assert [each.args[1] for each in caplog.records] == [asking.outcome("Host/bad").error]
+
+
+def test_prometheus_is_told_how_long_it_may_take(asking, stub):
+    stub.result("good", ({"robot": "r1"}, 1))
+    asking.once(query("good", "good"))
+    assert stub.timeouts == {"5s"}
+
+
+def test_what_is_measured_is_as_old_as_the_question(stub):
+    stub.result("good", ({"robot": "r1"}, 1))
+    received, seconds = Received(), count()
+    clocks = lambda: Instant(float(next(seconds)), 0.0)  # noqa: E731
+    source = Prometheus(received, Client(f"http://{stub.address}"), clocks)
+    source.follow(Fleet("f", queries=(query("good", "good"),)))
+    until(lambda: received.answers, "an answer")
+    source.stop()
+    assert received.answers[0][2].mono == 0.0
+
+
+def test_of_why_a_query_has_no_answer_a_line_is_kept(asking, stub):
+    stub.answers["bad"] = 400, {"error": "1:3: parse error: " + 9_000 * "x"}
+    asking.follow(query("bad", "bad"))
+    assert len(asking.wait("Host/bad").error or "") == prometheus.MAX_ERROR
 
 
 def test_a_query_that_hangs_harms_no_other_and_its_answer_after_the_end_does_not_count(

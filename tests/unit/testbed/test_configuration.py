@@ -7,6 +7,7 @@ import subprocess
 import pytest
 import yaml
 
+from ros_diagnostics_exporter.config.load import load
 from testbed import configuration
 
 ADDRESSES = configuration.Addresses(*(f"127.0.0.1:{port}" for port in range(1, 6)))
@@ -71,3 +72,10 @@ def test_a_shipped_configuration_that_lacks_what_is_edited_is_an_error(tmp_path,
 
     with pytest.raises(LookupError, match=r"targets/ros-diagnostics\.yml is no longer shipped"):
         configuration.write(tmp_path, 42, ADDRESSES, configuration.Clocks())
+
+
+@pytest.mark.parametrize(("zenoh", "domains"), [("", (42,)), ("tcp/127.0.0.1:7447", ("zenoh",))])
+def test_robots_are_received_from_their_domain_or_through_a_router(tmp_path, zenoh, domains):
+    clocks = configuration.Clocks()
+    configs = configuration.write(tmp_path, 42, ADDRESSES, clocks, zenoh)
+    assert load(configs.fleet).domain_ids == domains

@@ -51,6 +51,7 @@ def test_there_is_one_command_with_these_subcommands():
     assert {" ".join(each) for each in PATHS} == {
         *("status", "why", "history", "faults", "ack", "downtime", "forget", "backtest"),
         *("oncall build", "oncall check", "oncall who", "oncall icalendar"),
+        "watch accept",
         *("nagios import", "nagios compare", "check-config", "test-page"),
     }
 
@@ -99,6 +100,7 @@ ASKING = (
     ["history", "r"],
     ["faults"],
     ["forget", "r"],
+    ["watch", "accept", "r"],
     ["ack", "--list"],
     ["downtime", "--list"],
     ["test-page", "r"],
@@ -172,6 +174,18 @@ def test_forget_names_the_robot_and_the_component(serve, capsys):
     assert asked == [("robot_1", "Motor 1"), ("robot_1", None)]
     assert capsys.readouterr().out == (
         'forgotten: robot_1 Motor 1, 2 components\n{\n  "forgotten": 2\n}\n'
+    )
+
+
+def test_accept_names_the_robot(serve, capsys):
+    asked = []
+    server = serve(accept_graph=lambda *given: asked.append(given) or 16, lifecycle=True)
+    url = f"http://{server.addresses[0]}"
+    assert main(["watch", "accept", "robot_1", "--url", url]) == 0
+    assert main(["watch", "accept", "robot_1", "--url", url, "--output", "json"]) == 0
+    assert asked == [("robot_1",)] * 2
+    assert capsys.readouterr().out == (
+        'accepted: robot_1, 16 nodes are expected\n{\n  "expected": 16\n}\n'
     )
 
 

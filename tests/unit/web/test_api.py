@@ -191,6 +191,27 @@ def test_a_failed_reload_returns_every_error(serve):
     assert ask(serve(lifecycle=True), "/-/reload", "PUT").status == 200
 
 
+def test_accept_takes_what_the_graph_shows_of_a_robot(serve):
+    called = []
+
+    def accept(name):
+        called.append(name)
+        if name == "x":
+            raise LookupError("nothing of robot 'x' was seen in the ROS graph")
+        return 16
+
+    server = serve(accept_graph=accept)
+    path = "/-/watch/accept"
+    assert json.loads(ask(server, f"{path}?robot=a", "POST").body) == {"expected": 16}
+    assert ask(server, f"{path}?robot=a").status == 405
+    proxied = ask(server, f"{path}?robot=a", "POST", X_Forwarded_For="192.0.2.7")
+    assert proxied.status == 403
+    assert ask(server, path, "POST").status == 400
+    assert called == ["a"]
+    missing = ask(server, f"{path}?robot=x", "POST")
+    assert (missing.status, "ROS graph" in missing.body.decode()) == (404, True)
+
+
 def test_forget_removes_a_robot_or_a_component(serve):
     removed = []
 
@@ -228,7 +249,7 @@ def test_a_page_of_another_site_cannot_reload(serve, site, status):
 
 
 # As browsers send it over plain HTTP to another host than localhost: without Sec-Fetch-Site.
-@pytest.mark.parametrize("path", ["/-/reload", "/-/forget?robot=a"])
+@pytest.mark.parametrize("path", ["/-/reload", "/-/forget?robot=a", "/-/watch/accept?robot=a"])
 @pytest.mark.parametrize(
     "headers",
     [
@@ -251,6 +272,7 @@ def test_a_page_of_another_site_cannot_change_anything_over_plain_http(serve, pa
     server = serve(
         reload=lambda: called.append("reload"),
         forget=lambda *_: called.append("forget"),
+        accept_graph=lambda _robot: called.append("accept"),
         lifecycle=True,
     )
     answer = ask(server, path, "POST", **headers)

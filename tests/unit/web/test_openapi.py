@@ -56,6 +56,28 @@ def server():
                 maintenance=True,
                 maintenance_until=2_000.0,
                 downtimes=[downtime("Cam 1")],
+                capabilities=[
+                    {
+                        "capability": "driving",
+                        "state": "lost",
+                        "parts": [
+                            {
+                                "group": "/Motor",
+                                "component": "Motor 1",
+                                "key": "",
+                                "check": "",
+                                "state": "lost",
+                            },
+                            {
+                                "group": "",
+                                "component": "",
+                                "key": "",
+                                "check": "c",
+                                "state": "lost",
+                            },
+                        ],
+                    }
+                ],
                 short_checks=[{"check": "c", "patterns": ["x"], "found": 1, "expected": 2}],
             ),
             robot("b", **SILENT, problems=[problem("robot", "pending")]),

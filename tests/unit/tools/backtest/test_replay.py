@@ -6,9 +6,9 @@ import re
 
 import pytest
 
+from ros_diagnostics_exporter.config.conditions import Condition
 from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
-    Condition,
     Discovery,
     Fleet,
     Robot,

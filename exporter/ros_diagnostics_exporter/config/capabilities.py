@@ -1,0 +1,282 @@
+"""What robots of a profile can do: expressions over their components, values and checks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+from typing_extensions import override
+
+from ros_diagnostics_exporter.config.conditions import ConditionList
+from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, suggestion
+from ros_diagnostics_exporter.config.keys import Entry, Value, described
+from ros_diagnostics_exporter.config.patterns import MAX_PATTERN, wildcard, word
+from ros_diagnostics_exporter.config.scalars import text
+from ros_diagnostics_exporter.regex import Pattern
+
+MOST = 100  # of one profile
+MOST_PARTS = 1000  # of one list
+_DEPTH = 10  # of lists in one another
+_FORMS = "all, any, at_least, component, check or capability"
+
+
+@dataclass(frozen=True)
+class ComponentsOf:
+    """The components whose name has one of the words; with ``keys`` their values of these keys."""
+
+    patterns: tuple[Pattern, ...]
+    keys: tuple[Pattern, ...] = ()
+
+
+@dataclass(frozen=True)
+class CheckOf:
+    """A check of the profile: that it finds enough components, and how these are."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class CapabilityOf:
+    """Another capability of the profile."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Expression:
+    """At least ``k`` of what follows; None: all of it."""
+
+    k: int | None
+    of: tuple[Need, ...]
+
+
+Need = ComponentsOf | CheckOf | CapabilityOf | Expression
+
+
+def _need(value: Any, depth: int = 0) -> Need:
+    """What one element of a list names."""
+    if depth > _DEPTH:
+        raise WrongValueError(f"lists are in more than {_DEPTH} others", "name one a capability")
+    if not isinstance(value, dict) or "regex" in value:
+        return ComponentsOf((word(value),))
+    if "component" in value:
+        return _components(value)
+    if len(value) != 1 or not value.keys() <= _MADE.keys():
+        raise WrongValueError(f"{quoted(value)} is not one of {_FORMS}", "write {any: [...]}")
+    (form,) = value
+    made: Need = _below(form, lambda: _MADE[form](value[form], depth + 1))
+    return made
+
+
+def _below(key: str | int, make: Any) -> Any:
+    """What ``make`` makes of the part of a value at ``key``."""
+    try:
+        return make()
+    except WrongValueError as error:
+        raise WrongValueError(error.what, error.remedy, (key, *error.below)) from None
+
+
+def _components(value: dict[str, Any]) -> ComponentsOf:
+    unknown = sorted(value.keys() - {"component", "key"})
+    if unknown:
+        what = f"has component and {unknown[0]}"
+        raise WrongValueError(what, "write {component: Battery, key: Charge}")
+
+    def patterns(key: str, one: Any) -> tuple[Pattern, ...]:
+        items = value[key] if isinstance(value.get(key), list) else [value.get(key)]
+        return tuple(_below(key, lambda each=each: one(each)) for each in items)
+
+    found = patterns("component", word)
+    if not found:
+        raise WrongValueError("is an empty list", "remove it or fill it in", ("component",))
+    return ComponentsOf(found, patterns("key", wildcard) if "key" in value else ())
+
+
+def _needs(value: Any, depth: int = 0) -> tuple[Need, ...]:
+    """The elements of a list, or the only one of it without a list."""
+    items = value if isinstance(value, list) else [value]
+    if not items:
+        raise WrongValueError("is an empty list", "remove it or fill it in")
+    if len(items) > MOST_PARTS:
+        raise WrongValueError(f"has {len(items)} elements", f"use at most {MOST_PARTS}")
+    if not isinstance(value, list):
+        return (_need(value, depth),)
+    return tuple(_below(at, lambda each=each: _need(each, depth)) for at, each in enumerate(items))
+
+
+def _all(value: Any, depth: int = 0) -> Expression:
+    return Expression(None, _needs(value, depth))
+
+
+def _any(value: Any, depth: int = 0) -> Expression:
+    return Expression(1, _needs(value, depth))
+
+
+def _at_least(value: Any, depth: int = 0) -> Expression:
+    if not isinstance(value, dict) or value.keys() != {"k", "of"}:
+        raise WrongValueError(f"{quoted(value)} does not have k and of", "write {k: 2, of: [...]}")
+    k = value["k"]
+    if isinstance(k, bool) or not isinstance(k, int) or not 1 <= k <= MOST_PARTS:
+        remedy = f"use a whole number from 1 to {MOST_PARTS}"
+        raise WrongValueError(f"{quoted(k)} is not how many", remedy, ("k",))
+    of = _below("of", lambda: _needs(value["of"], depth))
+    is_counted = not any(isinstance(each, ComponentsOf) for each in of)
+    if is_counted and k > len(of):
+        remedy = f"use at most {len(of)}"
+        raise WrongValueError(f"{k} is more than the {len(of)} of the list", remedy, ("k",))
+    return Expression(k, of)
+
+
+def _named(kind: type[CheckOf | CapabilityOf]) -> Any:
+    return lambda value, _depth=0: kind(text(value))
+
+
+_MADE: Mapping[str, Any] = {
+    "all": _all,
+    "any": _any,
+    "at_least": _at_least,
+    "check": _named(CheckOf),
+    "capability": _named(CapabilityOf),
+}
+_PART: dict[str, Any] = {
+    "anyOf": [
+        {"type": "string", "minLength": 1, "maxLength": MAX_PATTERN},
+        {
+            "type": "object",
+            "properties": {each: {} for each in (*_MADE, "component", "key", "regex")},
+            "additionalProperties": False,
+            "minProperties": 1,
+        },
+    ]
+}
+_LIST = {"type": "array", "minItems": 1, "maxItems": MOST_PARTS, "items": _PART}
+_PARTS = {"anyOf": [*_PART["anyOf"], _LIST]}
+_K = {"type": "integer", "minimum": 1, "maximum": MOST_PARTS}
+
+
+class Capability(Entry):
+    """Something that a robot can do; a list, or a word, is short for `all`."""
+
+    name: str = ""
+    need: Expression = Expression(None, ())
+    all: Annotated[Expression | None, Value(_all, "parts", **_PARTS)] = described(
+        "It needs all of these: components by words of their names, case ignored, or any of the "
+        "[other forms](capabilities.md#expressions).",
+        example=["Motor", {"capability": "front view"}],
+        default=None,
+    )
+    any: Annotated[Expression | None, Value(_any, "parts", **_PARTS)] = described(
+        "It needs one of these. In place of `all`.",
+        example=["lidar front_upper", "lidar front_lower"],
+        default=None,
+    )
+    at_least: Annotated[
+        Expression | None,
+        Value(
+            _at_least,
+            "`{k: number, of: parts}`",
+            type="object",
+            properties={"k": _K, "of": _PARTS},
+            required=["k", "of"],
+            additionalProperties=False,
+        ),
+    ] = described(
+        "It needs so many of these. In place of `all`.",
+        example={"k": 6, "of": ["lidar"]},
+        default=None,
+    )
+    when: ConditionList = described(
+        "Only where this condition holds, or all of a list, is it needed: else it is OK. While the "
+        "condition is not known, no fault of it begins and none ends.",
+        example={"component": "Mode", "key": "mode", "equals": "auto"},
+        default=(),
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> Capability:
+        forms = [each for each in ("all", "any", "at_least") if getattr(self, each) is not None]
+        if len(forms) != 1:
+            what = f"has {' and '.join(forms) or 'none of all, any and at_least'}"
+            raise WrongValueError(what, "give one of them, and put the others into it")
+        for at, condition in enumerate(self.when):
+            if not condition.component:
+                what = "is about the component itself, and a capability is none"
+                is_list = isinstance(given.get("when"), list)
+                below = ("when", at) if is_list else ("when",)
+                raise WrongValueError(what, "name the component: {component: Mode, ...}", below)
+        need: Expression = getattr(self, forms[0])
+        return replace(self, need=need)
+
+
+def short_capability(value: Any) -> Any:
+    """A list of parts, or one part, is short for all of them."""
+    return {"all": value} if isinstance(value, str | list) else value
+
+
+# What is short for a capability, for its schema.
+Parts = Annotated[Any, Value(_all, "parts", anyOf=[_PART["anyOf"][0], _LIST])]
+
+
+def parts_of(need: Need) -> Iterator[Need]:
+    """All that an expression has, itself first."""
+    yield need
+    for each in need.of if isinstance(need, Expression) else ():
+        yield from parts_of(each)
+
+
+def named_by(capability: Capability) -> list[str]:
+    """The other capabilities that one needs."""
+    return [each.name for each in parts_of(capability.need) if isinstance(each, CapabilityOf)]
+
+
+def in_order(capabilities: Mapping[str, Capability]) -> list[str]:
+    """Their names, each after those that it needs; there are no circles, see `wrong_names`."""
+    ordered: dict[str, None] = {}
+
+    def add(name: str) -> None:
+        if name not in ordered:
+            for each in named_by(capabilities[name]):
+                add(each)
+            ordered[name] = None
+
+    for name in capabilities:
+        add(name)
+    return list(ordered)
+
+
+def wrong_names(
+    capabilities: Mapping[str, Capability], checks: list[str]
+) -> Iterator[tuple[str, str, str]]:
+    """(capability, what is wrong, remedy) of names that are not there, of circles, of too many."""
+    if len(capabilities) > MOST:
+        what = f"is one of {len(capabilities)}"
+        yield next(iter(capabilities)), what, f"have at most {MOST} in a profile"
+        return
+    known = {CheckOf: ("check", checks), CapabilityOf: ("capability", sorted(capabilities))}
+    for name, capability in capabilities.items():
+        for each in parts_of(capability.need):
+            if isinstance(each, CheckOf | CapabilityOf):
+                kind, names = known[type(each)]
+                if each.name not in names:
+                    what = f"there is no {kind} {quoted(each.name)}"
+                    yield name, what, suggestion(each.name, names)
+        circle = _circle(name, capabilities)
+        if circle:
+            what = f"needs itself: {' -> '.join(map(quoted, circle))}"
+            yield name, what, "remove one of them"
+
+
+def _circle(name: str, capabilities: Mapping[str, Capability]) -> list[str]:
+    """A way from a capability to itself; [] for none."""
+    ways = [[name]]
+    seen = set()
+    while ways:
+        way = ways.pop()
+        for each in named_by(capabilities[way[-1]]):
+            if each == name:
+                return [*way, each]
+            if each in capabilities and each not in seen:
+                seen.add(each)
+                ways.append([*way, each])
+    return []

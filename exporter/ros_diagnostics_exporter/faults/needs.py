@@ -1,0 +1,118 @@
+"""What capabilities need: expressions over the parts of one robot, and how good these are. Pure.
+
+An expression is as good as the k-th best of what it lists: so it is never better than its parts
+say. Where just k of more can be used, it has no reserve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from math import inf
+from types import MappingProxyType
+from typing import NamedTuple
+
+from ros_diagnostics_exporter.faults.model import Ability, PartName
+
+
+@dataclass(frozen=True)
+class AtLeast:
+    """At least ``k`` of what follows; None: all of it."""
+
+    k: int | None
+    of: tuple[Need, ...]
+
+
+@dataclass(frozen=True)
+class Other:
+    """Another capability of the robot."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Missing:
+    """What was never received, or rests on a condition that is not known."""
+
+
+Need = PartName | AtLeast | Other | Missing
+MISSING = Missing()
+
+
+class WantedCapability(NamedTuple):
+    """A capability of fleet.yml; ``applies``: whether it is needed now, if that is known."""
+
+    name: str
+    need: Need
+    applies: bool | None = True
+
+
+class Bad(NamedTuple):
+    """How bad a part is, and when (monotonic) it has been so for its confirm_after."""
+
+    ability: Ability
+    due: float
+
+
+class Standing(NamedTuple):
+    """How good an expression is: because of which parts, and for want of data (``absent``).
+
+    ``due`` (monotonic) is when these have been so for their confirm_after.
+    """
+
+    ability: Ability
+    parts: Mapping[PartName, Bad] = MappingProxyType({})
+    due: float = -inf
+    absent: bool = False
+
+
+FINE = Standing(Ability.OK)
+NOT_KNOWN = Standing(Ability.UNKNOWN, absent=True)
+Look = Callable[[PartName | Other], "Standing | None"]
+
+
+def outcome(need: Need, look: Look) -> Standing | None:
+    """How good it is; None where it is out of use, as what ``look`` has as None.
+
+    Args:
+        need: The expression.
+        look: How good a part, or another capability, is.
+    """
+    if isinstance(need, Missing):
+        return NOT_KNOWN
+    if not isinstance(need, AtLeast):
+        return look(need)
+    found = [each for one in need.of if (each := outcome(one, look)) is not None]
+    if not found:
+        return None
+    if need.k is None:
+        return _kth_best(len(found), found)
+    k = min(need.k, len(found))
+    known = [each for each in found if each.parts or each.ability is not Ability.UNKNOWN]
+    return _kth_best(k, known if len(known) >= k else found)
+
+
+def _kth_best(k: int, found: list[Standing]) -> Standing:
+    ability = sorted(each.ability for each in found)[k - 1]
+    unusable = [each for each in found if each.ability > Ability.DEGRADED]
+    if ability is Ability.OK and (not unusable or len(found) - len(unusable) > k):
+        return FINE
+    bad = [each for each in found if each.ability is not Ability.OK]
+    if ability is Ability.OK:
+        ability, dues = Ability.NO_RESERVE, sorted(each.due for each in unusable)
+    else:
+        # As many as it takes until the k-th best is not better.
+        dues = sorted(each.due for each in bad if each.ability >= ability)[: len(found) - k + 1]
+    parts = {part: its for each in bad for part, its in each.parts.items()}
+    return Standing(ability, MappingProxyType(parts), dues[-1], any(each.absent for each in bad))
+
+
+def parts_of(need: Need, others: Mapping[str, Iterable[PartName]]) -> Iterator[PartName]:
+    """The parts on which an expression rests; ``others`` are those of the capabilities before."""
+    if isinstance(need, PartName):
+        yield need
+    elif isinstance(need, Other):
+        yield from others[need.name]
+    elif isinstance(need, AtLeast):
+        for each in need.of:
+            yield from parts_of(each, others)

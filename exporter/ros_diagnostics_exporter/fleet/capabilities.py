@@ -1,0 +1,135 @@
+"""What a robot can do: fleet.yml's expressions, resolved to the parts that the robot has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from ros_diagnostics_exporter.config import capabilities as config
+from ros_diagnostics_exporter.config.capabilities import CapabilityOf, CheckOf, in_order
+from ros_diagnostics_exporter.config.fleet import Profile
+from ros_diagnostics_exporter.faults.model import Ability, AbilityView, ComponentName, PartName
+from ros_diagnostics_exporter.faults.needs import MISSING, AtLeast, Need, Other, WantedCapability
+from ros_diagnostics_exporter.regex import Pattern
+from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.conditions import Watch
+from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.rules import SEARCHED, check_matches, key_matches
+
+_Names = Mapping[Component, ComponentName]
+
+
+class RobotCapabilities:
+    """Those of one robot, as they are to be judged."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._seen: tuple[Profile, int, int] | None = None
+        self._wanted: list[WantedCapability] = []  # each after those that it needs
+        self._watches: dict[str, list[Watch]] = {}  # by the capability that is needed `when`
+        self._watched: dict[Component, list[Watch]] = {}
+
+    def update(self, changed: Iterable[Component], names: _Names) -> list[WantedCapability] | None:
+        """Take the components that changed; what the robot can do, None where that is as before."""
+        versions, profile = self._robot.versions, self._robot.settings.profile
+        seen = profile, versions.names, versions.structure
+        if self._seen is None or seen[0] is not self._seen[0] or seen[1:] != self._seen[1:]:
+            self._seen = seen
+            return self._differs(self._start_over(profile, names))
+        if not self._watched:
+            return None
+        for component in changed:
+            for watch in self._watched.get(component, ()):
+                watch.update(component)
+        return self._differs(
+            [each._replace(applies=self._applies(each.name)) for each in self._wanted]
+        )
+
+    def _differs(self, wanted: list[WantedCapability]) -> list[WantedCapability] | None:
+        if wanted == self._wanted:
+            return None
+        self._wanted = wanted
+        return wanted
+
+    def _start_over(self, profile: Profile, names: _Names) -> list[WantedCapability]:
+        self._watches, self._watched = {}, {}
+        for name, capability in profile.capabilities.items():
+            self._watches[name] = [Watch(each) for each in capability.when]
+            for watch in self._watches[name]:
+                for component in _named(names, watch.condition.component):
+                    self._watched.setdefault(component, []).append(watch)
+                    watch.update(component)
+        return [
+            WantedCapability(
+                name,
+                _resolved(profile.capabilities[name].need, profile, names),
+                self._applies(name),
+            )
+            for name in in_order(profile.capabilities)
+        ]
+
+    def _applies(self, name: str) -> bool | None:
+        """Whether all conditions hold; None where one is not known and none does not."""
+        holds = [watch.holds for watch in self._watches[name]]
+        if False in holds:
+            return False
+        return None if None in holds else True
+
+
+def _named(names: _Names, patterns: Iterable[Pattern]) -> Iterator[Component]:
+    for component in names:
+        name = component.identity[0][:SEARCHED]
+        if any(pattern.search(name) for pattern in patterns):
+            yield component
+
+
+def _resolved(need: config.Expression, profile: Profile, names: _Names) -> AtLeast:
+    """The expression of what the robot has; what it lacks is missing where it is needed."""
+    found: dict[Need, None] = {}  # each once, whatever it is named by
+    for each in need.of:
+        own = list(_elements(each, profile, names))
+        if not own and need.k is None:
+            own = [MISSING]
+        found.update(dict.fromkeys(own))
+    lacking = 0 if need.k is None else max(0, need.k - len(found))
+    return AtLeast(need.k, (*found, *[MISSING] * lacking))
+
+
+def _elements(need: config.Need, profile: Profile, names: _Names) -> Iterator[Need]:
+    if isinstance(need, config.Expression):
+        yield _resolved(need, profile, names)
+    elif isinstance(need, CapabilityOf):
+        yield Other(need.name)
+    elif isinstance(need, CheckOf):
+        check = next(each for each in profile.checks if each.name == need.name)
+        own = (PartName(*of) for of in names.values() if check_matches(check, *of))
+        yield AtLeast(None, (PartName(check=check.name), *own))
+    else:
+        for component in _named(names, need.patterns):
+            part = PartName(*names[component])
+            if not need.keys:
+                yield part
+                continue
+            for value in component.values.all:
+                if any(key_matches(pattern, value.key) for pattern in need.keys):
+                    yield part._replace(key=value.key)
+
+
+# -- in words ----------------------------------------------------------------------------------
+
+_CLAUSES = (  # in the order of a sentence that begins with "The robot"
+    (Ability.LOST, "has lost", " and "),
+    (Ability.DEGRADED, "is degraded in", " and "),
+    (Ability.NO_RESERVE, "has no reserve for", " and "),
+    (Ability.UNKNOWN, "may not have", " or "),
+    (Ability.OK, "still has", " and "),
+)
+
+
+def work(abilities: Mapping[str, AbilityView]) -> str:
+    """Such as "has lost lifting, still has driving and charging"; "" where none are named."""
+    clauses = []
+    for ability, words, joint in _CLAUSES:
+        names = [name for name, each in abilities.items() if each.ability is ability]
+        if names:
+            clauses.append(f"{words} {joint.join(names)}")
+    return ", ".join(clauses)

@@ -1,0 +1,287 @@
+"""Two exporters with one fleet.yml, of which one is deaf, empty, late or renamed.
+
+Each fault is one alert, which fires without a gap from its beginning to evidence of its end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from e2e.rule_scenarios.stack import Orders
+from support import prometheus_site, short_clocks
+from testbed import domains, http, programs
+from testbed.polling import until
+from testbed.ports import free_port
+from testbed.processes import Process
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+
+ROBOTS = [f"robot_{number}" for number in range(1, 5)]
+FLEET = """
+fleet: hall
+profiles: {default: {stale_after: 4s, confirm_after: 2s}}
+faults: {restart_grace: 8s, common: {robots: 3, share: 0.5}, site: {robots: 3, share: 0.5}}
+"""
+Alert = tuple[str, str, str]  # name, robot, component
+
+MOTOR: Alert = ("ComponentCritical", "robot_1", "Motor 1")
+SILENT: Alert = ("RobotSilent", "robot_1", "")
+SITE: Alert = ("FleetPartDown", "", "")
+COMMON: Alert = ("CommonCause", "", "Motor 1")
+
+
+class Half:
+    """An exporter, with a configuration and a database of its own."""
+
+    def __init__(self, folder: Path, domain: int, *, empty_domain: int) -> None:
+        self._config, self.database = folder / "fleet.yml", folder / "state"
+        self._domain, self._empty = domain, empty_domain
+        self.address = f"127.0.0.1:{free_port()}"
+        self.write()
+        self._log, self._environment = folder / "log", domains.environment(domain)
+        self.process: Process | None = None
+
+    def write(self, *, name: str = "", deaf_to: list[str] | None = None) -> None:
+        """Write fleet.yml with a name, and robots whose messages do not come here."""
+        lines = [FLEET, *([f"exporter: {name}"] if name else []), "robots:"]
+        for robot in ROBOTS:
+            domain = self._empty if robot in (deaf_to or []) else self._domain
+            lines.append(f"  - {{name: {robot}, namespace: /{robot}, domain_id: {domain}}}")
+        self._config.write_text("\n".join(lines) + "\n")
+
+    def start(self, alertmanager: str) -> None:
+        argv = programs.exporter(self._config, self.address, self.database, alertmanager)
+        self.process = Process("exporter", argv, self._environment, self._log).start()
+
+    def stop(self) -> None:
+        if self.process is not None:
+            self.process.stop()
+
+    def kill(self) -> None:
+        assert self.process is not None
+        self.process.kill()
+
+    def receives(self) -> list[str]:
+        """The robots that it receives now."""
+        if not http.answers(self.address, "/-/ready"):
+            return []
+        robots = http.get_json(self.address, "/api/v1/fleet")["robots"]
+        return [each["robot"] for each in robots if each["up"]]
+
+    def serves(self, *parts: str) -> bool:
+        """Whether a line of its metrics has all parts."""
+        if not http.answers(self.address, "/-/ready"):
+            return False
+        lines = http.get(self.address, "/metrics").decode().splitlines()
+        return any(all(part in line for part in parts) for line in lines)
+
+
+class Pair:
+    """Both halves, their robots, and what fires about them."""
+
+    def __init__(self, first: Half, second: Half, servers: prometheus_site.Site, orders: Orders):
+        self.first, self.second = first, second
+        self._servers, self._orders = servers, orders
+
+    def start(self, half: Half, *, receives: list[str]) -> None:
+        """Start a half and wait until Prometheus has it settled, receiving just these robots."""
+        half.start(self._servers.alertmanager)
+        until(lambda: half.receives() == receives, lambda: f"{half.receives()}", 120)
+        settled = f'ros_diagnostics_exporter_settled{{instance="{half.address}"}} == 1'
+        until(lambda: bool(self._servers.query(settled)), "it has settled", 120)
+
+    def restart(self, half: Half, *, receives: list[str]) -> None:
+        half.stop()
+        self.start(half, receives=receives)
+
+    def orders(self, **levels: str) -> None:
+        """Set the level of Motor 1 of robots."""
+        self._orders.give([(f"{robot}/Motor 1", level) for robot, level in levels.items()])
+
+    def order(self, robot: str, order: str) -> None:
+        self._orders.give([(robot, order)])
+
+    def firing(self) -> set[Alert]:
+        found = (each["labels"] for each in self._servers.alerts() if each["state"] == "firing")
+        return {_alert(labels) for labels in found if "fault" in labels}
+
+    def becomes(self, *alerts: Alert) -> None:
+        """Wait until just these fire, and whatever comes late has come."""
+        self._reached(*alerts)
+        self.evaluations(8)
+        self._reached(*alerts)
+
+    def _reached(self, *alerts: Alert) -> None:
+        until(
+            lambda: self.firing() == set(alerts),
+            lambda: f"{alerts}; firing: {self.firing()}",
+            90,
+            every=0.5,
+        )
+
+    def evaluations(self, number: int) -> None:
+        """Wait for so many more evaluations of the rules."""
+        count = 'sum(prometheus_rule_group_iterations_total{rule_group=~".*faults"})'
+
+        def evaluated() -> float:
+            found = self._servers.query(count)
+            return float(found[0]["value"][1]) if found else 0.0
+
+        wanted = evaluated() + number
+        until(lambda: evaluated() >= wanted, f"{number} evaluations", 90)
+
+    def fired(self) -> dict[Alert, int]:
+        """How many times each alert has begun to fire."""
+        found: dict[Alert, set[str]] = {}
+        for series in self._servers.query('ALERTS_FOR_STATE{fault!="", step=""}[1h]'):
+            times = {value for _at, value in series["values"]}
+            found.setdefault(_alert(series["metric"]), set()).update(times)
+        return {alert: len(times) for alert, times in found.items()}
+
+
+def _alert(labels: dict[str, str]) -> Alert:
+    name = labels["alertname"].removeprefix("RosDiagnostics")
+    return name, labels.get("robot", ""), labels.get("component", "")
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> Iterator[Pair]:
+    """A pair of which the first half is started."""
+    with ExitStack() as stack:
+        domain, empty_domain = (stack.enter_context(domains.lease()) for _ in range(2))
+        halves = []
+        for name in ("first", "second"):
+            (tmp_path / name).mkdir()
+            halves.append(Half(tmp_path / name, domain, empty_domain=empty_domain))
+            stack.callback(halves[-1].stop)
+        robots = Process(
+            "robots",
+            programs.virtual_robots(len(ROBOTS), 1, domain),
+            domains.environment(domain),
+            tmp_path / "robots.log",
+        )
+        stack.callback(robots.stop)
+        robots.start()
+        servers = stack.enter_context(
+            prometheus_site.running(
+                tmp_path,
+                {half.address: half.address for half in halves},
+                prepare=lambda prometheus: short_clocks.scale(prometheus / "rules"),
+            )
+        )
+        orders = Orders(domain)
+        stack.callback(orders.close)
+        pair = Pair(halves[0], halves[1], servers, orders)
+        pair.start(pair.first, receives=ROBOTS)
+        yield pair
+
+
+def test_what_ended_does_not_fire_again_by_a_half_that_went_deaf_in_it(pair: Pair):
+    pair.start(pair.second, receives=ROBOTS)
+    pair.orders(robot_1="error")
+    until(lambda: pair.second.serves("fault_start", "robot_1"), "both have it", 60)
+    pair.becomes(MOTOR)
+
+    pair.second.write(deaf_to=["robot_1"])
+    pair.restart(pair.second, receives=ROBOTS[1:])
+    until(lambda: pair.second.serves("fault_start", "robot_1", "silent"), "it is silent there", 60)
+    pair.becomes(MOTOR)
+    pair.orders(robot_1="ok")
+    pair.becomes()
+    assert pair.second.serves("fault_start", "robot_1", "Motor 1")
+
+    pair.first.kill()
+    pair.becomes(SILENT)  # nobody receives it; that its motor failed is over
+    pair.start(pair.first, receives=ROBOTS)
+    pair.becomes()
+    assert pair.fired() == {MOTOR: 1, SILENT: 1}
+
+    pair.orders(robot_1="error")  # again, while the other half still has the first time
+    pair.becomes(MOTOR)
+    pair.second.write()
+    pair.restart(pair.second, receives=ROBOTS)
+    pair.becomes(MOTOR)
+    pair.orders(robot_1="ok")
+    pair.becomes()
+    assert pair.fired() == {MOTOR: 2, SILENT: 1}
+
+
+def test_a_half_that_lost_its_database_goes_on_with_what_fires(pair: Pair):
+    pair.start(pair.second, receives=ROBOTS)
+    pair.orders(robot_1="error")
+    pair.order("robot_2", "hang")
+    silent = ("RobotSilent", "robot_2", "")
+    pair.becomes(MOTOR, silent)
+
+    pair.second.stop()
+    pair.second.database.unlink()
+    pair.start(pair.second, receives=[name for name in ROBOTS if name != "robot_2"])
+    until(lambda: pair.second.serves("fault_start", "robot_2", "silent"), "it has adopted it", 120)
+    pair.becomes(MOTOR, silent)
+    pair.first.kill()
+    pair.becomes(MOTOR, silent)
+    pair.order("robot_2", "resume")
+    pair.becomes(MOTOR)
+    pair.orders(robot_1="ok")
+    pair.becomes()
+
+    pair.start(pair.first, receives=ROBOTS)  # it was away when both ended
+    pair.becomes()
+    assert pair.fired() == {MOTOR: 1, silent: 1}
+
+
+def test_a_half_that_is_started_in_a_fault_has_the_same_one(pair: Pair):
+    pair.orders(robot_1="error")
+    pair.order("robot_2", "hang")
+    silent = ("RobotSilent", "robot_2", "")
+    pair.becomes(MOTOR, silent)
+
+    pair.start(pair.second, receives=[name for name in ROBOTS if name != "robot_2"])
+    until(lambda: pair.second.serves("fault_start", "Motor 1"), "it has the motor's", 60)
+    until(lambda: pair.second.serves("fault_start", "robot_2", "silent"), "it has adopted it", 120)
+    pair.becomes(MOTOR, silent)
+    pair.first.stop()
+    pair.becomes(MOTOR, silent)
+    pair.orders(robot_1="ok")
+    pair.becomes(silent)
+    pair.order("robot_2", "resume")
+    pair.becomes()
+    assert pair.fired() == {MOTOR: 1, silent: 1}
+
+
+def test_halves_that_are_given_a_name_one_after_the_other_have_the_same_faults(pair: Pair):
+    pair.start(pair.second, receives=ROBOTS)
+    pair.orders(robot_1="error")
+    pair.becomes(MOTOR)
+    for half in (pair.second, pair.first):
+        half.write(name="north")
+        pair.restart(half, receives=ROBOTS)
+        pair.becomes(MOTOR)
+    pair.orders(robot_1="ok")
+    pair.becomes()
+    assert pair.fired() == {MOTOR: 1}
+
+
+def test_many_robots_are_one_cause_to_the_half_that_receives_them(pair: Pair):
+    pair.second.write(deaf_to=["robot_3", "robot_4"])
+    pair.start(pair.second, receives=["robot_1", "robot_2"])
+    pair.becomes()
+    pair.orders(**dict.fromkeys(ROBOTS, "error"))
+    until(lambda: pair.second.serves("fault_start", "robot_1", "Motor 1"), "one by one there", 60)
+    pair.becomes(COMMON)
+    pair.orders(**dict.fromkeys(ROBOTS, "ok"))
+    pair.becomes()
+
+    for robot in ROBOTS[:3]:
+        pair.order(robot, "hang")
+    pair.becomes(SITE)
+    pair.restart(pair.first, receives=["robot_4"])
+    pair.becomes(SITE)
+    for robot in ROBOTS[:3]:
+        pair.order(robot, "resume")
+    pair.becomes()
+    assert pair.fired() == {COMMON: 1, SITE: 1}

@@ -1,0 +1,113 @@
+"""A robot on another host, and a network between that loses packets."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+
+from support import subnets
+from testbed import domains
+from testbed.polling import until
+
+pytestmark = [pytest.mark.integration, pytest.mark.slow]
+
+EXPORTER = Path(sys.executable).with_name("ros-diagnostics-exporter")
+PORT = 9877
+URL = f"http://127.0.0.1:{PORT}"
+FLEET = """\
+fleet: f
+profiles: {default: {confirm_after: 1s, graph: {mode: "on", learn_after: 5s}}}
+robots: [{name: r, namespace: /r, source: raw}]
+"""
+ROBOT = """
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+rclpy.init()
+node = rclpy.create_node("driver", namespace="/r")
+profile = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+sender = node.create_publisher(DiagnosticArray, "diagnostics", profile)
+array = DiagnosticArray(status=[DiagnosticStatus(name="Motor", level=bytes(1))])
+node.create_timer(0.1, lambda: sender.publish(array))
+print("ready", flush=True)
+rclpy.spin(node)
+"""
+STEADY = 200.0  # seconds until a minute of so many losses is known, on a busy machine
+
+
+class Site:
+    """A robot that publishes ten times a second by best effort, and an exporter."""
+
+    def __init__(self, stack: ExitStack, folder: Path) -> None:
+        self.hosts = subnets.Subnets(stack, folder, ("robot", "office"), subnets.SWITCHED)
+        env = domains.environment(0) | {"ROS_LOG_DIR": str(folder / "ros-log")}
+        del env["ROS_AUTOMATIC_DISCOVERY_RANGE"]
+        (folder / "fleet.yml").write_text(FLEET)
+        flags = ["--config.file", folder / "fleet.yml", "--storage.path", "none"]
+        argv = [EXPORTER, *flags, "--web.listen-address", f"127.0.0.1:{PORT}"]
+        self.exporter = self.hosts.start("office", argv, env)
+        self.hosts.start("robot", [sys.executable, "-c", ROBOT], env)
+
+    def lose(self, share: float) -> None:
+        """From now on lose this share of the packets that arrive at the exporter."""
+        self.hosts.run("office", "iptables", "-F", "INPUT")
+        chance = ("--mode", "random", "--probability", str(share))
+        rule = ("-A", "INPUT", "-i", "eth0", "-m", "statistic", *chance, "-j", "DROP")
+        self.hosts.run("office", "iptables", *rule)
+
+    def sample(self, name: str) -> float | None:
+        try:
+            text = self.hosts.fetch("office", f"{URL}/metrics")
+        except OSError:
+            return None
+        for family in text_string_to_metric_families(text):
+            for sample in family.samples:
+                if sample.name == f"ros_diagnostics_{name}":
+                    return sample.value
+        return None
+
+    def faults(self) -> list[tuple[str, str]]:
+        found = json.loads(self.hosts.fetch("office", f"{URL}/api/v1/faults"))
+        return [(each["component"], each["state"]) for each in found["faults"]]
+
+    def began(self) -> set[str]:
+        """The components of all faults that ever began."""
+        events = self.hosts.fetch("office", f"{URL}/api/v1/events?kind=fault_began")
+        return {each.get("component", "") for each in json.loads(events)["events"]}
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    if shutil.which("iptables") is None:
+        pytest.skip("needs the program iptables")
+    if why := subnets.missing():
+        pytest.skip(why)
+    with ExitStack() as stack:
+        yield Site(stack, tmp_path)
+
+
+def test_a_network_that_loses_packets_is_the_fault_of_the_link_alone(site):
+    until(lambda: site.sample("robot_expected_nodes") == 1, site.exporter.describe, 90, 0.5)
+    assert site.sample("robot_link_lost_ratio") == 0
+
+    site.lose(0.05)
+    until(lambda: 0 < site.sample("robot_link_lost_ratio") < 0.15, "some are lost", STEADY, 0.5)
+    site.lose(0.45)
+    until(
+        lambda: 0.3 < site.sample("robot_link_lost_ratio") < 0.6,
+        lambda: f"{site.sample('robot_link_lost_ratio')} of the messages are lost",
+        STEADY,
+        0.5,
+    )
+    until(lambda: site.faults() == [("link", "critical")], lambda: f"{site.faults()}", STEADY, 0.5)
+    site.lose(0.0)
+    until(lambda: site.faults() == [], lambda: f"{site.faults()}", STEADY, 0.5)
+    assert site.began() == {"link"}

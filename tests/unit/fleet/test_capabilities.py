@@ -1,0 +1,202 @@
+"""What a robot can do, from fleet.yml and arrays to faults, metrics, snapshot and page."""
+
+from __future__ import annotations
+
+import pytest
+
+from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
+from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.web.pages import robot_page
+from support.state_driver import ERROR, OK, STALE, WARN, StateDriver
+
+SETTLED = 40.0
+PROFILES = """
+fleet: f
+profiles:
+  base:
+    checks: {motors: {match: Motor, expect: 2}}
+    capabilities: {drive: [Motor, Laser], lift: Lift, sing: Speaker}
+  amr:
+    extends: base
+    capabilities:
+      charge: [{component: Battery, key: Charge}]
+      sing: null
+      view: {any: Laser}
+      tour: [{capability: view}, {capability: drive}, {check: motors}]
+      dock: {all: Dock, when: {component: Mode, key: mode, equals: auto}}
+    components:
+      - {match: Lift, planned_stale: true}
+      - {match: Laser 2, unless: {component: Motor, level: WARN}}
+    values: [{component: Battery, key: Charge, thresholds: {low: {warning: 20, critical: 10}}}]
+robots: [{name: r, topic: /r/diagnostics, source: raw, profile: amr}]
+"""
+FINE = (
+    *(Status(OK, name) for name in ("Motor 1", "Motor 2", "Laser 1", "Laser 2", "Lift", "Dock")),
+    Status(OK, "Battery", "", "", (("Charge", "80"),)),
+    Status(OK, "Mode", "", "", (("mode", "auto"),)),
+)
+
+
+def started(tmp_path, text=PROFILES):
+    (tmp_path / "fleet.yml").write_text(text)
+    driver = StateDriver(fleet=load(tmp_path / "fleet.yml"))
+    driver.raw_every(1, SETTLED, *FINE)
+    return driver
+
+
+@pytest.fixture
+def driver(tmp_path):
+    return started(tmp_path)
+
+
+def publish(driver: StateDriver, *changed: Status, seconds: float = 12) -> None:
+    names = {each.name for each in changed}
+    statuses = (*(each for each in FINE if each.name not in names), *changed)
+    driver.raw_every(1, driver.now.mono + seconds, *statuses)
+
+
+def states(driver: StateDriver) -> dict[str, str]:
+    """Those that are not OK."""
+    (robot,) = fleet_snapshot(driver.state, driver.now)["robots"]
+    return {
+        each["capability"]: each["state"] for each in robot["capabilities"] if each["state"] != "ok"
+    }
+
+
+def faults(driver: StateDriver) -> set[tuple[str, str]]:
+    return {
+        (each.identity.check or each.identity.component, each.identity.state.value)
+        for each in driver.state.faults()
+    }
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected", "found"),
+    [
+        ((), {}, set()),
+        (
+            (Status(ERROR, "Motor 1"),),
+            {"drive": "lost", "tour": "lost"},
+            {("drive", "lost")},
+        ),
+        (
+            (Status(WARN, "Motor 1"),),
+            {"drive": "degraded", "tour": "degraded"},
+            {("drive", "degraded")},
+        ),
+        (
+            (Status(STALE, "Motor 1"),),
+            {"drive": "unknown", "tour": "unknown"},
+            {("Motor 1", "stale")},
+        ),
+        ((Status(STALE, "Lift"),), {}, set()),  # as planned
+        (
+            (Status(ERROR, "Laser 2"), Status(WARN, "Motor 2")),  # excused
+            {"drive": "degraded", "tour": "degraded"},
+            {("drive", "degraded")},
+        ),
+        (
+            (Status(ERROR, "Laser 1"),),
+            {"drive": "lost", "tour": "lost", "view": "no_reserve"},
+            {("drive", "lost")},
+        ),
+        (
+            (Status(OK, "Battery", "", "", (("Charge", "5"),)),),
+            {"charge": "lost"},
+            {("charge", "lost")},
+        ),
+        ((Status(ERROR, "Battery", "", "", (("Charge", "80"),)),), {}, {("Battery", "critical")}),
+        ((Status(ERROR, "Dock"),), {"dock": "lost"}, {("dock", "lost")}),
+        (
+            (Status(ERROR, "Dock"), Status(OK, "Mode", "", "", (("mode", "off"),))),
+            {},
+            {("Dock", "critical")},
+        ),
+        (
+            (Status(ERROR, "Dock"), Status(STALE, "Mode")),
+            {"dock": "unknown"},
+            {("Dock", "critical"), ("Mode", "stale")},
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_lost_has_a_fault_and_its_parts_have_none(driver, changed, expected, found):
+    publish(driver, *changed)
+    assert states(driver) == expected
+    assert faults(driver) == found
+
+
+WORK = "has lost drive and lift and tour, has no reserve for view, still has charge and dock"
+
+
+def test_the_fault_says_which_parts_and_what_still_works(driver):
+    publish(driver, Status(ERROR, "Laser 1", "Blind"), Status(ERROR, "Lift", "Stuck"))
+    assert {each.identity.check: (each.evidence, each.work) for each in driver.state.faults()} == {
+        "drive": (
+            "Laser 1 CRITICAL: Blind",
+            WORK,
+        ),
+        "lift": (
+            "Lift CRITICAL: Stuck",
+            WORK,
+        ),
+    }
+
+
+def test_a_fault_that_no_capability_explains_says_what_still_works(driver):
+    publish(driver, Status(ERROR, "Battery", "Hot", "", (("Charge", "80"),)))
+    (fault,) = driver.state.faults()
+    assert fault.work == "still has drive and lift and charge and view and tour and dock"
+
+
+def test_nothing_is_known_of_a_silent_robot(driver):
+    publish(driver, Status(ERROR, "Motor 1"))
+    driver.at(driver.now.mono + 60)
+    assert set(states(driver).values()) == {"unknown"}
+    assert {each.identity.state.value: each.work for each in driver.state.faults()} == {
+        "lost": "has lost drive and tour, still has lift and charge and view and dock",
+        "silent": "",
+    }
+
+
+def test_a_component_that_the_robot_does_not_have_is_not_known_to_work(tmp_path):
+    driver = started(tmp_path, PROFILES.replace("lift: Lift", "lift: [Lift, Fork]"))
+    assert states(driver) == {"lift": "unknown"}
+    publish(driver, Status(ERROR, "Lift"))
+    assert states(driver) == {"lift": "lost"}
+
+
+def test_metrics_have_every_capability(driver):
+    publish(driver, Status(ERROR, "Motor 1"))
+    assert {
+        dict(labels)["capability"]: value
+        for labels, value in driver.samples()["capability_state"].items()
+    } == {"drive": 3, "lift": 0, "charge": 0, "view": 0, "tour": 3, "dock": 0}
+
+
+def test_without_capabilities_there_is_nothing_of_them():
+    driver = StateDriver()
+    driver.raw_every(1, SETTLED, Status(ERROR, "Motor", "Hot"))
+    assert [each.evidence for each in driver.state.faults()] == ["Hot"]
+    (robot,) = fleet_snapshot(driver.state, driver.now)["robots"]
+    assert (robot["work"], robot["capabilities"]) == ("", [])
+    assert "capability_state" not in driver.samples()
+
+
+def test_a_config_without_the_capability_has_its_parts_as_faults(driver, tmp_path):
+    publish(driver, Status(ERROR, "Motor 1"))
+    text = PROFILES.replace("drive: [Motor, Laser], ", "").replace("{capability: drive}, ", "")
+    (tmp_path / "fleet.yml").write_text(text.replace("{check: motors}", "Laser"))
+    driver.state.configure(load(tmp_path / "fleet.yml"), driver.now)
+    publish(driver, Status(ERROR, "Motor 1"))
+    assert faults(driver) == {("Motor 1", "critical")}
+    assert [(each.state, each.reason) for each in driver.events if each.kind == "fault_ended"] == [
+        ("lost", "removed")
+    ]
+
+
+def test_the_page_of_a_robot_begins_with_what_it_can_do(driver):
+    publish(driver, Status(ERROR, "Motor 1", "Hot"))
+    page = robot_page(fleet_snapshot(driver.state, driver.now), "r", [])
+    assert page is not None
+    assert page.index("drive") < page.index("Last message")

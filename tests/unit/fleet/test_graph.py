@@ -1,0 +1,148 @@
+"""Silent faults through the state: faults, shadow mode, lost messages, restarts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
+from ros_diagnostics_exporter.config.graph import Graph
+from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.sources.link import LinkReading
+from ros_diagnostics_exporter.storage.storage import Storage
+from support.state_driver import ERROR, OK, STALE, StateDriver
+
+MOTOR = Status(OK, "Motor", "OK")
+LOSSY, WELL = LinkReading(100, 40, 0.5, 0.1), LinkReading(100, 0, 0.25, 0.01)
+USUAL = ("diag", "amcl")
+
+
+def fleet(**graph) -> Fleet:
+    profile = Profile(graph=Graph(**{"mode": "on", "learn_after": 60.0, **graph}))
+    settings = {"namespace": "/r", "topic_raw": "/r/diagnostics", "source": Source.RAW}
+    return Fleet("f", (Robot("r", profile=profile, **settings),))
+
+
+class Driver(StateDriver):
+    """One robot, whose graph is looked at once a second."""
+
+    link: LinkReading | None = WELL
+
+    def go_on(self, seconds: float, *nodes: str, statuses=(MOTOR,)) -> None:
+        end = self.now.mono + seconds
+        while self.now.mono < end:
+            if statuses:
+                self.raw(*statuses)
+            self.state.update_links(0, {"/r/diagnostics": self.link}, self.now)
+            self.state.update_nodes(0, [(each, "/r") for each in nodes], self.now)
+            self.at(self.now.mono + 1)
+
+    def faults(self) -> list[tuple[str, str]]:
+        found = self.state.faults()
+        return [(each.identity.component, each.identity.state.value) for each in found]
+
+
+def test_a_node_that_is_gone_is_a_fault_of_its_robot_until_it_is_back():
+    driver = Driver(fleet=fleet())
+    driver.go_on(5, *USUAL)
+    assert driver.sample("robot_expected_nodes") == 0
+    driver.go_on(65, *USUAL)
+    assert [each.name for each in driver.robot.components] == ["Motor"]
+    driver.go_on(14, "diag")
+    assert (driver.faults(), driver.component("node amcl").group) == ([], "ROS graph")
+    driver.go_on(4, "diag")
+    assert driver.faults() == [("node amcl", "critical")]
+    assert driver.sample("robot_expected_nodes") == 2
+    driver.go_on(2, *USUAL)
+    assert (driver.faults(), driver.level("node amcl")) == ([], OK)
+    driver.go_on(3700, *USUAL)
+    assert [each.name for each in driver.robot.components] == ["Motor"]
+
+
+def test_a_shadow_is_shown_and_no_fault_until_it_is_none():
+    driver = Driver(fleet=fleet(mode="auto"))
+    driver.go_on(70, *USUAL)
+    driver.go_on(60, "diag")
+    component = driver.component("node amcl")
+    assert (component.level, component.quiet_because) == (ERROR, "shadow mode (graph in fleet.yml)")
+    assert driver.sample("component_level", component="node amcl") == ERROR
+    assert driver.sample("component_problem_level", component="node amcl") is None
+    assert driver.faults() == []
+    driver.state.configure(fleet(mode="auto", learn_after=61.0), driver.now)
+    driver.go_on(60, "diag")
+    assert driver.faults() == []
+
+    driver.state.configure(fleet(mode="on"), driver.now)
+    driver.go_on(45, "diag")
+    assert (driver.faults(), component.quiet_because) == ([("node amcl", "critical")], "")
+    driver.state.configure(fleet(mode="on", learn_after=61.0), driver.now)
+    driver.go_on(45, "diag")
+    assert driver.faults() == [("node amcl", "critical")]
+
+
+def test_what_is_not_received_is_no_fault_while_too_many_messages_are_lost():
+    other = Status(OK, "Laser", "OK")
+    driver = Driver(fleet=fleet())
+    driver.go_on(70, *USUAL, statuses=(MOTOR, other))
+    driver.link = LOSSY
+    driver.go_on(60, *USUAL)
+    assert (driver.level("Laser"), driver.faults()) == (STALE, [("link", "critical")])
+    driver.link = WELL
+    driver.go_on(20, *USUAL)
+    assert driver.faults() == [("Laser", "stale")]
+    driver.link = LOSSY
+    driver.go_on(20, *USUAL)
+    assert driver.faults() == [("Laser", "stale"), ("link", "critical")]
+
+
+def test_what_a_person_forgets_or_accepts_is_no_fault_any_more():
+    driver = Driver(fleet=fleet())
+    driver.go_on(70, *USUAL, "driver", "lift")
+    driver.go_on(30, "diag")
+    found = [("node amcl", "critical"), ("node driver", "critical"), ("node lift", "critical")]
+    assert driver.faults() == found
+    assert driver.state.forget("r", "node amcl", driver.now) == 1
+    driver.go_on(60, "diag")
+    assert driver.faults() == found[1:]
+    assert driver.state.accept_graph("r", driver.now) == 1
+    driver.go_on(60, "diag")
+    assert driver.faults() == []
+    assert {each.reason for each in driver.events if each.kind == "fault_ended"} == {
+        "removed",
+        "recovered",
+    }
+
+
+def test_how_messages_arrive_is_served_while_it_is_known():
+    driver = Driver(fleet=fleet())
+    driver.link = LOSSY
+    driver.go_on(5, *USUAL)
+    assert driver.sample("robot_link_lost_ratio") == 0.4
+    assert driver.sample("robot_link_delay_seconds") == 0.5
+    assert driver.sample("robot_link_jitter_seconds") == 0.1
+    driver.link = None
+    driver.go_on(5, *USUAL)
+    assert driver.sample("robot_link_lost_ratio") is None
+
+
+def test_a_fault_and_what_was_learned_outlive_a_restart(tmp_path: Path):
+    driver = Driver(fleet=fleet())
+    driver.go_on(70, *USUAL)
+    driver.go_on(30, "diag")
+    assert driver.faults() == [("node amcl", "critical")]
+    driver.keep(tmp_path / "state.db").close()
+    again = Driver(fleet=fleet())
+    Storage(tmp_path / "state.db").load(again.state, again.now)
+    again.go_on(300, "diag")
+    assert again.faults() == [("node amcl", "critical")]
+    assert not [each for each in again.events if each.kind == "fault_ended"]
+    again.go_on(5, *USUAL)
+    assert again.faults() == []
+
+
+def test_a_robot_of_another_domain_and_one_that_is_not_watched_are_left_alone():
+    driver = Driver(fleet=fleet())
+    assert driver.state.update_nodes(0, [("amcl", "/r")], driver.now)
+    assert not driver.state.update_nodes(1, [("amcl", "/r")] * 2, driver.now)
+    driver = Driver(fleet=fleet(mode="off"))
+    assert not driver.state.update_nodes(0, [("amcl", "/r")], driver.now)
+    assert len(driver.robot.components) == 0
