@@ -32,6 +32,9 @@ log = logging.getLogger(__name__)
 
 RETRY = 2.0  # seconds between two attempts to reach a router
 MAX_TOKENS = 100_000  # that are known at once; a router may be shared with anybody
+# Of the time at most this share is spent on looks: where tokens are many they are further apart
+# than ``poll_interval``, up to five times as far.
+LOOK_SHARE, MAX_STRETCH = 0.01, 5
 
 
 class ZenohMissingError(Exception):
@@ -127,7 +130,7 @@ class ZenohNetwork(Reception):
 
     @override
     def look(self) -> Iterator[None]:
-        now = read_clocks()
+        now, begin = read_clocks(), time.thread_time()
         if self.error:
             return  # without a router nothing is known of robots
         if self._too_many:
@@ -146,6 +149,9 @@ class ZenohNetwork(Reception):
             self.receiver.note_other_types(ZENOH, others, now)
             self._other_types = others
         self.receiver.update_graph(ZENOH, endpoints, now)
+        cost = time.thread_time() - begin
+        stretched = min(cost / LOOK_SHARE, MAX_STRETCH * self.poll_interval)
+        self.look_at = max(self.look_at, now.mono + stretched)
         yield
         keys = {each.topic: each.key for each in publishers}
         for name in self.topics.keys() - wanted.keys():

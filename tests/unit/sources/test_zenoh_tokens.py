@@ -1,0 +1,48 @@
+"""How many tokens are noted, and how often all are looked at: anybody may declare some."""
+
+from __future__ import annotations
+
+import time
+from types import SimpleNamespace
+from unittest.mock import Mock
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import Zenoh
+from ros_diagnostics_exporter.sources.zenoh import ZenohNetwork
+
+zenoh = pytest.importorskip("zenoh")
+TOKEN = "@/9f/@ros2_lv/MP/r{}§diagnostics/diagnostic_msgs§msg§DiagnosticArray/:1:::;"
+
+
+def sample(number: int, kind) -> SimpleNamespace:
+    return SimpleNamespace(key_expr=TOKEN.format(number), kind=kind)
+
+
+@pytest.fixture
+def network() -> ZenohNetwork:
+    receiver = Mock()
+    receiver.wanted_topics.return_value = {}
+    return ZenohNetwork(Zenoh(("tcp/centre:7447",)), receiver, Mock(), 1.0)
+
+
+def test_tokens_beyond_the_limit_are_not_noted_and_the_log_says_so(network, monkeypatch, caplog):
+    monkeypatch.setattr("ros_diagnostics_exporter.sources.zenoh.MAX_TOKENS", 2)
+    for number in range(3):
+        network._note(sample(number, zenoh.SampleKind.PUT))
+    list(network.look())
+
+    _domain, topics, _now = network.receiver.update_graph.call_args.args
+    assert set(topics) == {"/r0/diagnostics", "/r1/diagnostics"}
+    assert "publishers beyond 2 are not noted" in caplog.text
+
+
+@pytest.mark.parametrize(("share", "least", "most"), [(1e9, -1.0, 0.1), (1e-9, 4.0, 5.0)])
+def test_looks_that_cost_much_are_further_apart(network, monkeypatch, share, least, most):
+    monkeypatch.setattr("ros_diagnostics_exporter.sources.zenoh.LOOK_SHARE", share)
+    network._note(sample(1, zenoh.SampleKind.PUT))
+
+    before = time.monotonic()
+    list(network.look())
+
+    assert least < network.look_at - before < most + time.monotonic() - before
