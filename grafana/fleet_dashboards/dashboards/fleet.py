@@ -174,8 +174,8 @@ def share_working() -> stat.Panel:
     return (
         panels.number(
             "Working robots",
-            "Which share of the robots, without PENDING ones, is OK or in WARNING? Not known while no "
-            "exporter answers.",
+            "Which share of the robots, without PENDING ones, is OK or in WARNING? Not known while "
+            "no exporter answers.",
             f"""
               (
                   sum({_COUNT}{{{_MATCHERS}, state=~"ok|warning"}})
