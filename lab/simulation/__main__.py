@@ -15,7 +15,7 @@ def main() -> int:
     """Play the seeds; 1 where one of them fails."""
     options = _parser().parse_args()
     for seed in range(options.seed, options.seed + options.seeds):
-        story = generate(seed, options.robots, options.days, lose=options.lose)
+        story = generate(seed, options.robots, options.days, lose=options.lose, able=options.able)
         begin = time.perf_counter()
         judge = Judge(story)
         try:
@@ -56,6 +56,11 @@ def _parser() -> argparse.ArgumentParser:
         "--lose",
         action="store_true",
         help="the exporter loses its database now and then, and the clock is set by months",
+    )
+    parser.add_argument(
+        "--able",
+        action="store_true",
+        help="judge what the robots can do, too, by parts of which some fail together",
     )
     parser.add_argument(
         "--no-shrink", action="store_true", help="do not reduce a failing seed to a few events"

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.events import Event
+from simulation.can import leaves_of_all
 from simulation.story import COMPONENTS, ERROR, TICK, site_of
 from simulation.world import (
     CALM,
@@ -170,6 +171,7 @@ class LargerCauses:
                       for each in known.parts.values()) <= 3  # fmt: skip
             if (
                 flaps
+                and not (world.story.able and name in leaves_of_all())  # see `abilities`
                 and alone
                 and few
                 and ("flapping", f"{known.name} {name}") not in self._standing
@@ -206,8 +208,9 @@ def _explained_by(event: Event) -> Iterator[Place]:
     """The larger faults during which this one does not begin."""
     if event.scope == "component":
         yield "flapping", f"{event.robot} {event.component}"
-    if event.scope in {"component", "flapping"}:
+    if event.scope in {"component", "flapping", "capability"}:
         yield "many", event.robot
+    if event.scope in {"component", "flapping"}:
         yield "common", event.component
     if event.scope == "robot" and event.state in {"silent", "flapping"}:
         yield "site", site_of(event.robot)

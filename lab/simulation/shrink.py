@@ -55,7 +55,8 @@ def _sooner(story: Story, error: BrokenError) -> tuple[Story, BrokenError]:
 def as_test(story: Story) -> str:
     """The story as Python, to be put into tests/unit/simulation."""
     events = "".join(f"        {_written(event)},\n" for event in story.events)
-    return f"Story(\n    {story.seed}, {story.robots}, {story.ticks},\n    (\n{events}    ),\n)"
+    of = f"{story.seed}, {story.robots}, {story.ticks}"
+    return f"Story(\n    {of},\n    (\n{events}    ),\n    able={story.able},\n)"
 
 
 def _written(event: Event) -> str:

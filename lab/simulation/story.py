@@ -36,6 +36,7 @@ class Story:
     ticks: int
     events: tuple[Event, ...]
     period: int = PERIOD
+    able: bool = False  # what the robots can do is judged
 
 
 def robot_name(number: int) -> str:
@@ -48,10 +49,13 @@ def site_of(robot: str) -> str:
     return f"site {int(robot[1:]) % SITES}"
 
 
-def generate(seed: int, robots: int, days: float, *, lose: bool = False) -> Story:
+def generate(
+    seed: int, robots: int, days: float, *, lose: bool = False, able: bool = False
+) -> Story:
     """The history of a seed: the same for the same arguments.
 
-    With ``lose`` the exporter loses its database, too, and the wall clock is set by months.
+    With ``lose`` the exporter loses its database, too, and the wall clock is set by months. With
+    ``able`` the robots can do something, for which they need parts that fail together.
     """
     random = Random(seed)
     ticks = round(days * DAY)
@@ -68,8 +72,12 @@ def generate(seed: int, robots: int, days: float, *, lose: bool = False) -> Stor
         for _ in range(1 + round(random.expovariate(1 / days))):
             events += _lose(random, random.randrange(ticks))
             events += _set_clock(random, random.randrange(ticks))
+    for number in range(robots if able else 0):
+        for _ in range(1 + round(random.expovariate(1 / days))):
+            events += _redundant(random, random.randrange(ticks), robot_name(number))
     kept = (event for event in events if event.at < ticks)
-    return Story(seed, robots, ticks, tuple(sorted(kept, key=lambda event: event.at)))
+    ordered = tuple(sorted(kept, key=lambda event: event.at))
+    return Story(seed, robots, ticks, ordered, able=able)
 
 
 def _length(random: Random) -> int:
@@ -147,6 +155,14 @@ def _forgotten(random: Random, at: int, robot: str) -> Iterator[Event]:
 def _out_of_config(random: Random, at: int, robot: str) -> Iterator[Event]:
     yield Event(at, "declared", robot, (False,))
     yield Event(at + _length(random), "declared", robot, (True,))
+
+
+def _redundant(random: Random, at: int, robot: str) -> Iterator[Event]:
+    """Parts that stand in for one another, about at one time, and one of them later."""
+    for number in random.choice(((1, 2), (3, 4), (3, 4, 5), (2, 7), (2, 6))):
+        level = random.choice((ERROR, ERROR, ERROR, WARN))
+        yield Event(at + random.randrange(3), "level", robot, (COMPONENTS[number], level))
+        yield Event(at + 5 * _length(random), "level", robot, (COMPONENTS[number], OK))
 
 
 _OF_ROBOT = (

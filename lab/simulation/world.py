@@ -25,6 +25,7 @@ from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_tools.backtest.replay import Restarts
+from simulation.can import capabilities
 from simulation.story import (
     COMPONENTS,
     ERROR,
@@ -164,7 +165,8 @@ class World:
     # -- config ------------------------------------------------------------------------------
 
     def _fleet(self) -> Fleet:
-        profile = replace(_PROFILE, confirm_after=self.confirm_after)
+        can = capabilities() if self.story.able else {}
+        profile = replace(_PROFILE, confirm_after=self.confirm_after, capabilities=can)
         robots = tuple(
             Robot(
                 name,

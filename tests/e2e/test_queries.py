@@ -18,7 +18,7 @@ import pytest
 import yaml
 
 from ros_diagnostics_tools.main import main
-from support import host_checks, prometheus_site
+from support import host_checks, prometheus_site, short_clocks
 from support.link import Link
 from support.loopback import answering
 from testbed import domains, programs
@@ -64,6 +64,7 @@ class Site:
         self.uplink: Link  # as it is probed
         self.robots: Process
         self.alertmanager = ""
+        self.servers: prometheus_site.Site
         self.load(0.5)
 
     def load(self, one: float) -> None:
@@ -100,7 +101,7 @@ def queries(folder: Path) -> list[dict[str, Any]]:
         each.update({"interval": "5s", "stale_after": "10s", "confirm_after": "1s"})
         if each["component"].startswith("disk"):
             each["thresholds"] = {"low": {"warning": free + 1, "critical": 0}}
-    return [*entries, {"expr": "no_such(", "component": "wrong"}]
+    return entries
 
 
 def mails_to(smtp: str) -> Any:
@@ -180,10 +181,11 @@ def site(tmp_path: Path) -> Iterator[Site]:
                 {"hall": exporter},
                 probes=jobs,
                 receivers=mails_to(smtp),
+                prepare=lambda prometheus: short_clocks.scale(prometheus / "rules"),
                 prometheus=prometheus,
             )
         )
-        found.alertmanager = servers.alertmanager
+        found.servers, found.alertmanager = servers, servers.alertmanager
         yield found
 
 
@@ -211,7 +213,9 @@ def test_a_hosts_disk_load_and_services_are_components_with_a_mail_and_a_recover
     until(lambda: recovery in site.subjects(), lambda: str(site.subjects()), 90)
 
 
-def test_without_prometheus_its_components_are_stale_and_no_fault_begins_or_ends(site: Site):
+def test_without_prometheus_components_are_stale_no_fault_begins_or_ends_and_one_alert_fires(
+    site: Site,
+):
     disk = f"disk {site.folder}"
 
     def faults() -> list[tuple[str, str]]:
@@ -224,18 +228,37 @@ def test_without_prometheus_its_components_are_stale_and_no_fault_begins_or_ends
         queries = get_json(site.exporter, "/api/v1/fleet")["queries"]
         return {each["name"]: each["error"] for each in queries if each["error"]}
 
-    until(lambda: "parse error" in errors().get("Host/wrong", ""), lambda: str(errors()), 60)
-    until(lambda: errors().keys() == {"Host/wrong"}, lambda: str(errors()), 60)
+    def alerts() -> list[str]:
+        """How many queries fail, of each alert that says so."""
+        found = site.servers.alerts()
+        fails = [each for each in found if each["labels"]["alertname"].endswith("QueryFails")]
+        return [each["annotations"]["description"] for each in fails if each["state"] == "firing"]
+
+    until(lambda: not errors() and not alerts(), lambda: str(errors()), 60)
     before = faults()
 
+    # The exporter no longer reaches Prometheus, which itself goes on.
     site.prometheus.cut()
     until(lambda: site.level(disk) == "STALE", "the disk is STALE", 60)
     until(lambda: site.level("load 1m") == "STALE", "so is the load", 60)
+    until(alerts, "it fires that the queries fail", 60)
+    (all_queries,) = alerts()
+    assert f"does not answer {len(queries(site.folder))} queries" in all_queries
     assert site.robot()["up"]
     assert faults() == before
     site.prometheus.heal()
     until(lambda: site.level(disk) == "WARN", "the disk is measured again", 60)
+    until(lambda: not alerts(), "the queries are answered", 60)
     assert faults() == before
+
+    wrong = [*queries(site.folder), {"expr": "no_such(", "component": "wrong"}]
+    (site.folder / "queries.d" / "hosts.yml").write_text(yaml.safe_dump(wrong))
+    until(lambda: "parse error" in errors().get("Host/wrong", ""), lambda: str(errors()), 60)
+    until(alerts, "it fires that one fails", 60)
+    assert errors().keys() == {"Host/wrong"}
+    assert "does not answer 1 queries" in " ".join(alerts())
+    fired = site.servers.query('ALERTS_FOR_STATE{alertname="RosDiagnosticsQueryFails"}[1h]')
+    assert len({value for series in fired for _at, value in series["values"]}) == 2
 
 
 def test_an_uplink_that_is_gone_is_one_mail_and_its_robot_none(site: Site):

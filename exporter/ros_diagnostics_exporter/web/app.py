@@ -42,6 +42,8 @@ from ros_diagnostics_exporter.web.scrape import Scrape
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
 from ros_diagnostics_exporter.web.workers import BusyError, Workers
 
+MAX_QUERY = 200  # characters of a search
+
 
 @cache
 def openapi(telemetry_path: str) -> dict[str, Any]:
@@ -65,9 +67,13 @@ class Pages:
     workers: Workers
     telemetry_path: str
 
-    async def landing(self, _request: Request) -> Response:
-        """The fleet at a glance."""
+    async def landing(self, request: Request) -> Response:
+        """The fleet at a glance; ``?q=`` only what has this text in it."""
         snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
+        query = request.query_params.get("q", "").strip()[:MAX_QUERY]
+        if query:
+            found = await self.workers.run(landing, snapshot.fleet, self.telemetry_path, query)
+            return HTMLResponse(found)
         page = await self.workers.run_shared(SNAPSHOT_AGE, _page, snapshot, self.telemetry_path)
         return HTMLResponse(page)
 

@@ -11,18 +11,23 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ros_diagnostics_exporter.web.auth import Buckets, Logins
-from ros_diagnostics_exporter.web.pages import STYLE
+from ros_diagnostics_exporter.web.pages import SCRIPT, STYLE
 from ros_diagnostics_exporter.web.protocol import MAX_HEADER_BYTES
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
 from ros_diagnostics_exporter.web.workers import BusyError
 
 MAX_TARGET_BYTES = 8 * 1024  # path and query
-_STYLE_HASH = base64.b64encode(hashlib.sha256(STYLE.encode()).digest()).decode()
-# The landing page has one inline style sheet and nothing else: no script, image, frame or form.
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+# The pages have one inline style sheet, one script, which asks this exporter, and forms to it.
 DEFAULT_HEADERS = {
     "Content-Security-Policy": (
-        f"default-src 'none'; style-src 'sha256-{_STYLE_HASH}'; "
-        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        f"default-src 'none'; style-src {_hash(STYLE)}; script-src {_hash(SCRIPT)}; "
+        "connect-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
     ),
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "deny",

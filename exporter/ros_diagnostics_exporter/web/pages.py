@@ -41,18 +41,23 @@ MAX_LISTED = 500  # problems and components on a robot's page, and values on it
 EVENTS = 50  # of a robot that are shown
 
 
-def landing(fleet: dict[str, Any], telemetry_path: str) -> str:
-    """The page of ``fleet``, as /api/v1/fleet returns it; all texts in it are escaped."""
+def landing(fleet: dict[str, Any], telemetry_path: str, query: str = "") -> str:
+    """The page of ``fleet``, as /api/v1/fleet returns it; all texts in it are escaped.
+
+    With a ``query`` only the robots and problems that have this text in them, in any case.
+    """
     now = fleet["time"]
+    count = Counter(map(state_of, fleet["robots"]))
+    fleet = _found(fleet, query.casefold()) if query else fleet
     robots = [(state_of(robot), robot) for robot in fleet["robots"]]
     troubled = [each for each in robots if each[1]["problems"] or SEVERITIES[each[0]] > 0]
     troubled.sort(key=_worst_first)
     common, common_number = shown_problems(fleet, now, MAX_LISTED)
-    count = Counter(state for state, _ in robots)
     return _render(
         "fleet.html",
         title=f"{fleet['fleet']}: ROS diagnostics",
         now=now,
+        query=query,
         version=__version__,
         telemetry_path=telemetry_path,
         counts={each: count[each] for each in SEVERITIES if count[each] or each == "OK"},
@@ -65,6 +70,25 @@ def landing(fleet: dict[str, Any], telemetry_path: str) -> str:
             ((state, robot["robot"]) for state, robot in robots), key=lambda each: natural(each[1])
         ),
     )
+
+
+def _found(fleet: dict[str, Any], text: str) -> dict[str, Any]:
+    """The fleet with only the robots, and the problems of many, that have ``text`` in them."""
+
+    def has(of: dict[str, Any], *names: object) -> bool:
+        shown, _ = shown_problems(of, fleet["time"], MAX_LISTED)
+        words = [*names, *(f"{each.subject} {each.message}" for each in shown)]
+        return any(text in str(each).casefold() for each in words)
+
+    return {
+        **fleet,
+        "robots": [
+            robot
+            for robot in fleet["robots"]
+            if has(robot, robot["robot"], *robot["labels"].values())
+        ],
+        "problems": [each for each in fleet["problems"] if has({**fleet, "problems": [each]})],
+    }
 
 
 def robot_page(
@@ -304,8 +328,9 @@ def _environment() -> Environment:
 
 
 _ENVIRONMENT = _environment()
+SCRIPT = _ENVIRONMENT.get_template("refresh.js").render()
 STYLE = _ENVIRONMENT.get_template("style.css").render(colours=COLOURS)
 
 
 def _render(template: str, **shown: Any) -> str:
-    return _ENVIRONMENT.get_template(template).render(style=STYLE, **shown)
+    return _ENVIRONMENT.get_template(template).render(style=STYLE, script=SCRIPT, **shown)

@@ -174,18 +174,22 @@ def share_working() -> stat.Panel:
     return (
         panels.number(
             "Working robots",
-            "Which share of the robots, without PENDING ones, is OK or in WARNING?",
+            "Which share of the robots, without PENDING ones, is OK or in WARNING? Not known while "
+            "no exporter answers.",
             f"""
               (
                   sum({_COUNT}{{{_MATCHERS}, state=~"ok|warning"}})
                 or
-                  sum({_COUNT}{{{_MATCHERS}, state!="pending"}}) * 0
+                  sum({_COUNT}{{{_MATCHERS}, state!="pending"}}) * 0 and on () ({_PROOF})
+                or
+                  sum({_COUNT}{{{_MATCHERS}, state!="pending"}}) * 0 / 0
               )
             /
               sum({_COUNT}{{{_MATCHERS}, state!="pending"}})
             """,
             "percentunit",
         )
+        .mappings(palette.UNKNOWN_NUMBER)
         .decimals(0)
         .span(6)
         .height(8)

@@ -193,7 +193,7 @@ def messages() -> timeseries.Panel:
         "Messages per second",
         "How many arrays are received per second from each fleet?",
         panels.over_time(_rate_by_fleet(received), "{{fleet}}"),
-    )
+    ).min(0)
 
 
 def rejected_messages() -> timeseries.Panel:
@@ -253,7 +253,7 @@ def exporter_memory() -> timeseries.Panel:
         "How much memory do the exporters use, and does it grow?",
         panels.over_time(memory, "{{instance}}"),
         unit="bytes",
-    )
+    ).min(0)
 
 
 def series() -> timeseries.Panel:
@@ -263,6 +263,7 @@ def series() -> timeseries.Panel:
         "How near is each exporter to its limit of series? Dashed: the limit.",
         panels.over_time(_of_exporter("sum", "series"), "{{fleet}} {{instance}}"),
         panels.over_time(_of_exporter("max", "series_limit"), "limit of {{fleet}}", "B"),
+        unit="locale",  # else Grafana writes 1 Mil
     ).override_by_regexp("/^limit of /", panels.dashed(palette.CRITICAL.colour))
 
 
@@ -382,7 +383,7 @@ def samples() -> timeseries.Panel:
         "Samples stored per second",
         "How many samples does Prometheus store per second?",
         panels.over_time(f"sum by (instance) (rate({stored}))", "{{instance}}"),
-    )
+    ).min(0)
 
 
 def alerts() -> timeseries.Panel:
@@ -494,4 +495,4 @@ def server_memory() -> timeseries.Panel:
         "How much memory do Prometheus and Alertmanager use?",
         panels.over_time(expr, "{{job}} {{instance}}"),
         unit="bytes",
-    )
+    ).min(0)

@@ -77,6 +77,7 @@ def test_a_shadow_is_shown_and_no_fault_until_it_is_none():
     driver.state.configure(fleet(mode="on", learn_after=61.0), driver.now)
     driver.go_on(45, "diag")
     assert driver.faults() == [("node amcl", "critical")]
+    assert not [each for each in driver.events if each.kind == "fault_ended"]
 
 
 def test_what_is_not_received_is_no_fault_while_too_many_messages_are_lost():

@@ -145,8 +145,7 @@ def test_an_alert_is_held_while_what_it_is_about_does_not_answer(name: str, expr
     kinds = re.findall(r'ALERTS\{alertname=~"(.*?)"', held["expr"])
 
     assert expr.rstrip().endswith(
-        "or ignoring (alertname, severity)\n"
-        f'  fleet:ros_diagnostics_alert:held{{alertname="{name}"}}'
+        f'or ignoring (alertname, severity) fleet:ros_diagnostics_alert:held{{alertname="{name}"}}'
     )
     assert len([kind for kind in kinds if re.fullmatch(kind, name)]) == 1
 

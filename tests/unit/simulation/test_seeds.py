@@ -126,6 +126,15 @@ def test_nothing_ends_without_evidence_without_a_database_and_whatever_the_clock
     assert judge.notified
 
 
+@pytest.mark.parametrize("seed", [1, *MANY])
+def test_what_robots_can_do_is_as_good_as_its_parts_and_one_fault_is_one_mail(seed):
+    judge = Judge(generate(seed, robots=6, days=2, able=True))
+
+    judge.run()
+
+    assert judge.notified
+
+
 @pytest.mark.parametrize("story", STORIES.values(), ids=STORIES)
 def test_a_story_breaks_nothing(story):
     Judge(story).run()

@@ -203,6 +203,7 @@ def test_many_nodes_that_go_together_are_one_problem(site):
 def test_two_nodes_of_one_name_are_a_problem_unless_one_of_them_is_about_to_go(site):
     site.learn(*USUAL)
     site.look(25, *USUAL, "amcl")
+    assert site.problems == {}
     site.look(25, *USUAL)
     assert site.problems == {}
     site.look(35, *USUAL, "amcl")

@@ -47,6 +47,8 @@ def test_what_is_missing_is_counted_over_a_minute(sender):
     assert (sender.reading.lost, sender.reading.loss) == (0, 0.0)
     sender.wall += 120
     assert sender.reading is None
+    sender.send(36_000, period=0.1)
+    assert len(sender.link._steps) <= 7  # what is kept does not grow
 
 
 def test_the_delay_is_above_the_least_and_needs_no_common_clock(sender):

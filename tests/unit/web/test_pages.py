@@ -4,7 +4,7 @@ import base64
 import hashlib
 import json
 from html.parser import HTMLParser
-from urllib.parse import urljoin
+from urllib.parse import quote, urljoin
 
 import pytest
 from markupsafe import escape
@@ -12,7 +12,7 @@ from markupsafe import escape
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from ros_diagnostics_exporter.severity import QUIET, state_of
 from ros_diagnostics_exporter.texts import one_line
-from ros_diagnostics_exporter.web.pages import landing, missing_robot, robot_page
+from ros_diagnostics_exporter.web.pages import SCRIPT, landing, missing_robot, robot_page
 from support.web_server import ask, broken, component, downtime, fleet, problem, robot
 
 EVIL = "\"'><script>alert(1)</script><img src=x onerror=alert(1)>&amp;"
@@ -67,7 +67,8 @@ def test_all_texts_of_robots_are_escaped():
         missing_robot(given, EVIL),
     ):
         page = read(html)
-        assert not {tag for tag, _ in page.tags} & {"script", "img"}
+        assert [tag for tag, _ in page.tags if tag in {"script", "img"}] == ["script"]
+        assert html.count(SCRIPT) == 1
         assert all(not name.startswith("on") for _, attrs in page.tags for name in attrs)
         assert page.text.count(EVIL) >= 2
 
@@ -75,14 +76,15 @@ def test_all_texts_of_robots_are_escaped():
 def test_the_page_loads_nothing_and_its_policy_forbids_it(serve):
     answer = ask(serve(fleet_snapshot=lambda: fleet(robot("a"))), "/")
     page = read(answer.text)
-    assert not {tag for tag, _ in page.tags} & {"script", "img", "link", "iframe"}
+    assert not {tag for tag, _ in page.tags} & {"img", "link", "iframe"}
     assert not any("src" in attrs for _, attrs in page.tags)
     policy = answer.headers["Content-Security-Policy"]
     assert "default-src 'none'" in policy
     assert "unsafe" not in policy
-    style = answer.text.partition("<style>")[2].partition("</style>")[0]
-    allowed = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
-    assert f"style-src 'sha256-{allowed}'" in policy  # else the browser ignores it
+    for tag, directive in (("style", "style-src"), ("script", "script-src")):
+        inline = answer.text.partition(f"<{tag}>")[2].partition(f"</{tag}>")[0]
+        allowed = base64.b64encode(hashlib.sha256(inline.encode()).digest()).decode()
+        assert f"{directive} 'sha256-{allowed}'" in policy  # else the browser ignores it
 
 
 def test_all_links_of_the_page_work(serve):
@@ -158,6 +160,47 @@ def test_right_after_a_start_nobody_knows_why_a_robot_is_not_received():
     text = text_of(robot("a", problems=[starting], **SILENT))
     assert "not received since the exporter started" in text
     assert "its publisher sends nothing" not in text
+
+
+def test_a_search_finds_robots_problems_and_messages_in_any_case(serve):
+    over = broken("Motor 1")
+    given = fleet(
+        robot("Amr_1", component("Motor 1", "ERROR", message="over CURRENT"), problems=[over]),
+        robot("amr_2", labels={"site": "Attic"}),
+        robot("<3>"),
+        problems=[problem("common", "critical", component="Map", confirmed=1_010.0)],
+    )
+    server = serve(fleet_snapshot=lambda: given)
+
+    def found(text: str) -> set[str]:
+        answer = ask(server, f"/?q={quote(text)}")
+        assert answer.status == 200
+        assert "CRITICAL" in answer.text.partition("Robots with problems")[0]  # counts are of all
+        return {name for name in ("Amr_1", "amr_2", "<3>", "Map of many") if name in shown(answer)}
+
+    def shown(answer) -> str:
+        return read(
+            answer.text.partition(
+                "Of many robots" if "Of many" in answer.text else "Robots with problems"
+            )[2]
+        ).text
+
+    assert found("AMR") == {"Amr_1", "amr_2"}
+    assert found("current") == {"Amr_1"}
+    assert found("attic") == {"amr_2"}
+    assert found("<3>") == {"<3>"}
+    assert found("map of") == {"Map of many"}
+    assert found("nowhere") == set()
+    field = next(each for tag, each in read(ask(server, "/?q=%3C3%3E").text).tags if tag == "input")
+    assert field["value"] == "<3>"
+
+
+def test_a_page_has_landmarks_and_renews_itself_without_a_script_too():
+    page = read(landing(fleet(robot("a")), "/metrics"))
+    tags = [tag for tag, _ in page.tags]
+    assert [tags.count(each) for each in ("header", "main", "footer", "h1")] == [1, 1, 1, 1]
+    assert tags.index("noscript") + 1 == tags.index("meta", tags.index("noscript"))
+    assert tags.count("noscript") == 1
 
 
 def test_a_robot_that_there_is_not_is_404(serve):

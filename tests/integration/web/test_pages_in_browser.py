@@ -1,0 +1,126 @@
+"""The exporter's pages in Chromium: accessible by axe-core, and renewed without losing focus."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from e2e.dashboards.browser import CHROMIUM_OPTIONS, chromium
+from support.web_server import (
+    ask,
+    broken,
+    component,
+    downtime,
+    fleet,
+    plain,
+    problem,
+    robot,
+    seldom,
+    serve,
+    tls_config,
+)
+
+__all__ = ["plain", "seldom", "serve", "tls_config"]  # fixtures
+sync_api = pytest.importorskip("playwright.sync_api", reason="no Python package playwright")
+axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="no axe-core")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(chromium() is None, reason="no Chromium"),
+]
+
+FAULT = "0123456789ab"
+WCAG_AA = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]}
+LEVELS = ("OK", "WARN", "ERROR", "STALE")
+ROBOTS = [
+    robot(
+        "broken",
+        *(component(f"Motor {level}", level) for level in LEVELS),
+        problems=[
+            broken("Motor ERROR", fault=FAULT, capsule=f"/api/v1/faults/{FAULT}/capsule.mcap"),
+            broken("Motor WARN", "warning", confirmed=None),
+            broken("Motor STALE", "stale", quiet="maintenance"),
+        ],
+        maintenance=True,
+        downtimes=[downtime()],
+    ),
+    robot("silent", up=False, silent_reason="mute", problems=[problem("robot", "silent")]),
+    robot("declared", up=False, silent_reason="never_seen"),
+    robot("fine", component("Motor", "OK")),
+]
+COMMON = problem("common", "critical", component="Map", confirmed=1_010.0, fault="ba9876543210")
+PAGES = ["/", "/?q=nowhere", "/robots/broken", "/robots/nobody", f"/faults/{FAULT}", "/faults/x"]
+
+
+@pytest.fixture(scope="module")
+def window() -> Iterator[Any]:
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=CHROMIUM_OPTIONS)
+        yield browser
+        browser.close()
+
+
+@pytest.mark.parametrize("width", [390, 1920])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_page_is_accessible_and_fits_the_screen(serve, window, scheme, width):
+    server = serve(fleet_snapshot=lambda: fleet(*ROBOTS, problems=[COMMON]))
+    # The policy forbids scripts of others, axe-core too: that it works is seen below.
+    context = window.new_context(
+        bypass_csp=True, color_scheme=scheme, viewport={"width": width, "height": 900}
+    )
+    page = context.new_page()
+    found = {}
+    for path in PAGES:
+        page.goto(f"http://{server.addresses[0]}{path}")
+        result = axe.Axe().run(page, options=WCAG_AA).response
+        assert len(result["passes"]) > 10
+        found[path] = [(each["id"], each["nodes"][0]["html"]) for each in result["violations"]]
+        assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), path
+    context.close()
+    assert found == {path: [] for path in PAGES}
+
+
+def test_a_page_is_renewed_under_its_policy_and_focus_and_words_stay(serve, window):
+    robots = [robot("a"), robot("b")]
+    server = serve(fleet_snapshot=lambda: fleet(*robots))
+    page = window.new_page()
+    errors: list[str] = []
+    page.on("console", lambda message: errors.append(message.text))
+    page.clock.install()
+    page.goto(f"http://{server.addresses[0]}/")
+    page.get_by_role("link", name="b", exact=True).focus()
+    page.get_by_label("Search").evaluate("field => field.value = 'half a wo'")
+
+    robots.append(robot("c", component("Motor", "ERROR"), problems=[broken("Motor")]))
+    renewed = page.get_by_role("heading", name="Robots with problems: 1")
+    for _ in range(30):  # what is shared by requests is a second old at most
+        page.clock.run_for(10_000)
+        if renewed.count():
+            break
+        page.wait_for_timeout(100)
+    assert renewed.count() == 1
+    assert page.evaluate("document.activeElement.textContent") == "b"
+    assert page.get_by_label("Search").input_value() == "half a wo"
+    assert errors == []
+    assert page.get_by_role("status").count() == 0
+
+    server.stop()
+    page.clock.run_for(10_000)
+    late = page.get_by_role("status")
+    late.wait_for()
+    assert "The exporter does not answer: this is as of" in late.inner_text()
+
+
+def test_the_search_works_without_a_script(serve, window):
+    server = serve(fleet_snapshot=lambda: fleet(robot("amr_1"), robot("agv_2")))
+    context = window.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(f"http://{server.addresses[0]}/")
+    page.get_by_label("Search").fill("AGV")
+    page.get_by_role("button", name="Find").click()
+    assert page.get_by_role("main").inner_text().count("agv_2") == 1
+    assert "amr_1" not in page.get_by_role("main").inner_text()
+    assert json.loads(ask(server, "/api/v1/fleet").body)["robots"][0]["robot"] == "amr_1"
+    context.close()
