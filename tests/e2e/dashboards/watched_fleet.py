@@ -117,6 +117,10 @@ def _acknowledge(site: prometheus_site.Site, hall: ServedFleet) -> None:
     until(
         lambda: (
             site.query("count(ros_diagnostics_fault_acknowledged_timestamp_seconds) == 2")
+            and site.query(
+                'ros_diagnostics_exporter_series{family="ros_diagnostics_fault_acknowledged_'
+                'timestamp_seconds"} == 2'
+            )
             and site.query('sum(alertmanager_silences{state="active"}) == 2')
             and site.query("ros_diagnostics_exporter_alertmanager_up == 1")
         ),
