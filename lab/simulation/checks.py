@@ -214,8 +214,9 @@ class Judge:
             self._fail("a fault was removed by nobody", event)
 
     def _is_removed(self, event: Event) -> bool:
-        """Whether its robot or component was taken out in this tick."""
-        return bool(self.world.removed & {(event.robot, ""), (event.robot, event.component)})
+        """Whether its robot, its component or a part of it was taken out in this tick."""
+        removed = {part for robot, part in self.world.removed if robot == event.robot}
+        return bool(removed if event.scope == "capability" else removed & {"", event.component})
 
     def _part_recovered(self, event: Event) -> None:
         known, part = self._known(event)
