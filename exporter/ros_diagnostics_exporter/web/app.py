@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 from starlette.applications import Starlette
+from starlette.convertors import PathConvertor, register_url_convertor
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
@@ -57,6 +58,15 @@ def openapi(telemetry_path: str) -> dict[str, Any]:
         paths.pop("/")  # there is no landing page then
     paths[telemetry_path] = metrics
     return description
+
+
+class _AnyText(PathConvertor):
+    """Line breaks too, so that the answer is the page that says there is no such robot."""
+
+    regex = "(?s:.*)"
+
+
+register_url_convertor("text", _AnyText())
 
 
 @dataclass(frozen=True)
@@ -175,7 +185,7 @@ def build(
     routes = [
         Route(telemetry_path, scrape, methods=["GET"]),
         Route("/", pages.landing),
-        Route("/robots/{robot:path}", pages.robot),
+        Route("/robots/{robot:text}", pages.robot),
         Route("/faults/{fault}", pages.fault),
         Route("/-/healthy", pages.healthy),
         Route("/-/ready", pages.ready),

@@ -209,6 +209,13 @@ def test_a_robot_that_there_is_not_is_404(serve):
     assert "There is no robot b&lt;b&gt;" in answer.text
 
 
+def test_a_name_with_a_line_break_is_no_robot_like_any_other(serve):
+    answer = ask(serve(fleet_snapshot=lambda: fleet(robot("a"))), "/robots/a%0Ab")
+
+    assert answer.status == 404
+    assert "text/html" in answer.headers["content-type"]
+
+
 def test_a_silent_robot_is_unknown_and_one_never_seen_is_pending():
     ok, stale = component("x", "OK"), component("x", "STALE")
     warn, error = component("y", "WARN"), component("z", "ERROR")
