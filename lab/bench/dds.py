@@ -237,15 +237,21 @@ def scraping(address: str) -> Iterator[None]:
             each.join()
 
 
-def main() -> None:
-    """Print a line for each case."""
+def parser_for(bench: str, description: str | None) -> argparse.ArgumentParser:
+    """The options of a fleet; those of a bench are added to them."""
     parser = argparse.ArgumentParser(
-        "./run bench dds",
-        description=__doc__,
+        f"./run bench {bench}",
+        description=description,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--robots", type=int, default=1000)
     parser.add_argument("--processes", type=int, default=4, help="that the robots are spread over")
+    return parser
+
+
+def main() -> None:
+    """Print a line for each case."""
+    parser = parser_for("dds", __doc__)
     parser.add_argument(
         "--seconds", type=float, default=60.0, help=f"of each case; {YARDSTICK:g} at most of taking"
     )

@@ -7,22 +7,14 @@ the exporter takes for a message, user and system time of all its threads.
 
 from __future__ import annotations
 
-import argparse
-
-from bench.dds import CHANGING, Cost, exporting
+from bench.dds import CHANGING, Cost, exporting, parser_for
 
 CASES = ("nothing changes", "every value changes")
 
 
 def main() -> None:
     """Print two lines for each case."""
-    parser = argparse.ArgumentParser(
-        "./run bench zenoh",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--robots", type=int, default=1000)
-    parser.add_argument("--processes", type=int, default=4, help="that the robots are spread over")
+    parser = parser_for("zenoh", __doc__)
     parser.add_argument("--seconds", type=float, default=60.0, help="of each measurement")
     options = parser.parse_args()
     processes = f"in {options.processes} processes"

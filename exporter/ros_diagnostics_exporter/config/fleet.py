@@ -451,7 +451,10 @@ class Profile(Entry):
     ] = described(
         "What the robot can do, and what it needs for it: a fault says what is lost, and what "
         "still works ([capabilities](capabilities.md)).",
-        example={"driving": ["Motor", "front view"], "front view": {"any": ["Laser", "Camera"]}},
+        example={
+            "driving": ["Motor", {"capability": "front view"}],
+            "front view": {"any": ["Laser", "Camera"]},
+        },
         default_factory=_nothing,
     )
     graph: Graph = described(

@@ -10,6 +10,7 @@ import re
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 from math import inf, nextafter
 from typing import Literal
 
@@ -416,10 +417,9 @@ class RobotReports:
     def _apply_conditions(self, now: Instant) -> None:
         """Have what depends on what changed reported, where its conditions say something else."""
         components = self.robot.components
-        changed = {**components.level_changes, **components.value_changes}
-        for component, differs in self._conditions.update(
-            changed, everything=self._everything
-        ).items():
+        changed = chain(components.level_changes, components.value_changes)
+        found = self._conditions.update(changed, everything=self._everything)
+        for component, differs in found.items():
             name = self._names.get(component)
             quiet = None if name is None else self._quiet(component)
             is_known = self.robot.up and quiet is not None and quiet.known
@@ -432,7 +432,7 @@ class RobotReports:
 
     def _report_capabilities(self, faults: Faults, now: Instant) -> list[Change]:
         components = self.robot.components
-        changed = {**components.level_changes, **components.value_changes}
+        changed = chain(components.level_changes, components.value_changes)
         wanted = self._capabilities.update(changed, self._names)
         if wanted is None:
             return []

@@ -35,6 +35,7 @@ from ros_diagnostics_exporter.web.pages import (
     EVENTS,
     fault_page,
     landing,
+    missing_fault,
     missing_robot,
     robot_page,
 )
@@ -99,8 +100,11 @@ class Pages:
     async def fault(self, request: Request) -> Response:
         """One fault that lasts; 404 for any other id."""
         snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
-        page = await self.workers.run(fault_page, snapshot.fleet, request.path_params["fault"])
-        return HTMLResponse(page.html, status_code=page.status)
+        fault = request.path_params["fault"]
+        page = await self.workers.run(fault_page, snapshot.fleet, fault)
+        if page is None:
+            return HTMLResponse(missing_fault(snapshot.fleet, fault), status_code=404)
+        return HTMLResponse(page)
 
     async def healthy(self, _request: Request) -> Response:
         """200 as long as the exporter works; 503 with what hangs where only a restart may help."""

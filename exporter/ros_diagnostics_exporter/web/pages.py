@@ -132,15 +132,8 @@ def missing_robot(fleet: dict[str, Any], name: str) -> str:
     return _render("missing.html", title=f"{fleet['fleet']}: no such robot", name=name)
 
 
-class Page(NamedTuple):
-    """A page and its HTTP status."""
-
-    html: str
-    status: int = 200
-
-
-def fault_page(fleet: dict[str, Any], fault: str) -> Page:
-    """The page of the fault with that id; all texts in it are escaped."""
+def fault_page(fleet: dict[str, Any], fault: str) -> str | None:
+    """The page of the fault with that id, None if it does not last; all texts are escaped."""
     now = fleet["time"]
     for of in (fleet, *fleet["robots"]):
         its = [each for each in of["problems"] if each["fault"] == fault]
@@ -148,20 +141,21 @@ def fault_page(fleet: dict[str, Any], fault: str) -> Page:
             continue
         (found,) = shown_as_they_are(its, of, now)
         robot = of.get("robot", "")
-        title = f"{robot or fleet['fleet']}: {found.subject}"
-        return Page(
-            _render(
-                "fault.html",
-                title=title,
-                now=now,
-                fleet=fleet["fleet"],
-                robot=robot,
-                fault=found,
-                marks=_marks(of, now) if robot else [],
-            )
+        return _render(
+            "fault.html",
+            title=f"{robot or fleet['fleet']}: {found.subject}",
+            now=now,
+            fleet=fleet["fleet"],
+            robot=robot,
+            fault=found,
+            marks=_marks(of, now) if robot else [],
         )
-    title = f"{fleet['fleet']}: no such fault"
-    return Page(_render("missing_fault.html", title=title, name=fault), 404)
+    return None
+
+
+def missing_fault(fleet: dict[str, Any], fault: str) -> str:
+    """The page for an id of which no fault lasts."""
+    return _render("missing_fault.html", title=f"{fleet['fleet']}: no such fault", name=fault)
 
 
 class _Troubled(NamedTuple):

@@ -125,9 +125,9 @@ def test_a_node_that_the_config_expects_need_not_be_learned(site):
 def test_of_a_robot_of_which_no_node_is_there_nothing_is_said(site):
     site.learn(*USUAL)
     site.look(1, *without("amcl"))
-    told = len(site.reports)
+    before = len(site.reports)
     site.look(3600)
-    assert len(site.reports) == told
+    assert len(site.reports) == before
     site.look(50, *without("amcl"))
     assert site.problems == {}  # others start, too
     site.look(15, *without("amcl"))
