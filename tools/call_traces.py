@@ -166,7 +166,32 @@ def _message(level: int) -> bytes:
     rows = [_status("/Drives", level)]
     rows += [_status(name, OK) for name in COMPONENTS[:-1]]
     rows.append(_status(COMPONENTS[-1], level))
-    return bytes(serialize_message(DiagnosticArray(status=rows)))
+    return _with_zeros(bytearray(serialize_message(DiagnosticArray(status=rows))))
+
+
+def _with_zeros(message: bytearray) -> bytes:
+    """The array with zeros for padding: ROS leaves there what was in memory, other each time."""
+    at = 4 + 8  # after the encapsulation and the stamp
+
+    def number() -> int:
+        nonlocal at
+        padding = -at % 4
+        message[at : at + padding] = bytes(padding)
+        at += padding + 4
+        return int.from_bytes(message[at - 4 : at], "little")
+
+    def skip_texts(count: int) -> None:
+        nonlocal at
+        for _ in range(count):
+            length = number()
+            at += length
+
+    skip_texts(1)
+    for _ in range(number()):
+        at += 1  # the level
+        skip_texts(3)
+        skip_texts(2 * number())
+    return bytes(message)
 
 
 def _status(name: str, level: int) -> DiagnosticStatus:

@@ -9,9 +9,9 @@ import call_traces
 # Calls and files at most: as it is today. Lower them with the code; raise them with a reason only.
 LIMITS = {
     "unchanged": (29, 11),
-    "breaking": (163, 26),
-    "scrape": (339, 33),
-    "restart": (646, 64),
+    "breaking": (155, 26),
+    "scrape": (333, 33),
+    "restart": (644, 64),
 }
 
 
