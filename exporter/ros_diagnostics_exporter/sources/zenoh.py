@@ -70,7 +70,7 @@ class ZenohNetwork(Reception):
     def join(self) -> None:
         check_zenoh()
         # RUST_LOG=warn: why a router cannot be connected
-        zenoh.try_init_log_from_env()  # type: ignore[no-untyped-call]
+        zenoh.try_init_log_from_env()
         self._session = zenoh.open(_config(self.settings))
         self.error, self.look_at = "", 0.0
         for key in TOKENS:
