@@ -238,8 +238,16 @@ sum by ({_ALERT}) (
     max without (alertstate) (max_over_time({_FIRING}[$__range]))
 )
 """
-_LAST_FIRED = f"""
-max by ({_ALERT}) (max_over_time(timestamp({_FIRING})[$__range:1m])) * 1000
+_LAST_BEGAN = f"""
+max by ({_ALERT}) (
+    max without (alertstate) (max_over_time({_FIRING}[$__range])) * 0
+  + on (fault) group_left ()
+    max by (fault) (max_over_time({HELD}{{fault!=""}}[$__range]))
+  or
+    max_over_time(ALERTS_FOR_STATE{{fault="", {_ALERTS}}}[$__range])
+  and
+    max without (alertstate) (max_over_time({_FIRING}[$__range]))
+) * 1000
 """
 
 
@@ -247,14 +255,15 @@ def fired() -> table.Panel:
     """List the alerts that fired in the time range, most often first."""
     return tables.joined(
         "Fired in the time range",
-        "Which alerts fired, how often, and when last? Most often first.",
-        {"A": _TIMES_FIRED, "B": _LAST_FIRED},
+        "Which alerts fired, how often, and when did what they are about begin last? Most often "
+        "first.",
+        {"A": _TIMES_FIRED, "B": _LAST_BEGAN},
         [
             Column("A", "Times", width=70),
             SEVERITY,
             Column("alertname", "Alert", width=330),
             *COMPONENT,
-            Column("B", "Last", unit=tables.TIME, width=160),
+            Column("B", "Last began", unit=tables.TIME, width=160),
             tables.FLEET,
         ],
         empty=tables.Empty("No alert fired", _EVALUATED, "alertname"),
@@ -343,7 +352,7 @@ def flapping() -> table.Panel:
             Column("C", "Changes", width=100),
             tables.FLEET,
         ],
-        empty=tables.Empty("No component is flapping", reached(settled(_FLEET)), "component"),
+        empty=tables.Empty("No component is flapping", reached(settled(_FLEET)), "fleet"),
         sort=("Flap ratio",),
     ).height(8)
 
