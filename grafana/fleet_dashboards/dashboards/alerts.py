@@ -284,12 +284,16 @@ def notifications_over_time() -> timeseries.Panel:
     """Show the notifications over time, and those that failed."""
     sent = f"{_notifications('', '$__rate_interval')} > 0"
     failed = f"{_notifications('_failed', '$__rate_interval')} > 0"
-    return panels.graph(
-        "Notifications over time",
-        "How many notifications were sent by each integration, and how many failed?",
-        panels.over_time(sent, "{{integration}}: attempts"),
-        panels.over_time(failed, "{{integration}}: failed", "B"),
-    ).override_by_regexp("/: failed$/", panels.dashed(palette.CRITICAL.colour))
+    return (
+        panels.graph(
+            "Notifications over time",
+            "How many notifications were sent by each integration, and how many failed?",
+            panels.over_time(sent, "{{integration}}: attempts"),
+            panels.over_time(failed, "{{integration}}: failed", "B"),
+        )
+        .override_by_regexp("/: failed$/", panels.dashed(palette.CRITICAL.colour))
+        .min(0)
+    )
 
 
 def notifications() -> stat.Panel:
@@ -351,8 +355,9 @@ def flapping() -> table.Panel:
             Column("B", "Flapping since", unit=tables.TIME, width=160),
             Column("C", "Changes", width=100),
             tables.FLEET,
+            Column("note", "Note", min_width=300),
         ],
-        empty=tables.Empty("No component is flapping", reached(settled(_FLEET)), "fleet"),
+        empty=tables.Empty("No component is flapping", reached(settled(_FLEET)), "note"),
         sort=("Flap ratio",),
     ).height(8)
 

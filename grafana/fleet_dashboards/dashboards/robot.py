@@ -467,6 +467,7 @@ def messages_lost() -> timeseries.Panel:
         )
         .no_value("No data of sequence numbers")
         .min(0)
+        .axis_soft_max(0.05)
     )
 
 
