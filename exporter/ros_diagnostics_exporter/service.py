@@ -17,6 +17,7 @@ from typing import Any
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.api import ledger, snapshot
+from ros_diagnostics_exporter.api.capabilities import capability_tree
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
@@ -386,6 +387,10 @@ class Service:
             f"recorded around its begin: {each['capsule']}" for each in problems if each["capsule"]
         ]
         return {**found, "now": sentences + (self._explain(robot, component) if ask else [])}
+
+    def capabilities(self, robot: str) -> dict[str, Any]:
+        """What a robot can do as /api/v1/capabilities returns it; LookupError if there is none."""
+        return capability_tree(self.state, robot, read_clocks())
 
     def _explain(self, robot: str, component: str | None) -> list[str]:
         """What Alertmanager says of a robot's alerts, or why it says nothing."""

@@ -65,6 +65,13 @@ _OF_CAPABILITY = {
     "degraded": "is degraded",
     "lost": "is lost",
 }
+OF_ABILITY = {  # of a capability, as the API has it -> state with the same colour, words
+    "ok": ("OK", ""),
+    "no_reserve": ("WARNING", "no reserve"),
+    "degraded": ("WARNING", "degraded"),
+    "lost": ("CRITICAL", "lost"),
+    "unknown": ("UNKNOWN", "not known"),
+}
 _AFTER = {
     "received": "is received",
     "silent": "is silent",
@@ -243,6 +250,13 @@ def component_path(component: dict[str, Any]) -> str:
     if name.startswith(f"{group}: "):
         return str(name)
     return f"{group.rstrip('/')}/{name.lstrip('/')}" if group else str(name)
+
+
+def part_path(part: dict[str, Any]) -> str:
+    """A part of a capability: a component, with the key of a value, or a check."""
+    if part["check"]:
+        return f"check {part['check']}"
+    return f"{component_path(part)}{part['key'] and ': '}{part['key']}"
 
 
 def standing(

@@ -139,6 +139,10 @@ def no_ledger(
     }
 
 
+def no_capabilities(robot: str) -> dict[str, Any]:
+    return {"fleet": "hall", "robot": robot, "time": 1_060.0, "capabilities": []}
+
+
 def no_targets(job: str, _port: int | None) -> list[dict[str, Any]]:
     raise LookupError(job)
 
@@ -158,6 +162,7 @@ class FakeBackend:
     capsule: Callable[[str], bytes] = no_capsule
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
     why: Callable[..., dict[str, Any]] = no_ledger
+    capabilities: Callable[[str], dict[str, Any]] = no_capabilities
     notified: Callable[[bytes], tuple[int, int]] = lambda _body: (1, 0)
     targets: Callable[[str, int | None], list[dict[str, Any]]] = no_targets
     hanging_reason: Callable[[], str | None] = lambda: None

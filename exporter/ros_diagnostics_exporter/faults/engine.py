@@ -41,7 +41,7 @@ from ros_diagnostics_exporter.faults.model import (
     Verdict,
     at_mono,
 )
-from ros_diagnostics_exporter.faults.needs import WantedCapability
+from ros_diagnostics_exporter.faults.needs import NeedView, WantedCapability
 from ros_diagnostics_exporter.faults.quiet import why_not_begin, why_not_end
 from ros_diagnostics_exporter.faults.records import (
     CapabilityRecord,
@@ -376,6 +376,10 @@ class Faults:
             )
             for name, each in self._robot(robot).capabilities.items()
         }
+
+    def needs(self, robot: str) -> dict[str, NeedView]:
+        """What a robot can do, each after those that it needs, with how good all its parts are."""
+        return capabilities.views(self._book, self._robot(robot))
 
     def identities(self, robot: str) -> Iterator[Identity]:
         """Which problems a robot and its parts have."""

@@ -35,6 +35,7 @@ from ros_diagnostics_exporter.faults.model import (
     Verdict,
     as_texts,
 )
+from ros_diagnostics_exporter.faults.needs import NeedView
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities, work
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
@@ -277,6 +278,14 @@ class FaultReports:
     def abilities(self, robot: Robot) -> dict[str, AbilityView]:
         """What a robot can do, each after those that it needs."""
         return self._faults.abilities(robot.settings.name)
+
+    def needs(self, robot: str) -> dict[str, NeedView]:
+        """What a robot can do, with its expressions and how good all parts are.
+
+        Raises:
+            LookupError: there is no such robot.
+        """
+        return self._faults.needs(robot)
 
     def followed(self, robot: Robot) -> dict[ComponentName, Followed]:
         """What is kept of a robot's components that are or were in trouble."""

@@ -48,6 +48,13 @@ class Backend(Protocol):
             LookupError: There is no such robot.
         """
 
+    def capabilities(self, robot: str, /) -> dict[str, Any]:
+        """What a robot can do as /api/v1/capabilities returns it.
+
+        Raises:
+            LookupError: There is no such robot.
+        """
+
     def notified(self, body: bytes, /) -> tuple[int, int]:
         """Record the notifications of a message of Alertmanager's webhook: how many, how many not.
 
