@@ -98,12 +98,13 @@ class Pages:
         return HTMLResponse(page)
 
     async def fault(self, request: Request) -> Response:
-        """One fault that lasts; 404 for any other id."""
+        """One fault that lasts or has ended; 404 for an id of which nothing is known."""
         snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
         fault = request.path_params["fault"]
-        page = await self.workers.run(fault_page, snapshot.fleet, fault)
+        history = await self.workers.run(self.backend.fault_history, fault)
+        page = await self.workers.run(fault_page, snapshot.fleet, fault, history)
         if page is None:
-            return HTMLResponse(missing_fault(snapshot.fleet, fault), status_code=404)
+            return HTMLResponse(missing_fault(snapshot.fleet, fault, history), status_code=404)
         return HTMLResponse(page)
 
     async def healthy(self, _request: Request) -> Response:
@@ -198,6 +199,7 @@ def build(
         Route("/-/watch/accept", api.accept_graph, methods=write_methods),
         Route("/api/v1/fleet", api.fleet),
         Route("/api/v1/faults", api.faults),
+        Route("/api/v1/faults/{fault}", api.fault),
         Route("/api/v1/faults/{fault}/capsule.mcap", api.capsule),
         Route("/api/v1/events", api.events),
         Route("/api/v1/why", api.why),

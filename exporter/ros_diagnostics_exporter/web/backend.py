@@ -27,6 +27,9 @@ class Backend(Protocol):
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""
 
+    def fault_history(self, fault: str, /) -> dict[str, Any]:
+        """Each time that a fault lasted as /api/v1/faults/ID returns it."""
+
     def capsule(self, fault: str, /) -> bytes:
         """The newest recording around the begin of a fault, as MCAP.
 
