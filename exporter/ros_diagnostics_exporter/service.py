@@ -18,6 +18,7 @@ from typing import Any
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.api import ledger, snapshot
 from ros_diagnostics_exporter.api.occurrences import labels_of, occurrences
+from ros_diagnostics_exporter.api.story import WEEK, story
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
@@ -413,6 +414,30 @@ class Service:
             f"recorded around its begin: {each['capsule']}" for each in problems if each["capsule"]
         ]
         return {**found, "now": sentences + (self._explain(robot, component) if ask else [])}
+
+    def story(self, robot: str) -> dict[str, Any]:
+        """What failed in a week as /api/v1/robots/ROBOT/story returns it; LookupError if none."""
+        self._record_events()
+        now = read_clocks()
+        known = snapshot.robot_snapshot(self.state, robot, now, self._care())
+
+        def find(**wanted: Any) -> list[dict[str, Any]]:
+            return [*self.events.find(Wanted(robot=robot, limit=self.SEARCHED, **wanted))]
+
+        begin = self._events_since()
+        since = max(now.wall - WEEK, now.wall if begin is None else begin)
+        recent = find(since=since)
+        if len(recent) == self.SEARCHED:  # there may be more
+            since = recent[-1]["time"]
+        of_faults = find(kind="fault_began") + find(kind="fault_ended")
+        events = {each["id"]: each for each in recent + of_faults}.values()
+        return {
+            "fleet": self.state.fleet.name,
+            "robot": robot,
+            "time": now.wall,
+            "since": since,
+            "sentences": story(events, known, now.wall, since),
+        }
 
     def _explain(self, robot: str, component: str | None) -> list[str]:
         """What Alertmanager says of a robot's alerts, or why it says nothing."""

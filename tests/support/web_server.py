@@ -145,6 +145,11 @@ def occurrence(scope: str, state: str, **changed: Any) -> dict[str, Any]:
     }
 
 
+def no_story(robot: str) -> dict[str, Any]:
+    of = {"fleet": "hall", "robot": robot, "time": 1_060.0, "since": 10.0}
+    return {**of, "sentences": [{"about": "", "text": "No fault in the last 7 days."}]}
+
+
 def no_capsule(fault: str) -> bytes:
     raise LookupError(f"no capsule of fault {fault!r}")
 
@@ -181,6 +186,7 @@ class FakeBackend:
     faults: Callable[[], dict[str, Any]] = no_faults
     fault_history: Callable[[str], dict[str, Any]] = no_history
     capsule: Callable[[str], bytes] = no_capsule
+    story: Callable[[str], dict[str, Any]] = no_story
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
     why: Callable[..., dict[str, Any]] = no_ledger
     notified: Callable[[bytes], tuple[int, int]] = lambda _body: (1, 0)

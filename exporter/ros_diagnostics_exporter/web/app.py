@@ -135,9 +135,10 @@ def _robot_page(backend: Backend, snapshot: Snapshot, name: str) -> str | None:
     events = backend.find_events(Wanted(robot=name, limit=EVENTS))
     try:
         ledger = backend.why(name, None, None, ask=False)["entries"]
+        sentences = backend.story(name)["sentences"]
     except LookupError:
-        ledger = []  # there is no such robot, or it was removed just now
-    return robot_page(snapshot.fleet, name, events, ledger)
+        ledger = sentences = []  # there is no such robot, or it was removed just now
+    return robot_page(snapshot.fleet, name, events, ledger, sentences)
 
 
 @dataclass(frozen=True)
@@ -201,6 +202,7 @@ def build(
         Route("/api/v1/faults", api.faults),
         Route("/api/v1/faults/{fault}", api.fault),
         Route("/api/v1/faults/{fault}/capsule.mcap", api.capsule),
+        Route("/api/v1/robots/{robot:text}/story", api.story),
         Route("/api/v1/events", api.events),
         Route("/api/v1/why", api.why),
         Route("/api/v1/notifications", api.notifications, methods=["POST"]),

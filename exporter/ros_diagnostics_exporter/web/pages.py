@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from itertools import islice
+from itertools import groupby, islice
+from operator import itemgetter
 from typing import Any, NamedTuple
 from urllib.parse import quote
 
@@ -100,10 +101,11 @@ def robot_page(
     name: str,
     events: Iterable[dict[str, Any]],
     ledger: Iterable[dict[str, Any]] = (),
+    sentences: Iterable[dict[str, str]] = (),
 ) -> str | None:
     """The page of one robot with its ``events``, the newest first; None if there is no such robot.
 
-    ``ledger`` are the ``entries`` of /api/v1/why.
+    ``ledger`` are the ``entries`` of /api/v1/why, ``sentences`` those of its story.
 
     All texts in it are escaped.
     """
@@ -125,6 +127,10 @@ def robot_page(
         problems=problems,
         problem_number=problem_number,
         ledger=list(ledger)[-EVENTS:],
+        paragraphs=[
+            [each["text"] for each in of_one]
+            for _about, of_one in groupby(sentences, key=itemgetter("about"))
+        ],
         components=_components(robot, problems),
         component_number=len(robot["components"]),
         events=list(islice(events, EVENTS)),

@@ -544,3 +544,18 @@ def test_a_query_without_an_answer_is_shown_with_the_words_of_prometheus():
     assert "Host/load" not in page
     assert EVIL not in page
     assert "Queries without" not in landing(fleet(robot("r")), "/metrics")
+
+
+def test_a_robots_page_has_its_story_each_part_in_one_paragraph(serve):
+    told = [
+        {"about": "a", "text": f"Motor was faulty once {EVIL}."},
+        {"about": "a", "text": "ann has it."},
+        {"about": "b", "text": "Lidar was faulty 2 times."},
+    ]
+    server = serve(
+        fleet_snapshot=lambda: fleet(robot("a")), story=lambda _robot: {"sentences": told}
+    )
+    shown = read(ask(server, "/robots/a").text)
+    assert f"Motor was faulty once {EVIL}. ann has it. " in shown.text
+    assert [tag for tag, _ in shown.tags if tag in {"script", "img"}] == ["script"]
+    assert "Lidar was faulty 2 times." in shown.text
