@@ -39,8 +39,9 @@ class Event:
     Of a fault, ``scope``, ``state``, ``site``, ``robot``, ``group``, ``component``, ``check``,
     ``key``, ``bound`` and ``severity`` are its labels in
     `ros_diagnostics_fault_start_timestamp_seconds`, and ``since`` is that sample's value: all
-    events of a fault have the same ones. ``message`` is its evidence. ``reason`` says how it
-    ended: ``recovered`` (a fresh lower level) or ``removed`` (by a person or the config).
+    events of a fault have the same ones. ``message`` is its evidence, or what was received when it
+    ended. ``reason`` says how it ended: ``recovered`` (a fresh lower level) or ``removed`` (by a
+    person or the config).
 
     ``receiver`` is Alertmanager's, ``step`` that of an escalation (0 is the daily reminder).
     ``author`` acknowledged it, with the words in ``message``.
@@ -138,6 +139,11 @@ class EventLog:
             newest = list(islice(reversed(self._events), count))
             last = self._last
         return [(last - back, event) for back, event in enumerate(newest)][::-1]
+
+    def oldest(self) -> float | None:
+        """When the first event in memory was, Unix time; None if there is none."""
+        with self._lock:
+            return self._events[0].time if self._events else None
 
     def find(self, wanted: Wanted) -> Iterator[dict[str, Any]]:
         """The events asked for as JSON objects, newest first, fields that do not apply left out.

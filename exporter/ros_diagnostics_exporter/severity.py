@@ -447,6 +447,11 @@ def _done(event: dict[str, Any]) -> str:
     """What was done about a fault."""
     if event["kind"] == "acknowledged":
         return f"acknowledged by {event.get('author', '?')}"
+    return notified_text(event)
+
+
+def notified_text(event: dict[str, Any]) -> str:
+    """What was sent to which receiver, as "escalation sent to on-call"."""
     receiver, step = event.get("receiver", "?"), event.get("step", "")
     if event.get("after") == "resolved":
         return f"recovery sent to {receiver}"

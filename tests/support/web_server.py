@@ -121,6 +121,35 @@ def no_faults() -> dict[str, Any]:
     return {"fleet": "hall", "time": 1_060.0, "faults": []}
 
 
+def no_history(fault: str) -> dict[str, Any]:
+    return {"fault": fault, "time": 1_060.0, "events_since": None, "occurrences": []}
+
+
+def occurrence(scope: str, state: str, **changed: Any) -> dict[str, Any]:
+    """A fault as /api/v1/faults/ID shows it: of 1,000 to 1,030, recovered."""
+    severe = state in {"critical", "silent"}
+    return {
+        "scope": scope,
+        "state": state,
+        "severity": "critical" if severe else "warning",
+        **dict.fromkeys(("site", "robot", "group", "component", "check", "key", "bound"), ""),
+        "since": 1_000.0,
+        "confirmed": 1_010.0,
+        "until": 1_030.0,
+        "reason": "recovered",
+        "evidence": "",
+        "end": "",
+        "acknowledged": [],
+        "notified": [],
+        **changed,
+    }
+
+
+def no_story(robot: str) -> dict[str, Any]:
+    of = {"fleet": "hall", "robot": robot, "time": 1_060.0, "since": 10.0}
+    return {**of, "sentences": [{"about": "", "text": "No fault in the last 7 days."}]}
+
+
 def no_capsule(fault: str) -> bytes:
     raise LookupError(f"no capsule of fault {fault!r}")
 
@@ -159,7 +188,9 @@ class FakeBackend:
     count_scrape: Callable[[], None] = lambda: None
     fleet_snapshot: Callable[[], dict[str, Any]] = fleet
     faults: Callable[[], dict[str, Any]] = no_faults
+    fault_history: Callable[[str], dict[str, Any]] = no_history
     capsule: Callable[[str], bytes] = no_capsule
+    story: Callable[[str], dict[str, Any]] = no_story
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
     why: Callable[..., dict[str, Any]] = no_ledger
     capabilities: Callable[[str], dict[str, Any]] = no_capabilities

@@ -179,14 +179,15 @@ class FaultReports:
     def _record(self, changes: Iterable[Change]) -> None:
         """Write the evidence of the faults that began, and append all changes to the events."""
         for what, fault, at in changes:
-            described = fault
+            described, end = fault, ""
             if what == "began":
                 identity = fault.identity
                 text = fault.evidence or self._evidence(identity)
                 described = self._faults.describe(fault, text, fault.work or self._work(identity))
             elif what == "recovered":
-                self._faults.describe_end(fault, last_received(fault.identity, self._find))
-            self._events.append(_event(what, described, at))
+                end = last_received(fault.identity, self._find)
+                self._faults.describe_end(fault, end)
+            self._events.append(_event(what, described, at, end))
         for name in self._faults.take_followed():
             if name in self._robots:
                 self._robots[name].robot.versions.levels += 1
@@ -720,12 +721,12 @@ def _is_part(reports: RobotReports, identity: Identity) -> bool:
     return reports.has_error(identity.component)
 
 
-def _event(what: str, fault: Fault, at: float) -> Event:
+def _event(what: str, fault: Fault, at: float, end: str) -> Event:
     return Event(
         time=at,
         kind="fault_began" if what == "began" else "fault_ended",
         **as_texts(fault.identity, fault.labels),
-        message=fault.evidence,
+        message=fault.evidence if what == "began" else end,
         since=fault.since,
         reason="" if what == "began" else what,
     )

@@ -27,6 +27,9 @@ class Backend(Protocol):
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""
 
+    def fault_history(self, fault: str, /) -> dict[str, Any]:
+        """Each time that a fault lasted as /api/v1/faults/ID returns it."""
+
     def capsule(self, fault: str, /) -> bytes:
         """The newest recording around the begin of a fault, as MCAP.
 
@@ -50,6 +53,13 @@ class Backend(Protocol):
 
     def capabilities(self, robot: str, /) -> dict[str, Any]:
         """What a robot can do as /api/v1/capabilities returns it.
+
+        Raises:
+            LookupError: There is no such robot.
+        """
+
+    def story(self, robot: str, /) -> dict[str, Any]:
+        """What failed of a robot in a week, in sentences, as /api/v1/robots/ROBOT/story returns it.
 
         Raises:
             LookupError: There is no such robot.

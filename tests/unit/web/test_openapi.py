@@ -24,6 +24,7 @@ from support.web_server import (
     component,
     downtime,
     fleet,
+    occurrence,
     problem,
     robot,
 )
@@ -110,6 +111,12 @@ def server():
             ],
         },
         capabilities=_capabilities,
+        fault_history=lambda fault: {
+            "fault": fault,
+            "time": 1.0,
+            "events_since": None,
+            "occurrences": [] if "0" in fault else [occurrence("component", "critical")],
+        },
         find_events=LOG.find,
         notified=lambda body: (len(parse(body).alerts), 0),
         targets=_targets,
