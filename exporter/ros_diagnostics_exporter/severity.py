@@ -49,6 +49,7 @@ SILENT = {  # why a robot is silent
     "mute": "its publisher sends nothing",
     "undecodable": "its messages cannot be decoded",
     "wrong_type": "its topics have another type",
+    "incompatible_qos": "the QoS of its publishers matches no subscription of ROS",
     "unreachable": "what connected it by zenoh is gone: its bridge, or the network",
     "domain_unreachable": "its DDS domain cannot be joined, or no zenoh router answers",
     "uplink_down": "its uplink does not answer",

@@ -117,9 +117,9 @@ def _of_robot(identity: Identity, robot: Robot) -> Iterator[str]:
             yield f"{found[identity.check]} of {expected[identity.check]} components report"
     elif identity.state is State.MANY:
         yield _listed("components", map(_with_level, _troubled(robot)))
-    elif identity.state is State.CLOCK and robot.clock_offset is not None:
-        where = "behind" if robot.clock_offset > 0 else "ahead of"
-        yield f"its clock is {abs(robot.clock_offset):.0f} s {where} the exporter's"
+    elif identity.state is State.CLOCK and robot.clock_behind is not None:
+        where = "behind" if robot.clock_behind > 0 else "ahead of"
+        yield f"its clock is {abs(robot.clock_behind):.0f} s {where} the exporter's"
     elif robot.silent_reason is not None:
         yield SILENT[robot.silent_reason]
 

@@ -132,9 +132,9 @@ class FaultReports:
         """How far the clocks of robots differ that are received, and have one."""
         robots = ((name, reports.robot) for name, reports in self._robots.items())
         return {
-            name: robot.clock_offset
+            name: robot.clock_behind
             for name, robot in robots
-            if robot.up and robot.clock_offset is not None
+            if robot.up and robot.clock_behind is not None
         }
 
     def tick(self, now: Instant, *, slow: bool) -> None:
@@ -717,7 +717,7 @@ def _is_part(reports: RobotReports, identity: Identity) -> bool:
     if identity.scope is Scope.SITE:
         return robot.settings.labels.get("site", "") == identity.site and not robot.up
     if identity.scope is Scope.CLOCK:
-        return robot.up and abs(robot.clock_offset or 0.0) > LIMIT
+        return robot.up and abs(robot.clock_behind or 0.0) > LIMIT
     return reports.has_error(identity.component)
 
 
