@@ -42,6 +42,8 @@ class Event:
     events of a fault have the same ones. ``message`` is its evidence. ``reason`` says how it
     ended: ``recovered`` (a fresh lower level) or ``removed`` (by a person or the config).
 
+    ``details`` is its evidence as fields, of one that began.
+
     ``receiver`` is Alertmanager's, ``step`` that of an escalation (0 is the daily reminder).
     ``author`` acknowledged it, with the words in ``message``.
     """
@@ -66,6 +68,7 @@ class Event:
     receiver: str = ""
     step: str = ""
     author: str = ""
+    details: Any = None  # a mapping to JSON values
 
 
 @dataclass(frozen=True)
@@ -161,7 +164,7 @@ class EventLog:
 def _size(event: Event) -> int:
     """Bytes of its texts in memory."""
     texts = (event.robot, event.group, event.component, event.message, event.check, event.key)
-    return sum(map(sys.getsizeof, texts))
+    return sum(map(sys.getsizeof, texts)) + 2 * len(repr(event.details))
 
 
 def filled(event: Event) -> dict[str, Any]:
