@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from math import inf
+from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults import (
@@ -302,12 +303,18 @@ class Faults:
             components.report_check(self._book, known, check, (found, expected), now)
         return changes + judge.settle(self._book, now)
 
-    def describe(self, fault: Fault, evidence: str, work: str = "") -> Fault:
+    def describe(
+        self,
+        fault: Fault,
+        evidence: str,
+        work: str = "",
+        details: Mapping[str, Any] | None = None,
+    ) -> Fault:
         """Fix the evidence of a fault that began: once, for its life, at most 4,096 characters.
 
         Returns the fault with it.
         """
-        return judge.describe(self._book, fault, evidence, work)
+        return judge.describe(self._book, fault, evidence, work, details or {})
 
     def adopt(self, fault: Fault, now: Instant) -> list[Change]:
         """Go on with a fault whose alert fires and which this process does not know.

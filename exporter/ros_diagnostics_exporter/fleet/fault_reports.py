@@ -39,7 +39,12 @@ from ros_diagnostics_exporter.faults.needs import NeedView
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities, work
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
-from ros_diagnostics_exporter.fleet.fault_evidence import evidence, last_received, parts
+from ros_diagnostics_exporter.fleet.fault_evidence import (
+    Evidence,
+    evidence,
+    last_received,
+    of_capability,
+)
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.components import SHADOWED, Components
@@ -182,8 +187,10 @@ class FaultReports:
             described, end = fault, ""
             if what == "began":
                 identity = fault.identity
-                text = fault.evidence or self._evidence(identity)
-                described = self._faults.describe(fault, text, fault.work or self._work(identity))
+                known = Evidence(fault.evidence, {})
+                text, fields = known if fault.evidence else self._evidence(identity)
+                can = fault.work or self._work(identity)
+                described = self._faults.describe(fault, text, can, fields)
             elif what == "recovered":
                 end = last_received(fault.identity, self._find)
                 self._faults.describe_end(fault, end)
@@ -192,12 +199,12 @@ class FaultReports:
             if name in self._robots:
                 self._robots[name].robot.versions.levels += 1
 
-    def _evidence(self, identity: Identity) -> str:
+    def _evidence(self, identity: Identity) -> Evidence:
         reports = self._robots.get(identity.robot)
         if identity.scope is not Scope.CAPABILITY or reports is None:
             return evidence(identity, self._find, self._troubled(identity))
         of = self._faults.abilities(identity.robot).get(identity.check)
-        return "" if of is None else parts(of, reports.by_name)
+        return Evidence("", {}) if of is None else of_capability(of, reports.by_name)
 
     def _work(self, identity: Identity) -> str:
         """What the robot can no longer do; nothing of one that is silent."""
@@ -729,6 +736,7 @@ def _event(what: str, fault: Fault, at: float, end: str) -> Event:
         message=fault.evidence if what == "began" else end,
         since=fault.since,
         reason="" if what == "began" else what,
+        details=fault.details if what == "began" and fault.details else None,
     )
 
 
