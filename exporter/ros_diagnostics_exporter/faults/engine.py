@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.faults import (
     ends,
     hours,
     judge,
+    own,
     presence,
     removal,
     rows,
@@ -35,6 +36,7 @@ from ros_diagnostics_exporter.faults.model import (
     Fault,
     Followed,
     Identity,
+    OwnReport,
     ProblemView,
     Row,
     ValueReport,
@@ -252,6 +254,12 @@ class Faults:
         """Take how far the clocks of all robots that are received differ, in seconds, by robot."""
         changes = self.advance(now)
         clocks.judge(self._book, offsets, now)
+        return changes + judge.settle(self._book, now)
+
+    def own(self, reports: Iterable[OwnReport], now: Instant) -> list[Change]:
+        """Take all parts of the exporter itself, as they are now."""
+        changes = self.advance(now)
+        changes += own.judge(self._book, reports, now)
         return changes + judge.settle(self._book, now)
 
     def components_changed(

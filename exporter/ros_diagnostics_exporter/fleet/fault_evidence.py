@@ -39,7 +39,7 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> str:
         robots: Those that a fault of no robot counts.
     """
     found = find(identity)
-    if identity.scope in (Scope.SITE, Scope.COMMON, Scope.CLOCK):
+    if identity.scope in (Scope.SITE, Scope.COMMON, Scope.EXPORTER):
         parts = [_listed("robots", robots)]
     elif found is None:
         parts = []

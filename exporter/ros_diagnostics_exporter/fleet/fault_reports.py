@@ -27,6 +27,7 @@ from ros_diagnostics_exporter.faults.model import (
     Fault,
     Followed,
     Identity,
+    OwnReport,
     ProblemView,
     Row,
     Scope,
@@ -65,6 +66,7 @@ class FaultReports:
         self._now = now
         self._events = events
         self._robots: dict[str, RobotReports] = {}
+        self._own: dict[str, str] = {}  # part of the exporter -> what is wrong with it
         self._faults = Faults(fleet.faults)
         self._faults.started(now, fleet.longest_confirm_after)
 
@@ -136,6 +138,12 @@ class FaultReports:
             if robot.up and robot.clock_offset is not None
         }
 
+    def own(self, reports: Iterable[OwnReport], now: Instant) -> None:
+        """Report all parts of the exporter itself."""
+        reports = list(reports)
+        self._own = {each.part: each.message for each in reports}
+        self._record(self._faults.own(reports, self._time(now)))
+
     def tick(self, now: Instant, *, slow: bool) -> None:
         """Let time pass; to be called a few times a second, once a second with ``slow``."""
         now = self._time(now)
@@ -191,6 +199,8 @@ class FaultReports:
                 self._robots[name].robot.versions.levels += 1
 
     def _evidence(self, identity: Identity) -> str:
+        if identity.scope is Scope.EXPORTER and identity.component in self._own:
+            return self._own[identity.component]
         reports = self._robots.get(identity.robot)
         if identity.scope is not Scope.CAPABILITY or reports is None:
             return evidence(identity, self._find, self._troubled(identity))
@@ -706,7 +716,7 @@ def _is_part(reports: RobotReports, identity: Identity) -> bool:
     robot = reports.robot
     if identity.scope is Scope.SITE:
         return robot.settings.labels.get("site", "") == identity.site and not robot.up
-    if identity.scope is Scope.CLOCK:
+    if identity.scope is Scope.EXPORTER:
         return robot.up and abs(robot.clock_offset or 0.0) > LIMIT
     return reports.has_error(identity.component)
 
