@@ -34,6 +34,7 @@ from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import Part, place
 from ros_diagnostics_exporter.notifications import Notifications, parse
+from ros_diagnostics_exporter.self_check import SelfCheck
 from ros_diagnostics_exporter.sources.dds import describe_ros
 from ros_diagnostics_exporter.sources.listener import Listener
 from ros_diagnostics_exporter.sources.prometheus import Prometheus
@@ -51,6 +52,7 @@ class Service:
         VersionError: the database is of another version.
     """
 
+    CHECK = 1.0  # seconds between two judgements of the exporter itself
     TICK = 0.25  # seconds between two turns of the loop that lets time pass
     SAVE = 0.1  # ... of the one that saves, which writes less often
     FOLLOW = 1.0  # ... of the one that joins domains
@@ -125,6 +127,8 @@ class Service:
             self._prometheus.outcomes,
         )
         self._self_metrics = SelfMetrics(self._exporter)
+        self._self_check = SelfCheck(self._exporter, now)
+        self._check_at = now.mono
 
     def start(self) -> None:
         """Begin all loops: join the fleet's domains, listen, judge."""
@@ -229,6 +233,9 @@ class Service:
         """Let time pass; called every ``TICK`` seconds."""
         now = read_clocks()
         self.state.tick(now)
+        if now.mono >= self._check_at:
+            self._check_at = now.mono + self.CHECK
+            self.state.report_own(self._self_check.reports(now), now)
         self._canary.tick(self.state.fleet.canary, now)
         self._record_events()
         self._reloader.tick()

@@ -238,7 +238,7 @@ def subject(problem: dict[str, Any]) -> str:
         "flapping": path,
         "site": f"many robots of site {problem['site'] or '(none)'} are silent",
         "common": f"{problem['component']} of many robots",
-        "clock": "the exporter's clock is wrong",
+        "exporter": f"exporter: {problem['component']}",
     }[problem["scope"]]
 
 

@@ -49,6 +49,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("fleet",),
         ("capsules", "storage"),
         ("metrics",),
+        ("self_check",),
         ("api",),
         ("web",),
         ("service",),

@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.faults import (
     ends,
     hours,
     judge,
+    own,
     presence,
     removal,
     rows,
@@ -36,6 +37,7 @@ from ros_diagnostics_exporter.faults.model import (
     Fault,
     Followed,
     Identity,
+    OwnReport,
     ProblemView,
     Row,
     ValueReport,
@@ -253,6 +255,12 @@ class Faults:
         """Take how far the clocks of all robots that are received differ, in seconds, by robot."""
         changes = self.advance(now)
         clocks.judge(self._book, offsets, now)
+        return changes + judge.settle(self._book, now)
+
+    def own(self, reports: Iterable[OwnReport], now: Instant) -> list[Change]:
+        """Take all parts of the exporter itself, as they are now."""
+        changes = self.advance(now)
+        changes += own.judge(self._book, reports, now)
         return changes + judge.settle(self._book, now)
 
     def components_changed(

@@ -50,7 +50,7 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> Evidence:
         robots: Those that a fault of no robot counts.
     """
     found = find(identity)
-    if identity.scope in (Scope.SITE, Scope.COMMON, Scope.CLOCK):
+    if identity.scope in (Scope.SITE, Scope.COMMON, Scope.EXPORTER):
         fields = _first("robots", map(_text, robots))
     elif found is None:
         fields = {}
@@ -59,6 +59,11 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> Evidence:
     else:
         fields = _of_robot(identity, found[0])
     return _written(fields)
+
+
+def of_exporter(message: str) -> Evidence:
+    """What is wrong with a part of the exporter itself."""
+    return Evidence(message[:LENGTH], {"message": message})
 
 
 def of_capability(view: AbilityView, known: Mapping[ComponentName, Component]) -> Evidence:

@@ -27,6 +27,7 @@ from ros_diagnostics_exporter.faults.model import (
     Fault,
     Followed,
     Identity,
+    OwnReport,
     ProblemView,
     Row,
     Scope,
@@ -44,6 +45,7 @@ from ros_diagnostics_exporter.fleet.fault_evidence import (
     evidence,
     last_received,
     of_capability,
+    of_exporter,
 )
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component
@@ -71,6 +73,7 @@ class FaultReports:
         self._now = now
         self._events = events
         self._robots: dict[str, RobotReports] = {}
+        self._own: dict[str, str] = {}  # part of the exporter -> what is wrong with it
         self._faults = Faults(fleet.faults)
         self._faults.started(now, fleet.longest_confirm_after)
 
@@ -142,6 +145,12 @@ class FaultReports:
             if robot.up and robot.clock_behind is not None
         }
 
+    def own(self, reports: Iterable[OwnReport], now: Instant) -> None:
+        """Report all parts of the exporter itself."""
+        reports = list(reports)
+        self._own = {each.part: each.message for each in reports}
+        self._record(self._faults.own(reports, self._time(now)))
+
     def tick(self, now: Instant, *, slow: bool) -> None:
         """Let time pass; to be called a few times a second, once a second with ``slow``."""
         now = self._time(now)
@@ -200,6 +209,8 @@ class FaultReports:
                 self._robots[name].robot.versions.levels += 1
 
     def _evidence(self, identity: Identity) -> Evidence:
+        if identity.scope is Scope.EXPORTER and identity.component in self._own:
+            return of_exporter(self._own[identity.component])
         reports = self._robots.get(identity.robot)
         if identity.scope is not Scope.CAPABILITY or reports is None:
             return evidence(identity, self._find, self._troubled(identity))
@@ -723,7 +734,7 @@ def _is_part(reports: RobotReports, identity: Identity) -> bool:
     robot = reports.robot
     if identity.scope is Scope.SITE:
         return robot.settings.labels.get("site", "") == identity.site and not robot.up
-    if identity.scope is Scope.CLOCK:
+    if identity.scope is Scope.EXPORTER:
         return robot.up and abs(robot.clock_behind or 0.0) > LIMIT
     return reports.has_error(identity.component)
 

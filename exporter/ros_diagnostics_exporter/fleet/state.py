@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.faults.model import (
     End,
     Fault,
     Followed,
+    OwnReport,
     ProblemView,
     Row,
 )
@@ -263,6 +264,11 @@ class State:
         with self._lock:
             robots = self._registry.robots
             return {name: each.settings.address or "" for name, each in robots.items()}
+
+    def report_own(self, reports: Iterable[OwnReport], now: Instant) -> None:
+        """Judge all parts of the exporter itself, as they are now."""
+        with self._lock:
+            self._faults.own(reports, now)
 
     # -- from time and people ----------------------------------------------------------------
 
