@@ -11,7 +11,7 @@ LIMITS = {
     "unchanged": (29, 11),
     "breaking": (155, 26),
     "scrape": (334, 33),
-    "restart": (644, 64),
+    "restart": (645, 64),
 }
 
 
