@@ -10,7 +10,6 @@ import re
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from itertools import chain
 from math import inf, nextafter
 from typing import Literal
 
@@ -43,6 +42,7 @@ from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.components import SHADOWED, Components
 from ros_diagnostics_exporter.robots.conditions import Quiet, RobotConditions
+from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.measured import query_of
 from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_exporter.robots.rules import component_rule, value_rule
@@ -162,7 +162,7 @@ class FaultReports:
                 self._record(faults.forget_robot(key[0], now))
         for reports in self._robots.values():
             self._record(reports.start_over(faults, now))
-            reports.robot.versions.levels += 1  # what the former engine followed is gone
+            reports.robot.marks.note(Mark.ACCOUNT)  # what the former engine followed is gone
         planned = {name: each.maintenance for name, each in self._robots.items()}
         self._record(faults.maintenance(planned, now))
 
@@ -188,7 +188,7 @@ class FaultReports:
             self._events.append(_event(what, described, at))
         for name in self._faults.take_followed():
             if name in self._robots:
-                self._robots[name].robot.versions.levels += 1
+                self._robots[name].robot.marks.note(Mark.ACCOUNT)
 
     def _evidence(self, identity: Identity) -> str:
         reports = self._robots.get(identity.robot)
@@ -319,7 +319,7 @@ class RobotReports:
         self._presence: _Presence | None = None
         self._announced: float | None = None  # when a publisher of it was first seen, monotonic
         self._names: dict[Component, ComponentName] = {}
-        self._names_version = -1
+        self._read = -1  # the last change that was reported
         self._everything = True  # is to be reported, because none of it was, or by other settings
         self._awaited: dict[Component, float] = {}
         self._conditions = RobotConditions(robot)
@@ -346,7 +346,10 @@ class RobotReports:
         )
         changes = faults.configure_robot(name, settings, now, declared=robot.declared)
         self._capabilities = RobotCapabilities(robot)
-        changes += self._report_capabilities(faults, now)
+        if profile.capabilities:
+            changes += self._report_capabilities(faults, now)
+        elif faults.abilities(name):
+            changes += faults.configure_capabilities(name, (), now)
         expected = _expected(profile)
         for identity in list(faults.identities(name)):
             if identity.scope is Scope.CHECK and identity.check not in expected:
@@ -363,8 +366,7 @@ class RobotReports:
         """Report all of it to another engine, but its downtime."""
         self._presence, self.maintenance = None, self.robot.maintenance
         self.maintained, self.unreachable = frozenset(), False
-        components = self.robot.components
-        self._names, self._names_version = _names(components), self.robot.versions.names
+        self._names, self._read = _names(self.robot.components), self.robot.marks.count
         return self.configure(faults, now) + self._forget_ignored(faults, now)
 
     def _forget_ignored(self, faults: Faults, now: Instant) -> list[Change]:
@@ -385,10 +387,7 @@ class RobotReports:
 
     def needs_update(self, now: Instant) -> bool:
         """Whether there is anything to report."""
-        components = self.robot.components
-        if components.level_changes or components.value_changes:
-            return True
-        if self.robot.versions.names != self._names_version:
+        if self.robot.marks.last(Mark.NAMES, Mark.LEVEL, Mark.VALUE) > self._read:
             return True
         if self._awaited and self.robot.up and self._has_found_awaited:
             return True
@@ -396,13 +395,15 @@ class RobotReports:
 
     def update(self, faults: Faults, now: Instant) -> list[Change]:
         """Report it."""
-        components = self.robot.components
         changes = self._report_presence(faults, now)
-        renamed = self.robot.versions.names != self._names_version
+        marks, profile = self.robot.marks, self.robot.settings.profile
+        renamed = marks.at[Mark.NAMES] > self._read
         if renamed:
             changes += self._follow_names(faults, now)
-        self._apply_conditions(now)
-        changes += self._report_capabilities(faults, now)
+        if profile.has_conditions or self._everything:
+            self._apply_conditions(now)
+        if profile.capabilities:
+            changes += self._report_capabilities(faults, now)
         if self.robot.up:
             self._find_awaited()
             changes += self._report_levels(faults, now, renamed=renamed)
@@ -410,20 +411,23 @@ class RobotReports:
             if renamed or self._everything:
                 changes += self._report_checks(faults, now)
             self._everything = False
-        components.level_changes.clear()
-        components.value_changes.clear()
+        self._read = marks.count
         return changes
+
+    def _changed(self, mark: Mark) -> list[Component]:
+        """The components of which this was noted since the last report."""
+        return self.robot.marks.components(mark, self._read)
 
     def _apply_conditions(self, now: Instant) -> None:
         """Have what depends on what changed reported, where its conditions say something else."""
         components = self.robot.components
-        changed = chain(components.level_changes, components.value_changes)
+        changed = [*self._changed(Mark.LEVEL), *self._changed(Mark.VALUE)]
         found = self._conditions.update(changed, everything=self._everything)
         for component, differs in found.items():
             name = self._names.get(component)
             quiet = None if name is None else self._quiet(component)
             is_known = self.robot.up and quiet is not None and quiet.known
-            components.set_quiet(component, quiet.because if quiet and is_known else "")
+            component.quiet_because = quiet.because if quiet and is_known else ""
             if differs:
                 components.report_again(component)
             if name is not None and self.robot.up:
@@ -431,8 +435,7 @@ class RobotReports:
                 self._events.extend(self.by_condition.update(component, of, self._conditions, now))
 
     def _report_capabilities(self, faults: Faults, now: Instant) -> list[Change]:
-        components = self.robot.components
-        changed = chain(components.level_changes, components.value_changes)
+        changed = [*self._changed(Mark.LEVEL), *self._changed(Mark.VALUE)]
         wanted = self._capabilities.update(changed, self._names)
         if wanted is None:
             return []
@@ -522,12 +525,7 @@ class RobotReports:
         """Whether the last array has the component as STALE, or is an aggregator's without it."""
         if component.missing:
             return True
-        last = component.last
-        return (
-            last is not None
-            and last.level == Level.STALE
-            and component.listed >= self._last_of(component)
-        )
+        return component.stale_at_source and component.listed >= self._last_of(component)
 
     @property
     def _has_found_awaited(self) -> bool:
@@ -542,13 +540,12 @@ class RobotReports:
 
     def _find_awaited(self) -> None:
         """Have those reported that are received now, or that an array shows to be absent."""
-        changed = self.robot.components.level_changes
         for component, absent in list(self._awaited.items()):
             is_known = not component.is_stale or self._is_reported_stale(component)
             if is_known or self._last_of(component) >= absent:
                 del self._awaited[component]
                 self.robot.components.report_again(component)
-        self._await_late(changed)
+        self._await_late(self._changed(Mark.LEVEL))
 
     # -- components --------------------------------------------------------------------------
 
@@ -588,13 +585,13 @@ class RobotReports:
                 changes += faults.component_moved(robot, former, new, now)
                 components.report_again(component)
         self.by_condition.clear()  # the conditions are evaluated anew
-        self._names, self._names_version = names, self.robot.versions.names
+        self._names = names
         return changes
 
     def _report_levels(self, faults: Faults, now: Instant, *, renamed: bool) -> list[Change]:
         reported = [
             self._component_report(component, name)
-            for component, name in self._to_report(self.robot.components.level_changes)
+            for component, name in self._to_report(self._changed(Mark.LEVEL))
             if component not in self._awaited
         ]
         if not reported and not renamed:
@@ -649,7 +646,7 @@ class RobotReports:
                 name = ComponentName(identity.group, identity.component)
                 troubled.setdefault(name, []).append(identity)
         changes: list[Change] = []
-        for component, name in self._to_report(self.robot.components.value_changes):
+        for component, name in self._to_report(self._changed(Mark.VALUE)):
             reports = self._value_reports(component, troubled.get(name, ()))
             if reports:
                 settings = self._component_settings(component)

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from ros_diagnostics_exporter.config.fleet import ComponentRule, Threshold, ValueRule
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
+from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
 from ros_diagnostics_exporter.robots.persisted import PersistedComponent
 from ros_diagnostics_exporter.robots.rejections import Reject, RejectionReason
 from ros_diagnostics_exporter.robots.values import Number, parse_numbers, parse_plain
-from ros_diagnostics_exporter.robots.versions import Versions
 
 OK, WARN, ERROR, STALE = (int(level) for level in Level)
 
@@ -36,6 +36,12 @@ Identity = tuple[
 ]  # name, group where that is part of it, hardware_id where the name is not unique
 
 
+@marking(
+    hardware_id=Mark.SERIES,
+    quiet_because=Mark.ACCOUNT,
+    resumes=Mark.ACCOUNT,
+    stale_at_source=Mark.ACCOUNT,
+)
 class Component:
     """One component of one robot.
 
@@ -46,7 +52,6 @@ class Component:
     """
 
     __slots__ = (
-        "_resume",
         "before_stale",
         "changes",
         "feed",
@@ -59,6 +64,7 @@ class Component:
         "last",
         "level",
         "listed",
+        "marks",
         "message",
         "missing",
         "name",
@@ -66,8 +72,10 @@ class Component:
         "raw_received",
         "received",
         "reported",
+        "resumes",
         "rule",
         "since",
+        "stale_at_source",
         "values",
     )
 
@@ -78,7 +86,10 @@ class Component:
         rule: ComponentRule | None,
         values: ComponentValues,
         now: Instant,
+        *,
+        marks: Marks,
     ) -> None:
+        self.marks = marks
         self.identity = identity
         self.name = name  # truncated, with its hardware_id where needed
         self.group = ""
@@ -101,9 +112,9 @@ class Component:
         self.gaps: tuple[float, ...] = ()  # none where only an aggregator lists it
         self.last: Status | None = None
         self.key_values = 0  # key-values that count against the robot's limit
-        self._resume: tuple[int, float] | None = (
-            None  # (level, since) before a start, till received
-        )
+        # Level and since of before a start, until it is received or listed.
+        self.resumes: tuple[int, float] | None = None
+        self.stale_at_source = False  # it was received as STALE
 
     @property
     def is_stale(self) -> bool:
@@ -113,7 +124,7 @@ class Component:
     @property
     def account(self) -> str:
         """The message, for people; of a component that says nothing any more, that it is old."""
-        if not self.is_stale or (self.last is not None and self.last.level == STALE):
+        if not self.is_stale or self.stale_at_source:
             return self.message
         return "no longer reports" + (f"; its last message: {self.message}" if self.message else "")
 
@@ -121,52 +132,49 @@ class Component:
         """The level after the config's overrides."""
         return self.rule.levels.get(reported, reported) if self.rule is not None else reported
 
-    def set_message(self, message: str, *, always: bool) -> bool:
-        """Set the message that is exported; True if it changed.
+    def set_message(self, message: str, *, always: bool) -> None:
+        """Set the message that is exported.
 
         One that differs only in its digits is not set, unless ``always``: a measurement in the
         message must not make a new series every second.
         """
         if message == self.message:
-            return False
+            return
         if not always and _DIGITS.sub("0", message) == _DIGITS.sub("0", self.message):
-            return False
+            return
         self.message = message
-        return True
+        if self.level != OK:
+            self.marks.note(Mark.ACCOUNT)
 
     def set_reported(self, reported: int, now: Instant) -> bool:
         """Set the reported level; True if ``level`` changed."""
+        self._report(reported)
+        level, former = self.effective_level(reported), self.level
+        resumes = self.resumes
+        if resumes is not None:
+            self.resumes = None
+        if reported != STALE and resumes is not None and level == resumes[0]:
+            self._set_level(level, resumes[1], None)  # as an earlier process knew it
+        elif level != former:
+            before_stale = former if level == STALE and former >= OK else None
+            self.changes += former >= OK
+            self._set_level(level, now.wall, before_stale)
+        return level != former
+
+    def _report(self, reported: int) -> None:
+        if (reported == STALE) != (self.reported == STALE):  # then its numbers are not exported
+            self.marks.note(Mark.SERIES)
+            self.marks.note(Mark.VALUE, self)
         self.reported = reported
-        level = self.effective_level(reported)
-        resume, self._resume = self._resume, None
-        if reported != STALE and resume is not None and level == resume[0]:
-            return self._resume_level(*resume)
-        if level == self.level:
-            return False
-        self._change(level, now)
-        return True
 
-    def _change(self, level: int, now: Instant) -> None:
-        self.before_stale = self.level if level == STALE and self.level >= OK else None
-        if self.level >= OK:
-            self.changes += 1
-        self.level = level
-        self.since = now.wall
-
-    def _resume_level(self, level: int, since: float) -> bool:
-        """Set what an earlier process knew: the first status since the start has the same level.
-
-        True if ``level`` changed.
-        """
-        changed = level != self.level
-        self.level, self.since = level, since
-        self.before_stale = None
-        return changed
+    def _set_level(self, level: int, since: float, before_stale: int | None) -> None:
+        self.level, self.since, self.before_stale = level, since, before_stale
+        self.marks.note(Mark.LEVEL, self)
 
     @property
     def last_recorded(self) -> int:
         """The level of its last event: of an earlier process, until it is received or STALE."""
-        return self.level if self._resume is None else self._resume[0]
+        return self.level if self.resumes is None else self.resumes[0]
 
     @property
     def was_ok(self) -> bool:
@@ -183,8 +191,8 @@ class Component:
     def persist(self, now: Instant) -> PersistedComponent:
         """What a later process should know."""
         level, since = self.level, self.since
-        if self._resume is not None:  # not received since the last start
-            level, since = self._resume
+        if self.resumes is not None:  # not received since the last start
+            level, since = self.resumes
         return PersistedComponent(
             identity=self.identity,
             group=self.group,
@@ -202,13 +210,12 @@ class Component:
         self.hardware_id = persisted.hardware_id
         self.listed = now.mono - (now.wall - persisted.listed)
         self.message = persisted.message
-        self.reported = STALE
-        self.level = self.effective_level(STALE)
-        self.before_stale = before if self.level == STALE else None
-        self.since = persisted.since
-        if persisted.level != STALE:
-            self._resume = persisted.level, persisted.since
-            self.since = now.wall
+        self._report(STALE)
+        level, is_stale = self.effective_level(STALE), persisted.level == STALE
+        since = persisted.since if is_stale else now.wall
+        self._set_level(level, since, before if level == STALE else None)
+        if not is_stale:
+            self.resumes = persisted.level, persisted.since
 
     def note_raw(self, mono: float, threshold: float) -> None:
         """Note the receipt of a raw status, and the gap before it.
@@ -285,6 +292,7 @@ class ComponentValues:
         "_judged",
         "_keys",
         "_limits",
+        "_marks",
         "_pairs",
         "_parsed",
         "_plain",
@@ -294,7 +302,6 @@ class ComponentValues:
         "_series",
         "_series_limit",
         "_units",
-        "_versions",
     )
 
     def __init__(
@@ -303,7 +310,7 @@ class ComponentValues:
         limits: tuple[int, int],
         series_limit: SeriesLimit,
         reject: Reject,
-        versions: Versions,
+        marks: Marks,
         *,
         judged: bool,
     ) -> None:
@@ -327,7 +334,7 @@ class ComponentValues:
         self._limits = limits
         self._series_limit = series_limit
         self._reject = reject
-        self._versions = versions
+        self._marks = marks
         self._judged = judged
 
     @property
@@ -347,7 +354,7 @@ class ComponentValues:
             old, self._pairs = self._pairs, tuple(pairs)
             return self._set(self._pairs, old)
         self._pairs, self._parsed = pairs, False
-        self._versions.values += 1
+        self._marks.note(Mark.NUMBER)
         return False
 
     def parse(self) -> None:
@@ -383,10 +390,9 @@ class ComponentValues:
                     break
                 changed = True
             else:
-                self._versions.values += changed
                 return changed
         self._rebuild(pairs)
-        self._versions.structure += 1
+        self._marks.note(Mark.SERIES)
         return True
 
     def exported(self, pairs: Pairs) -> list[list[ExportedValue]]:

@@ -26,6 +26,7 @@ from ros_diagnostics_exporter.robots.maintenance import (
     components_in_maintenance,
     lasting,
 )
+from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
 from ros_diagnostics_exporter.robots.measured import MeasuredUpdates, query_of
 from ros_diagnostics_exporter.robots.network import Network
 from ros_diagnostics_exporter.robots.persisted import Origin, PersistedRobot
@@ -37,8 +38,6 @@ from ros_diagnostics_exporter.robots.rejections import (
     SilentReason,
 )
 from ros_diagnostics_exporter.robots.tree import Structure, TreeReader
-from ros_diagnostics_exporter.robots.versions import Versions
-from ros_diagnostics_exporter.sources.link import LinkReading
 
 log = logging.getLogger(__name__)
 
@@ -51,6 +50,17 @@ AUTO_WAIT = 5.0  # seconds that a raw array waits for an aggregated one before r
 MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 
 
+@marking(
+    settings=Mark.CONFIG,
+    limits=Mark.CONFIG,
+    declared=Mark.CONFIG,
+    shared=Mark.CONFIG,
+    source=Mark.CONFIG,
+    maintenance=Mark.DOWNTIME,
+    up=Mark.RECEIPT,
+    undecodable=Mark.RECEIPT,
+    network=Mark.RECEIPT,
+)
 class Robot:
     """One robot, protected by the lock of its State.
 
@@ -70,6 +80,7 @@ class Robot:
         *,
         declared: bool,
     ) -> None:
+        self.marks = Marks()
         self.settings = settings
         self.declared = declared
         self.shared = False
@@ -84,7 +95,7 @@ class Robot:
         self.bytes = 0
         self.clock_offset: float | None = None
         self.undecodable = False
-        self.network = Network()
+        self.network = Network(self.marks)
         self.maintenance = False
         self.planned: frozenset[PlannedBy] = frozenset()  # the downtimes that hold
         self.downtimes: tuple[Downtime, ...] = ()  # that people planned
@@ -93,16 +104,15 @@ class Robot:
         self._logged: set[RejectionReason] = set()
         self._events = events
         self._first_raw: float | None = None
-        self.versions = Versions()
         self.components = Components(
             settings.profile,
             limits,
             series=series,
-            versions=self.versions,
+            marks=self.marks,
             reject=self.reject,
             changed=self._record_change,
         )
-        self._aggregated = AggregatedUpdates(self.components, self.versions, limits, self.reject)
+        self._aggregated = AggregatedUpdates(self.components, self.marks, limits, self.reject)
         self._raw = RawUpdates(self.components, self.reject)
         self.measured = MeasuredUpdates(self.components)
 
@@ -110,12 +120,6 @@ class Robot:
     def groups(self) -> Mapping[str, tuple[int, str]]:
         """The robot's own groups: path -> (level, message) as its aggregator reported them."""
         return self._aggregated.groups
-
-    def become(self, *, declared: bool, shared: bool) -> None:
-        """Set how the config comes to have it."""
-        if (declared, shared) != (self.declared, self.shared):
-            self.declared, self.shared = declared, shared
-            self.versions.structure += 1  # it is written anew
 
     def configure(self, settings: config.Robot, limits: config.Limits, now: Instant) -> None:
         """Apply another config; what is known stays, as far as it is still wanted."""
@@ -125,12 +129,10 @@ class Robot:
         if _topics_of(settings) != _topics_of(self.settings):
             is_same_domain = settings.domain_id == self.settings.domain_id
             domain_up = self.network.domain_up or not is_same_domain
-            self.network = Network(domain_up=domain_up, uplink_up=self.network.uplink_up)
-            self.versions.receipt += 1
+            uplink_up = self.network.uplink_up
+            self.network = Network(self.marks, domain_up=domain_up, uplink_up=uplink_up)
         rules_changed = (settings.profile, limits) != (self.settings.profile, self.limits)
         self.settings, self.limits = settings, limits
-        self.versions.inventory += 1
-        self.versions.structure += 1
         if rules_changed:
             self._aggregated.reset(limits)
             self._logged.clear()
@@ -141,7 +143,7 @@ class Robot:
     def accepts(self, now: Instant, *, raw: bool) -> bool:
         """Whether arrays of this kind of topic count; the source ``auto`` is decided here, once."""
         if self.source is not config.Source.AUTO:
-            return accepts(self.source, raw=raw)
+            return self.source is not (config.Source.AGG if raw else config.Source.RAW)
         if not raw:
             self.source = config.Source.AGG
             return True
@@ -154,16 +156,13 @@ class Robot:
 
     def receive(self, array: Array, now: Instant, *, raw: bool) -> None:
         """Update the robot and its components from an array of the raw or aggregated topic."""
-        if not self.up:
-            self.record("received", now)
-        self.up = True
-        self.undecodable = False
-        self.last_mono, self.last_wall = now
+        if self.undecodable:
+            self.undecodable = False
+        self._note_received(now)
         self.messages += 1
         self.bytes += array.size
         if array.stamp > 0:
             self.clock_offset = now.wall - array.stamp
-        self.versions.receipt += 1
         statuses = array.statuses
         limit = ROWS_OF_COMPONENT * self.limits.components
         if len(statuses) > limit:
@@ -172,15 +171,18 @@ class Robot:
         updates = self._raw if raw else self._aggregated
         updates.apply(statuses, now)
 
+    def _note_received(self, now: Instant) -> None:
+        if not self.up:
+            self.record("received", now)
+            self.up = True
+        self.last_mono, self.last_wall = now
+        self.marks.note(Mark.RECEIPT)
+
     def measure(self, feed: Feed, statuses: Sequence[Status], now: Instant) -> None:
         """Update components from an answer of a query; only without ROS it makes the robot up."""
         self.measured.apply(feed, statuses, now)
         if statuses and self._has_no_ros:
-            if not self.up:
-                self.record("received", now)
-            self.up = True
-            self.last_mono, self.last_wall = now
-            self.versions.receipt += 1
+            self._note_received(now)
 
     def follow_feeds(self, feeds: Mapping[str, Feed], now: Instant) -> None:
         """Forget the components of feeds that the config no longer has."""
@@ -190,14 +192,12 @@ class Robot:
     def count_rejected(self, reason: RejectionReason, count: int = 1) -> None:
         """Count something that was rejected."""
         self.rejected[reason] += count
-        self.versions.rejections += 1
+        self.marks.note(Mark.REJECTED)
 
     def reject_undecodable(self) -> None:
         """Count a message that could not be decoded: why the robot is silent, if it is."""
         self.count_rejected("undecodable")
-        if not self.undecodable:
-            self.undecodable = True
-            self.versions.receipt += 1
+        self.undecodable = True
 
     def reject(self, reason: RejectionReason, example: str) -> None:
         """Count it, and log it the first time; ``example`` is a text that the robot sent."""
@@ -233,7 +233,6 @@ class Robot:
         last = self.last_mono if self.up and not self._has_no_ros else None
         if last is not None and now.mono - last > self.settings.profile.stale_after:
             self.up = False
-            self.versions.receipt += 1
             self.components.mark_all_stale(now)
             self.record("silent", now)
         else:
@@ -252,9 +251,7 @@ class Robot:
         labels = {**self.settings.labels, "fleet": fleet.name, "robot": self.settings.name}
         self.planned = lasting(fleet, labels, now.wall, self.downtimes)
         self.maintained = components_in_maintenance(self.downtimes, now.wall)
-        if bool(self.planned) != self.maintenance:
-            self.maintenance = bool(self.planned)
-            self.versions.inventory += 1
+        self.maintenance = bool(self.planned)
 
     def forget(self, component: Component, now: Instant) -> None:
         """Remove a component with all that is known about it."""
@@ -299,25 +296,6 @@ class Robot:
         """Set what the graph shows of one of its topics."""
         if self.network.update(topic, endpoint):
             self.seen_mono = now.mono
-            self.versions.receipt += 1
-
-    def set_uplink_up(self, *, up: bool) -> None:
-        """Set whether what the robot is reached through answers."""
-        if up != self.network.uplink_up:
-            self.network.uplink_up = up
-            self.versions.receipt += 1
-
-    def update_link(self, reading: LinkReading | None) -> None:
-        """Set how its messages arrive."""
-        if reading != self.network.link:
-            self.network.link = reading
-            self.versions.receipt += 1
-
-    def set_expected_nodes(self, count: int) -> None:
-        """Set how many nodes are expected of it in the ROS graph."""
-        if count != self.network.expected_nodes:
-            self.network.expected_nodes = count
-            self.versions.receipt += 1
 
     def set_lossy(self, *, lossy: bool) -> None:
         """Set whether so many messages are lost that what is STALE may be well."""
@@ -398,7 +376,7 @@ class Robot:
             if component is not None:
                 component.restore(each, now)
                 self.measured.restored(each.identity)
-        self.versions.receipt += 1
+        self.marks.note(Mark.RECEIPT)
 
 
 def accepts(source: config.Source, *, raw: bool) -> bool:
@@ -414,25 +392,26 @@ class AggregatedUpdates:
     """Applies the arrays of one robot's aggregator: complete, so a missing component is STALE."""
 
     def __init__(
-        self, components: Components, versions: Versions, limits: config.Limits, reject: Reject
+        self, components: Components, marks: Marks, limits: config.Limits, reject: Reject
     ) -> None:
         self.groups: dict[str, tuple[int, str]] = {}  # path -> (level, message) as reported
         self._components = components
-        self._versions = versions
+        self._marks = marks
         self._limits = limits
         self._reject = reject
         self._reader = TreeReader()
         self._structure: Structure | None = None
-        self._names = 0  # their version when the plan was made
+        self._planned_at = -1  # the last change that the plan is made of
         self._plan: list[tuple[Component, tuple[int, ...]]] = []
         self._missing: list[Component] = []
+        self._group_rows: list[tuple[int, str]] = []  # with the label of each
 
     def apply(self, statuses: Sequence[Status], now: Instant) -> None:
         """Update the components from one array."""
         structure = self._reader.read(statuses)
-        if structure is not self._structure or self._names != self._versions.names:
+        if structure is not self._structure or self._marks.at[Mark.NAMES] > self._planned_at:
             self._plan_updates(structure, now)
-        self._update_groups(statuses, structure)
+        self._update_groups(statuses)
         for component, rows in self._plan:
             status = statuses[rows[0]]
             if len(rows) > 1:
@@ -454,6 +433,8 @@ class AggregatedUpdates:
         components = self._components
         self._structure = structure
         self._remove_groups(structure)
+        length = self._limits.label_length
+        self._group_rows = [(row, truncate(path, length)) for row, path in structure.groups]
         self._plan = []
         for leaf in structure.leaves:
             identity = (leaf.component, "" if leaf.exact else leaf.group, "")
@@ -461,7 +442,7 @@ class AggregatedUpdates:
             if component is not None:
                 components.regroup(component, leaf.group)
                 self._plan.append((component, leaf.rows))
-        self._names = self._versions.names
+        self._planned_at = self._marks.count
         listed = {component.identity for component, _rows in self._plan}
         # An aggregator that has just started lists no component yet: none is missing because of
         # that. They become STALE after their own time.
@@ -478,19 +459,18 @@ class AggregatedUpdates:
             if group and f"{group}/{name}" in paths:
                 self._components.remove(component)
 
-    def _update_groups(self, statuses: Sequence[Status], structure: Structure) -> None:
+    def _update_groups(self, statuses: Sequence[Status]) -> None:
         groups: dict[str, tuple[int, str]] = {}
-        for row, path in structure.groups:
+        for row, label in self._group_rows:
             level = min(statuses[row].level, STALE)
-            label = truncate(path, self._limits.label_length)
             if label not in groups and len(groups) >= self._limits.components:
-                self._reject("component_limit", path)
+                self._reject("component_limit", label)
                 break
             if label not in groups or level > groups[label][0]:
                 groups[label] = (level, statuses[row].message)
         if groups != self.groups:
             self.groups = groups
-            self._versions.groups += 1
+            self._marks.note(Mark.GROUPS)
 
 
 class RawUpdates:
