@@ -10,8 +10,8 @@ import call_traces
 LIMITS = {
     "unchanged": (28, 11),
     "breaking": (155, 23),
-    "scrape": (333, 33),
-    "restart": (674, 64),  # what an object has first is a call for each attribute that is marked
+    "scrape": (334, 33),
+    "restart": (675, 64),  # what an object has first is a call for each attribute that is marked
 }
 
 

@@ -122,9 +122,14 @@ class Component:
         return self.reported == STALE
 
     @property
+    def reports(self) -> bool:
+        """Whether its message is not of before it became STALE for want of another."""
+        return not self.is_stale or self.stale_at_source
+
+    @property
     def account(self) -> str:
         """The message, for people; of a component that says nothing any more, that it is old."""
-        if not self.is_stale or self.stale_at_source:
+        if self.reports:
             return self.message
         return "no longer reports" + (f"; its last message: {self.message}" if self.message else "")
 

@@ -38,6 +38,7 @@ from ros_diagnostics_exporter.robots.rejections import (
     SilentReason,
 )
 from ros_diagnostics_exporter.robots.tree import Structure, TreeReader
+from ros_diagnostics_exporter.sources.link import LinkReading
 
 log = logging.getLogger(__name__)
 
@@ -67,7 +68,8 @@ class Robot:
     ``declared``: fleet.yml names it; ``shared``: its topic is one that robots share.
     ``found_mono`` is when it was added, ``seen_mono`` when the publishers of its topics last
     changed; ``last_mono`` and ``last_wall`` are when the last array was received, ``clock_offset``
-    is its receipt minus its stamp in seconds.
+    is its receipt minus its stamp in seconds, ``clock_behind`` the same or, without stamps, what
+    the link says.
     """
 
     def __init__(
@@ -94,6 +96,7 @@ class Robot:
         self.messages = 0
         self.bytes = 0
         self.clock_offset: float | None = None
+        self.clock_behind: float | None = None
         self.undecodable = False
         self.network = Network(self.marks)
         self.maintenance = False
@@ -162,7 +165,7 @@ class Robot:
         self.messages += 1
         self.bytes += array.size
         if array.stamp > 0:
-            self.clock_offset = now.wall - array.stamp
+            self.clock_offset = self.clock_behind = now.wall - array.stamp
         statuses = array.statuses
         limit = ROWS_OF_COMPONENT * self.limits.components
         if len(statuses) > limit:
@@ -296,6 +299,12 @@ class Robot:
         """Set what the graph shows of one of its topics."""
         if self.network.update(topic, endpoint):
             self.seen_mono = now.mono
+
+    def update_link(self, reading: LinkReading | None) -> None:
+        """Set how its messages arrive."""
+        self.network.link = reading
+        if self.clock_offset is None:
+            self.clock_behind = reading and reading.behind
 
     def set_lossy(self, *, lossy: bool) -> None:
         """Set whether so many messages are lost that what is STALE may be well."""
