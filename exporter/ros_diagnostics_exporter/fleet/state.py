@@ -43,9 +43,9 @@ from ros_diagnostics_exporter.model import (
 )
 from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
-from ros_diagnostics_exporter.robots.measured import is_of_graph
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.updates import is_of_graph
 from ros_diagnostics_exporter.sources.graph import GROUP, SHADOW, GraphWatch, Report
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading, joined

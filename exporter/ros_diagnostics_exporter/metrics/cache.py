@@ -11,7 +11,8 @@ from ros_diagnostics_exporter.faults.model import ABILITIES, AbilityView, Compon
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import Level
-from ros_diagnostics_exporter.robots.component import Component, ExportedValue
+from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.component_values import ExportedValue
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_exporter.texts import escape

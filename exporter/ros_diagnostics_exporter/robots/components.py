@@ -10,14 +10,8 @@ from math import inf
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.model import Feed, Instant, Status
-from ros_diagnostics_exporter.robots.component import (
-    ERROR,
-    OK,
-    STALE,
-    Component,
-    ComponentValues,
-    Identity,
-)
+from ros_diagnostics_exporter.robots.component import ERROR, OK, STALE, Component, Identity
+from ros_diagnostics_exporter.robots.component_values import ComponentValues
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.robots.marks import Mark, Marks
 from ros_diagnostics_exporter.robots.rejections import Reject

@@ -18,26 +18,29 @@ from ros_diagnostics_exporter.model import (
     Level,
     Status,
 )
-from ros_diagnostics_exporter.robots.component import OK, STALE, Component
+from ros_diagnostics_exporter.robots.component import OK, Component
 from ros_diagnostics_exporter.robots.components import Components
-from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
+from ros_diagnostics_exporter.robots.limits import SeriesLimit
 from ros_diagnostics_exporter.robots.maintenance import (
     PlannedBy,
     components_in_maintenance,
     lasting,
 )
 from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
-from ros_diagnostics_exporter.robots.measured import MeasuredUpdates, query_of
 from ros_diagnostics_exporter.robots.network import Network
 from ros_diagnostics_exporter.robots.persisted import Origin, PersistedRobot
 from ros_diagnostics_exporter.robots.rejections import (
     LOG_TEXTS,
     REASONS,
-    Reject,
     RejectionReason,
     SilentReason,
 )
-from ros_diagnostics_exporter.robots.tree import Structure, TreeReader
+from ros_diagnostics_exporter.robots.updates import (
+    AggregatedUpdates,
+    MeasuredUpdates,
+    RawUpdates,
+    query_of,
+)
 from ros_diagnostics_exporter.sources.link import LinkReading
 
 log = logging.getLogger(__name__)
@@ -48,7 +51,6 @@ ROWS_OF_COMPONENT = 4
 _LEVEL_NAMES = tuple(level.name for level in Level)
 TIME_TO_RETURN = 600.0  # seconds after a start in which nothing is forgotten for its absence
 AUTO_WAIT = 5.0  # seconds that a raw array waits for an aggregated one before raw is the source
-MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 
 
 @marking(
@@ -395,155 +397,3 @@ def accepts(source: config.Source, *, raw: bool) -> bool:
 
 def _topics_of(settings: config.Robot) -> tuple[Domain, str | None, str | None]:
     return settings.domain_id, settings.topic_agg, settings.topic_raw
-
-
-class AggregatedUpdates:
-    """Applies the arrays of one robot's aggregator: complete, so a missing component is STALE."""
-
-    def __init__(
-        self, components: Components, marks: Marks, limits: config.Limits, reject: Reject
-    ) -> None:
-        self.groups: dict[str, tuple[int, str]] = {}  # path -> (level, message) as reported
-        self._components = components
-        self._marks = marks
-        self._limits = limits
-        self._reject = reject
-        self._reader = TreeReader()
-        self._structure: Structure | None = None
-        self._planned_at = -1  # the last change that the plan is made of
-        self._plan: list[tuple[Component, tuple[int, ...]]] = []
-        self._missing: list[Component] = []
-        self._group_rows: list[tuple[int, str]] = []  # with the label of each
-
-    def apply(self, statuses: Sequence[Status], now: Instant) -> None:
-        """Update the components from one array."""
-        structure = self._reader.read(statuses)
-        if structure is not self._structure or self._marks.at[Mark.NAMES] > self._planned_at:
-            self._plan_updates(structure, now)
-        self._update_groups(statuses)
-        for component, rows in self._plan:
-            status = statuses[rows[0]]
-            if len(rows) > 1:
-                status = max((statuses[row] for row in rows), key=_level)
-            if component.raw_received is not None and status.level != STALE:
-                component.listed = now.mono  # received at its source: this is an older copy
-            else:
-                self._components.update(component, status, now)
-        for component in self._missing:
-            self._components.mark_missing(component, now)
-
-    def reset(self, limits: config.Limits) -> None:
-        """Look the components up again at the next array: the config may want others."""
-        self._limits = limits
-        self._structure = None
-
-    def _plan_updates(self, structure: Structure, now: Instant) -> None:
-        """Find the components of a changed structure, and those that are missing in it."""
-        components = self._components
-        self._structure = structure
-        self._remove_groups(structure)
-        length = self._limits.label_length
-        self._group_rows = [(row, truncate(path, length)) for row, path in structure.groups]
-        self._plan = []
-        for leaf in structure.leaves:
-            identity = (leaf.component, "" if leaf.exact else leaf.group, "")
-            component = components.get_or_add(identity, leaf.group, now)
-            if component is not None:
-                components.regroup(component, leaf.group)
-                self._plan.append((component, leaf.rows))
-        self._planned_at = self._marks.count
-        listed = {component.identity for component, _rows in self._plan}
-        # An aggregator that has just started lists no component yet: none is missing because of
-        # that. They become STALE after their own time.
-        self._missing = [
-            component
-            for identity, component in components.by_identity.items()
-            if structure.leaves and identity not in listed and component.raw_received is None
-        ]
-
-    def _remove_groups(self, structure: Structure) -> None:
-        """Remove, without an event, components that prove to be groups."""
-        paths = {path for _row, path in structure.groups}
-        for (name, group, _id), component in list(self._components.by_identity.items()):
-            if group and f"{group}/{name}" in paths:
-                self._components.remove(component)
-
-    def _update_groups(self, statuses: Sequence[Status]) -> None:
-        groups: dict[str, tuple[int, str]] = {}
-        for row, label in self._group_rows:
-            level = min(statuses[row].level, STALE)
-            if label not in groups and len(groups) >= self._limits.components:
-                self._reject("component_limit", label)
-                break
-            if label not in groups or level > groups[label][0]:
-                groups[label] = (level, statuses[row].message)
-        if groups != self.groups:
-            self.groups = groups
-            self._marks.note(Mark.GROUPS)
-
-
-class RawUpdates:
-    """Applies the arrays of a robot's drivers: partial, so only a late component is STALE."""
-
-    def __init__(self, components: Components, reject: Reject) -> None:
-        self._components = components
-        self._reject = reject
-        self._split_names: set[str] = set()  # names that several components have
-
-    def apply(self, statuses: Sequence[Status], now: Instant) -> None:
-        """Update the components from one array."""
-        if len({status.name for status in statuses}) != len(statuses):
-            statuses = self._worst_of_each(statuses)
-        for status in statuses:
-            hardware_id = status.hardware_id if status.name in self._split_names else ""
-            identity = (status.name, "", hardware_id)
-            component = self._components.by_identity.get(identity)
-            if component is None:
-                component = self._components.get_or_add(identity, _node_of(status.name), now)
-            if component is not None:
-                self._components.update_raw(component, status, now)
-
-    def split_by_hardware_id(self, name: str) -> None:
-        """Make a component of each name and hardware_id from now on."""
-        if name not in self._split_names and len(self._split_names) < MAX_SPLIT_NAMES:
-            self._split_names.add(name)
-            self._components.split_by_hardware_id(name)
-
-    def _worst_of_each(self, statuses: Sequence[Status]) -> list[Status]:
-        """The worst status of each component, for an array that has a name more than once.
-
-        One name with two hardware_ids are two components, from then on.
-        """
-        ids: dict[str, set[str]] = {}
-        for status in statuses:
-            if status.hardware_id:
-                ids.setdefault(status.name, set()).add(status.hardware_id)
-        for name, found in ids.items():
-            if len(found) > 1:
-                self.split_by_hardware_id(name)
-        worst: dict[tuple[str, str], Status] = {}
-        for status in statuses:
-            hardware_id = status.hardware_id if status.name in self._split_names else ""
-            key = status.name, hardware_id
-            if key in worst:
-                self._reject("duplicate_component", status.name)
-                status = max(status, worst[key], key=_severity)  # noqa: PLW2901
-            worst[key] = status
-        return list(worst.values())
-
-
-def _severity(status: Status) -> int:
-    """By the rank of its state, in which ERROR, and what counts as it, is worse than STALE."""
-    return {0: 0, 1: 1, STALE: 2}.get(status.level, 3)
-
-
-def _level(status: Status) -> int:
-    # For one component in several groups STALE comes first: a group that has lost the component
-    # knows more than one that waits longer for it.
-    return min(status.level, STALE)
-
-
-def _node_of(name: str) -> str:
-    """The node that publishes a raw status: updaters write "node: task"."""
-    node, colon, _task = name.partition(": ")
-    return node if colon else ""

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ros_diagnostics_exporter.config.fleet import ValueRule
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.robots import component
-from ros_diagnostics_exporter.robots.component import ComponentValues
+from ros_diagnostics_exporter.robots.component_values import ComponentValues
 from ros_diagnostics_exporter.robots.limits import SeriesLimit
 from ros_diagnostics_exporter.robots.marks import Marks
 from support.state_driver import OK, StateDriver
