@@ -136,3 +136,11 @@ class Endpoint(NamedTuple):
     wrong_type: str = ""
     reliable: bool = True
     is_cut_off: bool = False
+
+
+class Person(NamedTuple):
+    """Who acts by a form: the user that has logged in, why, and from which address."""
+
+    user: str
+    comment: str
+    address: str

@@ -161,6 +161,6 @@ def test_the_page_of_a_fault_knows_its_end_after_a_restart_and_says_what_is_forg
     (site.folder / "exporter.db").unlink()
     forgetful = ends(site.exporter()).start()
     until(lambda: is_serving(site, 3), forgetful.describe, 60)
-    until(lambda: site.up(), forgetful.describe, 60)
+    until(site.up, forgetful.describe, 60)
     status, text = page(site, lasting["fault"])
     assert (status, "The log goes back to" in text) == (404, True)
