@@ -56,7 +56,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("cli",),
     ),
     TOOLS: (
-        ("connection_flags", "errors", "pairs", "terminal", "times"),
+        ("capability_losses", "connection_flags", "errors", "pairs", "terminal", "times"),
         ("servers",),
         ("backtest", "nagios", "oncall"),
         ("check_nagios", "commands"),

@@ -181,6 +181,7 @@ def _of_fault(fault: Fault) -> StoredFault:
         labels=dict(fault.labels),
         evidence=fault.evidence,
         work=fault.work,
+        details=dict(fault.details),
     )
 
 
@@ -333,7 +334,7 @@ def _read_problem(book: Book, key: tuple[str, ...], stored: OfProblem, clock: _C
     if fault is not None:
         labels = MappingProxyType(fault.labels)
         times = fault.since, fault.confirmed
-        problem.fault = Fault(identity, *times, labels, fault.evidence, fault.work)
+        problem.fault = Fault(identity, *times, labels, fault.evidence, fault.work, fault.details)
         problem.restored = True
     give_to_owner(book, problem)
     book.add_problem(problem)
