@@ -65,7 +65,7 @@ class Outcome:
     skipped: int = 0
 
 
-class Row(NamedTuple):
+class Element(NamedTuple):
     """An element of a vector."""
 
     labels: dict[str, str]
@@ -185,7 +185,7 @@ class Measured:
         self._levels: dict[tuple[str, str], Level] = {}  # those that were not OK
 
     def statuses(
-        self, rows: Sequence[Row], addresses: Mapping[str, str]
+        self, rows: Sequence[Element], addresses: Mapping[str, str]
     ) -> tuple[dict[str, list[Status]], int]:
         """The statuses of each robot by an answer, and how many rows are of no robot.
 
@@ -261,7 +261,7 @@ class Measured:
         return found, words
 
 
-def ask(client: Client | None, expr: str) -> list[Row]:
+def ask(client: Client | None, expr: str) -> list[Element]:
     """The elements of an instant vector, without those that are no number.
 
     Raises:
@@ -274,7 +274,7 @@ def ask(client: Client | None, expr: str) -> list[Row]:
 
 def ask_range(
     client: Client, expr: str, begin: float, end: float, step: float
-) -> dict[float, list[Row]]:
+) -> dict[float, list[Element]]:
     """What `ask` would have found at ``begin`` and each ``step`` seconds later, up to ``end``.
 
     Times are Unix times; those at which there was nothing are not among them.
@@ -316,19 +316,19 @@ def _line(text: str) -> str:
     return one_line(encodable(text))[:MAX_ERROR]
 
 
-def _rows(data: Any) -> list[Row]:
+def _rows(data: Any) -> list[Element]:
     elements = _elements(data, "vector")
     pairs = ((_labels(each), each["value"][1]) for each in elements if "value" in each)
-    return [Row(labels, number) for labels, text in pairs if not math.isnan(number := float(text))]
+    return [Element(labels, number) for labels, text in pairs if not math.isnan(number := float(text))]
 
 
-def _rows_by_time(data: Any) -> dict[float, list[Row]]:
-    found: dict[float, list[Row]] = {}
+def _rows_by_time(data: Any) -> dict[float, list[Element]]:
+    found: dict[float, list[Element]] = {}
     for each in _elements(data, "matrix"):
         labels = _labels(each)
         for at, text in each.get("values", ()):  # without: native histograms
             if not math.isnan(number := float(text)):
-                found.setdefault(float(at), []).append(Row(labels, number))
+                found.setdefault(float(at), []).append(Element(labels, number))
     return found
 
 

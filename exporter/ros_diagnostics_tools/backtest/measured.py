@@ -13,11 +13,11 @@ from ros_diagnostics_exporter.config.fleet import Fleet, Query
 from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import Instant
-from ros_diagnostics_exporter.sources.prometheus import Measured, QueryError, Row, ask_range
+from ros_diagnostics_exporter.sources.prometheus import Element, Measured, QueryError, ask_range
 from ros_diagnostics_tools.backtest.recordings import Period
 
 STEPS = 500  # of one answer
-_Answer = tuple[float, int, list[Row]]  # Unix time, number of the query, elements
+_Answer = tuple[float, int, list[Element]]  # Unix time, number of the query, elements
 
 
 class Past:
