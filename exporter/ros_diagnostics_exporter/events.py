@@ -39,8 +39,11 @@ class Event:
     Of a fault, ``scope``, ``state``, ``site``, ``robot``, ``group``, ``component``, ``check``,
     ``key``, ``bound`` and ``severity`` are its labels in
     `ros_diagnostics_fault_start_timestamp_seconds`, and ``since`` is that sample's value: all
-    events of a fault have the same ones. ``message`` is its evidence. ``reason`` says how it
-    ended: ``recovered`` (a fresh lower level) or ``removed`` (by a person or the config).
+    events of a fault have the same ones. ``message`` is its evidence, or what was received when it
+    ended. ``reason`` says how it ended: ``recovered`` (a fresh lower level) or ``removed`` (by a
+    person or the config).
+
+    ``details`` is its evidence as fields, of one that began.
 
     ``receiver`` is Alertmanager's, ``step`` that of an escalation (0 is the daily reminder).
     ``author`` acknowledged it, with the words in ``message``.
@@ -66,6 +69,7 @@ class Event:
     receiver: str = ""
     step: str = ""
     author: str = ""
+    details: Any = None  # a mapping to JSON values
 
 
 @dataclass(frozen=True)
@@ -139,6 +143,11 @@ class EventLog:
             last = self._last
         return [(last - back, event) for back, event in enumerate(newest)][::-1]
 
+    def oldest(self) -> float | None:
+        """When the first event in memory was, Unix time; None if there is none."""
+        with self._lock:
+            return self._events[0].time if self._events else None
+
     def find(self, wanted: Wanted) -> Iterator[dict[str, Any]]:
         """The events asked for as JSON objects, newest first, fields that do not apply left out.
 
@@ -161,7 +170,7 @@ class EventLog:
 def _size(event: Event) -> int:
     """Bytes of its texts in memory."""
     texts = (event.robot, event.group, event.component, event.message, event.check, event.key)
-    return sum(map(sys.getsizeof, texts))
+    return sum(map(sys.getsizeof, texts)) + 2 * len(repr(event.details))
 
 
 def filled(event: Event) -> dict[str, Any]:

@@ -30,7 +30,9 @@ PROGRAM = "ros-diagnostics"
 COMMANDS = {
     "status": "Show the fleet: each robot's state and problems.",
     "why": "Show why somebody was notified of a robot's faults, or nobody.",
+    "story": "Show what failed of a robot in a week, in sentences.",
     "history": "Show what happened to a robot.",
+    "capabilities": "Show what a robot can do, and what it would lose next.",
     "faults": "List the faults that last.",
     "ack": "Acknowledge an alert, so that it does not escalate.",
     "downtime": "Plan a downtime of robots or of one component.",

@@ -160,6 +160,7 @@ def faults(state: State, now: Instant, care: Care = NOBODY) -> dict[str, Any]:
                 "since": fault.since,
                 "confirmed": fault.confirmed,
                 "evidence": fault.evidence,
+                "details": dict(fault.details),
                 "work": fault.work,
                 "labels": dict(fault.labels),
                 **care.of(_id(state.fleet, fault.identity), identity, fault.since),
@@ -185,6 +186,7 @@ def _problem(fleet: Fleet, view: ProblemView, care: Care) -> dict[str, Any]:
         "because": view.because,
         "well": view.well,
         "evidence": "" if fault is None else fault.evidence,
+        "details": {} if fault is None else dict(fault.details),
         "work": "" if fault is None else fault.work,
         **(
             _NO_CARE if fault is None else care.of(_id(fleet, view.identity), identity, fault.since)

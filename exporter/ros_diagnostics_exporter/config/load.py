@@ -37,6 +37,8 @@ from ros_diagnostics_exporter.config.yaml_file import Document, KeyPath, read
 
 _SUFFIXES = (".yml", ".yaml")
 _LISTS = ("robots", "discovery", "shared", "maintenance", "queries")
+# Sections that may be in a folder, too: the key `robots_folder` names another one, and so on.
+FOLDERS = {"robots": "robots.d", "maintenance": "maintenance.d", "queries": "queries.d"}
 
 T = TypeVar("T", bound=Entry)
 
@@ -67,6 +69,20 @@ def sources(fleet_or_path: Fleet | Path) -> tuple[Path, ...]:
         return load(fleet_or_path).sources
     except ConfigError as error:
         return error.sources
+
+
+def files_of(folder: Path) -> list[Path]:
+    """The files of a folder of the config, in order; none where there is no folder.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    try:
+        listed = sorted(folder.iterdir())
+    except FileNotFoundError:
+        return []
+    # Editors use hidden names until a file is complete.
+    return [each for each in listed if each.suffix in _SUFFIXES and not each.name.startswith(".")]
 
 
 def _fleet(document: Document, sources_read: list[Path], problems: list[Finding]) -> Fleet | None:
@@ -134,7 +150,7 @@ def _sections(
         return validate(document, items, kind, problems, profiles)
 
     shared = section("shared", Shared)
-    robots = section("robots", Robot) + folders.entries("robots_folder", "robots.d", Robot)
+    robots = section("robots", Robot) + folders.entries("robots", Robot)
     checked = Checked(
         document=document,
         profiles=own,
@@ -142,8 +158,8 @@ def _sections(
         discovery=section("discovery", Discovery),
         shared=shared,
         maintenance=section("maintenance", Maintenance)
-        + folders.entries("maintenance_folder", "maintenance.d", Maintenance),
-        queries=section("queries", Query) + folders.entries("queries_folder", "queries.d", Query),
+        + folders.entries("maintenance", Maintenance),
+        queries=section("queries", Query) + folders.entries("queries", Query),
     )
     return checked, profiles
 
@@ -185,32 +201,25 @@ class _Folders:
         self._problems = problems
         self._profiles = profiles
 
-    def entries(self, key: str, default: str, kind: type[T]) -> list[Placed[T]]:
-        """The entries of all files of the folder that `key` names, in the order of the files."""
+    def entries(self, section: str, kind: type[T]) -> list[Placed[T]]:
+        """The entries of all files of a section's folder, in the order of the files."""
+        key = f"{section}_folder"
         name = self._document.data.get(key)
         if not isinstance(name, str | None):
             return []  # a problem already
-        folder = self._document.path.parent / (name or default)
+        folder = self._document.path.parent / (name or FOLDERS[section])
         self._sources.append(folder)
         if name and not folder.is_dir():
             what, remedy = f"{folder} is not a folder", "create it, or name one that exists"
             self._problems.append(self._document.problem((key,), what, remedy))
             return []
-        return [entry for file in self._files(folder) for entry in self._read(file, kind)]
-
-    def _files(self, folder: Path) -> list[Path]:
         try:
-            listed = sorted(folder.iterdir())
-        except FileNotFoundError:
-            return []
+            files = files_of(folder)
         except OSError as error:
             what, remedy = f"cannot be read ({error.strerror})", "let this user read the folder"
             self._problems.append(Finding(folder, None, "", what, remedy))
             return []
-        # Editors use hidden names until a file is complete.
-        return [
-            file for file in listed if file.suffix in _SUFFIXES and not file.name.startswith(".")
-        ]
+        return [entry for file in files for entry in self._read(file, kind)]
 
     def _read(self, file: Path, kind: type[T]) -> list[Placed[T]]:
         document, found = read(file)

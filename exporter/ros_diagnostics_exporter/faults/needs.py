@@ -70,6 +70,18 @@ class Standing(NamedTuple):
     absent: bool = False
 
 
+class NeedView(NamedTuple):
+    """A capability with its expression, and how good its parts are now, those that are OK too.
+
+    ``maintained`` are those of them that are in a planned downtime.
+    """
+
+    ability: Ability
+    wanted: WantedCapability
+    parts: Mapping[PartName, Ability]
+    maintained: frozenset[PartName]
+
+
 FINE = Standing(Ability.OK)
 NOT_KNOWN = Standing(Ability.UNKNOWN, absent=True)
 Look = Callable[[PartName | Other], "Standing | None"]

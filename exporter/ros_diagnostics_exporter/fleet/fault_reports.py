@@ -27,6 +27,7 @@ from ros_diagnostics_exporter.faults.model import (
     Fault,
     Followed,
     Identity,
+    OwnReport,
     ProblemView,
     Row,
     Scope,
@@ -35,10 +36,17 @@ from ros_diagnostics_exporter.faults.model import (
     Verdict,
     as_texts,
 )
+from ros_diagnostics_exporter.faults.needs import NeedView
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities, work
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
-from ros_diagnostics_exporter.fleet.fault_evidence import evidence, last_received, parts
+from ros_diagnostics_exporter.fleet.fault_evidence import (
+    Evidence,
+    evidence,
+    last_received,
+    of_capability,
+    of_exporter,
+)
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.components import SHADOWED, Components
@@ -65,6 +73,7 @@ class FaultReports:
         self._now = now
         self._events = events
         self._robots: dict[str, RobotReports] = {}
+        self._own: dict[str, str] = {}  # part of the exporter -> what is wrong with it
         self._faults = Faults(fleet.faults)
         self._faults.started(now, fleet.longest_confirm_after)
 
@@ -131,10 +140,16 @@ class FaultReports:
         """How far the clocks of robots differ that are received, and have one."""
         robots = ((name, reports.robot) for name, reports in self._robots.items())
         return {
-            name: robot.clock_offset
+            name: robot.clock_behind
             for name, robot in robots
-            if robot.up and robot.clock_offset is not None
+            if robot.up and robot.clock_behind is not None
         }
+
+    def own(self, reports: Iterable[OwnReport], now: Instant) -> None:
+        """Report all parts of the exporter itself."""
+        reports = list(reports)
+        self._own = {each.part: each.message for each in reports}
+        self._record(self._faults.own(reports, self._time(now)))
 
     def tick(self, now: Instant, *, slow: bool) -> None:
         """Let time pass; to be called a few times a second, once a second with ``slow``."""
@@ -178,24 +193,29 @@ class FaultReports:
     def _record(self, changes: Iterable[Change]) -> None:
         """Write the evidence of the faults that began, and append all changes to the events."""
         for what, fault, at in changes:
-            described = fault
+            described, end = fault, ""
             if what == "began":
                 identity = fault.identity
-                text = fault.evidence or self._evidence(identity)
-                described = self._faults.describe(fault, text, fault.work or self._work(identity))
+                known = Evidence(fault.evidence, {})
+                text, fields = known if fault.evidence else self._evidence(identity)
+                can = fault.work or self._work(identity)
+                described = self._faults.describe(fault, text, can, fields)
             elif what == "recovered":
-                self._faults.describe_end(fault, last_received(fault.identity, self._find))
-            self._events.append(_event(what, described, at))
+                end = last_received(fault.identity, self._find)
+                self._faults.describe_end(fault, end)
+            self._events.append(_event(what, described, at, end))
         for name in self._faults.take_followed():
             if name in self._robots:
                 self._robots[name].robot.versions.levels += 1
 
-    def _evidence(self, identity: Identity) -> str:
+    def _evidence(self, identity: Identity) -> Evidence:
+        if identity.scope is Scope.EXPORTER and identity.component in self._own:
+            return of_exporter(self._own[identity.component])
         reports = self._robots.get(identity.robot)
         if identity.scope is not Scope.CAPABILITY or reports is None:
             return evidence(identity, self._find, self._troubled(identity))
         of = self._faults.abilities(identity.robot).get(identity.check)
-        return "" if of is None else parts(of, reports.by_name)
+        return Evidence("", {}) if of is None else of_capability(of, reports.by_name)
 
     def _work(self, identity: Identity) -> str:
         """What the robot can no longer do; nothing of one that is silent."""
@@ -277,6 +297,14 @@ class FaultReports:
     def abilities(self, robot: Robot) -> dict[str, AbilityView]:
         """What a robot can do, each after those that it needs."""
         return self._faults.abilities(robot.settings.name)
+
+    def needs(self, robot: str) -> dict[str, NeedView]:
+        """What a robot can do, with its expressions and how good all parts are.
+
+        Raises:
+            LookupError: there is no such robot.
+        """
+        return self._faults.needs(robot)
 
     def followed(self, robot: Robot) -> dict[ComponentName, Followed]:
         """What is kept of a robot's components that are or were in trouble."""
@@ -706,19 +734,20 @@ def _is_part(reports: RobotReports, identity: Identity) -> bool:
     robot = reports.robot
     if identity.scope is Scope.SITE:
         return robot.settings.labels.get("site", "") == identity.site and not robot.up
-    if identity.scope is Scope.CLOCK:
-        return robot.up and abs(robot.clock_offset or 0.0) > LIMIT
+    if identity.scope is Scope.EXPORTER:
+        return robot.up and abs(robot.clock_behind or 0.0) > LIMIT
     return reports.has_error(identity.component)
 
 
-def _event(what: str, fault: Fault, at: float) -> Event:
+def _event(what: str, fault: Fault, at: float, end: str) -> Event:
     return Event(
         time=at,
         kind="fault_began" if what == "began" else "fault_ended",
         **as_texts(fault.identity, fault.labels),
-        message=fault.evidence,
+        message=fault.evidence if what == "began" else end,
         since=fault.since,
         reason="" if what == "began" else what,
+        details=fault.details if what == "began" and fault.details else None,
     )
 
 

@@ -20,9 +20,11 @@ from ros_diagnostics_exporter.faults.model import (
     End,
     Fault,
     Followed,
+    OwnReport,
     ProblemView,
     Row,
 )
+from ros_diagnostics_exporter.faults.needs import NeedView
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
@@ -262,6 +264,11 @@ class State:
         with self._lock:
             robots = self._registry.robots
             return {name: each.settings.address or "" for name, each in robots.items()}
+
+    def report_own(self, reports: Iterable[OwnReport], now: Instant) -> None:
+        """Judge all parts of the exporter itself, as they are now."""
+        with self._lock:
+            self._faults.own(reports, now)
 
     # -- from time and people ----------------------------------------------------------------
 
@@ -508,6 +515,15 @@ class State:
     def abilities(self, robot: Robot) -> dict[str, AbilityView]:
         """What a robot that is visited can do, each after those that it needs."""
         return self._faults.abilities(robot)
+
+    def needs(self, robot: str) -> dict[str, NeedView]:
+        """What a robot can do, with its expressions and how good all parts are.
+
+        Raises:
+            LookupError: there is no such robot.
+        """
+        with self._lock:
+            return self._faults.needs(robot)
 
     def downtimes(self, robot: str) -> tuple[Downtime, ...]:
         """The downtimes of a robot and its components that people planned; some may lie ahead."""

@@ -251,6 +251,7 @@ class RobotText:
             (metrics.ROBOT_LINK_LOST, link and link.loss),
             (metrics.ROBOT_LINK_DELAY, link and link.delay),
             (metrics.ROBOT_LINK_JITTER, link and link.jitter),
+            (metrics.ROBOT_LINK_CLOCK, link and link.behind),
         ):
             if value is None:
                 self._remove(family.name)

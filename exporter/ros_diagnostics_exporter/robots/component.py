@@ -111,9 +111,14 @@ class Component:
         return self.reported == STALE
 
     @property
+    def reports(self) -> bool:
+        """Whether its message is not of before it became STALE for want of another."""
+        return self.reported != STALE or (self.last is not None and self.last.level == STALE)
+
+    @property
     def account(self) -> str:
         """The message, for people; of a component that says nothing any more, that it is old."""
-        if not self.is_stale or (self.last is not None and self.last.level == STALE):
+        if self.reports:
             return self.message
         return "no longer reports" + (f"; its last message: {self.message}" if self.message else "")
 

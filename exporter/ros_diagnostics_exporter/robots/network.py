@@ -49,6 +49,8 @@ class Network:
             return "uplink_down"
         if any(endpoint.wrong_type for endpoint in self._endpoints.values()):
             return "wrong_type"
+        if any(endpoint.refused for endpoint in self._endpoints.values()):
+            return "incompatible_qos"
         if not self.publishers and any(each.is_cut_off for each in self._endpoints.values()):
             return "unreachable"
         return None

@@ -57,7 +57,8 @@ class Robot:
     ``declared``: fleet.yml names it; ``shared``: its topic is one that robots share.
     ``found_mono`` is when it was added, ``seen_mono`` when the publishers of its topics last
     changed; ``last_mono`` and ``last_wall`` are when the last array was received, ``clock_offset``
-    is its receipt minus its stamp in seconds.
+    is its receipt minus its stamp in seconds, ``clock_behind`` the same or, without stamps, what
+    the link says.
     """
 
     def __init__(
@@ -83,6 +84,7 @@ class Robot:
         self.messages = 0
         self.bytes = 0
         self.clock_offset: float | None = None
+        self.clock_behind: float | None = None
         self.undecodable = False
         self.network = Network()
         self.maintenance = False
@@ -162,7 +164,7 @@ class Robot:
         self.messages += 1
         self.bytes += array.size
         if array.stamp > 0:
-            self.clock_offset = now.wall - array.stamp
+            self.clock_offset = self.clock_behind = now.wall - array.stamp
         self.versions.receipt += 1
         statuses = array.statuses
         limit = ROWS_OF_COMPONENT * self.limits.components
@@ -311,6 +313,8 @@ class Robot:
         """Set how its messages arrive."""
         if reading != self.network.link:
             self.network.link = reading
+            if self.clock_offset is None:
+                self.clock_behind = reading and reading.behind
             self.versions.receipt += 1
 
     def set_expected_nodes(self, count: int) -> None:

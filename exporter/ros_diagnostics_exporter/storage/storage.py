@@ -36,6 +36,7 @@ from ros_diagnostics_exporter.storage.database import (
     Lock,
     VersionError,
     find_events,
+    first_event,
     is_damage,
     rename_database,
 )
@@ -447,6 +448,16 @@ class Storage:
             yield from find_events(self._path, wanted)
         except sqlite3.Error as error:
             log.error("database %s: its events cannot be read: %s", self._path, error)
+
+    def first_event(self) -> float | None:
+        """When the first event that is written was, Unix time; None if that is not known."""
+        if self._hangs or self._database is None:
+            return None
+        try:
+            return first_event(self._path)
+        except sqlite3.Error as error:
+            log.error("database %s: its events cannot be read: %s", self._path, error)
+            return None
 
 
 def _key(robot: Robot) -> _Key:

@@ -98,12 +98,13 @@ class Pages:
         return HTMLResponse(page)
 
     async def fault(self, request: Request) -> Response:
-        """One fault that lasts; 404 for any other id."""
+        """One fault that lasts or has ended; 404 for an id of which nothing is known."""
         snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
         fault = request.path_params["fault"]
-        page = await self.workers.run(fault_page, snapshot.fleet, fault)
+        history = await self.workers.run(self.backend.fault_history, fault)
+        page = await self.workers.run(fault_page, snapshot.fleet, fault, history)
         if page is None:
-            return HTMLResponse(missing_fault(snapshot.fleet, fault), status_code=404)
+            return HTMLResponse(missing_fault(snapshot.fleet, fault, history), status_code=404)
         return HTMLResponse(page)
 
     async def healthy(self, _request: Request) -> Response:
@@ -134,9 +135,10 @@ def _robot_page(backend: Backend, snapshot: Snapshot, name: str) -> str | None:
     events = backend.find_events(Wanted(robot=name, limit=EVENTS))
     try:
         ledger = backend.why(name, None, None, ask=False)["entries"]
+        sentences = backend.story(name)["sentences"]
     except LookupError:
-        ledger = []  # there is no such robot, or it was removed just now
-    return robot_page(snapshot.fleet, name, events, ledger)
+        ledger = sentences = []  # there is no such robot, or it was removed just now
+    return robot_page(snapshot.fleet, name, events, ledger, sentences)
 
 
 @dataclass(frozen=True)
@@ -198,9 +200,12 @@ def build(
         Route("/-/watch/accept", api.accept_graph, methods=write_methods),
         Route("/api/v1/fleet", api.fleet),
         Route("/api/v1/faults", api.faults),
+        Route("/api/v1/faults/{fault}", api.fault),
         Route("/api/v1/faults/{fault}/capsule.mcap", api.capsule),
+        Route("/api/v1/robots/{robot:text}/story", api.story),
         Route("/api/v1/events", api.events),
         Route("/api/v1/why", api.why),
+        Route("/api/v1/capabilities", api.capabilities),
         Route("/api/v1/notifications", api.notifications, methods=["POST"]),
         Route("/api/v1/openapi.json", pages.openapi),
         Route("/sd/{job}", api.targets),

@@ -27,6 +27,9 @@ class Backend(Protocol):
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""
 
+    def fault_history(self, fault: str, /) -> dict[str, Any]:
+        """Each time that a fault lasted as /api/v1/faults/ID returns it."""
+
     def capsule(self, fault: str, /) -> bytes:
         """The newest recording around the begin of a fault, as MCAP.
 
@@ -43,6 +46,20 @@ class Backend(Protocol):
         """The ledger of a robot at a Unix time (None: now) as /api/v1/why returns it.
 
         With ``ask`` Alertmanager is asked, which may take some seconds.
+
+        Raises:
+            LookupError: There is no such robot.
+        """
+
+    def capabilities(self, robot: str, /) -> dict[str, Any]:
+        """What a robot can do as /api/v1/capabilities returns it.
+
+        Raises:
+            LookupError: There is no such robot.
+        """
+
+    def story(self, robot: str, /) -> dict[str, Any]:
+        """What failed of a robot in a week, in sentences, as /api/v1/robots/ROBOT/story returns it.
 
         Raises:
             LookupError: There is no such robot.

@@ -53,6 +53,7 @@ class WantedProblem(NamedTuple):
     component: str | None
     site: str | None
     common: str | None
+    part: str | None
     alert: str | None
 
     def __str__(self) -> str:
@@ -69,6 +70,7 @@ class WantedProblem(NamedTuple):
     "--site", help="That many robots of this site are silent; '' where robots have no site."
 )
 @click.option("--common", metavar="COMPONENT", help="That it failed on many robots.")
+@click.option("--part", help="That this part of the exporter has a fault, such as database.")
 @click.option("--alert", metavar="NAME", help="Alerts about the monitoring, such as ExporterDown.")
 @click.option("--fleet", help="Only this fleet's alerts.")
 @click.option("--comment", help="What is being done about it.")
@@ -117,11 +119,11 @@ def command(
 
 
 def _check(wanted: WantedProblem) -> None:
-    named = [wanted.robot, wanted.site, wanted.common, wanted.alert]
+    named = [wanted.robot, wanted.site, wanted.common, wanted.part, wanted.alert]
     if named.count(None) == len(named):
-        raise click.UsageError("give a ROBOT, --site, --common or --alert; or --list")
+        raise click.UsageError("give a ROBOT, --site, --common, --part or --alert; or --list")
     if named.count(None) < len(named) - 1:
-        raise click.UsageError("ROBOT, --site, --common and --alert exclude one another")
+        raise click.UsageError("ROBOT, --site, --common, --part and --alert exclude one another")
 
 
 @dataclass(frozen=True)
@@ -147,8 +149,6 @@ class Problem:
 
     @property
     def _alert(self) -> str:
-        if self.labels.get("scope") == "clock":
-            return "RosDiagnosticsExporterClockOffset"
         return self.labels.get("of", self.labels["alertname"])
 
     @property
@@ -164,8 +164,9 @@ class Problem:
             return f"site {labels.get('site', '')}"
         if self.since and labels["scope"] == "common":
             return f"{labels.get('component', '')} on many robots"
-        if self.since and labels["scope"] == "clock":
-            return f"exporter {labels.get('exporter', '')}".rstrip()
+        if self.since and labels["scope"] == "exporter":
+            name = f"exporter {labels.get('exporter', '')}".rstrip()
+            return f"{labels.get('component', '')} of the {name}"
         fault = ("robot", "component", "check", "key", "bound")
         names = fault if self.since else ("robot", "exporter", "instance", "domain_id")
         return " ".join(labels[name] for name in names if labels.get(name))
@@ -183,8 +184,9 @@ class Problem:
         if wanted.common is not None:
             return (labels.get("scope"), labels.get("component")) == ("common", wanted.common)
         if wanted.alert is not None:
-            is_named = not self.since or labels["scope"] == "clock"
-            return is_named and self._alert == PREFIX + wanted.alert.removeprefix(PREFIX)
+            return not self.since and self._alert == PREFIX + wanted.alert.removeprefix(PREFIX)
+        if wanted.part is not None:
+            return (labels.get("scope"), labels.get("component")) == ("exporter", wanted.part)
         parts = (None, labels.get("component"), labels.get("check"))
         return labels.get("robot") == wanted.robot and wanted.component in parts
 

@@ -15,6 +15,8 @@ from support.web_server import (
     component,
     downtime,
     fleet,
+    no_history,
+    occurrence,
     plain,
     problem,
     robot,
@@ -51,7 +53,25 @@ ROBOTS = [
     robot("fine", component("Motor", "OK")),
 ]
 COMMON = problem("common", "critical", component="Map", confirmed=1_010.0, fault="ba9876543210")
-PAGES = ["/", "/?q=nowhere", "/robots/broken", "/robots/nobody", f"/faults/{FAULT}", "/faults/x"]
+ENDED = occurrence(
+    *("component", "critical"),
+    robot="broken",
+    group="/Motor",
+    component="Motor ERROR",
+    evidence="over current; values Level: 12.3 V",
+    end="OK: runs",
+    acknowledged=[{"at": 1_015.0, "author": "ann", "comment": "on it"}],
+    notified=[{"at": 1_012.0, "receiver": "email", "step": "", "after": "firing"}],
+)
+PAGES = [
+    *("/", "/?q=nowhere", "/robots/broken", "/robots/nobody"),
+    *(f"/faults/{FAULT}", "/faults/ended", "/faults/x"),
+]
+
+
+def history(fault: str) -> dict[str, Any]:
+    known = [] if fault == "x" else [ENDED, ENDED]
+    return no_history(fault) | {"events_since": 600.0, "occurrences": known}
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +85,7 @@ def window() -> Iterator[Any]:
 @pytest.mark.parametrize("width", [390, 1920])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_page_is_accessible_and_fits_the_screen(serve, window, scheme, width):
-    server = serve(fleet_snapshot=lambda: fleet(*ROBOTS, problems=[COMMON]))
+    server = serve(fleet_snapshot=lambda: fleet(*ROBOTS, problems=[COMMON]), fault_history=history)
     # The policy forbids scripts of others, axe-core too: that it works is seen below.
     context = window.new_context(
         bypass_csp=True, color_scheme=scheme, viewport={"width": width, "height": 900}

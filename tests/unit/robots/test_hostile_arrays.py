@@ -211,7 +211,7 @@ def test_dropped_messages_are_counted_for_the_robot_or_on_a_shared_topic_for_nob
     assert driver.samples()["robot_rejected_total"]
 
 
-@pytest.mark.parametrize("page", ["LimitHit", "UnknownRejected"])
+@pytest.mark.parametrize("page", ["LimitHit"])
 def test_the_runbooks_find_in_the_log_what_is_said_there(page):
     runbook = (RUNBOOKS / f"RosDiagnostics{page}.md").read_text()
     (words,) = re.findall(r'grep (?:-E )?"([^"]+)"', runbook)
