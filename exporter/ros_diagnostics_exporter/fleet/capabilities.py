@@ -91,7 +91,8 @@ def _resolved(need: config.Expression, profile: Profile, names: _Names) -> AtLea
             own = [MISSING]
         found.update(dict.fromkeys(own))
     lacking = 0 if need.k is None else max(0, need.k - len(found))
-    return AtLeast(need.k, (*found, *[MISSING] * lacking))
+    degraded = Ability[need.degraded.upper()]
+    return AtLeast(need.k, (*found, *[MISSING] * lacking), degraded)
 
 
 def _elements(need: config.Need, profile: Profile, names: _Names) -> Iterator[Need]:
