@@ -60,7 +60,8 @@ class RobotReports:
         self._presence: _Presence | None = None
         self._announced: float | None = None  # when a publisher of it was first seen, monotonic
         self._names: dict[Component, ComponentName] = {}
-        self._read = -1  # the last change that was reported
+        self.read = -1  # the last change that was reported
+        self.is_up = False  # was reported, with all of its components
         self._everything = True  # is to be reported, because none of it was, or by other settings
         self._awaited: dict[Component, float] = {}
         self._conditions = RobotConditions(robot)
@@ -105,9 +106,9 @@ class RobotReports:
 
     def start_over(self, faults: Faults, now: Instant) -> list[Change]:
         """Report all of it to another engine, but its downtime."""
-        self._presence, self.maintenance = None, self.robot.maintenance
+        self._presence, self.is_up, self.maintenance = None, False, self.robot.maintenance
         self.maintained, self.unreachable = frozenset(), False
-        self._names, self._read = _names(self.robot.components), self.robot.marks.count
+        self._names, self.read = _names(self.robot.components), self.robot.marks.count
         return self.configure(faults, now) + self._forget_ignored(faults, now)
 
     def _forget_ignored(self, faults: Faults, now: Instant) -> list[Change]:
@@ -126,10 +127,8 @@ class RobotReports:
 
     # -- what changed ------------------------------------------------------------------------
 
-    def needs_update(self, now: Instant) -> bool:
-        """Whether there is anything to report."""
-        if self.robot.marks.last(Mark.NAMES, Mark.LEVEL, Mark.VALUE) > self._read:
-            return True
+    def is_due(self, now: Instant) -> bool:
+        """Whether there is anything to report that no mark shows: it is back, silent or late."""
         if self._awaited and self.robot.up and self._has_found_awaited:
             return True
         return self._presence_at(now) != self._presence
@@ -138,7 +137,7 @@ class RobotReports:
         """Report it."""
         changes = self._report_presence(faults, now)
         marks, profile = self.robot.marks, self.robot.settings.profile
-        renamed = marks.at[Mark.NAMES] > self._read
+        renamed = marks.at[Mark.NAMES] > self.read
         if renamed:
             changes += self._follow_names(faults, now)
         if profile.has_conditions or self._everything:
@@ -152,12 +151,13 @@ class RobotReports:
             if renamed or self._everything:
                 changes += self._report_checks(faults, now)
             self._everything = False
-        self._read = marks.count
+        self.read = marks.count
+        self.is_up = self._presence == "up" and not self._awaited
         return changes
 
     def _changed(self, mark: Mark) -> list[Component]:
         """The components of which this was noted since the last report."""
-        return self.robot.marks.components(mark, self._read)
+        return self.robot.marks.components(mark, self.read)
 
     def _apply_conditions(self, now: Instant) -> None:
         """Have what depends on what changed reported, where its conditions say something else."""

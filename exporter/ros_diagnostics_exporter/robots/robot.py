@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
+from math import inf
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
@@ -93,6 +94,7 @@ class RobotState:
         self.up = False
         self.source = settings.source
         self._has_no_ros = settings.source is config.Source.QUERIES  # and is never silent
+        self.look_at = inf  # when its State looks at it again, monotonic
         self.last_mono: float | None = None
         self.last_wall = 0.0
         self.messages = 0

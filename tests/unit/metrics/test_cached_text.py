@@ -495,7 +495,7 @@ def compare_written(played: History, folder: Path) -> None:
     assert fault_texts(steps) == fault_texts(played.state)
 
 
-quick = settings(suppress_health_check=[HealthCheck.too_slow])
+quick = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 
 
 OTHER_TOPIC = 3  # the fleet in which r1 has others
