@@ -9,9 +9,9 @@ import re
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
-from ros_diagnostics_exporter.robots.component_values import ComponentValues
 from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
 from ros_diagnostics_exporter.robots.persisted import PersistedComponent
+from ros_diagnostics_exporter.robots.values import ComponentValues
 
 OK, WARN, ERROR, STALE = (int(level) for level in Level)
 

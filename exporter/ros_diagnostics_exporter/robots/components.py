@@ -11,7 +11,6 @@ from math import inf
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.model import Feed, Instant, Status
 from ros_diagnostics_exporter.robots.component import ERROR, OK, STALE, Component, Identity
-from ros_diagnostics_exporter.robots.component_values import ComponentValues
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.robots.marks import Mark, Marks
 from ros_diagnostics_exporter.robots.rejections import Reject
@@ -21,6 +20,7 @@ from ros_diagnostics_exporter.robots.rules import (
     selects_component,
     value_rule,
 )
+from ros_diagnostics_exporter.robots.values import ComponentValues
 
 # How many series a component has at least: level, since, changes, info, problem since, message.
 SERIES_OF_COMPONENT = 6

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from ros_diagnostics_exporter.config.fleet import ValueRule
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.robots import component
-from ros_diagnostics_exporter.robots.component_values import ComponentValues
 from ros_diagnostics_exporter.robots.limits import SeriesLimit
 from ros_diagnostics_exporter.robots.marks import Marks
+from ros_diagnostics_exporter.robots.values import ComponentValues
 from support.state_driver import OK, StateDriver
 
 keys = st.sampled_from(["Voltage (V)", "Voltage", "Serial number", "Scaled", "Mode"])
