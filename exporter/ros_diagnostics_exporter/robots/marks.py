@@ -27,7 +27,7 @@ class Mark(IntEnum):
 
 
 class Marks(Generic[T]):
-    """One robot's marks, each with the number of the last change of it, some of a component (T).
+    """One robot's marks, some of a component (T), each with the number of its last change.
 
     ``count`` is the number of the last change, ``at`` that of the last of each mark. A reader keeps
     the one up to which it has read, -1 at first: what was noted after that is new to it.

@@ -57,8 +57,8 @@ profile = Profile(stale_after=5.0, confirm_after=0.2)
 labels = {"site": "hall"}
 robot = Robot("r", topic_raw="/r", source=Source.RAW, profile=profile, labels=labels)
 path, turn = Path(sys.argv[1]), int(sys.stdin.readline())
-state, storage = FleetState(Fleet("f", (robot,)), clocks()), Storage(path)
-recording = threading.Lock()
+state = FleetState(Fleet("f", (robot,)), clocks())
+storage, recording = Storage(path), threading.Lock()
 log = EventLog(storage.load(state, clocks()), storage.find_events)
 storage.save(state, log, clocks())  # opens the database, from which the events are read
 journal(
