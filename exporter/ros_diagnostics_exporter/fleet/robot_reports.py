@@ -155,7 +155,7 @@ class RobotReports:
         self.is_up = self._presence == "up" and not self._awaited
         return changes
 
-    def _changed(self, mark: Mark) -> list[Component]:
+    def _changed(self, mark: int) -> list[Component]:
         """The components of which this was noted since the last report."""
         return self.robot.marks.components(mark, self.read)
 
