@@ -26,9 +26,10 @@ from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSet
 from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
 from ros_diagnostics_exporter.model import Instant, Level
-from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.component import Component, full_name
 from ros_diagnostics_exporter.robots.components import SHADOWED, Components
 from ros_diagnostics_exporter.robots.conditions import Quiet, RobotConditions
+from ros_diagnostics_exporter.robots.limits import truncate
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.rules import component_rule, value_rule
@@ -109,10 +110,10 @@ class RobotReports:
         self._presence, self.is_up, self.maintenance = None, False, self.robot.maintenance
         self.maintained, self.unreachable = frozenset(), False
         self._names, self.read = _names(self.robot.components), self.robot.marks.count
-        return self.configure(faults, now) + self._forget_ignored(faults, now)
+        return self.configure(faults, now) + self._follow_config(faults, now)
 
-    def _forget_ignored(self, faults: Faults, now: Instant) -> list[Change]:
-        """End what is wrong with components that the config of before the start did not ignore."""
+    def _follow_config(self, faults: Faults, now: Instant) -> list[Change]:
+        """Follow what the config of before the start did not: ignored components, other names."""
         robot, changes = self.robot.settings, list[Change]()
         known = {
             ComponentName(identity.group, identity.component)
@@ -123,6 +124,10 @@ class RobotReports:
             rule = component_rule(robot.profile, name.component)
             if rule is not None and rule.ignore:
                 changes += faults.forget_component(robot.name, name, now)
+                continue
+            for component, new in self._names.items():
+                if _had_name(component, name):
+                    changes += faults.component_moved(robot.name, name, new, now)
         return changes
 
     # -- what changed ------------------------------------------------------------------------
@@ -453,3 +458,9 @@ def _is_monitored(profile: Profile, component: Component, key: str) -> bool:
     name = component.identity[0]
     rules = (value_rule(profile, name, each) for each in (key, _NUMBERED.sub("", key)))
     return any(rule is not None and rule.thresholds for rule in rules)
+
+
+def _had_name(component: Component, name: ComponentName) -> bool:
+    """Whether a component had this name by another limit of the length of labels."""
+    is_own = truncate(full_name(component.identity), len(name.component)) == name.component
+    return is_own and truncate(name.group, len(component.group)) == component.group

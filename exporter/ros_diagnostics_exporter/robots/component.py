@@ -239,3 +239,9 @@ class Component:
         if len(self.gaps) < GAPS_KEPT and sum(self.gaps) < LEAST_STALE_AFTER:
             return max(STALE_AFTER_FIRST, default)
         return max(LEAST_STALE_AFTER, GAP_FACTOR * max(self.gaps))
+
+
+def full_name(identity: Identity) -> str:
+    """The name of a component before it is truncated."""
+    name, _group, hardware_id = identity
+    return f"{name} [{hardware_id}]" if hardware_id else name or "(unnamed)"
