@@ -19,7 +19,12 @@ from zoneinfo import ZoneInfo
 from pydantic import BeforeValidator, Field
 from typing_extensions import override
 
-from ros_diagnostics_exporter.config.capabilities import Capability, Parts, short_capability
+from ros_diagnostics_exporter.config.capabilities import (
+    Capability,
+    FleetCapability,
+    Parts,
+    short_capability,
+)
 from ros_diagnostics_exporter.config.conditions import LEVELS, Conditional, ConditionList
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, suggestion
 from ros_diagnostics_exporter.config.graph import Graph
@@ -1142,6 +1147,24 @@ class Fleet(Entry, title="FleetFile"):
         "list.",
         example="fleet/maintenance",
         default="maintenance.d",
+    )
+    capabilities: Annotated[
+        Mapping[str, FleetCapability],
+        Written(
+            dict[CapabilityName, FleetCapability],
+            lambda found: MappingProxyType(
+                {name: replace(each, name=name) for name, each in found.items()}
+            ),
+        ),
+    ] = described(
+        "What the fleet can do while enough of its robots can: a fault says so before too few "
+        "can ([capabilities](capabilities.md#of-a-fleet)).",
+        example={
+            "lifting in hall 2": {
+                "at_least": {"k": 3, "of": {"can": "lifting", "robots": {"site": "hall_2"}}}
+            }
+        },
+        default_factory=_nothing,
     )
     queries: Annotated[tuple[Query, ...], Written(list[Query], tuple)] = described(
         "What Prometheus measures of the robots (`--prometheus.url`), as components of them.",

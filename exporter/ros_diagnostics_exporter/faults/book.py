@@ -14,6 +14,7 @@ from ros_diagnostics_exporter.faults.records import (
     Cause,
     Component,
     Ended,
+    FleetCapability,
     Presence,
     Problem,
     Robot,
@@ -26,6 +27,7 @@ from ros_diagnostics_exporter.model import Instant
 TimerKind = Literal[
     "confirm",
     "cover",
+    "fleet",
     "returned",
     "reachable",
     "presence",
@@ -61,6 +63,7 @@ class Book:
         self.touched_causes: dict[Cause, None] = {}
         self.touched_robots: dict[Robot, None] = {}  # whose capabilities are to be judged
         self.written: dict[RowKey, None] = {}  # rows that differ from what was last taken
+        self.fleet_capabilities: dict[str, FleetCapability] = {}  # each after those it needs
         self.followed: dict[str, None] = {}  # robots of which `Faults.followed` changed
 
     # -- notes -------------------------------------------------------------------------------

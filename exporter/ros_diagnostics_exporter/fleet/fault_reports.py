@@ -14,7 +14,9 @@ from itertools import chain
 from math import inf, nextafter
 from typing import Literal
 
+from ros_diagnostics_exporter.config.capabilities import FleetCapability
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Source, Threshold, ValueRule
+from ros_diagnostics_exporter.config.fleet import Robot as Settings
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.clocks import LIMIT
 from ros_diagnostics_exporter.faults.engine import Faults
@@ -37,6 +39,7 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.faults.needs import NeedView
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
+from ros_diagnostics_exporter.fleet import fleet_capabilities
 from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities, work
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
 from ros_diagnostics_exporter.fleet.fault_evidence import evidence, last_received, parts
@@ -66,6 +69,7 @@ class FaultReports:
         self._now = now
         self._events = events
         self._robots: dict[str, RobotReports] = {}
+        self._fleet_source: tuple[Mapping[str, FleetCapability], list[Settings]] | None = None
         self._faults = Faults(fleet.faults)
         self._faults.started(now, fleet.longest_confirm_after)
 
@@ -137,6 +141,15 @@ class FaultReports:
             if robot.up and robot.clock_offset is not None
         }
 
+    def _report_fleet(self, now: Instant) -> None:
+        """Report what the fleet can do, where it has other robots, or other settings of them."""
+        every = self._robots.values() if self._fleet.capabilities else ()
+        source = self._fleet.capabilities, [each.robot.settings for each in every]
+        if source != self._fleet_source:
+            self._fleet_source = source
+            found = fleet_capabilities.wanted(self._fleet, source[1])
+            self._record(self._faults.configure_fleet(found, now))
+
     def tick(self, now: Instant, *, slow: bool) -> None:
         """Let time pass; to be called a few times a second, once a second with ``slow``."""
         now = self._time(now)
@@ -144,6 +157,7 @@ class FaultReports:
             self._report_maintenance(now)
             self._report_unreachable(now)
             self._record(self._faults.clocks(self._clocks(), now))
+            self._report_fleet(now)
         self._record(self._faults.advance(now))
 
     def restore(self, rows: Iterable[Row], now: Instant) -> None:
@@ -157,7 +171,7 @@ class FaultReports:
         faults = Faults(self._fleet.faults)
         faults.restore(rows, now)
         faults.started(now, self._fleet.longest_confirm_after)
-        self._faults = faults
+        self._faults, self._fleet_source = faults, None
         for kind, key, fields in rows:
             if kind == "robot" and fields is not None and key[0] not in self._robots:
                 self._record(faults.forget_robot(key[0], now))
@@ -193,6 +207,9 @@ class FaultReports:
 
     def _evidence(self, identity: Identity) -> str:
         reports = self._robots.get(identity.robot)
+        if identity.scope is Scope.CAPABILITY and not identity.robot:
+            view = self._faults.fleet_needs().get(identity.check)
+            return "" if view is None else fleet_capabilities.evidence(view)
         if identity.scope is not Scope.CAPABILITY or reports is None:
             return evidence(identity, self._find, self._troubled(identity))
         of = self._faults.abilities(identity.robot).get(identity.check)
@@ -278,6 +295,10 @@ class FaultReports:
     def abilities(self, robot: Robot) -> dict[str, AbilityView]:
         """What a robot can do, each after those that it needs."""
         return self._faults.abilities(robot.settings.name)
+
+    def fleet_needs(self) -> dict[str, NeedView]:
+        """What the fleet can do, with its expressions and how good all robots are."""
+        return self._faults.fleet_needs()
 
     def needs(self, robot: str) -> dict[str, NeedView]:
         """What a robot can do, with its expressions and how good all parts are.

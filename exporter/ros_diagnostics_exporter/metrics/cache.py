@@ -18,7 +18,7 @@ from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.texts import escape
 
 _VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_MONITORED_VALUE.name}
-_STATES = {ability: number for number, ability in enumerate(ABILITIES)}
+STATES = {ability: number for number, ability in enumerate(ABILITIES)}
 _WORDS = tuple(level.name.lower() for level in Level)
 
 
@@ -311,7 +311,7 @@ class RobotText:
         self._set(
             family,
             (
-                self._one(family, _STATES[each.ability], f',capability="{escape(capability)}"')
+                self._one(family, STATES[each.ability], f',capability="{escape(capability)}"')
                 for capability, each in self._abilities(self.robot).items()
             ),
         )

@@ -53,6 +53,7 @@ class WantedProblem(NamedTuple):
     component: str | None
     site: str | None
     common: str | None
+    capability: str | None
     alert: str | None
 
     def __str__(self) -> str:
@@ -69,6 +70,7 @@ class WantedProblem(NamedTuple):
     "--site", help="That many robots of this site are silent; '' where robots have no site."
 )
 @click.option("--common", metavar="COMPONENT", help="That it failed on many robots.")
+@click.option("--capability", metavar="NAME", help="That the fleet can no longer do it well.")
 @click.option("--alert", metavar="NAME", help="Alerts about the monitoring, such as ExporterDown.")
 @click.option("--fleet", help="Only this fleet's alerts.")
 @click.option("--comment", help="What is being done about it.")
@@ -117,11 +119,12 @@ def command(
 
 
 def _check(wanted: WantedProblem) -> None:
-    named = [wanted.robot, wanted.site, wanted.common, wanted.alert]
+    named = [wanted.robot, wanted.site, wanted.common, wanted.capability, wanted.alert]
+    names = "--site, --common, --capability"
     if named.count(None) == len(named):
-        raise click.UsageError("give a ROBOT, --site, --common or --alert; or --list")
+        raise click.UsageError(f"give a ROBOT, {names} or --alert; or --list")
     if named.count(None) < len(named) - 1:
-        raise click.UsageError("ROBOT, --site, --common and --alert exclude one another")
+        raise click.UsageError(f"ROBOT, {names} and --alert exclude one another")
 
 
 @dataclass(frozen=True)
@@ -164,6 +167,8 @@ class Problem:
             return f"site {labels.get('site', '')}"
         if self.since and labels["scope"] == "common":
             return f"{labels.get('component', '')} on many robots"
+        if self.since and labels["scope"] == "capability" and not labels.get("robot"):
+            return f"{labels['check']} of the fleet"
         if self.since and labels["scope"] == "clock":
             return f"exporter {labels.get('exporter', '')}".rstrip()
         fault = ("robot", "component", "check", "key", "bound")
@@ -182,6 +187,9 @@ class Problem:
             return labels.get("scope") == "site" and labels.get("site", "") == wanted.site
         if wanted.common is not None:
             return (labels.get("scope"), labels.get("component")) == ("common", wanted.common)
+        if wanted.capability is not None:
+            of_fleet = labels.get("scope") == "capability" and not labels.get("robot")
+            return of_fleet and labels.get("check") == wanted.capability
         if wanted.alert is not None:
             is_named = not self.since or labels["scope"] == "clock"
             return is_named and self._alert == PREFIX + wanted.alert.removeprefix(PREFIX)
