@@ -13,7 +13,7 @@ from functools import partial
 from ros_diagnostics_exporter.events import Event
 from simulation.can import CAN, EACH, NEEDED, leaves
 from simulation.story import COMPONENTS, ERROR, OK, WARN
-from simulation.world import CALM, LATE, Delivered, Part, World
+from simulation.world import CALM, LATE, STALE_AFTER, Delivered, Part, World
 
 FINE, NO_RESERVE, DEGRADED, LOST = range(4)
 _STATES = {"no_reserve": NO_RESERVE, "degraded": DEGRADED, "lost": LOST}
@@ -118,21 +118,37 @@ class Abilities:
                 yield from self._wrong(known, name, of.get(known.name, []), common)
 
     def _missing_of_fleet(self, lasting: list[Event]) -> Iterator[Wrong]:
-        """Whether the fleet has just the fault that its robots say, where all of them are known."""
+        """Whether the fleet has the fault that its robots say, by those that are known."""
         now, parts, robots = self._world.now.mono, leaves(EACH), self._world.declared()
+        found = []
         for known in robots:
             quiet = now - max(known.gap, known.quiet, self._world.started)
-            if quiet < CALM or self._is_changing(known, parts) or not parts <= known.parts.keys():
-                return
-        found = [judge(EACH, partial(_level, known))[0] for known in robots]
+            is_known = quiet >= CALM and parts <= known.parts.keys()
+            if is_known and not self._is_changing(known, parts):
+                found.append(judge(EACH, partial(_level, known))[0])
         own = {each.state for each in lasting if each.scope == "capability"}
-        usable = sum(each < LOST for each in found)
-        if usable > NEEDED and sorted(found)[NEEDED - 1] < DEGRADED and own:
+        if sum(each < DEGRADED for each in found) > NEEDED and own:
             yield "a fleet that is well has a fault", own
-        if usable < NEEDED <= len(found) and "lost" not in own:
+        if len(robots) >= NEEDED > len(robots) - found.count(LOST) and "lost" not in own:
             yield "a fleet can do less than its faults say", (own, found)
-        if usable == NEEDED < len(found) and not own:
-            yield "a fleet without reserve has no fault", found
+
+    def ended(self, event: Event) -> Iterator[Wrong]:
+        """What is wrong with the end of a fault of the fleet: that no message is evidence of it."""
+        if event.scope != "capability" or event.robot or event.reason != "recovered":
+            return
+        robots = self._world.declared()
+        able = [each.name for each in robots if self._is_perhaps_able(each)]
+        has_more = event.state == "no_reserve" and len(robots) > NEEDED
+        if len(able) < NEEDED + has_more <= len(robots):
+            yield "the fleet's fault ended although too few robots can", (event, able)
+
+    def _is_perhaps_able(self, known: Delivered) -> bool:
+        """Whether it is received, and no part that it needs is known to have failed."""
+        if known.last is None or known.last < self._world.started:
+            return False
+        parts = known.parts
+        state, _ = judge(EACH, lambda name: _state(parts[name]) if name in parts else FINE)
+        return state < LOST and self._world.now.mono - known.last <= STALE_AFTER + LATE
 
     def _wrong(
         self, known: Delivered, name: str, lasting: list[Event], common: set[str]

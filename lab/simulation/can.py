@@ -52,7 +52,7 @@ def capabilities() -> Mapping[str, Capability]:
 
 
 # Of the fleet: so many robots have to be able to do this.
-TOGETHER, NEEDED, EACH = "transport", 2, "driving"
+TOGETHER, NEEDED, EACH = "transport", 5, "driving"
 
 
 def of_fleet() -> Mapping[str, FleetCapability]:
