@@ -7,11 +7,11 @@ from typing import Any
 from ros_diagnostics_exporter.faults.model import PartName
 from ros_diagnostics_exporter.faults.needs import AtLeast, Missing, Need, NeedView
 from ros_diagnostics_exporter.fleet.fleet_capabilities import counts
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant
 
 
-def capability_tree(state: State, robot: str | None, now: Instant) -> dict[str, Any]:
+def capability_tree(state: FleetState, robot: str | None, now: Instant) -> dict[str, Any]:
     """What a robot, or None the fleet, can do, each after those that it needs, and what for.
 
     Raises:
@@ -34,7 +34,7 @@ def capability_tree(state: State, robot: str | None, now: Instant) -> dict[str, 
     }
 
 
-def fleet_capabilities(state: State) -> list[dict[str, Any]]:
+def fleet_capabilities(state: FleetState) -> list[dict[str, Any]]:
     """What the fleet can do, with the number of robots by what they can."""
     return [
         {"capability": name, "state": view.ability.name.lower(), "robots": counts(view)}
@@ -44,7 +44,8 @@ def fleet_capabilities(state: State) -> list[dict[str, Any]]:
 
 def _need(need: Need, view: NeedView) -> dict[str, Any]:
     if isinstance(need, AtLeast):
-        return {"k": need.k, "of": [_need(each, view) for each in need.of]}
+        of = [_need(each, view) for each in need.of]
+        return {"k": need.k, "of": of, "degraded": need.degraded.name.lower()}
     if isinstance(need, PartName):
         return {
             "part": {

@@ -29,7 +29,7 @@ from ros_diagnostics_exporter.faults.needs import (
     Standing,
     WantedCapability,
 )
-from ros_diagnostics_exporter.faults.records import FleetCapability, Problem, Robot
+from ros_diagnostics_exporter.faults.records import FleetCapabilityRecord, Problem, RobotRecord
 from ros_diagnostics_exporter.model import Instant
 
 _Found = dict[str, "Standing | None"]
@@ -39,7 +39,7 @@ def configure(book: Book, wanted: Iterable[WantedCapability], now: Instant) -> l
     """Have just these, each after those that it needs; the problems of those that are gone."""
     former, book.fleet_capabilities = book.fleet_capabilities, {}
     for each in wanted:
-        record = former.pop(each.name, None) or FleetCapability(each.name)
+        record = former.pop(each.name, None) or FleetCapabilityRecord(each.name)
         record.wanted = each
         book.fleet_capabilities[each.name] = record
     if book.fleet_capabilities:
@@ -47,11 +47,11 @@ def configure(book: Book, wanted: Iterable[WantedCapability], now: Instant) -> l
     return [problem for each in former.values() for problem in each.problems.values()]
 
 
-def adopt(book: Book, name: str) -> FleetCapability:
+def adopt(book: Book, name: str) -> FleetCapabilityRecord:
     """The capability of a fault of before the start, which lasts until robots are received."""
     record = book.fleet_capabilities.get(name)
     if record is None:
-        record = book.fleet_capabilities[name] = FleetCapability(name)
+        record = book.fleet_capabilities[name] = FleetCapabilityRecord(name)
     record.adopted = True
     return record
 
@@ -71,7 +71,7 @@ def judge(book: Book, now: Instant) -> None:
 
 
 def _outcome(
-    book: Book, record: FleetCapability, others: _Found, *, leave_out: bool
+    book: Book, record: FleetCapabilityRecord, others: _Found, *, leave_out: bool
 ) -> Standing | None:
     def look(part: PartName | Other) -> Standing | None:
         if isinstance(part, Other):
@@ -86,7 +86,9 @@ def _outcome(
     return None if record.wanted is None else needs.outcome(record.wanted.need, look)
 
 
-def _held(book: Book, record: FleetCapability, robot: Robot, part: PartName) -> Standing | None:
+def _held(
+    book: Book, record: FleetCapabilityRecord, robot: RobotRecord, part: PartName
+) -> Standing | None:
     """A robot in maintenance while there is a fault: as bad as before it, which is no recovery."""
     found = _of_robot(book, robot, part)
     before = record.parts.get(part)
@@ -96,7 +98,7 @@ def _held(book: Book, record: FleetCapability, robot: Robot, part: PartName) -> 
     return Standing(ability, {part: Bad(ability, before.due)}, before.due, found.absent)
 
 
-def _of_robot(book: Book, robot: Robot, part: PartName) -> Standing:
+def _of_robot(book: Book, robot: RobotRecord, part: PartName) -> Standing:
     """How good a robot is at it: one that has no reserve for it can do it."""
     capability = robot.capabilities.get(part.check)
     if capability is None:
@@ -111,7 +113,7 @@ def _of_robot(book: Book, robot: Robot, part: PartName) -> Standing:
     return Standing(bad.ability, {part: bad}, bad.due, absent=is_unknown)
 
 
-def _due_of_silence(book: Book, robot: Robot) -> float:
+def _due_of_silence(book: Book, robot: RobotRecord) -> float:
     """When (monotonic) its silence is a fault; never where something larger explains it.
 
     Nor for one that was never received: what that lacks is not lost.
@@ -125,7 +127,7 @@ def _due_of_silence(book: Book, robot: Robot) -> float:
 
 
 def _judge(
-    book: Book, record: FleetCapability, actual: Standing, in_use: Standing, now: Instant
+    book: Book, record: FleetCapabilityRecord, actual: Standing, in_use: Standing, now: Instant
 ) -> None:
     record.ability = actual.ability
     if actual.ability is Ability.OK:

@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.faults import (
     fleet_capabilities,
     hours,
 )
-from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.book import CLOCK_TIME, Book
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
 from ros_diagnostics_exporter.faults.model import (
     Ability,
@@ -40,11 +40,11 @@ from ros_diagnostics_exporter.faults.needs import Bad
 from ros_diagnostics_exporter.faults.records import (
     CapabilityRecord,
     Cause,
-    Component,
+    ComponentRecord,
     Ended,
     Presence,
     Problem,
-    Robot,
+    RobotRecord,
     RowKey,
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
@@ -147,7 +147,7 @@ def _stored(book: Book, row: RowKey, clock: _Clock) -> Stored | None:
     return None if robot is None else _stored_of(robot, row, clock)
 
 
-def _stored_of(robot: Robot, row: RowKey, clock: _Clock) -> Stored | None:
+def _stored_of(robot: RobotRecord, row: RowKey, clock: _Clock) -> Stored | None:
     """The row of a robot, or of what it has."""
     kind, key = row
     if kind == "robot":
@@ -187,6 +187,7 @@ def _of_fault(fault: Fault) -> StoredFault:
         labels=dict(fault.labels),
         evidence=fault.evidence,
         work=fault.work,
+        details=dict(fault.details),
     )
 
 
@@ -227,7 +228,7 @@ def _of_end(ended: Ended | None) -> OfEnd | None:
     )
 
 
-def _of_robot(robot: Robot, clock: _Clock) -> OfRobot:
+def _of_robot(robot: RobotRecord, clock: _Clock) -> OfRobot:
     settings = robot.settings
     return OfRobot(
         labels=dict(settings.labels),
@@ -244,7 +245,7 @@ def _of_robot(robot: Robot, clock: _Clock) -> OfRobot:
     )
 
 
-def _of_component(component: Component, clock: _Clock) -> OfComponent:
+def _of_component(component: ComponentRecord, clock: _Clock) -> OfComponent:
     settings = component.settings
     return OfComponent(
         settings=StoredSettings(
@@ -339,7 +340,7 @@ def _read_problem(book: Book, key: tuple[str, ...], stored: OfProblem, clock: _C
     if fault is not None:
         labels = MappingProxyType(fault.labels)
         times = fault.since, fault.confirmed
-        problem.fault = Fault(identity, *times, labels, fault.evidence, fault.work)
+        problem.fault = Fault(identity, *times, labels, fault.evidence, fault.work, fault.details)
         problem.restored = True
     give_to_owner(book, problem)
     book.add_problem(problem)
@@ -356,7 +357,8 @@ def give_to_owner(book: Book, problem: Problem) -> None:
     """Have a problem where what it is about finds it."""
     identity = problem.identity
     robot = problem.robot = book.robots[identity.robot] if identity.robot else None
-    if identity.scope is Scope.CLOCK:
+    if identity.scope is Scope.EXPORTER:
+        book.own.setdefault(identity.component, CLOCK_TIME)
         return
     if robot is None and identity.scope is Scope.CAPABILITY:
         problem.capability = fleet_capabilities.adopt(book, identity.check)
@@ -456,7 +458,7 @@ def _set_timers(book: Book) -> None:
                 timers.set(("cover", capability), capability.covers_until)
 
 
-def _set_timers_of(book: Book, robot: Robot) -> None:
+def _set_timers_of(book: Book, robot: RobotRecord) -> None:
     if robot.returned_until > -inf:
         book.timers.set(("returned", robot), robot.returned_until)
     if robot.history is not None and robot.history.ratio > 0.0:

@@ -42,7 +42,8 @@ def _resolved(need: config.Expression, fleet: Fleet, robots: list[Settings]) -> 
     for each in need.of:
         found.update(dict.fromkeys(_elements(each, fleet, robots)))
     least = 1 if need.k is None else need.k
-    return AtLeast(need.k, (*found, *[MISSING] * max(0, least - len(found))))
+    missing = [MISSING] * max(0, least - len(found))
+    return AtLeast(need.k, (*found, *missing), Ability[need.degraded.upper()])
 
 
 def _elements(need: config.Need, fleet: Fleet, robots: list[Settings]) -> Iterator[Need]:

@@ -71,6 +71,7 @@ def test_amtool_accepts_configuration_and_templates():
 MOTOR_FAULT = {**MOTOR, "scope": "component", "state": "critical", "severity": "critical"}
 R1 = {"fleet": "f", "robot": "r1"}
 SILENT = {**R1, "scope": "robot", "state": "silent", "severity": "critical"}
+OWN = {"scope": "exporter", "state": "critical", "component": "domain 7"}
 MANY = {**R1, "scope": "robot", "state": "many", "severity": "critical"}
 SUBJECTS = [
     # status, alert, labels, the subject
@@ -189,9 +190,15 @@ SUBJECTS = [
     ("firing", "ExporterDown", {"fleet": "f"}, "PROBLEM ** f exporter is DOWN"),
     (
         "firing",
-        "DomainDown",
-        {"fleet": "f", "domain_id": "7"},
-        "PROBLEM ** f exporter in domain 7 is DOWN",
+        "ExporterFault",
+        {"fleet": "f", **OWN, "exporter": "north"},
+        "PROBLEM ** f exporter north is CRITICAL: domain 7",
+    ),
+    (
+        "resolved",
+        "Unacknowledged",
+        {"fleet": "f", **OWN, "step": "1"},
+        "ESCALATION 1 ENDED ** f exporter is no longer CRITICAL: domain 7",
     ),
     (
         "firing",
@@ -207,9 +214,9 @@ SUBJECTS = [
     ),
     (
         "firing",
-        "UnknownRejected",
-        {"fleet": "f", "reason": "robot_limit"},
-        "PROBLEM ** f exporter is rejecting messages of unknown robots",
+        "ExporterStalled",
+        {"fleet": "f", "instance": "e:1"},
+        "PROBLEM ** f exporter e:1 is STALLED",
     ),
     ("firing", "OnCallEnds", {}, "PROBLEM ** the rota of people on call is near its end"),
     (
@@ -345,8 +352,8 @@ def test_who_was_notified_of_an_escalation_is_notified_of_its_end():
 
 # What an alert about the monitoring is told apart by.
 APART = [
-    {"alertname": "RosDiagnosticsDomainDown", "fleet": "f", "domain_id": "7"},
-    {"alertname": "RosDiagnosticsUnknownRejected", "fleet": "f", "reason": "robot_limit"},
+    {"alertname": "RosDiagnosticsExporterFault", "fleet": "f", **OWN},
+    {"alertname": "RosDiagnosticsExporterStalled", "fleet": "f", "instance": "e:1"},
     {"alertname": "RosDiagnosticsAlertmanagerNotNotifying", "instance": "a", "integration": "sns"},
     {"alertname": "RosDiagnosticsFleetPartDown", "fleet": "f", "scope": "site", "state": "silent"},
     {"alertname": "RosDiagnosticsExporterAbsent"},

@@ -24,6 +24,7 @@ from support.web_server import (
     component,
     downtime,
     fleet,
+    occurrence,
     problem,
     robot,
 )
@@ -52,8 +53,9 @@ def _capabilities(robot: str | None) -> dict:
             {"part": {**part, "state": "lost", "maintenance": True}},
             {"capability": "view"},
             {"missing": True},
-            {"k": 2, "of": [{"missing": True}]},
+            {"k": 2, "of": [{"missing": True}], "degraded": "lost"},
         ],
+        "degraded": "degraded",
     }
     found = {"capability": "drive", "state": "no_reserve", "needed": None, "need": need}
     return {"fleet": "hall", "robot": robot, "time": 1.0, "capabilities": [found]}
@@ -112,6 +114,12 @@ def server():
             ],
         },
         capabilities=_capabilities,
+        fault_history=lambda fault: {
+            "fault": fault,
+            "time": 1.0,
+            "events_since": None,
+            "occurrences": [] if "0" in fault else [occurrence("component", "critical")],
+        },
         find_events=LOG.find,
         notified=lambda body: (len(parse(body).alerts), 0),
         targets=_targets,
