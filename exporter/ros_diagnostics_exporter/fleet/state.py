@@ -526,6 +526,11 @@ class FleetState:
         """What a robot that is visited can do, each after those that it needs."""
         return self._faults.abilities(robot)
 
+    def fleet_needs(self) -> dict[str, NeedView]:
+        """What the fleet can do, with its expressions and how good all robots are."""
+        with self._lock:
+            return self._faults.fleet_needs()
+
     def needs(self, robot: str) -> dict[str, NeedView]:
         """What a robot can do, with its expressions and how good all parts are.
 

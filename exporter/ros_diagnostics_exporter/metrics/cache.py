@@ -19,7 +19,7 @@ from ros_diagnostics_exporter.texts import escape
 
 _VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_MONITORED_VALUE.name}
 _NAMED = Mark.NAMES, Mark.SERIES, Mark.CONFIG  # what the labels of components and values have
-_STATES = {ability: number for number, ability in enumerate(ABILITIES)}
+STATES = {ability: number for number, ability in enumerate(ABILITIES)}
 _WORDS = tuple(level.name.lower() for level in Level)
 
 
@@ -306,7 +306,7 @@ class RobotText:
         self._set(
             family,
             (
-                self._one(family, _STATES[each.ability], f',capability="{escape(capability)}"')
+                self._one(family, STATES[each.ability], f',capability="{escape(capability)}"')
                 for capability, each in self._abilities(self.robot).items()
             ),
         )
