@@ -55,7 +55,8 @@ class Known:
 
         def read(need: Mapping[str, Any]) -> Need:
             if "of" in need:
-                return AtLeast(need["k"], tuple(map(read, need["of"])))
+                degraded = Ability[need["degraded"].upper()]
+                return AtLeast(need["k"], tuple(map(read, need["of"])), degraded)
             if "capability" in need:
                 return Other(need["capability"])
             if "part" not in need:

@@ -43,8 +43,8 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("sources",),
         ("robots",),
         ("alertmanager", "faults"),
-        ("firing",),
-        ("notifications",),
+        ("acknowledging", "firing"),
+        ("acting", "notifications"),
         ("canary",),
         ("fleet",),
         ("capsules", "storage"),
@@ -58,7 +58,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     TOOLS: (
         ("capability_losses", "connection_flags", "errors", "pairs", "terminal", "times"),
         ("servers",),
-        ("backtest", "nagios", "oncall"),
+        ("autoware", "backtest", "nagios", "oncall"),
         ("check_nagios", "commands"),
         ("main",),
     ),
@@ -103,7 +103,7 @@ KNOW_ROS = {
 ROS_PACKAGES = {"rclpy", "rcl_interfaces", "diagnostic_msgs", "builtin_interfaces", "std_msgs"}
 NO_CLOCK = {
     EXPORTER: {"model", "config", "robots", "fleet", "faults", "api", "canary", "notifications"},
-    TOOLS: {"backtest", "nagios", "oncall"},
+    TOOLS: {"autoware", "backtest", "nagios", "oncall"},
 }
 READS_CLOCK = {f"{EXPORTER}.config.reloader", f"{EXPORTER}.storage.storage"}
 CLOCKS = {"time.time", "time.monotonic", "time.perf_counter", "datetime.now", "datetime.utcnow"}

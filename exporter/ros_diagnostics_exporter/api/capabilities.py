@@ -34,7 +34,8 @@ def capability_tree(state: State, robot: str, now: Instant) -> dict[str, Any]:
 
 def _need(need: Need, view: NeedView) -> dict[str, Any]:
     if isinstance(need, AtLeast):
-        return {"k": need.k, "of": [_need(each, view) for each in need.of]}
+        of = [_need(each, view) for each in need.of]
+        return {"k": need.k, "of": of, "degraded": need.degraded.name.lower()}
     if isinstance(need, PartName):
         return {
             "part": {

@@ -124,6 +124,7 @@ def _lines_of(
 
 def _how_many(need: dict[str, Any]) -> str:
     number = len(need["of"])
+    counts_as = "" if need["degraded"] == "degraded" else f", degraded counts as {need['degraded']}"
     if need["k"] is None or need["k"] >= number:
-        return "needs this" if number == 1 else "needs all of"
-    return f"needs {need['k']} of these {number}"
+        return f"{'needs this' if number == 1 else 'needs all of'}{counts_as}"
+    return f"needs {need['k']} of these {number}{counts_as}"

@@ -10,7 +10,7 @@ from ros_diagnostics_exporter.api.capabilities import capability_tree
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_tools.main import main
-from support.state_driver import ERROR, OK, StateDriver
+from support.state_driver import ERROR, OK, WARN, StateDriver
 
 FLEET = """
 fleet: f
@@ -22,6 +22,15 @@ profiles:
       navigation: [{capability: view}, {check: motors}]
       arm: {all: Arm, when: {component: Mode, key: mode, equals: arm}}
       greeting: [{any: [Speaker, {component: Screen, key: Lit}]}]
+robots: [{name: r, topic: /r/diagnostics, source: raw}]
+"""
+STRICT = """
+fleet: f
+profiles:
+  default:
+    capabilities:
+      careful: [{degraded_is_lost: [Laser 1, Laser 2]}]
+      easy: [{degraded_is_ok: {any: [Laser 1, Laser 2]}}]
 robots: [{name: r, topic: /r/diagnostics, source: raw}]
 """
 NAMES = ("Laser 1", "Laser 2", "Motor 1", "Motor 2", "Arm", "Speaker", "Screen")
@@ -109,6 +118,28 @@ def test_the_tree_shows_each_state_and_the_parts_below(ask):
         "Arm arm",
         "Speaker greeting",
     ]
+
+
+def test_what_degraded_counts_as_is_shown_and_counts(tmp_path, serve, capsys):
+    (tmp_path / "fleet.yml").write_text(STRICT)
+    driver = StateDriver(fleet=load(tmp_path / "fleet.yml"))
+    server = serve(capabilities=lambda name: capability_tree(driver.state, name, driver.now))
+    driver.raw_every(1, 40, Status(WARN, "Laser 1"), Status(OK, "Laser 2"))
+    assert main(["capabilities", "r", "--url", f"http://{server.addresses[0]}"]) == 0
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert lines[:10] == [
+        "State What",
+        "LOST careful: needs this",
+        "needs all of, degraded counts as lost",
+        "DEGRADED Laser 1",
+        "OK Laser 2",
+        "OK easy: needs this",
+        "needs this, degraded counts as ok",
+        "needs 1 of these 2",
+        "DEGRADED Laser 1",
+        "OK Laser 2",
+    ]
+    assert lines[10:13] == ["", "The next part that fails:", "none"]  # it is lost already
 
 
 def test_of_an_unknown_robot_nothing_is_shown(tmp_path, serve, capsys):

@@ -54,7 +54,7 @@ def test_there_is_one_command_with_these_subcommands():
         "story",
         *("oncall build", "oncall check", "oncall who", "oncall icalendar"),
         "watch accept",
-        *("nagios import", "nagios compare", "check-config", "test-page"),
+        *("import autoware", "nagios import", "nagios compare", "check-config", "test-page"),
     }
 
 

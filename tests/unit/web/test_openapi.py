@@ -53,8 +53,9 @@ def _capabilities(robot: str) -> dict:
             {"part": {**part, "state": "lost", "maintenance": True}},
             {"capability": "view"},
             {"missing": True},
-            {"k": 2, "of": [{"missing": True}]},
+            {"k": 2, "of": [{"missing": True}], "degraded": "lost"},
         ],
+        "degraded": "degraded",
     }
     found = {"capability": "drive", "state": "no_reserve", "needed": None, "need": need}
     return {"fleet": "hall", "robot": robot, "time": 1.0, "capabilities": [found]}
