@@ -194,18 +194,24 @@ class Costs(NamedTuple):
         return [sum(each) for each in zip(*self.groups.values(), strict=True)]
 
 
-def watch(port: int, rounds: int) -> Costs:
-    """Look at each of the next evaluations; a longer interval counts by its share."""
-    costs = Costs({}, {}, [])
+def watch(ports: list[int], rounds: int) -> list[Costs]:
+    """Look at each of the next evaluations of all; a longer interval counts by its share."""
+    all_costs = [Costs({}, {}, []) for _port in ports]
     for _ in range(rounds):
-        for group in ask(port, "/api/v1/rules")["groups"]:
-            share = INTERVAL / group["interval"]
-            costs.groups.setdefault(group["name"], []).append(group["evaluationTime"] * share)
-            for rule in group["rules"]:
-                costs.rules.setdefault(rule["name"], []).append(rule["evaluationTime"] * share)
-        costs.scrapes.append(sample(port, 'scrape_duration_seconds{job="ros-diagnostics"}'))
+        for port, costs in zip(ports, all_costs, strict=True):
+            look(port, costs)
         time.sleep(INTERVAL)
-    return costs
+    return all_costs
+
+
+def look(port: int, costs: Costs) -> None:
+    """Add what the last evaluation and scrape of a Prometheus took."""
+    for group in ask(port, "/api/v1/rules")["groups"]:
+        share = INTERVAL / group["interval"]
+        costs.groups.setdefault(group["name"], []).append(group["evaluationTime"] * share)
+        for rule in group["rules"]:
+            costs.rules.setdefault(rule["name"], []).append(rule["evaluationTime"] * share)
+    costs.scrapes.append(sample(port, 'scrape_duration_seconds{job="ros-diagnostics"}'))
 
 
 def ready(port: int) -> bool:
@@ -249,7 +255,7 @@ def main() -> None:
             expected = target.breaks(case)
             for port in ports:
                 until(partial(fires, port, expected), f"{expected} alerts", 240)
-            all_costs = [watch(port, options.rounds) for port in ports]
+            all_costs = watch(ports, options.rounds)
             for port, costs, commit in zip(ports, all_costs, commits, strict=True):
                 counted = firing(port), int(sample(port, RECORDED))
                 report(commit or case.title, counted, costs, options.rules)
