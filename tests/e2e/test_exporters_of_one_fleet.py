@@ -125,7 +125,8 @@ def test_each_exporter_judges_its_robots_and_holds_their_faults_alone(site: Site
         found = site.servers.query(expr)
         return float(found[0]["value"][1]) if found else 0
 
-    until(lambda: robots('sum(site_robot_group:ros_diagnostics_robots:count{fleet="hall"})') == 4, "4", 60)
+    count = 'sum(site_robot_group:ros_diagnostics_robots:count{fleet="hall"})'
+    until(lambda: robots(count) == 4, "4", 60)
     site.north.motor("error")
     site.south.motor("error")
     site.becomes(NORTH, SOUTH)
