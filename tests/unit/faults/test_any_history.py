@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.faults.model import (
     ComponentName,
     ComponentReport,
+    OwnReport,
     State,
     ValueReport,
 )
@@ -41,10 +42,11 @@ from support.fault_histories import (
     restart,
     silent,
 )
-from support.fault_model import Model
+from support.fault_model import OWN_CONFIRM, Model
 
 ROBOTS = ("r1", "r2", "r3", "r4")
 COMPONENTS = ("a", "b", "planned", "strict")
+PARTS = ("database", "domain 7")  # of the exporter
 JUDGED = {
     "a": ComponentSettings(3),
     "b": ComponentSettings(5),
@@ -105,6 +107,7 @@ events = st.one_of(
     st.tuples(st.just("check"), robots, st.sampled_from([(1, 2), (2, 2), (1, 2), (0, None)])),
     st.tuples(st.just("maintenance"), st.sets(robots, min_size=1), st.booleans()),
     st.tuples(st.just("restart")),
+    st.tuples(st.just("own"), st.dictionaries(st.sampled_from(PARTS), any_level)),
     st.tuples(st.just("configure"), robots, st.sampled_from(ROBOT_SETTINGS), st.booleans()),
     st.tuples(st.just("fleet"), st.sampled_from(FLEETS)),
     st.tuples(st.just("forget"), robots, components | st.none()),
@@ -245,6 +248,11 @@ class Both:
             self.engine(maintenance(*known, planned=planned))
         for robot in known:
             self.model.robots[robot].maintenance = planned
+
+    def own(self, levels):
+        reports = [OwnReport(part, to, "", OWN_CONFIRM) for part, to in levels.items()]
+        self.engine(lambda faults, now: faults.own(reports, now))
+        self.model.report_own(levels, self.second)
 
     def restart(self):
         self.engine(restart())
