@@ -375,4 +375,4 @@ def test_timers_and_rows_are_bounded_by_what_is_in_trouble(history):
     records = len(book.problems) + sum(2 + len(each.components) for each in book.robots.values())
     assert len(book.timers) <= records + 2 * len(book.causes) + 1
     assert book.timers.entries <= 2 * len(book.timers) + 64
-    assert len(both.player.rows) <= records + len(book.causes) + 1
+    assert len(both.player.rows) <= records + len(book.causes) + len(book.ended) + 1
