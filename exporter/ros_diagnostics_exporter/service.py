@@ -15,6 +15,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from ros_diagnostics_exporter.acting import acknowledge, plan_downtime
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.api import ledger, snapshot
 from ros_diagnostics_exporter.api.capabilities import capability_tree
@@ -32,7 +33,7 @@ from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
-from ros_diagnostics_exporter.model import Part, place
+from ros_diagnostics_exporter.model import Part, Person, place
 from ros_diagnostics_exporter.notifications import Notifications, parse
 from ros_diagnostics_exporter.self_check import SelfCheck
 from ros_diagnostics_exporter.sources.dds import describe_ros
@@ -472,6 +473,47 @@ class Service:
             for event in events:
                 self._record(event)
         return len(events) + canaries, ignored - canaries
+
+    def acknowledge(self, fault: str, person: Person) -> None:
+        """Acknowledge a fault that lasts, as Backend says."""
+        fleet = self.state.fleet
+        lasting = {
+            fault_id(fleet.name, fleet.exporter, each.identity): each
+            for each in self.state.faults()
+        }
+        if fault not in lasting:
+            raise LookupError("it has ended, or there was never one of this id")
+        now = read_clocks().wall
+        self._act(lambda by: acknowledge(by, fleet.name, lasting[fault], person, now))
+
+    def plan_downtime(self, robot: str, component: str, seconds: float, person: Person) -> None:
+        """Plan a downtime from now on, as Backend says."""
+        now = read_clocks()
+        robots = {each["robot"]: each for each in self.fleet_snapshot()["robots"]}
+        if robot not in robots:
+            raise LookupError(f"there is no robot {robot!r:.60}")
+        known = {each["component"] for each in robots[robot]["components"]}
+        if component and component not in known:
+            raise LookupError(f"{robot} has no component {component!r:.60}")
+        times = now.wall, now.wall + seconds
+        fleet, of = self.state.fleet.name, (robot, component)
+        self._act(lambda by: plan_downtime(by, fleet, of, person, times))
+
+    def _act(self, do: Callable[[Alertmanager], Event]) -> None:
+        """Do it, record it, and read the silences anew."""
+        if self._alertmanager is None:
+            raise ConnectionError("the exporter runs without --alertmanager.url")
+        try:
+            event = do(self._alertmanager)
+        except UnreachableError as error:
+            raise ConnectionError(f"Alertmanager does not answer: {error}") from error
+        log.info("%s by %s: %s", event.after, event.author, event.message)
+        self._record_events()
+        with self._recording:
+            self._record(event)
+        for loop in self._others:
+            if loop.name == "alertmanager":
+                loop.wake()
 
     def targets(self, job: str, port: int | None) -> list[dict[str, Any]]:
         """Prometheus' http_sd list of a job; LookupError or ValueError as Backend says."""

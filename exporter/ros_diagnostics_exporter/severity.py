@@ -432,6 +432,10 @@ def event_text(event: dict[str, Any]) -> str:
         about = _complete(event)
         how = "quiet" if after == "quiet" else "no longer quiet"
         words = f"{how} by its condition: {problem_state(about)} {subject(about)}"
+    elif kind == "action":
+        what = {"acknowledged": "acknowledged by a form"}.get(after, "downtime planned by a form")
+        of = subject(_complete(event)) if event.get("scope") else event.get("component", "")
+        words = f"{what} by {event.get('author', '?')}{of and f', {of}'}"
     elif kind in {"notified", "acknowledged"}:
         words = f"{_done(event)}: {problem_state(event)} {subject(_complete(event))}"
     else:

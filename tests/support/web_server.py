@@ -201,6 +201,8 @@ class FakeBackend:
     hanging_reason: Callable[[], str | None] = lambda: None
     not_ready_reason: Callable[[], str | None] = lambda: None
     reload: Callable[[], None] = lambda: None
+    acknowledge: Callable[..., None] = lambda *_given: None
+    plan_downtime: Callable[..., None] = lambda *_given: None
     forget: Callable[[str, str | None], int] = lambda _robot, _component: 1
     accept_graph: Callable[[str], int] = lambda _robot: 1
 

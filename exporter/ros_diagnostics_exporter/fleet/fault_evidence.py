@@ -19,7 +19,8 @@ from ros_diagnostics_exporter.faults.model import (
     State,
 )
 from ros_diagnostics_exporter.model import Level
-from ros_diagnostics_exporter.robots.component import Component, ExportedValue
+from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.component_values import ExportedValue
 from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_exporter.severity import SILENT
 from ros_diagnostics_exporter.texts import one_line

@@ -41,11 +41,11 @@ from ros_diagnostics_exporter.model import (
     Topic,
     place,
 )
-from ros_diagnostics_exporter.robots.limits import truncate_array
+from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
-from ros_diagnostics_exporter.robots.measured import is_of_graph
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.updates import is_of_graph
 from ros_diagnostics_exporter.sources.graph import GROUP, SHADOW, GraphWatch, Report
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading, joined
@@ -87,7 +87,9 @@ class State:
         """Update the robots whose array this is; ``topic`` is one of `wanted_topics`."""
         if self.recorder is not None:
             self.recorder(topic, array, now)
-        original, array = array, truncate_array(array)  # without the lock: it looks at every text
+        original = array
+        if array.size > MAX_TEXT:  # else no text of it is longer than that
+            array = truncate_array(array)  # without the lock: it looks at every text
         with self._lock:
             if array is not original:
                 self._registry.reject_long_text(topic)
@@ -208,7 +210,7 @@ class State:
             for component in [each for each in robot.components if is_of_graph(each.identity)]:
                 if component.identity[0] not in names:
                     robot.forget(component, now)
-            robot.set_expected_nodes(report.expected)
+            robot.network.expected_nodes = report.expected
             robot.set_lossy(lossy=report.lossy)
             for text in report.events:
                 self._events.append(Event(now.wall, "graph", report.robot, message=text))
@@ -233,9 +235,8 @@ class State:
     def _set_domain_up(self, domain_id: Domain, *, up: bool) -> None:
         with self._lock:
             for robot in self._registry.robots.values():
-                if robot.settings.domain_id == domain_id and robot.network.domain_up != up:
+                if robot.settings.domain_id == domain_id:
                     robot.network.domain_up = up
-                    robot.versions.receipt += 1
 
     # -- from other sources: what `sources.prometheus` asks for ----------------------------------
 
@@ -318,7 +319,7 @@ class State:
                 if not robot.up:
                     self._faults.update(robot, now)
                 uplink = self._registry.robots.get(robot.settings.labels.get("uplink", ""))
-                robot.set_uplink_up(up=uplink is None or not uplink.fails_as_uplink)
+                robot.network.uplink_up = uplink is None or not uplink.fails_as_uplink
                 if changed:
                     robot.update_maintenance(self.fleet, now)
                 self._registry.forget_absent(robot, now)

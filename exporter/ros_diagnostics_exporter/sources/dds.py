@@ -252,7 +252,7 @@ class DdsDomain(Reception):
         check_ros()
         self._context = Context()
         rclpy.init(args=list(self._ros_arguments), context=self._context, domain_id=self._domain_id)
-        self._node = rclpy.create_node(
+        self._node = _make_node(
             NODE_NAME,
             context=self._context,
             enable_rosout=False,
@@ -506,6 +506,23 @@ class DdsDomain(Reception):
         if self._node is None:
             raise RuntimeError("the domain is not joined")
         return self._node
+
+
+class _Nothing:
+    """Stands for a publisher: what is published is nobody's."""
+
+    def publish(self, message: object) -> None:
+        """Publish nothing."""
+
+
+def _make_node(*args: Any, **kwargs: Any) -> Node:
+    """A node that publishes nothing: every other one of rclpy has /parameter_events."""
+
+    class Guest(Node):  # type: ignore[misc]
+        def create_publisher(self, *_args: object, **_kwargs: object) -> _Nothing:
+            return _Nothing()
+
+    return Guest(*args, **kwargs)
 
 
 class _Subscribed:

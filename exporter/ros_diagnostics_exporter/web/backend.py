@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
 from ros_diagnostics_exporter.events import Wanted
-from ros_diagnostics_exporter.model import Part
+from ros_diagnostics_exporter.model import Part, Person
 
 
 class Backend(Protocol):
@@ -70,6 +70,22 @@ class Backend(Protocol):
 
         Raises:
             ValueError: It is no such message; the text says why.
+        """
+
+    def acknowledge(self, fault: str, person: Person, /) -> None:
+        """Have Alertmanager know that a person takes care of a fault, and record it.
+
+        Raises:
+            LookupError: There is nothing to acknowledge; the text says why.
+            ConnectionError: No Alertmanager answers.
+        """
+
+    def plan_downtime(self, robot: str, component: str, seconds: float, person: Person, /) -> None:
+        """Plan a downtime of a robot, or of one component of it, from now on, and record it.
+
+        Raises:
+            LookupError: There is no such robot or component.
+            ConnectionError: No Alertmanager answers.
         """
 
     def targets(self, job: str, port: int | None, /) -> list[dict[str, Any]]:

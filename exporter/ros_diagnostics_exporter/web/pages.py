@@ -45,6 +45,7 @@ MAX_ROBOTS = 200  # robots with problems; the API has them all
 MAX_PROBLEMS = 10  # of a robot on the page of the fleet; the robot's own page has more
 MAX_LISTED = 500  # problems and components on a robot's page, and values on it
 EVENTS = 50  # of a robot that are shown
+DOWNTIMES = ("15m", "30m", "1h", "2h", "4h", "8h", "1d", "3d")  # that a form offers
 MAX_ENDED = 20  # times that a fault lasted, on its page; the API has them all
 
 
@@ -104,10 +105,13 @@ def robot_page(
     events: Iterable[dict[str, Any]],
     ledger: Iterable[dict[str, Any]] = (),
     sentences: Iterable[dict[str, str]] = (),
+    *,
+    acting: Acting | None = None,
 ) -> str | None:
     """The page of one robot with its ``events``, the newest first; None if there is no such robot.
 
-    ``ledger`` are the ``entries`` of /api/v1/why, ``sentences`` those of its story.
+    ``ledger`` are the ``entries`` of /api/v1/why, ``sentences`` those of its story; with
+    ``acting`` it has forms.
 
     All texts in it are escaped.
     """
@@ -136,7 +140,15 @@ def robot_page(
         components=_components(robot, problems),
         component_number=len(robot["components"]),
         events=list(islice(events, EVENTS)),
+        acting=acting,
+        downtimes=DOWNTIMES,
+        parts=sorted({each["component"] for each in robot["components"]}, key=natural)[:MAX_LISTED],
     )
+
+
+def rejected(why: str) -> str:
+    """The page after a form that was not followed."""
+    return _render("rejected.html", title="Not done", why=why)
 
 
 def missing_robot(fleet: dict[str, Any], name: str) -> str:
@@ -144,10 +156,13 @@ def missing_robot(fleet: dict[str, Any], name: str) -> str:
     return _render("missing.html", title=f"{fleet['fleet']}: no such robot", name=name)
 
 
-def fault_page(fleet: dict[str, Any], fault: str, history: dict[str, Any]) -> str | None:
+def fault_page(
+    fleet: dict[str, Any], fault: str, history: dict[str, Any], acting: Acting | None = None
+) -> str | None:
     """The page of the fault with that id, None if nothing is known of it; all texts are escaped.
 
-    ``history`` is each time that it lasted, as /api/v1/faults/ID returns it.
+    ``history`` is each time that it lasted, as /api/v1/faults/ID returns it; with ``acting`` it
+    has forms.
     """
     now = fleet["time"]
     ended = [_ended(each) for each in history["occurrences"] if each["until"] is not None]
@@ -168,6 +183,9 @@ def fault_page(fleet: dict[str, Any], fault: str, history: dict[str, Any]) -> st
             ended=ended[:MAX_ENDED],
             ended_number=len(ended),
             name=fault if history["occurrences"] else "",
+            acting=acting,
+            downtimes=DOWNTIMES,
+            parts=[each for each in (its[0]["component"],) if each],
         )
     if not ended:
         return None
@@ -193,6 +211,13 @@ def missing_fault(fleet: dict[str, Any], fault: str, history: dict[str, Any]) ->
         events_since=history["events_since"],
         now=fleet["time"],
     )
+
+
+class Acting(NamedTuple):
+    """Who looks at a page may act: the token for its forms, and what was done just now or ""."""
+
+    token: str
+    done: str
 
 
 class _Ended(NamedTuple):
