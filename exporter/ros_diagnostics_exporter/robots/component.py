@@ -82,7 +82,7 @@ class Component:
         values: ComponentValues,
         now: Instant,
         *,
-        marks: Marks,
+        marks: Marks[Component],
     ) -> None:
         self.marks = marks
         self.identity = identity
