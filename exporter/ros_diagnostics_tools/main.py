@@ -37,6 +37,7 @@ COMMANDS = {
     "watch": "Expect of a robot what the ROS graph shows of it now.",
     "oncall": "Who is on call: build, check and show the rota.",
     "backtest": "Judge recordings: what would have been notified?",
+    "mail-relay": "Attach capsules to Alertmanager's mails.",
     "nagios": "Come from Nagios: import its files, compare its log.",
     "check-config": "Check fleet.yml.",
     "test-page": "Send a test alert through the real routes.",

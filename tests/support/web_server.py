@@ -121,7 +121,7 @@ def no_faults() -> dict[str, Any]:
     return {"fleet": "hall", "time": 1_060.0, "faults": []}
 
 
-def no_capsule(fault: str) -> bytes:
+def no_capsule(fault: str, so_far: bool) -> bytes:
     raise LookupError(f"no capsule of fault {fault!r}")
 
 
@@ -155,7 +155,7 @@ class FakeBackend:
     count_scrape: Callable[[], None] = lambda: None
     fleet_snapshot: Callable[[], dict[str, Any]] = fleet
     faults: Callable[[], dict[str, Any]] = no_faults
-    capsule: Callable[[str], bytes] = no_capsule
+    capsule: Callable[[str, bool], bytes] = no_capsule
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
     why: Callable[..., dict[str, Any]] = no_ledger
     notified: Callable[[bytes], tuple[int, int]] = lambda _body: (1, 0)

@@ -57,7 +57,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     TOOLS: (
         ("connection_flags", "errors", "pairs", "terminal", "times"),
         ("servers",),
-        ("backtest", "nagios", "oncall"),
+        ("backtest", "mail_relay", "nagios", "oncall"),
         ("check_nagios", "commands"),
         ("main",),
     ),

@@ -27,7 +27,7 @@ class Backend(Protocol):
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""
 
-    def capsule(self, fault: str, /) -> bytes:
+    def capsule(self, fault: str, so_far: bool, /) -> bytes:
         """The newest recording around the begin of a fault, as MCAP.
 
         Raises:
