@@ -77,7 +77,8 @@ class Part:
     level: int = OK  # the last that was published and was not STALE
     received: float = 0.0  # the last array that had it, STALE or not
     stale: bool = False  # it was STALE or missing in the last array of an aggregator
-    trouble_since: float | None = None
+    trouble_since: float | None = None  # at the earliest
+    trouble_known: float = 0.0  # when it was received, which is at the latest
     changes: list[float] = field(default_factory=list)
     charge: float = 80.0
     charges: list[tuple[float, float]] = field(default_factory=list)  # when it became another
@@ -408,6 +409,7 @@ def _note(part: Part, status: Status, now: float) -> None:
         # Not received for long is trouble, too.
         late = part.stale or now - part.received > STALE_AFTER / 2
         part.trouble_since = part.received if late else now
+        part.trouble_known = now
     part.stale = status.level == STALE
     if not part.stale:
         part.level = status.level

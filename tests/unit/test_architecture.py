@@ -43,21 +43,22 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("sources",),
         ("robots",),
         ("alertmanager", "faults"),
-        ("firing",),
-        ("notifications",),
+        ("acknowledging", "firing"),
+        ("acting", "notifications"),
         ("canary",),
         ("fleet",),
         ("capsules", "storage"),
         ("metrics",),
+        ("self_check",),
         ("api",),
         ("web",),
         ("service",),
         ("cli",),
     ),
     TOOLS: (
-        ("connection_flags", "errors", "pairs", "terminal", "times"),
+        ("capability_losses", "connection_flags", "errors", "pairs", "terminal", "times"),
         ("servers",),
-        ("backtest", "mail_relay", "nagios", "oncall"),
+        ("autoware", "backtest", "mail_relay", "nagios", "oncall"),
         ("check_nagios", "commands"),
         ("main",),
     ),
@@ -102,7 +103,7 @@ KNOW_ROS = {
 ROS_PACKAGES = {"rclpy", "rcl_interfaces", "diagnostic_msgs", "builtin_interfaces", "std_msgs"}
 NO_CLOCK = {
     EXPORTER: {"model", "config", "robots", "fleet", "faults", "api", "canary", "notifications"},
-    TOOLS: {"backtest", "nagios", "oncall"},
+    TOOLS: {"autoware", "backtest", "nagios", "oncall"},
 }
 READS_CLOCK = {f"{EXPORTER}.config.reloader", f"{EXPORTER}.storage.storage"}
 CLOCKS = {"time.time", "time.monotonic", "time.perf_counter", "datetime.now", "datetime.utcnow"}

@@ -27,11 +27,11 @@ from ros_diagnostics_exporter.model import Instant, Level
 def adopt(book: Book, fault: Fault, now: Instant) -> Change | None:
     """Go on with a fault, if it is one of a robot that is known, and did not end here."""
     identity = fault.identity
-    if not _may_adopt(book, fault):
+    if not _may_adopt(book, fault, now):
         return None
     since = Instant(now.mono - max(0.0, now.wall - fault.since), fault.since)
     robot = book.robots.get(identity.robot)
-    if identity.scope is Scope.CLOCK:
+    if identity.scope is Scope.EXPORTER:
         pass  # of no robot, and nothing follows from it
     elif robot is None or identity.state is State.MANY:
         _prepare_cause(book, identity, since, now)
@@ -51,8 +51,10 @@ def adopt(book: Book, fault: Fault, now: Instant) -> Change | None:
     return Change("began", fault, now.wall)
 
 
-def _may_adopt(book: Book, fault: Fault) -> bool:
+def _may_adopt(book: Book, fault: Fault, now: Instant) -> bool:
     identity = fault.identity
+    if identity.scope is Scope.EXPORTER and now.mono >= book.settled_at:
+        return False  # it is the other's of a pair, which ends it
     if bool(identity.robot) != (identity.robot in book.robots):
         return False
     forgotten = book.forgotten.get(identity.robot)

@@ -52,6 +52,7 @@ class Book:
         self.robots: dict[str, Robot] = {}
         self.causes: dict[tuple[Scope, str], Cause] = {}  # of sites and components
         self.problems: dict[Identity, Problem] = {}
+        self.own: dict[str, float] = {}  # part of the exporter -> seconds until it is a fault
         self.ended: dict[Identity, Ended] = {}
         self.forgotten: dict[str, Ended] = {}  # robots of which nothing is to be held
         self.named: dict[str, dict[Component, None]] = {}  # components with a record, by name
@@ -171,8 +172,8 @@ class Book:
             return clock
         if state is State.PENDING:
             return clock + self.settings.pending_after
-        if state is State.CLOCK:
-            return clock + CLOCK_TIME
+        if state is State.CLOCK or problem.identity.scope is Scope.EXPORTER:
+            return clock + self.own.get(problem.identity.component, CLOCK_TIME)
         if state is State.FALLING:
             return clock + 2 * self.settings.falling.over / TREND_STEPS
         if component is not None:

@@ -21,7 +21,14 @@ from ros_diagnostics_exporter.faults.model import (
     State,
     Verdict,
 )
-from ros_diagnostics_exporter.faults.needs import NOT_KNOWN, Bad, Other, Standing, WantedCapability
+from ros_diagnostics_exporter.faults.needs import (
+    NOT_KNOWN,
+    Bad,
+    NeedView,
+    Other,
+    Standing,
+    WantedCapability,
+)
 from ros_diagnostics_exporter.faults.records import CapabilityRecord, Component, Problem, Robot
 from ros_diagnostics_exporter.model import Instant, Level
 
@@ -236,6 +243,27 @@ def adopt(book: Book, robot: Robot, name: str) -> CapabilityRecord:
     capability.adopted = True
     book.touched_robots[robot] = None
     return capability
+
+
+def views(book: Book, robot: Robot) -> dict[str, NeedView]:
+    """What a robot can do, each after those that it needs, with how good all parts are."""
+    found: dict[str, NeedView] = {}
+    for name, capability in robot.capabilities.items():
+        if capability.wanted is None:  # adopted, and not configured yet
+            continue
+        others = {other: view.parts for other, view in found.items()}
+        parts = dict.fromkeys(needs.parts_of(capability.wanted.need, others))
+        found[name] = NeedView(
+            capability.ability,
+            capability.wanted,
+            {each: _known_ability(book, robot, each) for each in parts},
+            frozenset(each for each in parts if each.component in robot.maintained),
+        )
+    return found
+
+
+def _known_ability(book: Book, robot: Robot, part: PartName) -> Ability:
+    return _of_part(book, robot, part).ability if robot.up else Ability.UNKNOWN
 
 
 # -- what is quiet under it --------------------------------------------------------------------

@@ -80,7 +80,7 @@ def drop_usual(book: Book, cause: Cause) -> None:
 
 def _update(book: Book, cause: Cause, now: Instant) -> None:
     needed = _settings(book, cause).needed(book.whole(cause))
-    counted, fresh = _counts(book, cause, now)
+    counted, fresh = _counts(book, cause, needed, now)
     adopted = cause.adopted and _is_adopted(book, cause, now)
     if cause.active is None and fresh >= needed:
         cause.active = now
@@ -162,7 +162,7 @@ def _severities(cause: Cause) -> dict[str, Verdict]:
     }
 
 
-def _counts(book: Book, cause: Cause, now: Instant) -> tuple[int, int]:
+def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, int]:
     """(how many keep it active, how many of them may make it active)."""
     robot = cause.robot
     if robot is None:
@@ -172,7 +172,6 @@ def _counts(book: Book, cause: Cause, now: Instant) -> tuple[int, int]:
         for each in robot.components.values()
         if each.since is not None and each.name.component not in robot.maintained
     ]
-    needed = _settings(book, cause).needed(robot.total)
     is_quiet = robot.maintenance or robot.unreachable_since is not None
     nothing_known = not robot.up or is_quiet or now.mono < robot.returned_until
     if nothing_known or len(troubled) < needed / 2:

@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.faults import (
     ends,
     hours,
     judge,
+    own,
     presence,
     removal,
     rows,
@@ -36,13 +37,14 @@ from ros_diagnostics_exporter.faults.model import (
     Fault,
     Followed,
     Identity,
+    OwnReport,
     ProblemView,
     Row,
     ValueReport,
     Verdict,
     at_mono,
 )
-from ros_diagnostics_exporter.faults.needs import WantedCapability
+from ros_diagnostics_exporter.faults.needs import NeedView, WantedCapability
 from ros_diagnostics_exporter.faults.quiet import why_not_begin, why_not_end
 from ros_diagnostics_exporter.faults.records import (
     CapabilityRecord,
@@ -255,6 +257,12 @@ class Faults:
         clocks.judge(self._book, offsets, now)
         return changes + judge.settle(self._book, now)
 
+    def own(self, reports: Iterable[OwnReport], now: Instant) -> list[Change]:
+        """Take all parts of the exporter itself, as they are now."""
+        changes = self.advance(now)
+        changes += own.judge(self._book, reports, now)
+        return changes + judge.settle(self._book, now)
+
     def components_changed(
         self, robot: str, reports: Iterable[ComponentReport], total: int, now: Instant
     ) -> list[Change]:
@@ -383,6 +391,10 @@ class Faults:
             )
             for name, each in self._robot(robot).capabilities.items()
         }
+
+    def needs(self, robot: str) -> dict[str, NeedView]:
+        """What a robot can do, each after those that it needs, with how good all its parts are."""
+        return capabilities.views(self._book, self._robot(robot))
 
     def identities(self, robot: str) -> Iterator[Identity]:
         """Which problems a robot and its parts have."""

@@ -25,7 +25,7 @@ class Scope(str, Enum):
     SITE = "site"
     COMMON = "common"
     CAPABILITY = "capability"  # of a robot; its name is the identity's ``check``
-    CLOCK = "clock"  # of the exporter
+    EXPORTER = "exporter"  # the exporter itself; ``component`` is which part of it
 
 
 class State(str, Enum):
@@ -171,6 +171,18 @@ class ComponentReport(NamedTuple):
     name: ComponentName
     level: Level
     settings: ComponentSettings
+
+
+class OwnReport(NamedTuple):
+    """One part of the exporter: WARN or ERROR where it is wrong, STALE where nothing is known.
+
+    It is a fault after ``confirm_after`` seconds; ``message`` says what is wrong.
+    """
+
+    part: str
+    level: Level
+    message: str = ""
+    confirm_after: float = 60.0
 
 
 class Verdict(IntEnum):

@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from ros_diagnostics_exporter.faults import capabilities, causes, components, hours
-from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.book import CLOCK_TIME, Book
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
 from ros_diagnostics_exporter.faults.model import (
     Ability,
@@ -351,7 +351,8 @@ def give_to_owner(book: Book, problem: Problem) -> None:
     """Have a problem where what it is about finds it."""
     identity = problem.identity
     robot = problem.robot = book.robots[identity.robot] if identity.robot else None
-    if identity.scope is Scope.CLOCK:
+    if identity.scope is Scope.EXPORTER:
+        book.own.setdefault(identity.component, CLOCK_TIME)
         return
     if robot is None or identity.state is State.MANY:
         of = identity.site if identity.scope is Scope.SITE else identity.component

@@ -19,7 +19,8 @@ from ros_diagnostics_exporter.faults.model import (
     State,
 )
 from ros_diagnostics_exporter.model import Level
-from ros_diagnostics_exporter.robots.component import Component, ExportedValue
+from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.component_values import ExportedValue
 from ros_diagnostics_exporter.robots.robot import Robot
 from ros_diagnostics_exporter.severity import SILENT
 from ros_diagnostics_exporter.texts import one_line
@@ -50,7 +51,7 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> Evidence:
         robots: Those that a fault of no robot counts.
     """
     found = find(identity)
-    if identity.scope in (Scope.SITE, Scope.COMMON, Scope.CLOCK):
+    if identity.scope in (Scope.SITE, Scope.COMMON, Scope.EXPORTER):
         fields = _first("robots", map(_text, robots))
     elif found is None:
         fields = {}
@@ -59,6 +60,11 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> Evidence:
     else:
         fields = _of_robot(identity, found[0])
     return _written(fields)
+
+
+def of_exporter(message: str) -> Evidence:
+    """What is wrong with a part of the exporter itself."""
+    return Evidence(message[:LENGTH], {"message": message})
 
 
 def of_capability(view: AbilityView, known: Mapping[ComponentName, Component]) -> Evidence:
@@ -152,8 +158,8 @@ def _of_robot(identity: Identity, robot: Robot) -> Fields:
             return {"found": found[identity.check], "expected": expected[identity.check]}
     elif identity.state is State.MANY:
         return _first("components", map(_with_level, _troubled(robot)))
-    elif identity.state is State.CLOCK and robot.clock_offset is not None:
-        return {"clock_offset": robot.clock_offset}
+    elif identity.state is State.CLOCK and robot.clock_behind is not None:
+        return {"clock_offset": robot.clock_behind}
     elif robot.silent_reason is not None:
         return {"silent_reason": robot.silent_reason, "last_message": robot.last_wall or None}
     return {}

@@ -83,7 +83,7 @@ class RobotRegistry:
         if settings is None:
             self.drop(robot, now)
             return None
-        robot.become(declared=is_declared, shared=self._is_shared(settings))
+        robot.declared, robot.shared = is_declared, self._is_shared(settings)
         if is_declared:
             self._not_publishing.pop(name, None)
         if (settings, self._fleet.limits) != (robot.settings, robot.limits):

@@ -20,9 +20,11 @@ from ros_diagnostics_exporter.faults.model import (
     End,
     Fault,
     Followed,
+    OwnReport,
     ProblemView,
     Row,
 )
+from ros_diagnostics_exporter.faults.needs import NeedView
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
@@ -39,11 +41,11 @@ from ros_diagnostics_exporter.model import (
     Topic,
     place,
 )
-from ros_diagnostics_exporter.robots.limits import truncate_array
+from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
-from ros_diagnostics_exporter.robots.measured import is_of_graph
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.updates import is_of_graph
 from ros_diagnostics_exporter.sources.graph import GROUP, SHADOW, GraphWatch, Report
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading, joined
@@ -85,7 +87,9 @@ class State:
         """Update the robots whose array this is; ``topic`` is one of `wanted_topics`."""
         if self.recorder is not None:
             self.recorder(topic, array, now)
-        original, array = array, truncate_array(array)  # without the lock: it looks at every text
+        original = array
+        if array.size > MAX_TEXT:  # else no text of it is longer than that
+            array = truncate_array(array)  # without the lock: it looks at every text
         with self._lock:
             if array is not original:
                 self._registry.reject_long_text(topic)
@@ -206,7 +210,7 @@ class State:
             for component in [each for each in robot.components if is_of_graph(each.identity)]:
                 if component.identity[0] not in names:
                     robot.forget(component, now)
-            robot.set_expected_nodes(report.expected)
+            robot.network.expected_nodes = report.expected
             robot.set_lossy(lossy=report.lossy)
             for text in report.events:
                 self._events.append(Event(now.wall, "graph", report.robot, message=text))
@@ -231,9 +235,8 @@ class State:
     def _set_domain_up(self, domain_id: Domain, *, up: bool) -> None:
         with self._lock:
             for robot in self._registry.robots.values():
-                if robot.settings.domain_id == domain_id and robot.network.domain_up != up:
+                if robot.settings.domain_id == domain_id:
                     robot.network.domain_up = up
-                    robot.versions.receipt += 1
 
     # -- from other sources: what `sources.prometheus` asks for ----------------------------------
 
@@ -262,6 +265,11 @@ class State:
         with self._lock:
             robots = self._registry.robots
             return {name: each.settings.address or "" for name, each in robots.items()}
+
+    def report_own(self, reports: Iterable[OwnReport], now: Instant) -> None:
+        """Judge all parts of the exporter itself, as they are now."""
+        with self._lock:
+            self._faults.own(reports, now)
 
     # -- from time and people ----------------------------------------------------------------
 
@@ -311,7 +319,7 @@ class State:
                 if not robot.up:
                     self._faults.update(robot, now)
                 uplink = self._registry.robots.get(robot.settings.labels.get("uplink", ""))
-                robot.set_uplink_up(up=uplink is None or not uplink.fails_as_uplink)
+                robot.network.uplink_up = uplink is None or not uplink.fails_as_uplink
                 if changed:
                     robot.update_maintenance(self.fleet, now)
                 self._registry.forget_absent(robot, now)
@@ -508,6 +516,15 @@ class State:
     def abilities(self, robot: Robot) -> dict[str, AbilityView]:
         """What a robot that is visited can do, each after those that it needs."""
         return self._faults.abilities(robot)
+
+    def needs(self, robot: str) -> dict[str, NeedView]:
+        """What a robot can do, with its expressions and how good all parts are.
+
+        Raises:
+            LookupError: there is no such robot.
+        """
+        with self._lock:
+            return self._faults.needs(robot)
 
     def downtimes(self, robot: str) -> tuple[Downtime, ...]:
         """The downtimes of a robot and its components that people planned; some may lie ahead."""

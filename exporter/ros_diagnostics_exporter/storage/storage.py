@@ -26,6 +26,7 @@ from ros_diagnostics_exporter.events import EventLog, Numbered, Wanted
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.persisted import Moment, PersistedRobot
 from ros_diagnostics_exporter.storage import fault_rows
 from ros_diagnostics_exporter.storage.database import (
@@ -36,6 +37,7 @@ from ros_diagnostics_exporter.storage.database import (
     Lock,
     VersionError,
     find_events,
+    first_event,
     is_damage,
     rename_database,
 )
@@ -58,7 +60,8 @@ ITSELF = ""  # in the place of a robot's name: the exporter, by its `AgeClock` a
 
 log = logging.getLogger(__name__)
 
-_Key = tuple[int, int, int, int]
+_WRITTEN = Mark.NAMES, Mark.SERIES, Mark.LEVEL, Mark.ACCOUNT, Mark.CONFIG
+_Key = tuple[int, int, int]
 _ROBOT = TypeAdapter(PersistedRobot)
 _SEEN = TypeAdapter(Moment | None)
 
@@ -448,11 +451,21 @@ class Storage:
         except sqlite3.Error as error:
             log.error("database %s: its events cannot be read: %s", self._path, error)
 
+    def first_event(self) -> float | None:
+        """When the first event that is written was, Unix time; None if that is not known."""
+        if self._hangs or self._database is None:
+            return None
+        try:
+            return first_event(self._path)
+        except sqlite3.Error as error:
+            log.error("database %s: its events cannot be read: %s", self._path, error)
+            return None
+
 
 def _key(robot: Robot) -> _Key:
     """Differs when the robot has to be written anew."""
     hour = int((robot.last_wall + id(robot) % WHOLE_INTERVAL) // WHOLE_INTERVAL)
-    return id(robot), robot.versions.structure, robot.versions.levels, hour
+    return id(robot), robot.marks.last(*_WRITTEN), hour
 
 
 def _row_as_json(row: Row) -> tuple[tuple[str, str], str | None]:

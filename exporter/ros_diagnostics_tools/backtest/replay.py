@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
-from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.config.fleet import Fleet, Source
 from ros_diagnostics_exporter.config.fleet import Robot as RobotSettings
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import Domain, Endpoint, Instant, Topic
 from ros_diagnostics_tools.backtest.ledger import Ledger, Notification, Outage
+from ros_diagnostics_tools.backtest.measured import Past
 from ros_diagnostics_tools.backtest.recordings import Message, Recordings
 
 TICK = 0.25  # seconds, as Service.TICK
@@ -46,7 +48,8 @@ class Result:
 class Replay:
     """A fleet that receives messages of the past.
 
-    ``observe`` is called after each message; ``each_tick`` after each tick.
+    ``observe`` is called after each message; ``each_tick`` after each tick. ``prometheus`` answers
+    the queries of the configuration.
     """
 
     def __init__(
@@ -56,8 +59,10 @@ class Replay:
         *,
         observe: Observer | None = None,
         each_tick: Observer | None = None,
+        prometheus: Client | None = None,
     ) -> None:
-        self.fleet = recorded_part(fleet, recordings.topics)
+        self.fleet = recorded_part(fleet, recordings.topics, measured=prometheus is not None)
+        self.past = Past(prometheus, self.fleet, recordings.periods)
         self._periods = iter(recordings.periods[1:])
         self._begin = recordings.periods[0].begin
         self._pause_ends = next(self._periods, None)
@@ -105,6 +110,7 @@ class Replay:
         """Tick as the exporter does, up to a time."""
         while self._now.wall + TICK <= wall:
             self._now = self._instant(self._now.wall + TICK)
+            self.past.deliver(self.state, self._now.wall, self._instant)
             self.state.tick(self._now)
             self.ledger.note(self.state)
             if self._each_tick is not None:
@@ -170,10 +176,18 @@ def topics_of(robot: RobotSettings) -> set[Topic]:
     return {Topic(robot.domain_id, name) for name in (robot.topic_agg, robot.topic_raw) if name}
 
 
-def recorded_part(fleet: Fleet, topics: Iterable[Topic]) -> Fleet:
-    """The fleet without declared robots of which no topic was recorded: they were not silent."""
+def recorded_part(fleet: Fleet, topics: Iterable[Topic], *, measured: bool = False) -> Fleet:
+    """The fleet without declared robots of which no topic was recorded: they were not silent.
+
+    Those that only queries are about belong to it where it is ``measured``.
+    """
     known = set(topics)
-    return replace(fleet, robots=tuple(each for each in fleet.robots if known & topics_of(each)))
+    robots = tuple(
+        each
+        for each in fleet.robots
+        if known & topics_of(each) or (measured and each.source is Source.QUERIES)
+    )
+    return replace(fleet, robots=robots)
 
 
 class Restarts:

@@ -14,9 +14,11 @@ from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.fleet.state import State
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from ros_diagnostics_exporter.notifications import parse
+from ros_diagnostics_exporter.sources.link import LinkReading
 from support.served_fleet import ServedFleet
 from support.state_driver import ERROR, OK, WARN, tree
 
+LINK = LinkReading(expected=100, lost=1, delay=0.25, jitter=0.0625)
 HALL = """
 fleet: hall
 canary: 1m
@@ -143,6 +145,7 @@ def _served(path: Path, text: str) -> ServedFleet:
                 stamp = now.wall - (7.0 if name == "warned" else 0.5)
                 state.receive(Topic(0, topic), Array(stamp, _statuses(name, number), 900), now)
 
+        state.update_links(0, {"/broken/diagnostics_agg": LINK}, now)
         for query in state.fleet.queries:
             gone = Status(ERROR, query.component, "no answer")
             state.receive_answer(query.feed, {"short": (gone,)}, now)
