@@ -180,6 +180,7 @@ class Robot:
         if not self.up:
             self.record("received", now)
             self.up = True
+            self.components.resume(now)
         self.last_mono, self.last_wall = now
         self.marks.note(Mark.RECEIPT)
 
