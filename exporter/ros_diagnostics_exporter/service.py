@@ -28,7 +28,7 @@ from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
 from ros_diagnostics_exporter.faults.model import fault_id, identity_of
 from ros_diagnostics_exporter.firing import read as read_firing
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
@@ -79,7 +79,7 @@ class Service:
         prometheus: Client | None = None,
     ) -> None:
         now = read_clocks()
-        self.state = State(fleet, now)
+        self.state = FleetState(fleet, now)
         self._recording = threading.Lock()
         self.storage = storage
         self.events = EventLog()

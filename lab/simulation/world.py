@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.config.fleet import FaultSettings as Settings
 from ros_diagnostics_exporter.faults.model import Fault
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_tools.backtest.replay import Restarts
@@ -122,10 +122,10 @@ class World:
         self._late: dict[str, tuple[Status, ...]] = {}
         self._maintenance: list[Maintenance] = []
         self.fleet = self._fleet()
-        self.state: State | None = State(self.fleet, self.now)
+        self.state: FleetState | None = FleetState(self.fleet, self.now)
         self.restarts = Restarts()
         self.started = 0.0
-        self._stopped: tuple[State, Instant] | None = None
+        self._stopped: tuple[FleetState, Instant] | None = None
         self._starts_at = 0
         self._loses = False
         self.lost = False  # the database, at this tick
@@ -307,7 +307,7 @@ class World:
         """Start without the database, with what fires; a person forgets robots that are no more."""
         self.restarts = Restarts()
         self._lost_at = self.now.mono
-        self.state = State(self.fleet, self.now)
+        self.state = FleetState(self.fleet, self.now)
         self.state.adopt(self.firing(), self.now)
         for robot in self._undeclared:
             self.state.forget(robot, None, self.now)

@@ -6,11 +6,11 @@ from typing import Any
 
 from ros_diagnostics_exporter.faults.model import PartName
 from ros_diagnostics_exporter.faults.needs import AtLeast, Missing, Need, NeedView
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant
 
 
-def capability_tree(state: State, robot: str, now: Instant) -> dict[str, Any]:
+def capability_tree(state: FleetState, robot: str, now: Instant) -> dict[str, Any]:
     """What a robot can do, each capability after those that it needs, and what for.
 
     Raises:

@@ -18,7 +18,13 @@ from ros_diagnostics_exporter.faults.model import (
     State,
     Verdict,
 )
-from ros_diagnostics_exporter.faults.records import Cause, Component, Presence, Problem, Robot
+from ros_diagnostics_exporter.faults.records import (
+    Cause,
+    ComponentRecord,
+    Presence,
+    Problem,
+    RobotRecord,
+)
 from ros_diagnostics_exporter.faults.rows import give_to_owner
 from ros_diagnostics_exporter.faults.settings import ComponentSettings
 from ros_diagnostics_exporter.model import Instant, Level
@@ -64,7 +70,7 @@ def _may_adopt(book: Book, fault: Fault, now: Instant) -> bool:
     return problem is None or problem.fault is None
 
 
-def _is_over(robot: Robot, identity: Identity) -> bool:
+def _is_over(robot: RobotRecord, identity: Identity) -> bool:
     """Whether what is received of the robot now is the end of it."""
     if identity.state is State.PENDING:
         return robot.presence is not Presence.NEVER
@@ -72,7 +78,7 @@ def _is_over(robot: Robot, identity: Identity) -> bool:
 
 
 def _prepare_robot(
-    book: Book, robot: Robot, identity: Identity, since: Instant, now: Instant
+    book: Book, robot: RobotRecord, identity: Identity, since: Instant, now: Instant
 ) -> None:
     """Have the robot, or its component, as it was when the fault was known."""
     if identity.state is State.SILENT and not robot.up:
@@ -97,7 +103,7 @@ def _prepare_robot(
         book.write(component)
 
 
-def _component(book: Book, robot: Robot, name: ComponentName) -> Component:
+def _component(book: Book, robot: RobotRecord, name: ComponentName) -> ComponentRecord:
     component = robot.components.get(name)
     if component is None:
         settings = ComponentSettings(robot.settings.confirm_after)

@@ -12,7 +12,7 @@ from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.components import give_verdict
 from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
 from ros_diagnostics_exporter.faults.own import CLOCK
-from ros_diagnostics_exporter.faults.records import Problem, Robot
+from ros_diagnostics_exporter.faults.records import Problem, RobotRecord
 from ros_diagnostics_exporter.model import Instant
 
 LIMIT = 5.0  # seconds: far above a delay, and enough to confuse whoever compares logs
@@ -53,7 +53,7 @@ def _verdict(offset: float, *, in_trouble: bool) -> Verdict:
     return Verdict.BAD if abs(offset) > limit else Verdict.WELL
 
 
-def _add(book: Book, robot: Robot, now: Instant) -> Problem:
+def _add(book: Book, robot: RobotRecord, now: Instant) -> Problem:
     problem = Problem(Identity(Scope.ROBOT, State.CLOCK, robot=robot.name), now, robot=robot)
     robot.problems[State.CLOCK] = book.add_problem(problem)
     return problem

@@ -49,10 +49,10 @@ from ros_diagnostics_exporter.faults.quiet import why_not_begin, why_not_end
 from ros_diagnostics_exporter.faults.records import (
     CapabilityRecord,
     Cause,
-    Component,
+    ComponentRecord,
     Presence,
     Problem,
-    Robot,
+    RobotRecord,
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant
@@ -116,13 +116,13 @@ class Faults:
             book.touch((record,))
         elif isinstance(record, Cause | CapabilityRecord):
             _end_cover(book, record)
-        elif isinstance(record, Component):
+        elif isinstance(record, ComponentRecord):
             components.decay(book, record, at)
         elif kind == "ends":
             ends.drop_old(book, at)
         elif kind == "hours":
             hours.follow(book, at)
-        elif not isinstance(record, Robot):
+        elif not isinstance(record, RobotRecord):
             presence.settle(book, at)
         elif kind == "presence":
             presence.decay(book, record, at)
@@ -438,7 +438,7 @@ class Faults:
         """
         rows.restore(self._book, stored, now)
 
-    def _robot(self, name: str) -> Robot:
+    def _robot(self, name: str) -> RobotRecord:
         robot = self._book.robots.get(name)
         if robot is None:
             raise LookupError(f"no robot {name!r} is configured")

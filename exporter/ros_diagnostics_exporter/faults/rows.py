@@ -34,11 +34,11 @@ from ros_diagnostics_exporter.faults.needs import Bad
 from ros_diagnostics_exporter.faults.records import (
     CapabilityRecord,
     Cause,
-    Component,
+    ComponentRecord,
     Ended,
     Presence,
     Problem,
-    Robot,
+    RobotRecord,
     RowKey,
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
@@ -141,7 +141,7 @@ def _stored(book: Book, row: RowKey, clock: _Clock) -> Stored | None:
     return None if robot is None else _stored_of(robot, row, clock)
 
 
-def _stored_of(robot: Robot, row: RowKey, clock: _Clock) -> Stored | None:
+def _stored_of(robot: RobotRecord, row: RowKey, clock: _Clock) -> Stored | None:
     """The row of a robot, or of what it has."""
     kind, key = row
     if kind == "robot":
@@ -222,7 +222,7 @@ def _of_end(ended: Ended | None) -> OfEnd | None:
     )
 
 
-def _of_robot(robot: Robot, clock: _Clock) -> OfRobot:
+def _of_robot(robot: RobotRecord, clock: _Clock) -> OfRobot:
     settings = robot.settings
     return OfRobot(
         labels=dict(settings.labels),
@@ -239,7 +239,7 @@ def _of_robot(robot: Robot, clock: _Clock) -> OfRobot:
     )
 
 
-def _of_component(component: Component, clock: _Clock) -> OfComponent:
+def _of_component(component: ComponentRecord, clock: _Clock) -> OfComponent:
     settings = component.settings
     return OfComponent(
         settings=StoredSettings(
@@ -449,7 +449,7 @@ def _set_timers(book: Book) -> None:
                 timers.set(("cover", capability), capability.covers_until)
 
 
-def _set_timers_of(book: Book, robot: Robot) -> None:
+def _set_timers_of(book: Book, robot: RobotRecord) -> None:
     if robot.returned_until > -inf:
         book.timers.set(("returned", robot), robot.returned_until)
     if robot.history is not None and robot.history.ratio > 0.0:

@@ -13,7 +13,7 @@ from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.conditions import Watch
 from ros_diagnostics_exporter.robots.marks import Mark
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.rules import SEARCHED, check_matches, key_matches
 
 _Names = Mapping[Component, ComponentName]
@@ -22,7 +22,7 @@ _Names = Mapping[Component, ComponentName]
 class RobotCapabilities:
     """Those of one robot, as they are to be judged."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: RobotState) -> None:
         self._robot = robot
         self._read = -1  # the last change that `_wanted` is made of
         self._wanted: list[WantedCapability] = []  # each after those that it needs

@@ -22,7 +22,7 @@ from ros_diagnostics_exporter.faults.model import (
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.component_values import ExportedValue
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.severity import SILENT
 from ros_diagnostics_exporter.texts import one_line
 
@@ -32,7 +32,7 @@ _MOST_NAMED = 5  # of values, components or robots
 
 _WORDS = {"WARN": "WARNING", "ERROR": "CRITICAL"}  # as alerts name them
 
-Find = Callable[[Identity], "tuple[Robot, Component | None] | None"]
+Find = Callable[[Identity], "tuple[RobotState, Component | None] | None"]
 Fields = dict[str, Any]  # JSON; web/openapi.yaml says what is in it
 
 
@@ -104,7 +104,7 @@ def last_received(identity: Identity, find: Find) -> str:
 # -- fields ------------------------------------------------------------------------------------
 
 
-def _of_component(identity: Identity, component: Component, robot: Robot) -> Fields:
+def _of_component(identity: Identity, component: Component, robot: RobotState) -> Fields:
     own = None if component.rule is None else component.rule.confirm_after
     profile = robot.settings.profile
     fields: Fields = {
@@ -159,7 +159,7 @@ def _number(value: ExportedValue) -> Fields:
     return {"number": value.number if finite else None, "unit": _text(value.unit)}
 
 
-def _of_robot(identity: Identity, robot: Robot) -> Fields:
+def _of_robot(identity: Identity, robot: RobotState) -> Fields:
     if identity.scope is Scope.CHECK:
         expected = {check.name: check.expect for check in robot.settings.profile.checks}
         found = {name: sum(counts) for name, counts in robot.components.count_checks()}
@@ -174,7 +174,7 @@ def _of_robot(identity: Identity, robot: Robot) -> Fields:
     return {}
 
 
-def _troubled(robot: Robot) -> Iterator[Component]:
+def _troubled(robot: RobotState) -> Iterator[Component]:
     return (each for each in robot.components if each.level > Level.OK and not each.quiet_because)
 
 

@@ -40,7 +40,7 @@ from ros_diagnostics_exporter.fleet.robot_reports import RobotReports
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.marks import Mark
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.robot import RobotState
 
 
 class FaultReports:
@@ -62,17 +62,17 @@ class FaultReports:
 
     # -- reported ----------------------------------------------------------------------------
 
-    def add(self, robot: Robot, now: Instant) -> None:
+    def add(self, robot: RobotState, now: Instant) -> None:
         """Judge a new robot from now on."""
         reports = self._robots[robot.settings.name] = RobotReports(robot, self._events)
         self._record(reports.configure(self._faults, self._time(now)))
 
-    def remove(self, robot: Robot, now: Instant) -> None:
+    def remove(self, robot: RobotState, now: Instant) -> None:
         """End all that is wrong with a robot that is no longer wanted."""
         del self._robots[robot.settings.name]
         self._record(self._faults.forget_robot(robot.settings.name, self._time(now)))
 
-    def update(self, robot: Robot, now: Instant) -> None:
+    def update(self, robot: RobotState, now: Instant) -> None:
         """Report what changed of a robot; cheap where nothing did."""
         reports = self._robots[robot.settings.name]
         if reports.needs_update(now):
@@ -84,7 +84,7 @@ class FaultReports:
             self._record(self._faults.configure(fleet.faults, self._time(now)))
         self._fleet = fleet
 
-    def configure_robot(self, robot: Robot, now: Instant) -> None:
+    def configure_robot(self, robot: RobotState, now: Instant) -> None:
         """Follow a robot's config, after the robot did."""
         now, reports, changes = self._time(now), self._robots[robot.settings.name], list[Change]()
         if reports.has_other_settings:
@@ -207,7 +207,7 @@ class FaultReports:
             return ""
         return work(self._faults.abilities(identity.robot))
 
-    def _find(self, identity: Identity) -> tuple[Robot, Component | None] | None:
+    def _find(self, identity: Identity) -> tuple[RobotState, Component | None] | None:
         """The robot, and the component if it is of one, that a fault is about."""
         reports = self._robots.get(identity.robot)
         if reports is None:
@@ -277,7 +277,7 @@ class FaultReports:
             if reports is not None and reports.find(name) is None:  # adopted, never received
                 self._record(self._faults.forget_component(robot, name, now))
 
-    def abilities(self, robot: Robot) -> dict[str, AbilityView]:
+    def abilities(self, robot: RobotState) -> dict[str, AbilityView]:
         """What a robot can do, each after those that it needs."""
         return self._faults.abilities(robot.settings.name)
 
@@ -289,7 +289,7 @@ class FaultReports:
         """
         return self._faults.needs(robot)
 
-    def followed(self, robot: Robot) -> dict[ComponentName, Followed]:
+    def followed(self, robot: RobotState) -> dict[ComponentName, Followed]:
         """What is kept of a robot's components that are or were in trouble."""
         return self._faults.followed(robot.settings.name)
 
@@ -297,7 +297,7 @@ class FaultReports:
         """Whether what was wrong before the start has been judged again."""
         return self._faults.settled(now)
 
-    def keeps(self, robot: Robot, component: Component | None = None) -> bool:
+    def keeps(self, robot: RobotState, component: Component | None = None) -> bool:
         """Whether a component, or a robot without any, has a problem and is not to be forgotten.
 
         One that was ever received is silent: only a person knows that it does not come back.

@@ -30,7 +30,7 @@ from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.components import SHADOWED, Components
 from ros_diagnostics_exporter.robots.conditions import Quiet, RobotConditions
 from ros_diagnostics_exporter.robots.marks import Mark
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.rules import component_rule, value_rule
 from ros_diagnostics_exporter.robots.updates import query_of
 
@@ -48,7 +48,7 @@ class RobotReports:
     driver is no stale component.
     """
 
-    def __init__(self, robot: Robot, events: deque[Event]) -> None:
+    def __init__(self, robot: RobotState, events: deque[Event]) -> None:
         self.robot = robot
         self._events = events
         self.maintenance = False

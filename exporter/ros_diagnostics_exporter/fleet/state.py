@@ -44,7 +44,7 @@ from ros_diagnostics_exporter.model import (
 from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.updates import is_of_graph
 from ros_diagnostics_exporter.sources.graph import GROUP, SHADOW, GraphWatch, Report
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
@@ -60,7 +60,7 @@ PASS_ON = 16  # robots between two chances of the threads that wait for the lock
 MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
 
 
-class State:
+class FleetState:
     """All that is known about the fleet."""
 
     def __init__(self, fleet: config.Fleet, now: Instant) -> None:
@@ -69,7 +69,7 @@ class State:
         self._turn = threading.Lock()  # of what must see no half of a reload
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._slow_tick_at = now.mono
-        self._ticks: Timers[Robot] = Timers()  # when robots have to be looked at again
+        self._ticks: Timers[RobotState] = Timers()  # when robots have to be looked at again
         self._holding: tuple[bool, ...] | None = None  # which downtimes do; None: not known
         self._downtimes: tuple[Downtime, ...] = ()  # that people planned
         self._downtimes_changed = False  # since their row was taken
@@ -101,7 +101,7 @@ class State:
                 if robot.accepts(now, raw=raw):
                     self._receive(robot, array, now, raw=raw)
 
-    def _receive(self, robot: Robot, array: Array, now: Instant, *, raw: bool) -> None:
+    def _receive(self, robot: RobotState, array: Array, now: Instant, *, raw: bool) -> None:
         if not robot.up:
             self._registry.mark_publishing(robot)
         robot.receive(array, now, raw=raw)
@@ -297,8 +297,8 @@ class State:
         with self._lock:
             self._faults.tick(now, slow=slow)
 
-    def _due(self, now: Instant) -> list[Robot]:
-        due: list[Robot] = []
+    def _due(self, now: Instant) -> list[RobotState]:
+        due: list[RobotState] = []
         with self._lock:
             while self._ticks.next < now.mono:
                 due += self._ticks.pop()
@@ -331,7 +331,7 @@ class State:
         found = find_unmatched(fleet, known, now.wall)
         self.unmatched.update(found, now)
 
-    def _is_known(self, robot: Robot) -> bool:
+    def _is_known(self, robot: RobotState) -> bool:
         return self._registry.robots.get(robot.settings.name) is robot
 
     def configure(self, fleet: config.Fleet, now: Instant) -> None:
@@ -459,7 +459,7 @@ class State:
 
     # -- queries -----------------------------------------------------------------------------
 
-    def visit(self, function: Callable[[Robot], Result]) -> Iterator[Result]:
+    def visit(self, function: Callable[[RobotState], Result]) -> Iterator[Result]:
         """``function`` of every robot, in the order of names.
 
         The lock is held for one robot at a time, and not while the caller uses a result.
@@ -471,7 +471,7 @@ class State:
                 time.sleep(0)  # else this thread takes the lock again before another wakes up
             yield result
 
-    def _sorted_robots(self) -> list[Robot]:
+    def _sorted_robots(self) -> list[RobotState]:
         with self._lock:
             return [robot for _name, robot in sorted(self._registry.robots.items())]
 
@@ -509,11 +509,11 @@ class State:
         with self._lock:
             return self._faults.problems(now, robot)
 
-    def followed(self, robot: Robot) -> dict[ComponentName, Followed]:
+    def followed(self, robot: RobotState) -> dict[ComponentName, Followed]:
         """What is kept of the components of a robot that is visited, in trouble now or before."""
         return self._faults.followed(robot)
 
-    def abilities(self, robot: Robot) -> dict[str, AbilityView]:
+    def abilities(self, robot: RobotState) -> dict[str, AbilityView]:
         """What a robot that is visited can do, each after those that it needs."""
         return self._faults.abilities(robot)
 
@@ -559,7 +559,7 @@ class State:
             return events
 
     @property
-    def robots(self) -> Mapping[str, Robot]:
+    def robots(self) -> Mapping[str, RobotState]:
         """The robots by name; other threads change them: read them with `visit`."""
         return self._registry.robots
 

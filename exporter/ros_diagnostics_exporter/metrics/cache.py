@@ -14,7 +14,7 @@ from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.component_values import ExportedValue
 from ros_diagnostics_exporter.robots.marks import Mark
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.texts import escape
 
 _VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_MONITORED_VALUE.name}
@@ -60,9 +60,9 @@ class RobotText:
         self,
         fleet: str,
         exporter: str,
-        robot: Robot,
-        followed: Callable[[Robot], Mapping[ComponentName, Followed]],
-        abilities: Callable[[Robot], Mapping[str, AbilityView]],
+        robot: RobotState,
+        followed: Callable[[RobotState], Mapping[ComponentName, Followed]],
+        abilities: Callable[[RobotState], Mapping[str, AbilityView]],
     ) -> None:
         self.fleet = fleet
         self.exporter = exporter

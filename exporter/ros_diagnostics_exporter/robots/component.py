@@ -83,7 +83,7 @@ class Component:
         values: ComponentValues,
         now: Instant,
         *,
-        marks: Marks,
+        marks: Marks[Component],
     ) -> None:
         self.marks = marks
         self.identity = identity

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import Threshold, ValueRule
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
@@ -79,7 +80,7 @@ class ComponentValues:
         limits: tuple[int, int],
         series_limit: SeriesLimit,
         reject: Reject,
-        marks: Marks,
+        marks: Marks[Any],
         *,
         judged: bool,
     ) -> None:

@@ -41,7 +41,7 @@ class Components:
         limits: config.Limits,
         *,
         series: SeriesLimit,
-        marks: Marks,
+        marks: Marks[Component],
         reject: Reject,
         changed: Callable[[Component, int, Instant], None],
     ) -> None:

@@ -17,7 +17,7 @@ from ros_diagnostics_exporter.config.conditions import Condition, Conditions
 from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.marks import Mark
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.rules import SEARCHED, key_matches
 
 
@@ -31,7 +31,7 @@ class Quiet(NamedTuple):
 class RobotConditions:
     """The conditions of one robot's components and values."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: RobotState) -> None:
         self._robot = robot
         self._profile: Profile | None = None
         self._read = -1  # the last change of names that was read

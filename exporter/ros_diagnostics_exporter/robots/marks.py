@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import IntEnum
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, TypeVar
-
-if TYPE_CHECKING:
-    from ros_diagnostics_exporter.robots.component import Component
+from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
 
@@ -29,8 +26,8 @@ class Mark(IntEnum):
     DOWNTIME = 10
 
 
-class Marks:
-    """One robot's marks, each with the number of the change at which it was noted last.
+class Marks(Generic[T]):
+    """One robot's marks, some of a component (T), each with the number of its last change.
 
     ``count`` is the number of the last change, ``at`` that of the last of each mark. A reader keeps
     the one up to which it has read, -1 at first: what was noted after that is new to it.
@@ -42,9 +39,9 @@ class Marks:
         self.count = 0
         self.at = [0] * len(Mark)
         # Of each component when it was noted last, the latest last.
-        self._of: dict[Mark, dict[Component, int]] = {Mark.LEVEL: {}, Mark.VALUE: {}}
+        self._of: dict[Mark, dict[T, int]] = {Mark.LEVEL: {}, Mark.VALUE: {}}
 
-    def note(self, mark: Mark, component: Component | None = None) -> None:
+    def note(self, mark: Mark, component: T | None = None) -> None:
         """Note a change; LEVEL and VALUE with the component of which it is."""
         self.count += 1
         self.at[mark] = self.count
@@ -57,7 +54,7 @@ class Marks:
         """The number of the last change of any of these."""
         return max([self.at[mark] for mark in marks])
 
-    def components(self, mark: Mark, since: int) -> list[Component]:
+    def components(self, mark: Mark, since: int) -> list[T]:
         """The components of which LEVEL or VALUE was noted after ``since``, the latest last."""
         found = []
         for component, number in reversed(self._of[mark].items()):
@@ -66,7 +63,7 @@ class Marks:
             found.append(component)
         return found[::-1]
 
-    def forget(self, component: Component) -> None:
+    def forget(self, component: T) -> None:
         """Forget a component that was removed."""
         for of in self._of.values():
             of.pop(component, None)

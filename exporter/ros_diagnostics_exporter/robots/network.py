@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ros_diagnostics_exporter.model import Endpoint
 from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
 from ros_diagnostics_exporter.robots.rejections import SilentReason
@@ -20,7 +22,9 @@ class Network:
         *("_endpoints", "domain_up", "expected_nodes", "link", "lossy", "marks", "uplink_up"),
     )
 
-    def __init__(self, marks: Marks, *, domain_up: bool = True, uplink_up: bool = True) -> None:
+    def __init__(
+        self, marks: Marks[Any], *, domain_up: bool = True, uplink_up: bool = True
+    ) -> None:
         self.marks = marks
         self.domain_up = domain_up
         self.uplink_up = uplink_up

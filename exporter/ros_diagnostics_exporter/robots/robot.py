@@ -64,7 +64,7 @@ AUTO_WAIT = 5.0  # seconds that a raw array waits for an aggregated one before r
     undecodable=Mark.RECEIPT,
     network=Mark.RECEIPT,
 )
-class Robot:
+class RobotState:
     """One robot, protected by the lock of its State.
 
     ``declared``: fleet.yml names it; ``shared``: its topic is one that robots share.
@@ -84,7 +84,7 @@ class Robot:
         *,
         declared: bool,
     ) -> None:
-        self.marks = Marks()
+        self.marks = Marks[Component]()
         self.settings = settings
         self.declared = declared
         self.shared = False

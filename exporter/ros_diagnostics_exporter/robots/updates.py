@@ -88,7 +88,7 @@ class AggregatedUpdates:
     """Applies the arrays of one robot's aggregator: complete, so a missing component is STALE."""
 
     def __init__(
-        self, components: Components, marks: Marks, limits: config.Limits, reject: Reject
+        self, components: Components, marks: Marks[Component], limits: config.Limits, reject: Reject
     ) -> None:
         self.groups: dict[str, tuple[int, str]] = {}  # path -> (level, message) as reported
         self._components = components

@@ -319,7 +319,8 @@ def _line(text: str) -> str:
 def _rows(data: Any) -> list[Element]:
     elements = _elements(data, "vector")
     pairs = ((_labels(each), each["value"][1]) for each in elements if "value" in each)
-    return [Element(labels, number) for labels, text in pairs if not math.isnan(number := float(text))]
+    numbers = ((labels, float(text)) for labels, text in pairs)
+    return [Element(labels, number) for labels, number in numbers if not math.isnan(number)]
 
 
 def _rows_by_time(data: Any) -> dict[float, list[Element]]:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from operator import itemgetter
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Query
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.sources.prometheus import Element, Measured, QueryError, ask_range
@@ -54,7 +54,7 @@ class Past:
         except QueryError as error:
             self._errors[query.name] = str(error)
 
-    def deliver(self, state: State, until: float, at: Callable[[float], Instant]) -> None:
+    def deliver(self, state: FleetState, until: float, at: Callable[[float], Instant]) -> None:
         """Pass on all answers up to ``until`` (Unix time), each as of its time."""
         while self._next is not None and self._next[0] <= until:
             wall, number, rows = self._next

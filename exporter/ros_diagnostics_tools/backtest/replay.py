@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from ros_diagnostics_exporter.config.fleet import Fleet, Source
 from ros_diagnostics_exporter.config.fleet import Robot as RobotSettings
 from ros_diagnostics_exporter.faults.model import Row
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import Domain, Endpoint, Instant, Topic
 from ros_diagnostics_tools.backtest.ledger import Ledger, Notification, Outage
@@ -21,7 +21,7 @@ from ros_diagnostics_tools.backtest.recordings import Message, Recordings
 
 TICK = 0.25  # seconds, as Service.TICK
 LOOK = 1.0  # seconds between two looks at which topics are wanted, as the listener's
-Observer = Callable[[State, Instant], None]
+Observer = Callable[[FleetState, Instant], None]
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Replay:
         self._pause_ends = next(self._periods, None)
         self._now = self._instant(self._begin)
         self._last = self._begin
-        self.state = State(self.fleet, self._now)
+        self.state = FleetState(self.fleet, self._now)
         self.ledger = Ledger()
         self._restarts = Restarts()
         self._observe, self._each_tick = observe, each_tick
@@ -196,7 +196,7 @@ class Restarts:
     def __init__(self) -> None:
         self._rows: dict[tuple[str, tuple[str, ...]], Row] = {}  # as in the database
 
-    def restart(self, state: State, fleet: Fleet, now: Instant, later: Instant) -> State:
+    def restart(self, state: FleetState, fleet: Fleet, now: Instant, later: Instant) -> FleetState:
         """A new state, ``later``, of what the former one stored ``now``."""
         stored = dict(state.visit(lambda robot: (robot.settings.name, robot.persist(now))))
         for row in state.take_fault_rows(now):
@@ -204,7 +204,7 @@ class Restarts:
                 self._rows.pop((row.kind, row.key), None)
             else:
                 self._rows[row.kind, row.key] = row
-        new = State(fleet, later)
+        new = FleetState(fleet, later)
         new.restore(stored, later)
         new.restore_faults(self._rows.values(), later)
         return new

@@ -14,7 +14,7 @@ import click
 
 from ros_diagnostics_exporter.acknowledging import (
     PREFIX,
-    Problem,
+    Acknowledgeable,
     acknowledged,
     problems,
     silence,
@@ -118,7 +118,7 @@ def _check(wanted: WantedProblem) -> None:
         raise click.UsageError("ROBOT, --site, --common, --part and --alert exclude one another")
 
 
-def is_wanted(problem: Problem, wanted: WantedProblem) -> bool:
+def is_wanted(problem: Acknowledgeable, wanted: WantedProblem) -> bool:
     """Whether the command's arguments name it."""
     labels = problem.labels
     if wanted.site is not None:
@@ -167,11 +167,11 @@ def _cancel(client: Client, wanted: WantedProblem) -> list[dict[str, Any]]:
     return done
 
 
-def _done(problem: Problem, silenced: dict[str, Any], text: str) -> dict[str, Any]:
+def _done(problem: Acknowledgeable, silenced: dict[str, Any], text: str) -> dict[str, Any]:
     return {**_fields(problem, silenced), "text": one_line(text)}
 
 
-def _fields(problem: Problem, silenced: dict[str, Any]) -> dict[str, Any]:
+def _fields(problem: Acknowledgeable, silenced: dict[str, Any]) -> dict[str, Any]:
     return {
         "fleet": problem.labels.get("fleet", ""),
         "part": problem.part,
@@ -188,7 +188,7 @@ def _minute(silenced: dict[str, Any]) -> str:
     return str(silenced["endsAt"])[:16].replace("T", " ")
 
 
-def _find(client: Client, wanted: WantedProblem) -> list[Problem]:
+def _find(client: Client, wanted: WantedProblem) -> list[Acknowledgeable]:
     """What the arguments name, of one fleet."""
     known = problems(_alerts(client, wanted.fleet))
     found = [problem for problem in known if is_wanted(problem, wanted)]
@@ -201,7 +201,7 @@ def _find(client: Client, wanted: WantedProblem) -> list[Problem]:
     return found
 
 
-def _not_firing(wanted: WantedProblem, known: Sequence[Problem]) -> str:
+def _not_firing(wanted: WantedProblem, known: Sequence[Acknowledgeable]) -> str:
     others = ", ".join(dict.fromkeys(f"{each.name} {each.state}" for each in known))
     more = f"there are alerts for {others}" if others else "no alert is firing"
     return f"no alert is firing for {str(wanted)!r}; {more}"

@@ -11,7 +11,7 @@ from pathlib import Path
 from ros_diagnostics_exporter.canary import ALERT, Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from ros_diagnostics_exporter.notifications import parse
 from ros_diagnostics_exporter.sources.link import LinkReading
@@ -131,7 +131,7 @@ def _served(path: Path, text: str) -> ServedFleet:
     path.write_text(text)
     scrapes = iter(range(1_000_000))
 
-    def send(state: State, now: Instant) -> None:
+    def send(state: FleetState, now: Instant) -> None:
         number = next(scrapes)
         if state.fleet.canary is not None:
             _exchange_canary(served.canary, state.fleet, number, now.wall)
@@ -171,7 +171,7 @@ def _exchange_canary(canary: Canary, fleet: Fleet, number: int, wall: float) -> 
     canary.tick(fleet.canary, Instant(mono, wall))
 
 
-def _endpoints(state: State) -> dict[str, Endpoint]:
+def _endpoints(state: FleetState) -> dict[str, Endpoint]:
     return {
         robot.settings.topic_agg or "": Endpoint(1)
         for robot in state.robots.values()

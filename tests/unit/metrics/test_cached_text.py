@@ -40,7 +40,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.events import EventLog
 from ros_diagnostics_exporter.fleet.discovery import found_robot
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import (
     ALL_PARTS,
@@ -227,7 +227,7 @@ scrapes = st.sampled_from(["all", "all", "faults", "none"])
 histories = st.lists(st.tuples(events, scrapes), max_size=25)
 
 
-class ScrapedState(State):
+class ScrapedState(FleetState):
     """One that is scraped when its robots are restored, and their faults are not yet."""
 
     def __init__(self, fleet: Fleet, now: Instant) -> None:
@@ -245,7 +245,7 @@ class History:
     def __init__(self, folder: Path) -> None:
         self._path = folder / "state.db"
         self.now = Instant(0.0, WALL)
-        self.state = State(FLEETS[0], self.now)
+        self.state = FleetState(FLEETS[0], self.now)
         self.exposition = Exposition(self.state)
         self.storage = Storage(self._path)
         self.storage.load(self.state, self.now)
@@ -352,10 +352,10 @@ class History:
     def save(self) -> None:
         self.storage.save(self.state, EventLog(), self.now, at_once=True)
 
-    def loaded(self, path: Path) -> State:
+    def loaded(self, path: Path) -> FleetState:
         """A new process' state, from a database."""
         now = Instant(50.0, self.now.wall + 5.0)
-        state, storage = State(self.state.fleet, now), Storage(path)
+        state, storage = FleetState(self.state.fleet, now), Storage(path)
         state.plan(self._downtimes, now)
         storage.load(state, now)
         storage.close()
@@ -374,7 +374,7 @@ def of(exposition: Exposition, parts: frozenset[Part]) -> list[str]:
 Name = tuple[str, str, str]  # robot, group, component
 
 
-def check_problems(text: list[str], state: State, now: Instant) -> None:
+def check_problems(text: list[str], state: FleetState, now: Instant) -> None:
     """What is in trouble in the text is judged so, by the same name; and nothing else is."""
     levels, troubled = names_in(text, "component_level"), names_in(text, "component_problem_level")
     problems = {
@@ -386,7 +386,7 @@ def check_problems(text: list[str], state: State, now: Instant) -> None:
     assert {name for name, level in troubled.items() if level in "12"} <= problems.keys()
 
 
-def check_reported(state: State, now: Instant) -> None:
+def check_reported(state: FleetState, now: Instant) -> None:
     """To report all of every robot again is to report nothing new."""
     reports, known = state._faults, reported(state)
     for robot in state.robots.values():
@@ -395,7 +395,7 @@ def check_reported(state: State, now: Instant) -> None:
     assert reported(state) == known
 
 
-def reported(state: State) -> object:
+def reported(state: FleetState) -> object:
     """What is known of each problem, and how its component is judged."""
     return {
         each: (problem.verdict, problem.component and problem.component.settings)
@@ -412,7 +412,7 @@ def names_in(text: list[str], family: str) -> dict[Name, str]:
     }
 
 
-def fault_texts(state: State) -> dict[object, object]:
+def fault_texts(state: FleetState) -> dict[object, object]:
     """The faults of robots that were received: of others nothing outlives the process."""
     return {
         each.identity: each
@@ -421,7 +421,7 @@ def fault_texts(state: State) -> dict[object, object]:
     }
 
 
-def persisted(state: State, now: Instant) -> dict[str, PersistedRobot]:
+def persisted(state: FleetState, now: Instant) -> dict[str, PersistedRobot]:
     """What would be written of each robot, but for what is written once an hour."""
     found = {name: robot.persist(now) for name, robot in state.robots.items()}
     return {

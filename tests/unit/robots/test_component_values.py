@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.fleet import ValueRule
 from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_exporter.robots import component
+from ros_diagnostics_exporter.robots import component_values
 from ros_diagnostics_exporter.robots.component_values import ComponentValues
 from ros_diagnostics_exporter.robots.limits import SeriesLimit
 from ros_diagnostics_exporter.robots.marks import Marks
@@ -61,7 +61,7 @@ def values_after_each(history, *, judged=True) -> list[object]:
 def test_a_plain_number_changes_the_same_as_any_other(history):
     found = values_after_each(history)
 
-    with mock.patch.object(component, "parse_plain", return_value=None):
+    with mock.patch.object(component_values, "parse_plain", return_value=None):
         assert found == values_after_each(history)
 
 

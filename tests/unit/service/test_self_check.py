@@ -9,7 +9,7 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Robot
 from ros_diagnostics_exporter.faults.model import OwnReport, Scope
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.fleet.unmatched import Unmatched
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.self_check import SelfCheck
@@ -29,7 +29,7 @@ class Parts:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, robots: int = 1) -> None:
         monkeypatch.setattr("socket.gethostname", lambda: HOST)
         declared = tuple(Robot(f"r{n}", topic_agg=f"/r{n}/d", domain_id=7) for n in range(robots))
-        self.state = State(Fleet("f", declared, limits=Limits(series=1000)), at(0))
+        self.state = FleetState(Fleet("f", declared, limits=Limits(series=1000)), at(0))
         self.listener = SimpleNamespace(domain_ids=(7,), errors={}, last_looks={7: WALL + 1e6})
         self.reloader = SimpleNamespace(successful=True)
         self.storage: Any = SimpleNamespace(successful=True, written_at=WALL + 1)
