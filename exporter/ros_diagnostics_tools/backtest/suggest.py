@@ -121,7 +121,6 @@ class Statistics:
                 if _is_free(value):
                     self.values[profile, component.name, value.key].add(value.number, ok=ok)
 
-
     def quiet(self, profile: str) -> Iterator[tuple[str, float]]:
         """Components that drivers published and that were never OK: (name, seconds since)."""
         for (robot, component), last in self._components.items():
@@ -274,7 +273,7 @@ def _component_stale_after(statistics: Statistics, profile: Profile) -> Iterator
 
 
 def _on_change(
-    state: State, statistics: Statistics, profile: Profile, robots: Sequence[str]
+    state: FleetState, statistics: Statistics, profile: Profile, robots: Sequence[str]
 ) -> Iterator[Suggestion]:
     """Drivers that report trouble and then nothing, while their robot goes on."""
     known = {
