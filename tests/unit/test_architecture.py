@@ -58,7 +58,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     TOOLS: (
         ("capability_losses", "connection_flags", "errors", "pairs", "terminal", "times"),
         ("servers",),
-        ("autoware", "backtest", "nagios", "oncall"),
+        ("autoware", "backtest", "mail_relay", "nagios", "oncall"),
         ("check_nagios", "commands"),
         ("main",),
     ),

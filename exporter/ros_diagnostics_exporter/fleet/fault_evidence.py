@@ -7,6 +7,7 @@ on one line, too.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import datetime, timezone
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.faults.model import (
@@ -111,6 +112,7 @@ def _of_component(identity: Identity, component: Component, robot: RobotState) -
         "level_since": component.since,
         "message": _text(component.message),
         "reports": component.reports,
+        **_on_change(component),
         "hardware_id": _text(component.hardware_id),
         "profile": profile.name,
         "confirm_after": profile.confirm_after if own is None else own,
@@ -121,6 +123,13 @@ def _of_component(identity: Identity, component: Component, robot: RobotState) -
         fields |= _first("values", _values(component))
     others = (each for each in _troubled(robot) if each is not component)
     return fields | _first("also_faulty", map(_with_level, others))
+
+
+def _on_change(component: Component) -> Fields:
+    if not component.is_on_change:
+        return {}
+    once = {"reported_once": component.since} if component.is_reported_once else {}
+    return {"reports_on_change": True, **once}
 
 
 def _monitored(identity: Identity, component: Component) -> Fields:
@@ -196,6 +205,11 @@ def _lines(fields: Fields) -> Iterator[str]:
         yield _value_line(fields["value"])
     if "reports" in fields:
         yield _account(fields)
+    if "reported_once" in fields:
+        at = datetime.fromtimestamp(fields["reported_once"], timezone.utc)
+        yield f"reported once, at {at:%Y-%m-%d %H:%M:%S} UTC; it reports only changes"
+    elif "reports_on_change" in fields:
+        yield "it reports only changes"
     if "found" in fields:
         yield f"{fields['found']} of {fields['expected']} components report"
     if "clock_offset" in fields:

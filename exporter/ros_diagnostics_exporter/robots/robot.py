@@ -239,6 +239,7 @@ class RobotState:
         if not self.up:
             self.record("received", now)
             self.up = True
+            self.components.resume(now)
         self.last_mono, self.last_wall = now
         self.marks.note(Mark.RECEIPT)
 

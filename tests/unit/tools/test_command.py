@@ -53,7 +53,7 @@ def test_there_is_one_command_with_these_subcommands():
         "capabilities",
         "story",
         *("oncall build", "oncall check", "oncall who", "oncall icalendar"),
-        "watch accept",
+        *("watch accept", "mail-relay"),
         *("import autoware", "nagios import", "nagios compare", "check-config", "test-page"),
     }
 
