@@ -92,6 +92,7 @@ def _of_component(identity: Identity, component: Component, robot: Robot) -> Ite
     if component.last is not None and identity.scope is not Scope.VALUE:
         pairs = (f"{_text(key)}: {_text(text)}" for key, text in component.last.values)
         yield _listed("values", pairs)
+    yield _listed("logged", map(_text, robot.network.logs))
     others = (each for each in _troubled(robot) if each is not component)
     yield _listed("also faulty", map(_with_level, others))
 
@@ -122,6 +123,7 @@ def _of_robot(identity: Identity, robot: Robot) -> Iterator[str]:
         yield f"its clock is {abs(robot.clock_behind):.0f} s {where} the exporter's"
     elif robot.silent_reason is not None:
         yield SILENT[robot.silent_reason]
+    yield _listed("logged", map(_text, robot.network.logs))
 
 
 def _troubled(robot: Robot) -> Iterator[Component]:

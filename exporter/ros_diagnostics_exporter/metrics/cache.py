@@ -242,6 +242,8 @@ class RobotText:
         if (expected := robot.network.expected_nodes) is not None:
             family = metrics.ROBOT_EXPECTED_NODES
             self._set(family, [self._one(family, expected)])
+        if (rate := robot.network.watched) is not None:
+            self._set(metrics.ROBOT_WATCHED, [self._one(metrics.ROBOT_WATCHED, round(rate, 1))])
         link = robot.network.link
         if link is not None or metrics.ROBOT_LINK_LOST.name in self.chunks:
             self._render_link(link)

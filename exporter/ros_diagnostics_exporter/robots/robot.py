@@ -323,6 +323,13 @@ class Robot:
             self.network.expected_nodes = count
             self.versions.receipt += 1
 
+    def set_watched(self, rate: float | None, logs: tuple[str, ...]) -> None:
+        """Set what its nodes logged of late, and what is received beside diagnostics."""
+        self.network.logs = logs
+        if rate != self.network.watched:
+            self.network.watched = rate
+            self.versions.receipt += 1
+
     def set_lossy(self, *, lossy: bool) -> None:
         """Set whether so many messages are lost that what is STALE may be well."""
         if lossy != self.network.lossy:
