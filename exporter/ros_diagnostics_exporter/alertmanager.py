@@ -267,6 +267,30 @@ class Alertmanager:
         """
         return self._first(lambda client: _faults(client, fleet, self.FIRING_SIZE))[1]
 
+    def alerts(self, fleet: str) -> list[Any]:
+        """All alerts of a fleet that fire.
+
+        Raises:
+            UnreachableError: No Alertmanager answers.
+        """
+        return self._first(lambda client: _alerts(client, {"fleet": fleet}, self.FIRING_SIZE))[1]
+
+    def silences(self, fleet: str) -> list[Any]:
+        """The silences of a fleet's escalations, as Alertmanager lists them.
+
+        Raises:
+            UnreachableError: No Alertmanager answers.
+        """
+        return self._first(lambda client: _silences(client, fleet, self.SIZE))[1]
+
+    def add(self, silence: dict[str, Any]) -> None:
+        """Make a silence.
+
+        Raises:
+            UnreachableError: No Alertmanager answers, or it rejects the silence.
+        """
+        self._first(lambda client: client.post("/api/v2/silences", silence))
+
     def update(self, fleet: str, now: Instant) -> None:
         """Request the silences once; log when Alertmanager stops and starts to answer."""
         try:
@@ -304,9 +328,13 @@ class Alertmanager:
 
 def _ask(client: Client, fleet: str, size: int) -> tuple[list[Acknowledgement], list[Downtime]]:
     """The acknowledgements and the downtimes."""
-    wanted = [("filter", f'alertname="{ESCALATION}"'), ("filter", f'fleet="{escape(fleet)}"')]
-    silences = client.get(f"/api/v2/silences?{urlencode(wanted)}", limit=size)
+    silences = _silences(client, fleet, size)
     return read(silences, fleet), read_downtimes(silences, fleet)
+
+
+def _silences(client: Client, fleet: str, size: int) -> list[Any]:
+    wanted = [("filter", f'alertname="{ESCALATION}"'), ("filter", f'fleet="{escape(fleet)}"')]
+    return _listed(client.get(f"/api/v2/silences?{urlencode(wanted)}", limit=size), "silences")
 
 
 def _faults(client: Client, fleet: str, size: int) -> list[Any]:

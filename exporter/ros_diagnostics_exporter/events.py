@@ -16,7 +16,7 @@ from typing import Any
 
 KINDS = (
     *("level", "condition", "fault_began", "fault_ended"),
-    *("notified", "acknowledged", "robot", "graph", "config"),
+    *("notified", "acknowledged", "action", "robot", "graph", "config"),
 )
 MAX_EVENTS = 10_000  # events in memory; some 5 MB
 BYTES = 32 * 1024 * 1024  # of their texts, where messages are long
@@ -29,21 +29,25 @@ class Event:
 
     ``kind`` is ``level`` (a component changed), ``condition`` (one of fleet.yml began or ceased to
     keep a problem quiet), ``fault_began`` or ``fault_ended`` (what is confirmed), ``notified``
-    (Alertmanager sent it to a receiver), ``acknowledged``, ``robot`` (known, forgotten, silent or
-    back), ``graph`` (``message`` says what the ROS graph shows) or ``config`` (read or rejected).
+    (Alertmanager sent it to a receiver), ``acknowledged``, ``action`` (a person acknowledged a
+    fault or planned a downtime by a form of a page), ``robot`` (known, forgotten, silent or back),
+    ``graph`` (``message`` says what the ROS graph shows) or ``config`` (read or rejected).
     ``before`` and ``after`` are the words of levels, OK, WARN, ERROR, STALE; ``after`` may also be
     heard, silent, known, forgotten, read, refused, firing or resolved, of a condition quiet or
-    judged. Of a component that is not OK when first received, ``before`` is "". A field that does
-    not apply is "", or None.
+    judged, of an action acknowledged or downtime. Of a component that is not OK when first
+    received, ``before`` is "". A field that does not apply is "", or None.
 
     Of a fault, ``scope``, ``state``, ``site``, ``robot``, ``group``, ``component``, ``check``,
     ``key``, ``bound`` and ``severity`` are its labels in
     `ros_diagnostics_fault_start_timestamp_seconds`, and ``since`` is that sample's value: all
-    events of a fault have the same ones. ``message`` is its evidence. ``reason`` says how it
-    ended: ``recovered`` (a fresh lower level) or ``removed`` (by a person or the config).
+    events of a fault have the same ones. ``message`` is its evidence, or what was received when it
+    ended. ``reason`` says how it ended: ``recovered`` (a fresh lower level) or ``removed`` (by a
+    person or the config).
+
+    ``details`` is its evidence as fields, of one that began.
 
     ``receiver`` is Alertmanager's, ``step`` that of an escalation (0 is the daily reminder).
-    ``author`` acknowledged it, with the words in ``message``.
+    ``author`` acknowledged it, or did what the action is, with the words in ``message``.
     """
 
     time: float
@@ -66,6 +70,7 @@ class Event:
     receiver: str = ""
     step: str = ""
     author: str = ""
+    details: Any = None  # a mapping to JSON values
 
 
 @dataclass(frozen=True)
@@ -139,6 +144,11 @@ class EventLog:
             last = self._last
         return [(last - back, event) for back, event in enumerate(newest)][::-1]
 
+    def oldest(self) -> float | None:
+        """When the first event in memory was, Unix time; None if there is none."""
+        with self._lock:
+            return self._events[0].time if self._events else None
+
     def find(self, wanted: Wanted) -> Iterator[dict[str, Any]]:
         """The events asked for as JSON objects, newest first, fields that do not apply left out.
 
@@ -161,7 +171,7 @@ class EventLog:
 def _size(event: Event) -> int:
     """Bytes of its texts in memory."""
     texts = (event.robot, event.group, event.component, event.message, event.check, event.key)
-    return sum(map(sys.getsizeof, texts))
+    return sum(map(sys.getsizeof, texts)) + 2 * len(repr(event.details))
 
 
 def filled(event: Event) -> dict[str, Any]:

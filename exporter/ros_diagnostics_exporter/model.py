@@ -138,3 +138,11 @@ class Endpoint(NamedTuple):
     reliable: bool = True
     is_cut_off: bool = False
     refused: str = ""
+
+
+class Person(NamedTuple):
+    """Who acts by a form: the user that has logged in, why, and from which address."""
+
+    user: str
+    comment: str
+    address: str

@@ -15,8 +15,12 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from ros_diagnostics_exporter.acting import acknowledge, plan_downtime
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.api import ledger, snapshot
+from ros_diagnostics_exporter.api.capabilities import capability_tree
+from ros_diagnostics_exporter.api.occurrences import labels_of, occurrences
+from ros_diagnostics_exporter.api.story import WEEK, story
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
@@ -24,13 +28,14 @@ from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
 from ros_diagnostics_exporter.faults.model import fault_id, identity_of
 from ros_diagnostics_exporter.firing import read as read_firing
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
-from ros_diagnostics_exporter.model import Part, place
+from ros_diagnostics_exporter.model import Part, Person, place
 from ros_diagnostics_exporter.notifications import Notifications, parse
+from ros_diagnostics_exporter.self_check import SelfCheck
 from ros_diagnostics_exporter.sources.dds import describe_ros
 from ros_diagnostics_exporter.sources.listener import Listener
 from ros_diagnostics_exporter.sources.prometheus import Prometheus
@@ -48,6 +53,7 @@ class Service:
         VersionError: the database is of another version.
     """
 
+    CHECK = 1.0  # seconds between two judgements of the exporter itself
     TICK = 0.25  # seconds between two turns of the loop that lets time pass
     SAVE = 0.1  # ... of the one that saves, which writes less often
     FOLLOW = 1.0  # ... of the one that joins domains
@@ -59,6 +65,7 @@ class Service:
     ASKED = 5.0  # seconds that Alertmanager's first answer is waited for at the start
     GRACE = 5.0  # seconds that a write or a reload under way is waited for at the end
     ENDED = 3600.0  # seconds after a fault ended in which it may be notified after a restart
+    SEARCHED = 10_000  # events of each kind in which the history of a fault is looked for
     STALLED = 10.0  # seconds without a turn of a domain's thread after which it is not ready
 
     def __init__(
@@ -72,7 +79,7 @@ class Service:
         prometheus: Client | None = None,
     ) -> None:
         now = read_clocks()
-        self.state = State(fleet, now)
+        self.state = FleetState(fleet, now)
         self._recording = threading.Lock()
         self.storage = storage
         self.events = EventLog()
@@ -121,6 +128,8 @@ class Service:
             self._prometheus.outcomes,
         )
         self._self_metrics = SelfMetrics(self._exporter)
+        self._self_check = SelfCheck(self._exporter, now)
+        self._check_at = now.mono
 
     def start(self) -> None:
         """Begin all loops: join the fleet's domains, listen, judge."""
@@ -225,6 +234,9 @@ class Service:
         """Let time pass; called every ``TICK`` seconds."""
         now = read_clocks()
         self.state.tick(now)
+        if now.mono >= self._check_at:
+            self._check_at = now.mono + self.CHECK
+            self.state.report_own(self._self_check.reports(now), now)
         self._canary.tick(self.state.fleet.canary, now)
         self._record_events()
         self._reloader.tick()
@@ -354,6 +366,31 @@ class Service:
         self._record_events()
         return self.events.find(wanted)
 
+    def _events_since(self) -> float | None:
+        """From when on the events are known, Unix time; None without one."""
+        written = None if self.storage is None else self.storage.first_event()
+        return self.events.oldest() if written is None else written
+
+    def fault_history(self, fault: str) -> dict[str, Any]:
+        """Each time that a fault lasted as /api/v1/faults/ID returns it."""
+        self._record_events()
+        fleet, now = self.state.fleet, read_clocks()
+
+        def find(kind: str, **wanted: Any) -> list[dict[str, Any]]:
+            events = self.events.find(Wanted(kind=kind, limit=self.SEARCHED, **wanted))
+            return [each for each in events if _id(fleet, each) == fault]
+
+        found = find("fault_ended") + find("fault_began")
+        if found:
+            of = {"robot": found[0].get("robot", ""), "since": min(each["since"] for each in found)}
+            found += find("notified", **of) + find("acknowledged", **of)
+        return {
+            "fault": fault,
+            "time": now.wall,
+            "events_since": self._events_since(),
+            "occurrences": occurrences(found),
+        }
+
     def why(
         self, robot: str, component: str | None, at: float | None, *, ask: bool = True
     ) -> dict[str, Any]:
@@ -387,6 +424,34 @@ class Service:
         ]
         return {**found, "now": sentences + (self._explain(robot, component) if ask else [])}
 
+    def capabilities(self, robot: str) -> dict[str, Any]:
+        """What a robot can do as /api/v1/capabilities returns it; LookupError if there is none."""
+        return capability_tree(self.state, robot, read_clocks())
+
+    def story(self, robot: str) -> dict[str, Any]:
+        """What failed in a week as /api/v1/robots/ROBOT/story returns it; LookupError if none."""
+        self._record_events()
+        now = read_clocks()
+        known = snapshot.robot_snapshot(self.state, robot, now, self._care())
+
+        def find(**wanted: Any) -> list[dict[str, Any]]:
+            return [*self.events.find(Wanted(robot=robot, limit=self.SEARCHED, **wanted))]
+
+        begin = self._events_since()
+        since = max(now.wall - WEEK, now.wall if begin is None else begin)
+        recent = find(since=since)
+        if len(recent) == self.SEARCHED:  # there may be more
+            since = recent[-1]["time"]
+        of_faults = find(kind="fault_began") + find(kind="fault_ended")
+        events = {each["id"]: each for each in recent + of_faults}.values()
+        return {
+            "fleet": self.state.fleet.name,
+            "robot": robot,
+            "time": now.wall,
+            "since": since,
+            "sentences": story(events, known, now.wall, since),
+        }
+
     def _explain(self, robot: str, component: str | None) -> list[str]:
         """What Alertmanager says of a robot's alerts, or why it says nothing."""
         if self._alertmanager is None:
@@ -408,6 +473,47 @@ class Service:
             for event in events:
                 self._record(event)
         return len(events) + canaries, ignored - canaries
+
+    def acknowledge(self, fault: str, person: Person) -> None:
+        """Acknowledge a fault that lasts, as Backend says."""
+        fleet = self.state.fleet
+        lasting = {
+            fault_id(fleet.name, fleet.exporter, each.identity): each
+            for each in self.state.faults()
+        }
+        if fault not in lasting:
+            raise LookupError("it has ended, or there was never one of this id")
+        now = read_clocks().wall
+        self._act(lambda by: acknowledge(by, fleet.name, lasting[fault], person, now))
+
+    def plan_downtime(self, robot: str, component: str, seconds: float, person: Person) -> None:
+        """Plan a downtime from now on, as Backend says."""
+        now = read_clocks()
+        robots = {each["robot"]: each for each in self.fleet_snapshot()["robots"]}
+        if robot not in robots:
+            raise LookupError(f"there is no robot {robot!r:.60}")
+        known = {each["component"] for each in robots[robot]["components"]}
+        if component and component not in known:
+            raise LookupError(f"{robot} has no component {component!r:.60}")
+        times = now.wall, now.wall + seconds
+        fleet, of = self.state.fleet.name, (robot, component)
+        self._act(lambda by: plan_downtime(by, fleet, of, person, times))
+
+    def _act(self, do: Callable[[Alertmanager], Event]) -> None:
+        """Do it, record it, and read the silences anew."""
+        if self._alertmanager is None:
+            raise ConnectionError("the exporter runs without --alertmanager.url")
+        try:
+            event = do(self._alertmanager)
+        except UnreachableError as error:
+            raise ConnectionError(f"Alertmanager does not answer: {error}") from error
+        log.info("%s by %s: %s", event.after, event.author, event.message)
+        self._record_events()
+        with self._recording:
+            self._record(event)
+        for loop in self._others:
+            if loop.name == "alertmanager":
+                loop.wake()
 
     def targets(self, job: str, port: int | None) -> list[dict[str, Any]]:
         """Prometheus' http_sd list of a job; LookupError or ValueError as Backend says."""
@@ -444,6 +550,15 @@ class Service:
         if self._alertmanager is None:
             return []
         return self._alertmanager.known(read_clocks().wall)
+
+
+def _id(fleet: Fleet, event: dict[str, Any]) -> str:
+    """The id of an event's fault; "" for one of a scope or state that another version had."""
+    try:
+        identity = identity_of(labels_of(event))
+    except ValueError:
+        return ""
+    return fault_id(fleet.name, fleet.exporter, identity)
 
 
 def _no_events(_wanted: Wanted) -> Iterable[Numbered]:

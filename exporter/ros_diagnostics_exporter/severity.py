@@ -66,6 +66,13 @@ _OF_CAPABILITY = {
     "degraded": "is degraded",
     "lost": "is lost",
 }
+OF_ABILITY = {  # of a capability, as the API has it -> state with the same colour, words
+    "ok": ("OK", ""),
+    "no_reserve": ("WARNING", "no reserve"),
+    "degraded": ("WARNING", "degraded"),
+    "lost": ("CRITICAL", "lost"),
+    "unknown": ("UNKNOWN", "not known"),
+}
 _AFTER = {
     "received": "is received",
     "silent": "is silent",
@@ -231,7 +238,7 @@ def subject(problem: dict[str, Any]) -> str:
         "flapping": path,
         "site": f"many robots of site {problem['site'] or '(none)'} are silent",
         "common": f"{problem['component']} of many robots",
-        "clock": "the exporter's clock is wrong",
+        "exporter": f"exporter: {problem['component']}",
     }[problem["scope"]]
 
 
@@ -244,6 +251,13 @@ def component_path(component: dict[str, Any]) -> str:
     if name.startswith(f"{group}: "):
         return str(name)
     return f"{group.rstrip('/')}/{name.lstrip('/')}" if group else str(name)
+
+
+def part_path(part: dict[str, Any]) -> str:
+    """A part of a capability: a component, with the key of a value, or a check."""
+    if part["check"]:
+        return f"check {part['check']}"
+    return f"{component_path(part)}{part['key'] and ': '}{part['key']}"
 
 
 def standing(
@@ -418,6 +432,10 @@ def event_text(event: dict[str, Any]) -> str:
         about = _complete(event)
         how = "quiet" if after == "quiet" else "no longer quiet"
         words = f"{how} by its condition: {problem_state(about)} {subject(about)}"
+    elif kind == "action":
+        what = {"acknowledged": "acknowledged by a form"}.get(after, "downtime planned by a form")
+        of = subject(_complete(event)) if event.get("scope") else event.get("component", "")
+        words = f"{what} by {event.get('author', '?')}{of and f', {of}'}"
     elif kind in {"notified", "acknowledged"}:
         words = f"{_done(event)}: {problem_state(event)} {subject(_complete(event))}"
     else:
@@ -434,6 +452,11 @@ def _done(event: dict[str, Any]) -> str:
     """What was done about a fault."""
     if event["kind"] == "acknowledged":
         return f"acknowledged by {event.get('author', '?')}"
+    return notified_text(event)
+
+
+def notified_text(event: dict[str, Any]) -> str:
+    """What was sent to which receiver, as "escalation sent to on-call"."""
     receiver, step = event.get("receiver", "?"), event.get("step", "")
     if event.get("after") == "resolved":
         return f"recovery sent to {receiver}"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from datetime import datetime, timezone
 
+from ros_diagnostics_exporter.acknowledging import problems, silence
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
-from ros_diagnostics_tools.commands.ack import problems, silence
 
 SINCE = "2026-01-01 10:00:00.123 +0000 UTC"
 BEGAN = 1767261600.123

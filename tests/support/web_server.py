@@ -60,6 +60,7 @@ def problem(scope: str, state: str, **changed: Any) -> dict[str, Any]:
         "because": "",
         "well": False,
         "evidence": "",
+        "details": {},
         "fault": None,
         "capsule": None,
         "notified": None,
@@ -121,6 +122,36 @@ def no_faults() -> dict[str, Any]:
     return {"fleet": "hall", "time": 1_060.0, "faults": []}
 
 
+def no_history(fault: str) -> dict[str, Any]:
+    return {"fault": fault, "time": 1_060.0, "events_since": None, "occurrences": []}
+
+
+def occurrence(scope: str, state: str, **changed: Any) -> dict[str, Any]:
+    """A fault as /api/v1/faults/ID shows it: of 1,000 to 1,030, recovered."""
+    severe = state in {"critical", "silent"}
+    return {
+        "scope": scope,
+        "state": state,
+        "severity": "critical" if severe else "warning",
+        **dict.fromkeys(("site", "robot", "group", "component", "check", "key", "bound"), ""),
+        "since": 1_000.0,
+        "confirmed": 1_010.0,
+        "until": 1_030.0,
+        "reason": "recovered",
+        "evidence": "",
+        "details": {},
+        "end": "",
+        "acknowledged": [],
+        "notified": [],
+        **changed,
+    }
+
+
+def no_story(robot: str) -> dict[str, Any]:
+    of = {"fleet": "hall", "robot": robot, "time": 1_060.0, "since": 10.0}
+    return {**of, "sentences": [{"about": "", "text": "No fault in the last 7 days."}]}
+
+
 def no_capsule(fault: str) -> bytes:
     raise LookupError(f"no capsule of fault {fault!r}")
 
@@ -139,6 +170,10 @@ def no_ledger(
     }
 
 
+def no_capabilities(robot: str) -> dict[str, Any]:
+    return {"fleet": "hall", "robot": robot, "time": 1_060.0, "capabilities": []}
+
+
 def no_targets(job: str, _port: int | None) -> list[dict[str, Any]]:
     raise LookupError(job)
 
@@ -155,14 +190,19 @@ class FakeBackend:
     count_scrape: Callable[[], None] = lambda: None
     fleet_snapshot: Callable[[], dict[str, Any]] = fleet
     faults: Callable[[], dict[str, Any]] = no_faults
+    fault_history: Callable[[str], dict[str, Any]] = no_history
     capsule: Callable[[str], bytes] = no_capsule
+    story: Callable[[str], dict[str, Any]] = no_story
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
     why: Callable[..., dict[str, Any]] = no_ledger
+    capabilities: Callable[[str], dict[str, Any]] = no_capabilities
     notified: Callable[[bytes], tuple[int, int]] = lambda _body: (1, 0)
     targets: Callable[[str, int | None], list[dict[str, Any]]] = no_targets
     hanging_reason: Callable[[], str | None] = lambda: None
     not_ready_reason: Callable[[], str | None] = lambda: None
     reload: Callable[[], None] = lambda: None
+    acknowledge: Callable[..., None] = lambda *_given: None
+    plan_downtime: Callable[..., None] = lambda *_given: None
     forget: Callable[[str, str | None], int] = lambda _robot, _component: 1
     accept_graph: Callable[[str], int] = lambda _robot: 1
 

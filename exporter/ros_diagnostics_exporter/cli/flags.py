@@ -61,6 +61,8 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         parser.error("--prometheus.user needs --prometheus.password-file")
     if options.prometheus_user and options.prometheus_bearer_token_file:
         parser.error("give --prometheus.user or --prometheus.bearer-token-file, not both")
+    if options.actions and not options.alertmanager_urls:
+        parser.error("--web.enable-actions needs --alertmanager.url: acknowledgements are there")
     if options.live and not options.config_check:
         parser.error("--live needs --config.check")
     return options
@@ -153,6 +155,13 @@ def _add_web(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="enable POST /-/reload, and POST /-/forget for everybody; allow only trusted "
         "clients to reach the exporter then",
+    )
+    group.add_argument(
+        "--web.enable-actions",
+        dest="actions",
+        action="store_true",
+        help="forms on the pages: who has logged in (basic_auth_users) acknowledges a fault or "
+        "plans a downtime at --alertmanager.url",
     )
 
 

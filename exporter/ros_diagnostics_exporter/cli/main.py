@@ -145,6 +145,7 @@ def _serve(options: argparse.Namespace, listen: list[str], service: Service) -> 
         telemetry_path=options.telemetry_path,
         web_config=options.web_config,
         lifecycle=options.lifecycle,
+        actions=options.actions,
         domains=len(service.state.fleet.domain_ids),
     )
     service.watch(server.loop)

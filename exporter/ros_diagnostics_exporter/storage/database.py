@@ -353,6 +353,17 @@ def find_events(path: Path, wanted: Wanted) -> Iterator[tuple[int, Event]]:
                     yield number, event
 
 
+def first_event(path: Path) -> float | None:
+    """The time of the first event that is kept, by a connection of its own; None without one.
+
+    Raises:
+        sqlite3.Error: it cannot be read.
+    """
+    with reading(path) as connection:
+        found = connection.execute("SELECT time FROM events ORDER BY id LIMIT 1").fetchone()
+    return None if found is None else float(found[0])
+
+
 def _prepare(path: Path) -> tuple[int, int]:
     """Make the file if it is not there, and look at its header; its device and inode."""
     path.parent.mkdir(mode=0o700, exist_ok=True)

@@ -105,6 +105,15 @@ class Api:
         body = await self._workers.run_shared(SNAPSHOT_AGE, take_faults, self._backend)
         return _json_bytes(body)
 
+    async def fault(self, request: Request) -> Response:
+        """Each time that a fault lasted, as far as the event log has it."""
+        _allow_only(request)
+        fault = request.path_params["fault"]
+        found = await self._workers.run(self._backend.fault_history, fault)
+        if not found["occurrences"]:
+            raise ApiError(404, f"the event log has no fault {fault!r:.40}")
+        return _json(found)
+
     async def capsule(self, request: Request) -> Response:
         """What was received around the begin of a fault."""
         _allow_only(request)
@@ -193,6 +202,25 @@ class Api:
         given = robot, query.get("component"), _moment(query, "at")
         try:
             return _json(await self._asking.run(self._backend.why, *given))
+        except LookupError as error:
+            raise ApiError(404, _text(error)) from error
+
+    async def capabilities(self, request: Request) -> Response:
+        """What a robot can do: the expressions of fleet.yml with their states."""
+        _allow_only(request, "robot")
+        robot = request.query_params.get("robot")
+        if not robot:
+            raise ApiError(400, "the query must name a robot: /api/v1/capabilities?robot=NAME")
+        try:
+            return _json(await self._workers.run(self._backend.capabilities, robot))
+        except LookupError as error:
+            raise ApiError(404, _text(error)) from error
+
+    async def story(self, request: Request) -> Response:
+        """What failed of a robot in a week, in sentences."""
+        _allow_only(request)
+        try:
+            return _json(await self._workers.run(self._backend.story, request.path_params["robot"]))
         except LookupError as error:
             raise ApiError(404, _text(error)) from error
 

@@ -19,6 +19,7 @@ from starlette.routing import Route
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.events import Wanted
+from ros_diagnostics_exporter.web.actions import Actions
 from ros_diagnostics_exporter.web.api import (
     SNAPSHOT_AGE,
     Api,
@@ -33,6 +34,7 @@ from ros_diagnostics_exporter.web.connections import Connections
 from ros_diagnostics_exporter.web.middleware import AccessControl
 from ros_diagnostics_exporter.web.pages import (
     EVENTS,
+    Acting,
     fault_page,
     landing,
     missing_fault,
@@ -77,6 +79,11 @@ class Pages:
     backend: Backend
     workers: Workers
     telemetry_path: str
+    actions: Actions
+
+    def _acting(self, request: Request) -> Acting | None:
+        token = self.actions.token(request)
+        return None if token is None else Acting(token, request.query_params.get("done", ""))
 
     async def landing(self, request: Request) -> Response:
         """The fleet at a glance; ``?q=`` only what has this text in it."""
@@ -92,18 +99,21 @@ class Pages:
         """One robot; 404 for a name that no robot has."""
         snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
         name = request.path_params["robot"]
-        page = await self.workers.run(_robot_page, self.backend, snapshot, name)
+        acting = self._acting(request)
+        page = await self.workers.run(_robot_page, self.backend, snapshot, name, acting)
         if page is None:
             return HTMLResponse(missing_robot(snapshot.fleet, name), status_code=404)
         return HTMLResponse(page)
 
     async def fault(self, request: Request) -> Response:
-        """One fault that lasts; 404 for any other id."""
+        """One fault that lasts or has ended; 404 for an id of which nothing is known."""
         snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
         fault = request.path_params["fault"]
-        page = await self.workers.run(fault_page, snapshot.fleet, fault)
+        history = await self.workers.run(self.backend.fault_history, fault)
+        acting = self._acting(request)
+        page = await self.workers.run(fault_page, snapshot.fleet, fault, history, acting)
         if page is None:
-            return HTMLResponse(missing_fault(snapshot.fleet, fault), status_code=404)
+            return HTMLResponse(missing_fault(snapshot.fleet, fault, history), status_code=404)
         return HTMLResponse(page)
 
     async def healthy(self, _request: Request) -> Response:
@@ -130,13 +140,16 @@ def _page(snapshot: Snapshot, telemetry_path: str) -> str:
     return landing(snapshot.fleet, telemetry_path)
 
 
-def _robot_page(backend: Backend, snapshot: Snapshot, name: str) -> str | None:
+def _robot_page(
+    backend: Backend, snapshot: Snapshot, name: str, acting: Acting | None
+) -> str | None:
     events = backend.find_events(Wanted(robot=name, limit=EVENTS))
     try:
         ledger = backend.why(name, None, None, ask=False)["entries"]
+        sentences = backend.story(name)["sentences"]
     except LookupError:
-        ledger = []  # there is no such robot, or it was removed just now
-    return robot_page(snapshot.fleet, name, events, ledger)
+        ledger = sentences = []  # there is no such robot, or it was removed just now
+    return robot_page(snapshot.fleet, name, events, ledger, sentences, acting=acting)
 
 
 @dataclass(frozen=True)
@@ -171,6 +184,7 @@ def build(
     web_config: LiveWebConfig,
     telemetry_path: str,
     lifecycle: bool,
+    actions: bool = False,
 ) -> Starlette:
     """The application.
 
@@ -181,8 +195,10 @@ def build(
         web_config: Users, rate limit and headers.
         telemetry_path: Where the metrics are; first, so that it may be "/".
         lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.
+        actions: Whether the pages have forms by which who has logged in acts.
     """
-    pages = Pages(backend, threads.others, telemetry_path)
+    acting = Actions(backend, threads.asking, enabled=actions)
+    pages = Pages(backend, threads.others, telemetry_path, acting)
     api = Api(backend, threads.others, threads.asking, lifecycle)
     scrape = Scrape(backend, threads.scrapes, ResponseLimit(connections))
     write_methods = ["POST", "PUT"]
@@ -195,12 +211,17 @@ def build(
         Route("/-/ready", pages.ready),
         Route("/-/reload", api.reload, methods=write_methods),
         Route("/-/forget", api.forget, methods=write_methods),
+        Route("/-/acknowledge", acting.acknowledge, methods=["POST"]),
+        Route("/-/downtime", acting.downtime, methods=["POST"]),
         Route("/-/watch/accept", api.accept_graph, methods=write_methods),
         Route("/api/v1/fleet", api.fleet),
         Route("/api/v1/faults", api.faults),
+        Route("/api/v1/faults/{fault}", api.fault),
         Route("/api/v1/faults/{fault}/capsule.mcap", api.capsule),
+        Route("/api/v1/robots/{robot:text}/story", api.story),
         Route("/api/v1/events", api.events),
         Route("/api/v1/why", api.why),
+        Route("/api/v1/capabilities", api.capabilities),
         Route("/api/v1/notifications", api.notifications, methods=["POST"]),
         Route("/api/v1/openapi.json", pages.openapi),
         Route("/sd/{job}", api.targets),

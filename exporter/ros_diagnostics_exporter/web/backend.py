@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
 from ros_diagnostics_exporter.events import Wanted
-from ros_diagnostics_exporter.model import Part
+from ros_diagnostics_exporter.model import Part, Person
 
 
 class Backend(Protocol):
@@ -26,6 +26,9 @@ class Backend(Protocol):
 
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""
+
+    def fault_history(self, fault: str, /) -> dict[str, Any]:
+        """Each time that a fault lasted as /api/v1/faults/ID returns it."""
 
     def capsule(self, fault: str, /) -> bytes:
         """The newest recording around the begin of a fault, as MCAP.
@@ -48,11 +51,41 @@ class Backend(Protocol):
             LookupError: There is no such robot.
         """
 
+    def capabilities(self, robot: str, /) -> dict[str, Any]:
+        """What a robot can do as /api/v1/capabilities returns it.
+
+        Raises:
+            LookupError: There is no such robot.
+        """
+
+    def story(self, robot: str, /) -> dict[str, Any]:
+        """What failed of a robot in a week, in sentences, as /api/v1/robots/ROBOT/story returns it.
+
+        Raises:
+            LookupError: There is no such robot.
+        """
+
     def notified(self, body: bytes, /) -> tuple[int, int]:
         """Record the notifications of a message of Alertmanager's webhook: how many, how many not.
 
         Raises:
             ValueError: It is no such message; the text says why.
+        """
+
+    def acknowledge(self, fault: str, person: Person, /) -> None:
+        """Have Alertmanager know that a person takes care of a fault, and record it.
+
+        Raises:
+            LookupError: There is nothing to acknowledge; the text says why.
+            ConnectionError: No Alertmanager answers.
+        """
+
+    def plan_downtime(self, robot: str, component: str, seconds: float, person: Person, /) -> None:
+        """Plan a downtime of a robot, or of one component of it, from now on, and record it.
+
+        Raises:
+            LookupError: There is no such robot or component.
+            ConnectionError: No Alertmanager answers.
         """
 
     def targets(self, job: str, port: int | None, /) -> list[dict[str, Any]]:

@@ -31,7 +31,7 @@ DEFAULT_HEADERS = {
     ),
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "deny",
-    "Referrer-Policy": "no-referrer",
+    "Referrer-Policy": "same-origin",  # forms of the pages have an Origin by this
     "Cache-Control": "no-store",
 }
 _CLOSE = {"Connection": "close"}

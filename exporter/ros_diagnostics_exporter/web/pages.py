@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from itertools import islice
+from itertools import groupby, islice
+from operator import itemgetter
 from typing import Any, NamedTuple
 from urllib.parse import quote
 
@@ -17,6 +18,7 @@ from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.model import place
 from ros_diagnostics_exporter.severity import (
     COLOURS,
+    OF_ABILITY,
     SEVERITIES,
     ShownProblem,
     as_planned,
@@ -25,12 +27,16 @@ from ros_diagnostics_exporter.severity import (
     component_text,
     downtime_texts,
     event_text,
+    notified_text,
+    part_path,
+    problem_state,
     query_text,
     shown_as_they_are,
     shown_problems,
     silent_text,
     span,
     state_of,
+    subject,
 )
 from ros_diagnostics_exporter.texts import natural, one_line
 
@@ -39,6 +45,8 @@ MAX_ROBOTS = 200  # robots with problems; the API has them all
 MAX_PROBLEMS = 10  # of a robot on the page of the fleet; the robot's own page has more
 MAX_LISTED = 500  # problems and components on a robot's page, and values on it
 EVENTS = 50  # of a robot that are shown
+DOWNTIMES = ("15m", "30m", "1h", "2h", "4h", "8h", "1d", "3d")  # that a form offers
+MAX_ENDED = 20  # times that a fault lasted, on its page; the API has them all
 
 
 def landing(fleet: dict[str, Any], telemetry_path: str, query: str = "") -> str:
@@ -96,10 +104,14 @@ def robot_page(
     name: str,
     events: Iterable[dict[str, Any]],
     ledger: Iterable[dict[str, Any]] = (),
+    sentences: Iterable[dict[str, str]] = (),
+    *,
+    acting: Acting | None = None,
 ) -> str | None:
     """The page of one robot with its ``events``, the newest first; None if there is no such robot.
 
-    ``ledger`` are the ``entries`` of /api/v1/why.
+    ``ledger`` are the ``entries`` of /api/v1/why, ``sentences`` those of its story; with
+    ``acting`` it has forms.
 
     All texts in it are escaped.
     """
@@ -121,10 +133,22 @@ def robot_page(
         problems=problems,
         problem_number=problem_number,
         ledger=list(ledger)[-EVENTS:],
+        paragraphs=[
+            [each["text"] for each in of_one]
+            for _about, of_one in groupby(sentences, key=itemgetter("about"))
+        ],
         components=_components(robot, problems),
         component_number=len(robot["components"]),
         events=list(islice(events, EVENTS)),
+        acting=acting,
+        downtimes=DOWNTIMES,
+        parts=sorted({each["component"] for each in robot["components"]}, key=natural)[:MAX_LISTED],
     )
+
+
+def rejected(why: str) -> str:
+    """The page after a form that was not followed."""
+    return _render("rejected.html", title="Not done", why=why)
 
 
 def missing_robot(fleet: dict[str, Any], name: str) -> str:
@@ -132,9 +156,16 @@ def missing_robot(fleet: dict[str, Any], name: str) -> str:
     return _render("missing.html", title=f"{fleet['fleet']}: no such robot", name=name)
 
 
-def fault_page(fleet: dict[str, Any], fault: str) -> str | None:
-    """The page of the fault with that id, None if it does not last; all texts are escaped."""
+def fault_page(
+    fleet: dict[str, Any], fault: str, history: dict[str, Any], acting: Acting | None = None
+) -> str | None:
+    """The page of the fault with that id, None if nothing is known of it; all texts are escaped.
+
+    ``history`` is each time that it lasted, as /api/v1/faults/ID returns it; with ``acting`` it
+    has forms.
+    """
     now = fleet["time"]
+    ended = [_ended(each) for each in history["occurrences"] if each["until"] is not None]
     for of in (fleet, *fleet["robots"]):
         its = [each for each in of["problems"] if each["fault"] == fault]
         if not its:
@@ -149,13 +180,58 @@ def fault_page(fleet: dict[str, Any], fault: str) -> str | None:
             robot=robot,
             fault=found,
             marks=_marks(of, now) if robot else [],
+            ended=ended[:MAX_ENDED],
+            ended_number=len(ended),
+            name=fault if history["occurrences"] else "",
+            acting=acting,
+            downtimes=DOWNTIMES,
+            parts=[each for each in (its[0]["component"],) if each],
         )
-    return None
+    if not ended:
+        return None
+    robot, subject_of = ended[0].fault["robot"], ended[0].subject
+    return _render(
+        "ended_fault.html",
+        title=f"{robot or fleet['fleet']}: {subject_of}",
+        now=now,
+        fleet=fleet["fleet"],
+        robot=robot,
+        ended=ended[:MAX_ENDED],
+        ended_number=len(ended),
+        name=fault,
+    )
 
 
-def missing_fault(fleet: dict[str, Any], fault: str) -> str:
-    """The page for an id of which no fault lasts."""
-    return _render("missing_fault.html", title=f"{fleet['fleet']}: no such fault", name=fault)
+def missing_fault(fleet: dict[str, Any], fault: str, history: dict[str, Any]) -> str:
+    """The page for an id of which no fault lasts, and none is in the event log."""
+    return _render(
+        "missing_fault.html",
+        title=f"{fleet['fleet']}: no such fault",
+        name=fault,
+        events_since=history["events_since"],
+        now=fleet["time"],
+    )
+
+
+class Acting(NamedTuple):
+    """Who looks at a page may act: the token for its forms, and what was done just now or ""."""
+
+    token: str
+    done: str
+
+
+class _Ended(NamedTuple):
+    """A fault that has ended; ``fault`` as /api/v1/faults/ID has it."""
+
+    state: str
+    subject: str
+    fault: dict[str, Any]
+    notified: list[tuple[float, str]]
+
+
+def _ended(fault: dict[str, Any]) -> _Ended:
+    sent = [(each["at"], notified_text(each)) for each in fault["notified"]]
+    return _Ended(problem_state(fault), subject(fault), fault, sent[:MAX_PROBLEMS])
 
 
 class _Troubled(NamedTuple):
@@ -221,28 +297,13 @@ class _Capability(NamedTuple):
     parts: list[str]
 
 
-_OF_CAPABILITY = {  # state -> colour, and what it says
-    "ok": ("OK", ""),
-    "no_reserve": ("WARNING", "no reserve"),
-    "degraded": ("WARNING", "degraded"),
-    "lost": ("CRITICAL", "lost"),
-    "unknown": ("UNKNOWN", "not known"),
-}
-
-
 def _capabilities(robot: dict[str, Any]) -> list[_Capability]:
     found = [
-        _Capability(state, each["capability"], text, [_part(part) for part in each["parts"]])
+        _Capability(state, each["capability"], text, [part_path(part) for part in each["parts"]])
         for each in robot["capabilities"]
-        for state, text in [_OF_CAPABILITY[each["state"]]]
+        for state, text in [OF_ABILITY[each["state"]]]
     ]
     return sorted(found, key=lambda each: -SEVERITIES[each.state])
-
-
-def _part(part: dict[str, str]) -> str:
-    if part["check"]:
-        return f"check {part['check']}"
-    return f"{component_path(part)}{part['key'] and ': '}{part['key']}"
 
 
 def _components(robot: dict[str, Any], problems: list[ShownProblem]) -> list[_Component]:

@@ -31,7 +31,7 @@ from ros_diagnostics_exporter.web.protocol import (
     Phase,
 )
 from ros_diagnostics_exporter.web.tls import reloading_context
-from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
+from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
 
 BACKLOG = 1024
 RELOAD_INTERVAL = 1.0  # seconds between two checks of the web config's files
@@ -131,10 +131,11 @@ class Server:
         telemetry_path: Where the metrics are.
         web_config: A file in the format of Prometheus' exporter-toolkit (TLS, basic auth).
         lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.
+        actions: Whether the pages have forms by which who has logged in acts.
         domains: The number of DDS domains, which need open files too.
 
     Raises:
-        WebConfigError: The web_config is invalid.
+        WebConfigError: The web_config is invalid, or has no users and ``actions`` are enabled.
 
     Attributes:
         addresses: Those it listens on, once started.
@@ -150,11 +151,17 @@ class Server:
         telemetry_path: str = "/metrics",
         web_config: Path | None = None,
         lifecycle: bool = False,
+        actions: bool = False,
         domains: int = 1,
     ) -> None:
         self.addresses: tuple[str, ...] = ()
         self._listen = tuple(listen)
         live_config = LiveWebConfig(web_config)
+        if actions and not live_config.config.basic_auth_users:
+            raise WebConfigError(
+                "--web.enable-actions needs basic_auth_users in the file of --web.config.file: "
+                "who acts has to log in"
+            )
         self.loop = Loop("web-config", RELOAD_INTERVAL, live_config.refresh)
         self._threads = start_threads()
         self.connections = Connections(connection_limit(domains))
@@ -165,6 +172,7 @@ class Server:
             web_config=live_config,
             telemetry_path=telemetry_path,
             lifecycle=lifecycle,
+            actions=actions,
         )
         self._uvicorn = _Uvicorn(_configure(app, live_config))
         self._thread: threading.Thread | None = None

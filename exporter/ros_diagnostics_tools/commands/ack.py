@@ -1,27 +1,24 @@
 """``ros-diagnostics ack``: acknowledge an alert, so that it does not escalate any further.
 
-An acknowledgement is a silence in Alertmanager for the escalation and the reminders, never for the
-alert itself: when it resolves, a notification is sent as usual. Nor is it for a step of the
-escalation that was sent already: whoever was sent that is sent its end. For a fault the silence
-matches the time at which it began, so it ends with the fault; a later fault of the same part, or
-one that gets worse, escalates again.
+The silences are those of `acknowledging`, as a form on the exporter's page makes them too.
 """
-
-# It knows the labels that prometheus/rules/escalation.yml sets, and nothing of ROS.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from datetime import datetime, timedelta, timezone
+from collections.abc import Sequence
+from datetime import datetime, timezone
 from typing import Any, NamedTuple
 from urllib.parse import quote, urlencode
 
 import click
 
-from ros_diagnostics_exporter import alertmanager
-from ros_diagnostics_exporter.alertmanager import ESCALATION, IDENTITY
+from ros_diagnostics_exporter.acknowledging import (
+    PREFIX,
+    Acknowledgeable,
+    acknowledged,
+    problems,
+    silence,
+)
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.texts import escape, one_line
 from ros_diagnostics_tools.errors import NotDoneError
@@ -37,12 +34,7 @@ from ros_diagnostics_tools.terminal import (
 )
 from ros_diagnostics_tools.times import Duration
 
-DAY = 86_400.0
-# A fault's acknowledgement, which ends with the fault: what it outlives escalates at once.
-LASTS = 365 * DAY
-OTHERS_LAST = DAY  # that of an alert that does not say since when
 COLUMNS = ("Fleet", "Part", "State", "Since", "Acknowledged by", "Comment")
-PREFIX = "RosDiagnostics"  # of the names of all alerts of the rules
 
 
 class WantedProblem(NamedTuple):
@@ -53,6 +45,7 @@ class WantedProblem(NamedTuple):
     component: str | None
     site: str | None
     common: str | None
+    part: str | None
     alert: str | None
 
     def __str__(self) -> str:
@@ -69,6 +62,7 @@ class WantedProblem(NamedTuple):
     "--site", help="That many robots of this site are silent; '' where robots have no site."
 )
 @click.option("--common", metavar="COMPONENT", help="That it failed on many robots.")
+@click.option("--part", help="That this part of the exporter has a fault, such as database.")
 @click.option("--alert", metavar="NAME", help="Alerts about the monitoring, such as ExporterDown.")
 @click.option("--fleet", help="Only this fleet's alerts.")
 @click.option("--comment", help="What is being done about it.")
@@ -117,130 +111,26 @@ def command(
 
 
 def _check(wanted: WantedProblem) -> None:
-    named = [wanted.robot, wanted.site, wanted.common, wanted.alert]
+    named = [wanted.robot, wanted.site, wanted.common, wanted.part, wanted.alert]
     if named.count(None) == len(named):
-        raise click.UsageError("give a ROBOT, --site, --common or --alert; or --list")
+        raise click.UsageError("give a ROBOT, --site, --common, --part or --alert; or --list")
     if named.count(None) < len(named) - 1:
-        raise click.UsageError("ROBOT, --site, --common and --alert exclude one another")
+        raise click.UsageError("ROBOT, --site, --common, --part and --alert exclude one another")
 
 
-@dataclass(frozen=True)
-class Problem:
-    """What can be acknowledged: a fault, or what another alert is about.
-
-    ``labels`` are the alert's; ``since`` as it says when the fault began, "" for other alerts;
-    ``sent`` are the steps of its escalation that were sent.
-    """
-
-    labels: dict[str, str]
-    since: str
-    sent: frozenset[str] = frozenset()
-
-    @property
-    def matchers(self) -> dict[str, str]:
-        """What its escalation matches, and no other: label -> value."""
-        if self.since:
-            named = {name: self.labels[name] for name in IDENTITY if name in self.labels}
-            return {"alertname": ESCALATION, "since": self.since, **named}
-        named = {name: text for name, text in self.labels.items() if name != "step"}
-        return {**named, "alertname": ESCALATION, "of": self._alert}
-
-    @property
-    def _alert(self) -> str:
-        if self.labels.get("scope") == "clock":
-            return "RosDiagnosticsExporterClockOffset"
-        return self.labels.get("of", self.labels["alertname"])
-
-    @property
-    def state(self) -> str:
-        """The fault's state, or the alert's name."""
-        return self.labels["state"].upper() if self.since else self._alert.removeprefix(PREFIX)
-
-    @property
-    def part(self) -> str:
-        """What has it, as the command's arguments name it."""
-        labels = self.labels
-        if self.since and labels["scope"] == "site":
-            return f"site {labels.get('site', '')}"
-        if self.since and labels["scope"] == "common":
-            return f"{labels.get('component', '')} on many robots"
-        if self.since and labels["scope"] == "clock":
-            return f"exporter {labels.get('exporter', '')}".rstrip()
-        fault = ("robot", "component", "check", "key", "bound")
-        names = fault if self.since else ("robot", "exporter", "instance", "domain_id")
-        return " ".join(labels[name] for name in names if labels.get(name))
-
-    @property
-    def name(self) -> str:
-        """Fleet and part, safe to print."""
-        return one_line(f"{self.labels.get('fleet', '')}/{self.part}")
-
-    def is_wanted(self, wanted: WantedProblem) -> bool:
-        """Whether the command's arguments name it."""
-        labels = self.labels
-        if wanted.site is not None:
-            return labels.get("scope") == "site" and labels.get("site", "") == wanted.site
-        if wanted.common is not None:
-            return (labels.get("scope"), labels.get("component")) == ("common", wanted.common)
-        if wanted.alert is not None:
-            is_named = not self.since or labels["scope"] == "clock"
-            return is_named and self._alert == PREFIX + wanted.alert.removeprefix(PREFIX)
-        parts = (None, labels.get("component"), labels.get("check"))
-        return labels.get("robot") == wanted.robot and wanted.component in parts
-
-
-def problems(alerts: Iterable[dict[str, Any]]) -> list[Problem]:
-    """What can be acknowledged, each once however many alerts there are for it, by name.
-
-    A fault is what its own alert says; of other alerts their escalation counts as well, which may
-    be for rules of the site. Alerts of severity info ask for nothing.
-    """
-    found: dict[frozenset[tuple[str, str]], Problem] = {}
-    for alert in alerts:
-        labels = alert["labels"]
-        is_fault = {"scope", "state"} <= labels.keys()
-        problem = Problem(labels, alert["annotations"].get("since", "") if is_fault else "")
-        others = labels.get("alertname", "").startswith(PREFIX) and not is_fault
-        if problem.since or (others and labels.get("severity") != "info"):
-            known = found.setdefault(key := frozenset(problem.matchers.items()), problem)
-            found[key] = replace(known, sent=known.sent | _sent_steps(alert))
-    return sorted(found.values(), key=lambda each: (each.name, each.state))
-
-
-def _sent_steps(alert: dict[str, Any]) -> frozenset[str]:
-    """The step of an escalation that was sent; a reminder (0) has no end that would be."""
-    labels = alert["labels"]
-    step = labels.get("step", "0")
-    is_sent = labels.get("alertname") == ESCALATION and alert["status"]["state"] == "active"
-    return frozenset({step} - {"0"}) if is_sent else frozenset()
-
-
-def silence(
-    problem: Problem, author: str, comment: str, start: datetime, lasts: float | None = None
-) -> dict[str, Any]:
-    """The silence that acknowledges ``problem``, as Alertmanager's API takes it."""
-    lasts = lasts or (LASTS if problem.since else OTHERS_LAST)
-    end = start + timedelta(seconds=lasts)
-    made = alertmanager.silence(problem.matchers, start, end, author, comment)
-    if problem.sent:
-        steps = "|".join(sorted(map(re.escape, problem.sent)))
-        of_steps = {"name": "step", "value": steps, "isRegex": True, "isEqual": False}
-        made["matchers"].append(of_steps)
-    return made
-
-
-def acknowledged(problem: Problem, silences: Iterable[dict[str, Any]]) -> dict[str, Any] | None:
-    """The active silence that acknowledges ``problem``; None without one."""
-    wanted = {(name, value, False, True) for name, value in problem.matchers.items()}
-    for each in silences:
-        if each["status"]["state"] != "active":
-            continue
-        matchers = alertmanager.without_sent_steps(each["matchers"])
-        if wanted == {
-            (m["name"], m["value"], m["isRegex"], m.get("isEqual", True)) for m in matchers
-        }:
-            return each
-    return None
+def is_wanted(problem: Acknowledgeable, wanted: WantedProblem) -> bool:
+    """Whether the command's arguments name it."""
+    labels = problem.labels
+    if wanted.site is not None:
+        return labels.get("scope") == "site" and labels.get("site", "") == wanted.site
+    if wanted.common is not None:
+        return (labels.get("scope"), labels.get("component")) == ("common", wanted.common)
+    if wanted.alert is not None:
+        return not problem.since and problem.alert == PREFIX + wanted.alert.removeprefix(PREFIX)
+    if wanted.part is not None:
+        return (labels.get("scope"), labels.get("component")) == ("exporter", wanted.part)
+    parts = (None, labels.get("component"), labels.get("check"))
+    return labels.get("robot") == wanted.robot and wanted.component in parts
 
 
 def _acknowledge(
@@ -277,11 +167,11 @@ def _cancel(client: Client, wanted: WantedProblem) -> list[dict[str, Any]]:
     return done
 
 
-def _done(problem: Problem, silenced: dict[str, Any], text: str) -> dict[str, Any]:
+def _done(problem: Acknowledgeable, silenced: dict[str, Any], text: str) -> dict[str, Any]:
     return {**_fields(problem, silenced), "text": one_line(text)}
 
 
-def _fields(problem: Problem, silenced: dict[str, Any]) -> dict[str, Any]:
+def _fields(problem: Acknowledgeable, silenced: dict[str, Any]) -> dict[str, Any]:
     return {
         "fleet": problem.labels.get("fleet", ""),
         "part": problem.part,
@@ -298,10 +188,10 @@ def _minute(silenced: dict[str, Any]) -> str:
     return str(silenced["endsAt"])[:16].replace("T", " ")
 
 
-def _find(client: Client, wanted: WantedProblem) -> list[Problem]:
+def _find(client: Client, wanted: WantedProblem) -> list[Acknowledgeable]:
     """What the arguments name, of one fleet."""
     known = problems(_alerts(client, wanted.fleet))
-    found = [problem for problem in known if problem.is_wanted(wanted)]
+    found = [problem for problem in known if is_wanted(problem, wanted)]
     if not found:
         raise NotDoneError(_not_firing(wanted, known))
     fleets = sorted({each.labels.get("fleet", "") for each in found})
@@ -311,7 +201,7 @@ def _find(client: Client, wanted: WantedProblem) -> list[Problem]:
     return found
 
 
-def _not_firing(wanted: WantedProblem, known: Sequence[Problem]) -> str:
+def _not_firing(wanted: WantedProblem, known: Sequence[Acknowledgeable]) -> str:
     others = ", ".join(dict.fromkeys(f"{each.name} {each.state}" for each in known))
     more = f"there are alerts for {others}" if others else "no alert is firing"
     return f"no alert is firing for {str(wanted)!r}; {more}"

@@ -115,3 +115,52 @@ def test_a_capsule_has_the_bytes_that_another_subscriber_recorded_and_replays(si
         check=True,
     )
     assert '"component": "Motor 2"' in ended.stdout
+
+
+def is_serving(site, starts: int) -> bool:
+    """Whether the exporter serves after so many starts, which have one log."""
+    return (site.folder / "exporter.log").read_text().count("serving fleet") == starts
+
+
+def page(site, fault: str) -> tuple[int, str]:
+    """Status and text of the page of a fault."""
+    try:
+        with urllib.request.urlopen(
+            f"http://127.0.0.1:{site.port}/faults/{fault}", timeout=20
+        ) as answer:
+            return answer.status, answer.read().decode()
+    except HTTPError as error:
+        return error.code, error.read().decode()
+
+
+def test_the_page_of_a_fault_knows_its_end_after_a_restart_and_says_what_is_forgotten(site, ends):
+    exporter = ends(site.exporter()).start()
+    exporter.wait_for_output("serving fleet")
+    ends(site.robots(1)).start()
+    until(lambda: samples(site, "component_level", component="Motor 2"), exporter.describe, 60)
+    site.fault("error")
+    until(lambda: site.ask("/api/v1/faults")["faults"], "the fault is confirmed", 60)
+    [lasting] = site.ask("/api/v1/faults")["faults"]
+    assert page(site, lasting["fault"])[1].count("It has ended") == 0
+    site.fault("ok")
+    until(lambda: not site.ask("/api/v1/faults")["faults"], "the fault is over", 60)
+
+    exporter.stop()
+    again = ends(site.exporter()).start()
+    until(lambda: is_serving(site, 2), again.describe, 60)
+    status, text = page(site, lasting["fault"])
+    assert (status, "It has ended" in text) == (200, True)
+    [known] = site.ask(f"/api/v1/faults/{lasting['fault']}")["occurrences"]
+    assert (known["since"], known["evidence"]) == (lasting["since"], lasting["evidence"])
+    assert known["until"] > known["confirmed"] >= known["since"]
+    assert (known["reason"], known["end"][:2]) == ("recovered", "OK")
+    first, *_others = site.ask("/api/v1/robots/robot_1/story")["sentences"]
+    assert "Motor 2 was faulty once since " in first["text"]
+
+    again.stop()
+    (site.folder / "exporter.db").unlink()
+    forgetful = ends(site.exporter()).start()
+    until(lambda: is_serving(site, 3), forgetful.describe, 60)
+    until(site.up, forgetful.describe, 60)
+    status, text = page(site, lasting["fault"])
+    assert (status, "The log goes back to" in text) == (404, True)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import re
 from collections.abc import Iterator
 from typing import Any
 
+import bcrypt
 import pytest
 
 from e2e.dashboards.browser import CHROMIUM_OPTIONS, chromium
@@ -15,6 +18,8 @@ from support.web_server import (
     component,
     downtime,
     fleet,
+    no_history,
+    occurrence,
     plain,
     problem,
     robot,
@@ -51,7 +56,25 @@ ROBOTS = [
     robot("fine", component("Motor", "OK")),
 ]
 COMMON = problem("common", "critical", component="Map", confirmed=1_010.0, fault="ba9876543210")
-PAGES = ["/", "/?q=nowhere", "/robots/broken", "/robots/nobody", f"/faults/{FAULT}", "/faults/x"]
+ENDED = occurrence(
+    *("component", "critical"),
+    robot="broken",
+    group="/Motor",
+    component="Motor ERROR",
+    evidence="over current; values Level: 12.3 V",
+    end="OK: runs",
+    acknowledged=[{"at": 1_015.0, "author": "ann", "comment": "on it"}],
+    notified=[{"at": 1_012.0, "receiver": "email", "step": "", "after": "firing"}],
+)
+PAGES = [
+    *("/", "/?q=nowhere", "/robots/broken", "/robots/nobody"),
+    *(f"/faults/{FAULT}", "/faults/ended", "/faults/x"),
+]
+
+
+def history(fault: str) -> dict[str, Any]:
+    known = [] if fault == "x" else [ENDED, ENDED]
+    return no_history(fault) | {"events_since": 600.0, "occurrences": known}
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +88,7 @@ def window() -> Iterator[Any]:
 @pytest.mark.parametrize("width", [390, 1920])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_page_is_accessible_and_fits_the_screen(serve, window, scheme, width):
-    server = serve(fleet_snapshot=lambda: fleet(*ROBOTS, problems=[COMMON]))
+    server = serve(fleet_snapshot=lambda: fleet(*ROBOTS, problems=[COMMON]), fault_history=history)
     # The policy forbids scripts of others, axe-core too: that it works is seen below.
     context = window.new_context(
         bypass_csp=True, color_scheme=scheme, viewport={"width": width, "height": 900}
@@ -80,6 +103,72 @@ def test_every_page_is_accessible_and_fits_the_screen(serve, window, scheme, wid
         assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), path
     context.close()
     assert found == {path: [] for path in PAGES}
+
+
+@pytest.mark.parametrize("width", [390, 1366])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_form_is_accessible_and_a_browser_may_send_it(serve, window, tmp_path, scheme, width):
+    done: list[Any] = []
+    users = tmp_path / "web.yml"
+    hashed = bcrypt.hashpw(b"secret", bcrypt.gensalt(rounds=4)).decode()
+    users.write_text(f"basic_auth_users: {{ann: {hashed}}}")
+    server = serve(
+        fleet_snapshot=lambda: fleet(*ROBOTS),
+        fault_history=history,
+        acknowledge=lambda *given: done.append(given),
+        web_config=users,
+        actions=True,
+    )
+    address = f"http://{server.addresses[0]}"
+    context = window.new_context(
+        bypass_csp=True,
+        color_scheme=scheme,
+        viewport={"width": width, "height": 900},
+        http_credentials={"username": "ann", "password": "secret"},
+    )
+    page = context.new_page()
+    for path in ("/robots/broken?done=downtime", f"/faults/{FAULT}?done=acknowledged"):
+        page.goto(address + path)
+        result = axe.Axe().run(page, options=WCAG_AA).response
+        assert [(each["id"], each["nodes"][0]["html"]) for each in result["violations"]] == []
+        assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+    page.goto(f"{address}/faults/{FAULT}")
+    page.get_by_label("What is being done").fill("new gears")
+    page.get_by_role("button", name="Acknowledge").click()
+    page.get_by_role("status").filter(has_text="Acknowledged.").wait_for()
+    assert [(fault, *person[:2]) for fault, person in done] == [(FAULT, "ann", "new gears")]
+    assert page.url == f"{address}/faults/{FAULT}?done=acknowledged"
+    context.close()
+
+
+def test_a_page_of_another_site_cannot_send_a_form(serve, window, tmp_path):
+    done: list[Any] = []
+    users = tmp_path / "web.yml"
+    hashed = bcrypt.hashpw(b"secret", bcrypt.gensalt(rounds=4)).decode()
+    users.write_text(f"basic_auth_users: {{ann: {hashed}}}")
+    server = serve(
+        fleet_snapshot=lambda: fleet(*ROBOTS),
+        acknowledge=lambda *given: done.append(given),
+        web_config=users,
+        actions=True,
+    )
+    address = f"http://{server.addresses[0]}"
+    login = "Basic " + base64.b64encode(b"ann:secret").decode()
+    shown = ask(server, f"/faults/{FAULT}", Authorization=login).text
+    token = re.findall('name=token value="([0-9a-f]+)"', shown)[0]
+    context = window.new_context(http_credentials={"username": "ann", "password": "secret"})
+    page = context.new_page()
+    page.goto(f"{address}/faults/{FAULT}")  # now the browser knows the login
+    page.goto("about:blank")
+    page.set_content(
+        f"<form method=post action='{address}/-/acknowledge'><input name=token value={token}>"
+        f"<input name=fault value={FAULT}><input name=comment value=x><button>x</button></form>"
+    )
+    page.get_by_role("button").click()
+    page.get_by_role("alert").wait_for()
+    assert "was not sent by a page of this exporter" in page.get_by_role("alert").inner_text()
+    assert done == []
+    context.close()
 
 
 def test_a_page_is_renewed_under_its_policy_and_focus_and_words_stay(serve, window):

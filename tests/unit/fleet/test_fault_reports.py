@@ -324,8 +324,13 @@ def test_a_fault_that_begins_and_one_that_ends_are_events_with_its_labels():
         state="critical",
         severity="critical",
         since=since,
+        details=began.details,
     )
-    assert ended == replace(began, time=driver.now.wall, kind="fault_ended", reason="recovered")
+    assert (began.details or {})["message"] == "Hot"
+    ended = replace(ended, details=began.details)
+    assert ended == replace(
+        began, time=driver.now.wall, kind="fault_ended", reason="recovered", message="OK"
+    )
 
 
 def test_what_a_person_removes_ends_as_removed_and_is_of_its_site():

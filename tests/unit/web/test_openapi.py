@@ -24,6 +24,7 @@ from support.web_server import (
     component,
     downtime,
     fleet,
+    occurrence,
     problem,
     robot,
 )
@@ -42,6 +43,22 @@ def _targets(job: str, port: int | None) -> list[dict]:
     if job not in {"node", "ping", "ssh", "http", "tcp"}:
         raise LookupError(f"no job {job}")
     return [{"targets": ["10.0.0.1"], "labels": {"robot": "a"}}]
+
+
+def _capabilities(robot: str) -> dict:
+    part = dict.fromkeys(("group", "component", "key", "check"), "")
+    need = {
+        "k": None,
+        "of": [
+            {"part": {**part, "state": "lost", "maintenance": True}},
+            {"capability": "view"},
+            {"missing": True},
+            {"k": 2, "of": [{"missing": True}], "degraded": "lost"},
+        ],
+        "degraded": "degraded",
+    }
+    found = {"capability": "drive", "state": "no_reserve", "needed": None, "need": need}
+    return {"fleet": "hall", "robot": robot, "time": 1.0, "capabilities": [found]}
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +110,13 @@ def server():
                     "labels": {"site": "hall"},
                 }
             ],
+        },
+        capabilities=_capabilities,
+        fault_history=lambda fault: {
+            "fault": fault,
+            "time": 1.0,
+            "events_since": None,
+            "occurrences": [] if "0" in fault else [occurrence("component", "critical")],
         },
         find_events=LOG.find,
         notified=lambda body: (len(parse(body).alerts), 0),

@@ -13,7 +13,17 @@ from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from ros_diagnostics_exporter.severity import QUIET, state_of
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_exporter.web.pages import SCRIPT, landing, missing_robot, robot_page
-from support.web_server import ask, broken, component, downtime, fleet, problem, robot
+from support.web_server import (
+    ask,
+    broken,
+    component,
+    downtime,
+    fleet,
+    no_history,
+    occurrence,
+    problem,
+    robot,
+)
 
 EVIL = "\"'><script>alert(1)</script><img src=x onerror=alert(1)>&amp;"
 SILENT = {"up": False, "silent_reason": "mute"}
@@ -149,10 +159,82 @@ def test_a_fault_of_many_robots_has_a_page(serve):
     assert "hall: Map of many robots" in read(answer.text).text
 
 
-def test_a_fault_that_has_ended_is_404(serve):
+def test_a_fault_of_which_nothing_is_known_is_404_and_the_page_says_since_when(serve):
     answer = ask(serve(fleet_snapshot=lambda: fleet(robot("a"))), f"/faults/{FAULT}")
     assert (answer.status, answer.headers["Content-Type"]) == (404, "text/html; charset=utf-8")
-    assert f"Fault {FAULT} does not last" in read(answer.text).text
+    assert f"Nothing is known of fault {FAULT}" in read(answer.text).text
+    assert "no event is kept: what has ended is forgotten" in read(answer.text).text
+    kept = no_history(FAULT) | {"events_since": 600.0}
+    answer = ask(serve(fault_history=lambda _fault: kept), f"/faults/{FAULT}")
+    assert answer.status == 404
+    assert "The log goes back to 00:10:00 UTC: what endedbefore" in read(answer.text).text
+
+
+MOTOR = {"robot": "a", "group": "/Motor", "component": "Motor 1"}
+ENDED = occurrence(
+    "component",
+    "critical",
+    **MOTOR,
+    evidence="over current",
+    end="OK: runs",
+    acknowledged=[{"at": 1_015.0, "author": "ann", "comment": "on it"}],
+    notified=[
+        {"at": 1_012.0, "receiver": "email", "step": "", "after": "firing"},
+        {"at": 1_033.0, "receiver": "email", "step": "", "after": "resolved"},
+    ],
+)
+
+
+def history(*ended: dict) -> dict:
+    return no_history(FAULT) | {"events_since": 10.0, "occurrences": list(ended)}
+
+
+def test_the_page_of_a_fault_that_has_ended_has_all_that_is_known_of_it(serve):
+    server = serve(
+        fleet_snapshot=lambda: fleet(robot("a")), fault_history=lambda _fault: history(ENDED)
+    )
+    answer = ask(server, f"/faults/{FAULT}")
+    assert answer.status == 200
+    shown = read(answer.text)
+    for text in (
+        "a: /Motor/Motor 1",
+        "It has ended, 30 s ago.",
+        "Since00:16:40 UTC",
+        "Until00:17:10 UTC, for 30 s",
+        "Confirmed00:16:50 UTC: over current",
+        "Endrecovered: OK: runs",
+        "Acknowledged00:16:55 UTC by ann: on it",
+        "Notified00:16:52 UTC: notification sent to email",
+        "Notified00:17:13 UTC: recovery sent to email",
+    ):
+        assert text in shown.text
+    links = {urljoin(f"/faults/{FAULT}", attrs["href"]) for tag, attrs in shown.tags if tag == "a"}
+    assert links == {"/", "/robots/a", f"/api/v1/faults/{FAULT}"}
+    assert {ask(server, link).status for link in links} == {200}
+
+
+def test_a_fault_that_lasts_has_the_times_before_too_and_removed_is_no_recovery(serve):
+    removed = ENDED | {"reason": "removed", "end": "", "since": 500.0, "until": 530.0}
+    lasting = ENDED | {"until": None, "reason": None, "since": 1_050.0}
+    given = fleet(robot("a", problems=[broken(fault=FAULT)]))
+    server = serve(
+        fleet_snapshot=lambda: given,
+        fault_history=lambda _fault: history(lasting, ENDED, removed),
+    )
+    text = read(ask(server, f"/faults/{FAULT}").text).text
+    assert "It has ended" not in text
+    assert "Before: 2" in text
+    assert text.count("Enda person or fleet.yml removed it") == 1
+    assert text.count("Endrecovered: OK: runs") == 1
+
+
+def test_the_times_that_a_fault_lasted_are_limited_on_its_page_and_escaped(serve):
+    evil = ENDED | {"evidence": EVIL, "end": EVIL, "component": EVIL, "robot": EVIL}
+    server = serve(fault_history=lambda _fault: history(*[evil] * 30))
+    shown = read(ask(server, f"/faults/{FAULT}").text)
+    assert [tag for tag, _ in shown.tags if tag in {"script", "img"}] == ["script"]
+    assert shown.text.count("Since00:16:40 UTC") == 20
+    assert "and 10 more times" in shown.text
 
 
 def test_right_after_a_start_nobody_knows_why_a_robot_is_not_received():
@@ -462,3 +544,18 @@ def test_a_query_without_an_answer_is_shown_with_the_words_of_prometheus():
     assert "Host/load" not in page
     assert EVIL not in page
     assert "Queries without" not in landing(fleet(robot("r")), "/metrics")
+
+
+def test_a_robots_page_has_its_story_each_part_in_one_paragraph(serve):
+    told = [
+        {"about": "a", "text": f"Motor was faulty once {EVIL}."},
+        {"about": "a", "text": "ann has it."},
+        {"about": "b", "text": "Lidar was faulty 2 times."},
+    ]
+    server = serve(
+        fleet_snapshot=lambda: fleet(robot("a")), story=lambda _robot: {"sentences": told}
+    )
+    shown = read(ask(server, "/robots/a").text)
+    assert f"Motor was faulty once {EVIL}. ann has it. " in shown.text
+    assert [tag for tag, _ in shown.tags if tag in {"script", "img"}] == ["script"]
+    assert "Lidar was faulty 2 times." in shown.text

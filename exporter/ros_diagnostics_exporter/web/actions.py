@@ -1,0 +1,180 @@
+"""Forms of the pages: a person who has logged in acknowledges a fault, or plans a downtime.
+
+Off unless the exporter is started with --web.enable-actions. A request has to be a POST of a form
+of this exporter's page: by its headers, which pages of other sites cannot set, and by its token,
+which they cannot read.
+"""
+
+from __future__ import annotations
+
+import hmac
+import logging
+import secrets
+from collections.abc import Awaitable, Callable
+from typing import NamedTuple
+from urllib.parse import parse_qsl, quote, urlsplit
+
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+
+from ros_diagnostics_exporter import durations
+from ros_diagnostics_exporter.model import Person
+from ros_diagnostics_exporter.web.auth import parse_basic
+from ros_diagnostics_exporter.web.backend import Backend
+from ros_diagnostics_exporter.web.pages import DOWNTIMES, rejected
+from ros_diagnostics_exporter.web.workers import Workers
+
+MAX_FORM = 16 * 1024  # bytes
+MAX_COMMENT = 200  # characters
+_FORM = "application/x-www-form-urlencoded"
+
+_log = logging.getLogger(__name__)
+
+
+class _RejectedError(Exception):
+    """The form is not followed: HTTP status, and a sentence for the person."""
+
+    def __init__(self, status: int, why: str) -> None:
+        super().__init__(why)
+        self.status = status
+
+
+class _Form(NamedTuple):
+    fields: dict[str, str]
+    person: Person
+
+
+class Actions:
+    """The forms' endpoints, and the token that a page puts into its forms.
+
+    Args:
+        backend: What acts.
+        asking: Where it is called: Alertmanager is asked, which may hang.
+        enabled: Whether anybody may act.
+    """
+
+    def __init__(self, backend: Backend, asking: Workers, *, enabled: bool) -> None:
+        self._backend = backend
+        self._asking = asking
+        self._enabled = enabled
+        self._secret = secrets.token_bytes(32)
+
+    def token(self, request: Request) -> str | None:
+        """The token of who asks for a page with forms; None where they may not act."""
+        user = _user(request)
+        return self._token_of(user) if self._enabled and user is not None else None
+
+    def _token_of(self, user: str) -> str:
+        return hmac.new(self._secret, user.encode("utf-8", "replace"), "sha256").hexdigest()
+
+    async def acknowledge(self, request: Request) -> Response:
+        """Acknowledge a fault that lasts, with fields ``fault`` and ``comment``."""
+
+        async def act(form: _Form) -> str:
+            fault = form.fields["fault"]
+            await self._asking.run(self._backend.acknowledge, fault, form.person)
+            return f"../faults/{quote(fault, safe='')}?done=acknowledged"
+
+        return await self._follow(request, {"fault", "comment"}, act)
+
+    async def downtime(self, request: Request) -> Response:
+        """Plan a downtime of a robot or component, with ``robot``, ``component``, ``for``."""
+
+        async def act(form: _Form) -> str:
+            robot, lasts = form.fields["robot"], form.fields["for"]
+            if lasts not in DOWNTIMES:
+                raise _RejectedError(400, f"{lasts!r:.20} is none of {', '.join(DOWNTIMES)}.")
+            given = robot, form.fields["component"], durations.parse(lasts)
+            await self._asking.run(self._backend.plan_downtime, *given, form.person)
+            return f"../robots/{quote(robot, safe='')}?done=downtime"
+
+        return await self._follow(request, {"robot", "component", "for", "comment"}, act)
+
+    async def _follow(
+        self, request: Request, names: set[str], act: Callable[[_Form], Awaitable[str]]
+    ) -> Response:
+        """Check the form, do what it says, and lead to the page that shows it."""
+        try:
+            page = await act(await self._checked(request, names))
+        except _RejectedError as error:
+            return self._reject(request, error.status, str(error))
+        except LookupError as error:
+            return self._reject(request, 409, f"Not done: {error.args[0]}.")
+        except ConnectionError as error:
+            return self._reject(request, 502, f"Not done: {error}.")
+        return RedirectResponse(page, status_code=303)
+
+    def _reject(self, request: Request, status: int, why: str) -> Response:
+        address = request.scope["state"]["connection"].address
+        _log.warning("form of %s from %s: %d: %s", _user(request) or "?", address, status, why)
+        return HTMLResponse(rejected(why), status_code=status)
+
+    async def _checked(self, request: Request, names: set[str]) -> _Form:
+        connection, user = request.scope["state"]["connection"], _user(request)
+        if not self._enabled:
+            raise _RejectedError(403, "Forms are not enabled (--web.enable-actions).")
+        if user is None or not connection.authenticated:
+            raise _RejectedError(403, "Log in first.")
+        if not _is_of_own_page(request):
+            raise _RejectedError(403, "This form was not sent by a page of this exporter.")
+        fields = await _fields(request)
+        token = fields.pop("token", "")
+        if not hmac.compare_digest(token.encode("utf-8", "replace"), self._token_of(user).encode()):
+            raise _RejectedError(
+                403,
+                "The page is of before the exporter started: load it again, then send the form.",
+            )
+        if fields.keys() != names:
+            raise _RejectedError(400, f"The form has to have {', '.join(sorted(names))}.")
+        return _Form(fields, Person(user, _comment(fields["comment"]), connection.address))
+
+
+def _comment(text: str) -> str:
+    comment = " ".join(text.split())
+    if not comment:
+        raise _RejectedError(400, "The comment is empty: say what it is about.")
+    if len(comment) > MAX_COMMENT:
+        raise _RejectedError(400, f"The comment has more than {MAX_COMMENT} characters.")
+    return comment
+
+
+def _user(request: Request) -> str | None:
+    """Who has logged in; the middleware has checked the password."""
+    login = parse_basic(request.headers.get("authorization", ""))
+    return login[0] if login and request.scope["state"]["connection"].authenticated else None
+
+
+def _is_of_own_page(request: Request) -> bool:
+    """Whether a browser says so; that of a name is enough, as the login is of this name only."""
+    headers = request.headers
+    if headers.get("sec-fetch-site", "same-origin") != "same-origin":
+        return False
+    page = headers.get("origin", headers.get("referer"))
+    if page is None:
+        return True  # no browser; the token is checked as well
+    try:
+        return urlsplit(page).netloc.lower() == headers.get("host", "").lower() != ""
+    except ValueError:  # not a URL
+        return False
+
+
+async def _fields(request: Request) -> dict[str, str]:
+    """The fields of a form, each once."""
+    if request.headers.get("content-type", "").partition(";")[0].strip().lower() != _FORM:
+        raise _RejectedError(415, f"A form is sent as {_FORM}.")
+    body = b""
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > MAX_FORM:
+            raise _RejectedError(413, f"The form has more than {MAX_FORM} bytes.")
+    try:
+        pairs = parse_qsl(
+            body.decode("ascii"), keep_blank_values=True, strict_parsing=True, errors="strict",
+            max_num_fields=10,
+        )  # fmt: skip
+    except ValueError as error:
+        raise _RejectedError(400, "This is no form.") from error
+    fields = dict(pairs)
+    if len(fields) != len(pairs):
+        raise _RejectedError(400, "A field of the form is there twice.")
+    return fields

@@ -1,0 +1,112 @@
+"""What a form does at Alertmanager: the silences that the commands make, and an event of it."""
+
+from __future__ import annotations
+
+from datetime import datetime, timezone
+from typing import Any
+
+import pytest
+
+from ros_diagnostics_exporter.acknowledging import problems, silence
+from ros_diagnostics_exporter.acting import acknowledge, plan_downtime
+from ros_diagnostics_exporter.alertmanager import read, read_downtimes
+from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
+from ros_diagnostics_exporter.model import Person
+from ros_diagnostics_exporter.severity import event_text
+from support.silences import BEGAN, LABELS, SINCE, listed
+
+NOW = BEGAN + 300.0
+ANN = Person("ann", "spare\npart ordered", "10.0.0.7")
+MOTOR = Fault(
+    Identity(Scope.COMPONENT, State.CRITICAL, robot="r", group="/Motor", component="Motor 1"),
+    BEGAN,
+    BEGAN + 10,
+    {},
+)
+
+
+class FakeAlertmanager:
+    """One that has these alerts and silences."""
+
+    def __init__(self, *alerts: dict[str, Any], silences: list[Any] | None = None) -> None:
+        self._alerts = list(alerts)
+        self._silences = silences or []
+        self.added: list[dict[str, Any]] = []
+
+    def alerts(self, _fleet: str) -> list[Any]:
+        return self._alerts
+
+    def silences(self, _fleet: str) -> list[Any]:
+        return self._silences
+
+    def add(self, made: dict[str, Any]) -> None:
+        self.added.append(made)
+
+
+def alert(since: str = SINCE, name: str = "RosDiagnosticsComponentCritical", **labels: str):
+    of = {"alertname": name, **LABELS, **labels}
+    return {"labels": of, "annotations": {"since": since}, "status": {"state": "active"}}
+
+
+ESCALATION = alert(name="RosDiagnosticsUnacknowledged", step="1", since=SINCE)
+
+
+def as_listed(made: dict[str, Any]) -> dict[str, Any]:
+    return {**made, "status": {"state": "active"}}
+
+
+def test_it_is_the_silence_that_the_command_makes_but_for_steps_that_were_sent():
+    by = FakeAlertmanager(alert(), ESCALATION, alert(component="Motor 2"))
+    event = acknowledge(by, "f", MOTOR, ANN, NOW)
+
+    [made] = by.added
+    [problem, _other] = problems([alert(), ESCALATION, alert(component="Motor 2")])
+    start = datetime.fromtimestamp(NOW, timezone.utc)
+    assert made == silence(problem, "ann", "spare part ordered", start)
+    assert {"name": "step", "value": "1", "isRegex": True, "isEqual": False} in made["matchers"]
+    [known] = read([as_listed(made)], "f")
+    assert (known.author, known.is_of(BEGAN)) == ("ann", True)
+    assert (event.kind, event.after, event.author, event.since) == (
+        *("action", "acknowledged", "ann"),
+        BEGAN,
+    )
+    assert event.message == "spare part ordered (from 10.0.0.7)"
+    text = event_text({"kind": "action", **{k: v for k, v in vars(event).items() if v}})
+    assert text == (
+        "acknowledged by a form by ann, /Motor/Motor 1: spare part ordered (from 10.0.0.7)"
+    )
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        [],
+        [alert("2026-01-01 11:00:00.123 +0000 UTC")],  # a later one of the same part
+        [alert(component="Motor 2"), alert(fleet="g"), alert(robot="s"), alert(state="warning")],
+    ],
+)
+def test_what_does_not_fire_is_not_acknowledged(others):
+    by = FakeAlertmanager(*others)
+    with pytest.raises(LookupError, match="no alert of it fires"):
+        acknowledge(by, "f", MOTOR, ANN, NOW)
+    assert by.added == []
+
+
+def test_what_somebody_has_acknowledged_is_not_acknowledged_again():
+    by = FakeAlertmanager(alert(), silences=[listed()])
+    with pytest.raises(LookupError, match="already acknowledged by ann"):
+        acknowledge(by, "f", MOTOR, ANN, NOW)
+    assert by.added == []
+
+
+@pytest.mark.parametrize("component", ["", "Motor 1"])
+def test_a_downtime_is_what_exporters_read_as_one(component):
+    by = FakeAlertmanager()
+    event = plan_downtime(by, "f", ("r", component), ANN, (NOW, NOW + 3_600))
+
+    [found] = read_downtimes([as_listed(by.added[0])], "f")
+    assert (found.robot, found.component, found.author) == ("r", component, "ann")
+    assert (found.start, found.end) == pytest.approx((NOW, NOW + 3_600), abs=0.01)
+    assert found.comment == "spare part ordered"
+    assert (event.robot, event.component, event.after) == ("r", component, "downtime")
+    assert event.message.startswith("until 11:05:00 UTC: spare part ordered (from 10.0.0.7)")

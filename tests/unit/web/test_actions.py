@@ -1,0 +1,225 @@
+"""Forms by which who has logged in acts: what is followed, and what is rejected before anything."""
+
+from __future__ import annotations
+
+import base64
+import http.client
+import logging
+import re
+from contextlib import closing
+from pathlib import Path
+from urllib.parse import urlencode
+
+import bcrypt
+import pytest
+
+from ros_diagnostics_exporter.model import Person
+from ros_diagnostics_exporter.web.actions import MAX_FORM
+from ros_diagnostics_exporter.web.webconfig import WebConfigError
+from support.web_server import Reply, ask, broken, component, fleet, robot
+
+FAULT = "0123456789ab"
+HASHES = {
+    name: bcrypt.hashpw(name.encode() * 2, bcrypt.gensalt(rounds=4)).decode()
+    for name in ("ann", "bob")
+}
+
+
+def login(user: str) -> str:
+    return "Basic " + base64.b64encode(f"{user}:{user * 2}".encode()).decode()
+
+
+class Site:
+    """A server with forms, and what its backend was asked to do."""
+
+    def __init__(self, serve, folder: Path, **more) -> None:
+        users = folder / "web.yml"
+        users.write_text(f"basic_auth_users: {HASHES}")
+        self.done: list[tuple] = []
+        known = robot("a", component("Motor 1", "ERROR"), problems=[broken(fault=FAULT)])
+        given = {
+            "fleet_snapshot": lambda: fleet(known),
+            "acknowledge": lambda *given: self.done.append(given),
+            "plan_downtime": lambda *given: self.done.append(given),
+            "actions": True,
+        }
+        self.server = serve(web_config=users, **(given | more))
+
+    def page(self, path: str, user: str = "ann") -> Reply:
+        return ask(self.server, path, Authorization=login(user))
+
+    def token(self, user: str = "ann", path: str = f"/faults/{FAULT}") -> str:
+        return re.findall(r'name=token value="([0-9a-f]{64})"', self.page(path, user).text)[0]
+
+    def post(self, path: str, fields: dict[str, str] | bytes, user: str = "ann", **more: str):
+        body = fields if isinstance(fields, bytes) else urlencode(fields).encode()
+        kind = {"Content_Type": "application/x-www-form-urlencoded", "Authorization": login(user)}
+        headers = {name: text for name, text in (kind | more).items() if text}
+        return ask(self.server, path, "POST", body=body, **headers)
+
+    def acknowledge(self, user: str = "ann", *, form: dict[str, str] | None = None, **headers: str):
+        """Post the form of the fault's page as ``user``, but for what is changed."""
+        sent = {"token": self.token(), "fault": FAULT, "comment": "on  it"} | (form or {})
+        return self.post("/-/acknowledge", sent, user, **headers)
+
+
+@pytest.fixture
+def site(serve, tmp_path):
+    return Site(serve, tmp_path)
+
+
+def test_a_form_acknowledges_a_fault_in_the_name_of_who_has_logged_in(site):
+    answer = site.acknowledge(Sec_Fetch_Site="same-origin")
+    assert (answer.status, answer.headers["Location"]) == (
+        303,
+        f"../faults/{FAULT}?done=acknowledged",
+    )
+    assert site.done == [(FAULT, Person("ann", "on it", "127.0.0.1"))]
+    shown = site.page(f"/faults/{FAULT}?done=acknowledged")
+    assert "<p role=status class=done>Acknowledged." in shown.text
+    assert "role=status class=done" not in site.page(f"/faults/{FAULT}?done=<script>").text
+
+
+@pytest.mark.parametrize(("part", "of"), [("", ""), ("Motor 1", "Motor 1")])
+def test_a_form_plans_a_downtime_of_a_robot_or_a_component(site, part, of):
+    form = {"token": site.token(path="/robots/a"), "robot": "a", "component": part, "for": "2h"}
+    answer = site.post("/-/downtime", form | {"comment": "new gears"})
+    assert (answer.status, answer.headers["Location"]) == (303, "../robots/a?done=downtime")
+    assert site.done == [("a", of, 7_200.0, Person("ann", "new gears", "127.0.0.1"))]
+    answer = site.post("/-/downtime", form | {"for": "900d", "comment": "x"})
+    assert (answer.status, len(site.done)) == (400, 1)
+
+
+def test_nothing_is_done_by_get_or_head_or_put(site):
+    query = urlencode({"token": site.token(), "fault": FAULT, "comment": "x"})
+    for method in ("GET", "HEAD", "PUT", "DELETE"):
+        answer = ask(site.server, f"/-/acknowledge?{query}", method, Authorization=login("ann"))
+        assert answer.status == 405
+    assert site.done == []
+
+
+def test_without_a_login_or_with_a_wrong_one_there_is_no_form_and_nothing_is_done(site):
+    token = site.token()
+    form = {"token": token, "fault": FAULT, "comment": "x"}
+    assert ask(site.server, f"/faults/{FAULT}").status == 401
+    for wrong in ("", "Basic !", "Basic " + base64.b64encode(b"ann:wrong").decode()):
+        assert site.post("/-/acknowledge", form, Authorization=wrong).status == 401
+    assert site.done == []
+
+
+def test_a_token_is_of_one_user_and_of_this_process(site, serve, tmp_path):
+    other = Site(serve, tmp_path)
+    tokens = {"", "0" * 64, "é", site.token("bob"), other.token("ann")}
+    for token in tokens:
+        answer = site.acknowledge(form={"token": token})
+        assert (answer.status, "load it again" in answer.text) == (403, True)
+    assert site.done == []
+    assert site.token("ann") == site.token("ann", "/robots/a") != site.token("bob")
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Sec_Fetch_Site": "cross-site"},
+        {"Sec_Fetch_Site": "same-site"},
+        {"Sec_Fetch_Site": "none"},
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Origin": "http://127.0.0.1:1"},
+        {"Origin": "http://[evil"},
+        {"Referer": "http://evil.example/page"},
+    ],
+)
+def test_a_form_of_another_site_is_not_followed_even_with_the_token(site, headers):
+    assert site.acknowledge(**headers).status == 403
+    assert site.done == []
+
+
+def test_a_page_under_a_domain_name_may_act_because_the_login_is_of_that_name(site):
+    answer = site.acknowledge(Host="robots.example.org", Origin="https://robots.example.org")
+    assert answer.status == 303
+    assert site.acknowledge(Host="robots.example.org", Origin="https://evil.org").status == 403
+
+
+def test_a_large_form_is_rejected_before_it_is_read(site):
+    assert site.acknowledge(form={"comment": "x" * MAX_FORM}).status == 413
+    host, _, port = site.server.addresses[0].rpartition(":")
+    with closing(http.client.HTTPConnection(host, int(port), timeout=20)) as client:
+        client.putrequest("POST", "/-/acknowledge")
+        client.putheader("Authorization", login("ann"))
+        client.putheader("Content-Type", "application/x-www-form-urlencoded")
+        client.putheader("Content-Length", str(10**12))
+        client.endheaders(b"x" * (2 * MAX_FORM))
+        assert client.getresponse().status == 413
+    assert site.done == []
+
+
+@pytest.mark.parametrize(
+    ("body", "status"),
+    [
+        (b"", 403),
+        (b"token=a&token=a", 400),
+        (b"&&&", 400),
+        ("token=é".encode(), 400),
+        (b"token=%ff", 400),
+        (b"a=1&" * 20, 400),
+        (b"token=a&fault=b&comment=c", 403),
+    ],
+)
+def test_what_is_no_form_is_rejected(site, body, status):
+    assert site.post("/-/acknowledge", body).status == status
+    assert site.post("/-/acknowledge", body, Content_Type="application/json").status == 415
+    assert site.post("/-/acknowledge", body, Content_Type="text/plain").status == 415
+    assert site.done == []
+
+
+@pytest.mark.parametrize(
+    "form", [{"comment": " \n"}, {"comment": "x" * 201}, {"more": "x"}, {"robot": "a"}]
+)
+def test_a_form_needs_a_comment_and_just_its_fields(site, form):
+    assert site.acknowledge(form=form).status == 400
+    assert site.done == []
+
+
+def test_what_cannot_be_done_says_why_and_is_logged(serve, tmp_path, caplog):
+    def over(*_given):
+        raise LookupError("it has <ended>")
+
+    def away(*_given):
+        raise ConnectionError("Alertmanager does not answer")
+
+    ended = Site(serve, tmp_path, acknowledge=over)
+    with caplog.at_level(logging.WARNING):
+        answer = ended.acknowledge()
+    assert (answer.status, "Not done: it has &lt;ended&gt;." in answer.text) == (409, True)
+    assert "form of ann from 127.0.0.1: 409" in caplog.text
+    assert Site(serve, tmp_path, acknowledge=away).acknowledge().status == 502
+
+
+def test_without_the_flag_there_are_no_forms_and_nothing_is_done(serve, tmp_path, site):
+    off = Site(serve, tmp_path, actions=False)
+    for path in (f"/faults/{FAULT}", "/robots/a"):
+        assert "<form" not in off.page(path).text
+        assert "<form" in site.page(path).text
+    answer = off.post("/-/acknowledge", {"token": "", "fault": FAULT, "comment": "x"})
+    assert (answer.status, off.done) == (403, [])
+
+
+def test_forms_need_users_to_log_in(serve):
+    with pytest.raises(WebConfigError, match="needs basic_auth_users"):
+        serve(actions=True)
+
+
+def test_what_is_acknowledged_has_no_form_for_it_and_names_are_escaped(serve, tmp_path):
+    evil = "\"'><script>alert(1)</script>"
+    taken = {"author": "bob", "comment": "", "at": 1.0, "until": 2.0}
+    known = robot(
+        evil,
+        component(evil, "ERROR"),
+        problems=[broken(evil, fault=FAULT, acknowledged=taken)],
+    )
+    site = Site(serve, tmp_path, fleet_snapshot=lambda: fleet(known))
+    text = site.page(f"/faults/{FAULT}").text
+    assert 'action="../-/acknowledge"' not in text
+    assert 'action="../-/downtime"' in text
+    assert "<script>alert" not in text
