@@ -48,6 +48,7 @@ from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.updates import is_of_graph
 from ros_diagnostics_exporter.sources.graph import GROUP, SHADOW, GraphWatch, Report
+from ros_diagnostics_exporter.sources.graph_messages import Message
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading, joined
 
@@ -183,6 +184,25 @@ class FleetState:
         with self._watching:
             self._watch.see_topics(domain_id, topics, now)
 
+    def watched_topics(
+        self, domain_id: Domain, types: Mapping[str, Sequence[str]], now: Instant
+    ) -> dict[str, str]:
+        """Of the topics of a domain those to be subscribed beside diagnostics, with their types."""
+        with self._watching:
+            return self._watch.wanted(domain_id, types, now)
+
+    def receive_watched(
+        self, domain_id: Domain, topic: str, message: Message, now: Instant
+    ) -> None:
+        """Take a message of such a topic."""
+        with self._watching:
+            self._watch.see_message(domain_id, topic, message, now)
+
+    def note_watched(self, domain_id: Domain, rates: Mapping[str, float], now: Instant) -> None:
+        """Take how many bytes per second such topics were in the last minute."""
+        with self._watching:
+            self._watch.note_watched(domain_id, rates, now)
+
     def update_links(
         self, domain_id: Domain, links: Mapping[str, LinkReading | None], now: Instant
     ) -> None:
@@ -213,6 +233,7 @@ class FleetState:
                     robot.forget(component, now)
             robot.network.expected_nodes = report.expected
             robot.set_lossy(lossy=report.lossy)
+            robot.network.watched, robot.network.logs = report.watched, report.logs
             for text in report.events:
                 self._events.append(Event(now.wall, "graph", report.robot, message=text))
             self._faults.update(robot, now)

@@ -241,6 +241,7 @@ class RobotText:
         link = robot.network.link
         shown: tuple[tuple[Family, float | None], ...] = (
             (metrics.ROBOT_EXPECTED_NODES, robot.network.expected_nodes),
+            (metrics.ROBOT_WATCHED, robot.network.watched),
             (metrics.ROBOT_LINK_LOST, link and link.loss),
             (metrics.ROBOT_LINK_DELAY, link and link.delay),
             (metrics.ROBOT_LINK_JITTER, link and link.jitter),

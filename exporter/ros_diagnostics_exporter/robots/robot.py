@@ -56,13 +56,18 @@ _NO_PUBLISHER = Endpoint(0)
 
 
 @marking(
-    domain_up=Mark.RECEIPT, uplink_up=Mark.RECEIPT, link=Mark.RECEIPT, expected_nodes=Mark.RECEIPT
+    domain_up=Mark.RECEIPT,
+    uplink_up=Mark.RECEIPT,
+    link=Mark.RECEIPT,
+    expected_nodes=Mark.RECEIPT,
+    watched=Mark.RECEIPT,
 )
 class Network:
     """The endpoints of one robot's topics as the ROS graph last showed them."""
 
     __slots__ = (
-        *("_endpoints", "domain_up", "expected_nodes", "link", "lossy", "marks", "uplink_up"),
+        *("_endpoints", "domain_up", "expected_nodes", "link", "logs", "lossy", "marks"),
+        *("uplink_up", "watched"),
     )
 
     def __init__(
@@ -74,6 +79,8 @@ class Network:
         self.link: LinkReading | None = None  # how messages arrive, where that is known
         self.expected_nodes: int | None = None  # None: nothing of the graph is known
         self.lossy = False  # so many are lost that what is not received says nothing
+        self.logs: tuple[str, ...] = ()  # of the last minute from ERROR on, the newest first
+        self.watched: float | None = None  # bytes per second beside diagnostics; None: nothing is
         self._endpoints: dict[str, Endpoint] = {}
 
     def update(self, topic: str, endpoint: Endpoint | None) -> bool:

@@ -1,4 +1,4 @@
-"""The only file that knows ROS: contexts, subscriptions, the graph; bytes -> Array.
+"""What knows ROS: contexts, subscriptions, the graph; bytes -> Array.
 
 One rclpy context and node for each DDS domain. Arrays are received as bytes; once a second each
 domain looks at its graph and asks which topics are wanted.
@@ -23,6 +23,7 @@ from typing_extensions import override
 
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status
+from ros_diagnostics_exporter.sources.dds_watch import Watcher
 from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, US, Mismatch, Peer, TopicView
 from ros_diagnostics_exporter.sources.link import Link
 from ros_diagnostics_exporter.sources.reception import (
@@ -244,6 +245,7 @@ class DdsDomain(Reception):
         self._read: OrderedDict[str, float] = OrderedDict()  # endpoints, when; the oldest first
         self._read_at = self._links_at = 0.0  # next, monotonic
         self._matches: dict[tuple[Any, ...], str] = {}  # why two QoS cannot match; "": they do
+        self._watcher = Watcher(domain, receiver)
         self._context: Context | None = None
         self._node: Node | None = None
 
@@ -322,6 +324,7 @@ class DdsDomain(Reception):
         self._report_links(topics, now)
         nodes = node.get_node_names_and_namespaces()
         if self.receiver.update_nodes(self._domain, nodes, now):
+            yield from self._watcher.look(node, dict(found), now)
             yield from self._read_endpoints(node, [name for name, _types in found], now)
 
     def _to_be_asked(self, types: Mapping[str, tuple[str, ...]]) -> list[str]:
