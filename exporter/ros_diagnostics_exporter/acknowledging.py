@@ -29,7 +29,7 @@ PREFIX = "RosDiagnostics"  # of the names of all alerts of the rules
 
 
 @dataclass(frozen=True)
-class Problem:
+class AlertedProblem:
     """What can be acknowledged: a fault, or what another alert is about.
 
     ``labels`` are the alert's; ``since`` as it says when the fault began, "" for other alerts;
@@ -81,17 +81,17 @@ class Problem:
         return one_line(f"{self.labels.get('fleet', '')}/{self.part}")
 
 
-def problems(alerts: Iterable[dict[str, Any]]) -> list[Problem]:
+def problems(alerts: Iterable[dict[str, Any]]) -> list[AlertedProblem]:
     """What can be acknowledged, each once however many alerts there are for it, by name.
 
     A fault is what its own alert says; of other alerts their escalation counts as well, which may
     be for rules of the site. Alerts of severity info ask for nothing.
     """
-    found: dict[frozenset[tuple[str, str]], Problem] = {}
+    found: dict[frozenset[tuple[str, str]], AlertedProblem] = {}
     for alert in alerts:
         labels = alert["labels"]
         is_fault = {"scope", "state"} <= labels.keys()
-        problem = Problem(labels, alert["annotations"].get("since", "") if is_fault else "")
+        problem = AlertedProblem(labels, alert["annotations"].get("since", "") if is_fault else "")
         others = labels.get("alertname", "").startswith(PREFIX) and not is_fault
         if problem.since or (others and labels.get("severity") != "info"):
             known = found.setdefault(key := frozenset(problem.matchers.items()), problem)
@@ -108,7 +108,7 @@ def _sent_steps(alert: dict[str, Any]) -> frozenset[str]:
 
 
 def silence(
-    problem: Problem, author: str, comment: str, start: datetime, lasts: float | None = None
+    problem: AlertedProblem, author: str, comment: str, start: datetime, lasts: float | None = None
 ) -> dict[str, Any]:
     """The silence that acknowledges ``problem``, as Alertmanager's API takes it."""
     lasts = lasts or (LASTS if problem.since else OTHERS_LAST)
@@ -121,7 +121,9 @@ def silence(
     return made
 
 
-def acknowledged(problem: Problem, silences: Iterable[dict[str, Any]]) -> dict[str, Any] | None:
+def acknowledged(
+    problem: AlertedProblem, silences: Iterable[dict[str, Any]]
+) -> dict[str, Any] | None:
     """The active silence that acknowledges ``problem``; None without one."""
     wanted = {(name, value, False, True) for name, value in problem.matchers.items()}
     for each in silences:

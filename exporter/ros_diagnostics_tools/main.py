@@ -31,6 +31,7 @@ COMMANDS = {
     "why": "Show why somebody was notified of a robot's faults, or nobody.",
     "story": "Show what failed of a robot in a week, in sentences.",
     "history": "Show what happened to a robot.",
+    "report": "Write or mail the weekly report of a fleet.",
     "faults": "List the faults that last.",
     "ack": "Acknowledge an alert, so that it does not escalate.",
     "downtime": "Plan a downtime of robots or of one component.",

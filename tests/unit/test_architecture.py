@@ -57,7 +57,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     TOOLS: (
         ("connection_flags", "errors", "pairs", "terminal", "times"),
         ("servers",),
-        ("backtest", "nagios", "oncall"),
+        ("backtest", "nagios", "oncall", "report"),
         ("check_nagios", "commands"),
         ("main",),
     ),
@@ -102,7 +102,7 @@ KNOW_ROS = {
 ROS_PACKAGES = {"rclpy", "rcl_interfaces", "diagnostic_msgs", "builtin_interfaces", "std_msgs"}
 NO_CLOCK = {
     EXPORTER: {"model", "config", "robots", "fleet", "faults", "api", "canary", "notifications"},
-    TOOLS: {"backtest", "nagios", "oncall"},
+    TOOLS: {"backtest", "nagios", "oncall", "report"},
 }
 READS_CLOCK = {f"{EXPORTER}.config.reloader", f"{EXPORTER}.storage.storage"}
 CLOCKS = {"time.time", "time.monotonic", "time.perf_counter", "datetime.now", "datetime.utcnow"}

@@ -14,7 +14,7 @@ import click
 
 from ros_diagnostics_exporter.acknowledging import (
     PREFIX,
-    Problem,
+    AlertedProblem,
     acknowledged,
     problems,
     silence,
@@ -116,7 +116,7 @@ def _check(wanted: WantedProblem) -> None:
         raise click.UsageError("ROBOT, --site, --common and --alert exclude one another")
 
 
-def is_wanted(problem: Problem, wanted: WantedProblem) -> bool:
+def is_wanted(problem: AlertedProblem, wanted: WantedProblem) -> bool:
     """Whether the command's arguments name it."""
     labels = problem.labels
     if wanted.site is not None:
@@ -164,11 +164,11 @@ def _cancel(client: Client, wanted: WantedProblem) -> list[dict[str, Any]]:
     return done
 
 
-def _done(problem: Problem, silenced: dict[str, Any], text: str) -> dict[str, Any]:
+def _done(problem: AlertedProblem, silenced: dict[str, Any], text: str) -> dict[str, Any]:
     return {**_fields(problem, silenced), "text": one_line(text)}
 
 
-def _fields(problem: Problem, silenced: dict[str, Any]) -> dict[str, Any]:
+def _fields(problem: AlertedProblem, silenced: dict[str, Any]) -> dict[str, Any]:
     return {
         "fleet": problem.labels.get("fleet", ""),
         "part": problem.part,
@@ -185,7 +185,7 @@ def _minute(silenced: dict[str, Any]) -> str:
     return str(silenced["endsAt"])[:16].replace("T", " ")
 
 
-def _find(client: Client, wanted: WantedProblem) -> list[Problem]:
+def _find(client: Client, wanted: WantedProblem) -> list[AlertedProblem]:
     """What the arguments name, of one fleet."""
     known = problems(_alerts(client, wanted.fleet))
     found = [problem for problem in known if is_wanted(problem, wanted)]
@@ -198,7 +198,7 @@ def _find(client: Client, wanted: WantedProblem) -> list[Problem]:
     return found
 
 
-def _not_firing(wanted: WantedProblem, known: Sequence[Problem]) -> str:
+def _not_firing(wanted: WantedProblem, known: Sequence[AlertedProblem]) -> str:
     others = ", ".join(dict.fromkeys(f"{each.name} {each.state}" for each in known))
     more = f"there are alerts for {others}" if others else "no alert is firing"
     return f"no alert is firing for {str(wanted)!r}; {more}"
