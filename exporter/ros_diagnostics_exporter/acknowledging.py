@@ -29,7 +29,7 @@ PREFIX = "RosDiagnostics"  # of the names of all alerts of the rules
 
 
 @dataclass(frozen=True)
-class AlertedProblem:
+class Acknowledgeable:
     """What can be acknowledged: a fault, or what another alert is about.
 
     ``labels`` are the alert's; ``since`` as it says when the fault began, "" for other alerts;
@@ -52,8 +52,6 @@ class AlertedProblem:
     @property
     def alert(self) -> str:
         """The alert's name; of an escalation that of the alert that it is for."""
-        if self.labels.get("scope") == "clock":
-            return "RosDiagnosticsExporterClockOffset"
         return self.labels.get("of", self.labels["alertname"])
 
     @property
@@ -69,8 +67,9 @@ class AlertedProblem:
             return f"site {labels.get('site', '')}"
         if self.since and labels["scope"] == "common":
             return f"{labels.get('component', '')} on many robots"
-        if self.since and labels["scope"] == "clock":
-            return f"exporter {labels.get('exporter', '')}".rstrip()
+        if self.since and labels["scope"] == "exporter":
+            name = f"exporter {labels.get('exporter', '')}".rstrip()
+            return f"{labels.get('component', '')} of the {name}"
         fault = ("robot", "component", "check", "key", "bound")
         names = fault if self.since else ("robot", "exporter", "instance", "domain_id")
         return " ".join(labels[name] for name in names if labels.get(name))
@@ -81,17 +80,17 @@ class AlertedProblem:
         return one_line(f"{self.labels.get('fleet', '')}/{self.part}")
 
 
-def problems(alerts: Iterable[dict[str, Any]]) -> list[AlertedProblem]:
+def problems(alerts: Iterable[dict[str, Any]]) -> list[Acknowledgeable]:
     """What can be acknowledged, each once however many alerts there are for it, by name.
 
     A fault is what its own alert says; of other alerts their escalation counts as well, which may
     be for rules of the site. Alerts of severity info ask for nothing.
     """
-    found: dict[frozenset[tuple[str, str]], AlertedProblem] = {}
+    found: dict[frozenset[tuple[str, str]], Acknowledgeable] = {}
     for alert in alerts:
         labels = alert["labels"]
         is_fault = {"scope", "state"} <= labels.keys()
-        problem = AlertedProblem(labels, alert["annotations"].get("since", "") if is_fault else "")
+        problem = Acknowledgeable(labels, alert["annotations"].get("since", "") if is_fault else "")
         others = labels.get("alertname", "").startswith(PREFIX) and not is_fault
         if problem.since or (others and labels.get("severity") != "info"):
             known = found.setdefault(key := frozenset(problem.matchers.items()), problem)
@@ -108,7 +107,7 @@ def _sent_steps(alert: dict[str, Any]) -> frozenset[str]:
 
 
 def silence(
-    problem: AlertedProblem, author: str, comment: str, start: datetime, lasts: float | None = None
+    problem: Acknowledgeable, author: str, comment: str, start: datetime, lasts: float | None = None
 ) -> dict[str, Any]:
     """The silence that acknowledges ``problem``, as Alertmanager's API takes it."""
     lasts = lasts or (LASTS if problem.since else OTHERS_LAST)
@@ -122,7 +121,7 @@ def silence(
 
 
 def acknowledged(
-    problem: AlertedProblem, silences: Iterable[dict[str, Any]]
+    problem: Acknowledgeable, silences: Iterable[dict[str, Any]]
 ) -> dict[str, Any] | None:
     """The active silence that acknowledges ``problem``; None without one."""
     wanted = {(name, value, False, True) for name, value in problem.matchers.items()}

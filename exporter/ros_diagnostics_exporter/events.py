@@ -44,6 +44,8 @@ class Event:
     ended. ``reason`` says how it ended: ``recovered`` (a fresh lower level) or ``removed`` (by a
     person or the config).
 
+    ``details`` is its evidence as fields, of one that began.
+
     ``receiver`` is Alertmanager's, ``step`` that of an escalation (0 is the daily reminder).
     ``author`` acknowledged it, or did what the action is, with the words in ``message``.
     """
@@ -68,6 +70,7 @@ class Event:
     receiver: str = ""
     step: str = ""
     author: str = ""
+    details: Any = None  # a mapping to JSON values
 
 
 @dataclass(frozen=True)
@@ -168,7 +171,7 @@ class EventLog:
 def _size(event: Event) -> int:
     """Bytes of its texts in memory."""
     texts = (event.robot, event.group, event.component, event.message, event.check, event.key)
-    return sum(map(sys.getsizeof, texts))
+    return sum(map(sys.getsizeof, texts)) + 2 * len(repr(event.details))
 
 
 def filled(event: Event) -> dict[str, Any]:

@@ -59,6 +59,6 @@ def _identity(labels: Mapping[str, str]) -> Identity:
     named = {name: labels.get(name, "") for name in parts}
     site = labels.get("site", "") if scope is Scope.SITE else ""
     severity = labels["severity"] if state is State.MANY else ""
-    if (scope in (Scope.SITE, Scope.COMMON, Scope.CLOCK)) is bool(named["robot"]):
+    if (scope in (Scope.SITE, Scope.COMMON, Scope.EXPORTER)) is bool(named["robot"]):
         raise ValueError("a fault of a robot names one, and no other does")
     return Identity(scope, state, site=site, severity=severity, **named)

@@ -129,13 +129,15 @@ class Endpoint(NamedTuple):
 
     ``publishers`` counts those of DiagnosticArray; ``wrong_type`` is another type that some
     publisher offers, "" where there is none; ``reliable``: every publisher offers reliable
-    delivery; ``is_cut_off``: none is there, because what connected the last is gone.
+    delivery; ``is_cut_off``: none is there, because what connected the last is gone; ``refused`` is
+    the policy because of which none of them matches the subscription, "" where one does.
     """
 
     publishers: int
     wrong_type: str = ""
     reliable: bool = True
     is_cut_off: bool = False
+    refused: str = ""
 
 
 class Person(NamedTuple):

@@ -18,6 +18,7 @@ from typing import Any
 from ros_diagnostics_exporter.acting import acknowledge, plan_downtime
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.api import ledger, snapshot
+from ros_diagnostics_exporter.api.capabilities import capability_tree
 from ros_diagnostics_exporter.api.occurrences import labels_of, occurrences
 from ros_diagnostics_exporter.api.story import WEEK, story
 from ros_diagnostics_exporter.canary import Canary
@@ -27,13 +28,14 @@ from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
 from ros_diagnostics_exporter.faults.model import fault_id, identity_of
 from ros_diagnostics_exporter.firing import read as read_firing
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import Part, Person, place
 from ros_diagnostics_exporter.notifications import Notifications, parse
+from ros_diagnostics_exporter.self_check import SelfCheck
 from ros_diagnostics_exporter.sources.dds import describe_ros
 from ros_diagnostics_exporter.sources.listener import Listener
 from ros_diagnostics_exporter.sources.prometheus import Prometheus
@@ -51,6 +53,7 @@ class Service:
         VersionError: the database is of another version.
     """
 
+    CHECK = 1.0  # seconds between two judgements of the exporter itself
     TICK = 0.25  # seconds between two turns of the loop that lets time pass
     SAVE = 0.1  # ... of the one that saves, which writes less often
     FOLLOW = 1.0  # ... of the one that joins domains
@@ -76,7 +79,7 @@ class Service:
         prometheus: Client | None = None,
     ) -> None:
         now = read_clocks()
-        self.state = State(fleet, now)
+        self.state = FleetState(fleet, now)
         self._recording = threading.Lock()
         self.storage = storage
         self.events = EventLog()
@@ -125,6 +128,8 @@ class Service:
             self._prometheus.outcomes,
         )
         self._self_metrics = SelfMetrics(self._exporter)
+        self._self_check = SelfCheck(self._exporter, now)
+        self._check_at = now.mono
 
     def start(self) -> None:
         """Begin all loops: join the fleet's domains, listen, judge."""
@@ -229,6 +234,9 @@ class Service:
         """Let time pass; called every ``TICK`` seconds."""
         now = read_clocks()
         self.state.tick(now)
+        if now.mono >= self._check_at:
+            self._check_at = now.mono + self.CHECK
+            self.state.report_own(self._self_check.reports(now), now)
         self._canary.tick(self.state.fleet.canary, now)
         self._record_events()
         self._reloader.tick()
@@ -416,6 +424,10 @@ class Service:
             f"recorded around its begin: {each['capsule']}" for each in problems if each["capsule"]
         ]
         return {**found, "now": sentences + (self._explain(robot, component) if ask else [])}
+
+    def capabilities(self, robot: str) -> dict[str, Any]:
+        """What a robot can do as /api/v1/capabilities returns it; LookupError if there is none."""
+        return capability_tree(self.state, robot, read_clocks())
 
     def story(self, robot: str) -> dict[str, Any]:
         """What failed in a week as /api/v1/robots/ROBOT/story returns it; LookupError if none."""

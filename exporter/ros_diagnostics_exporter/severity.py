@@ -49,6 +49,7 @@ SILENT = {  # why a robot is silent
     "mute": "its publisher sends nothing",
     "undecodable": "its messages cannot be decoded",
     "wrong_type": "its topics have another type",
+    "incompatible_qos": "the QoS of its publishers matches no subscription of ROS",
     "unreachable": "what connected it by zenoh is gone: its bridge, or the network",
     "domain_unreachable": "its DDS domain cannot be joined, or no zenoh router answers",
     "uplink_down": "its uplink does not answer",
@@ -64,6 +65,13 @@ _OF_CAPABILITY = {
     "no_reserve": "has no reserve",
     "degraded": "is degraded",
     "lost": "is lost",
+}
+OF_ABILITY = {  # of a capability, as the API has it -> state with the same colour, words
+    "ok": ("OK", ""),
+    "no_reserve": ("WARNING", "no reserve"),
+    "degraded": ("WARNING", "degraded"),
+    "lost": ("CRITICAL", "lost"),
+    "unknown": ("UNKNOWN", "not known"),
 }
 _AFTER = {
     "received": "is received",
@@ -230,7 +238,7 @@ def subject(problem: dict[str, Any]) -> str:
         "flapping": path,
         "site": f"many robots of site {problem['site'] or '(none)'} are silent",
         "common": f"{problem['component']} of many robots",
-        "clock": "the exporter's clock is wrong",
+        "exporter": f"exporter: {problem['component']}",
     }[problem["scope"]]
 
 
@@ -243,6 +251,13 @@ def component_path(component: dict[str, Any]) -> str:
     if name.startswith(f"{group}: "):
         return str(name)
     return f"{group.rstrip('/')}/{name.lstrip('/')}" if group else str(name)
+
+
+def part_path(part: dict[str, Any]) -> str:
+    """A part of a capability: a component, with the key of a value, or a check."""
+    if part["check"]:
+        return f"check {part['check']}"
+    return f"{component_path(part)}{part['key'] and ': '}{part['key']}"
 
 
 def standing(

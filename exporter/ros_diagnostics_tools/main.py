@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from keyword import iskeyword
 from typing import Any
 from urllib.error import HTTPError
 
@@ -32,6 +33,7 @@ COMMANDS = {
     "story": "Show what failed of a robot in a week, in sentences.",
     "history": "Show what happened to a robot.",
     "report": "Write or mail the weekly report of a fleet.",
+    "capabilities": "Show what a robot can do, and what it would lose next.",
     "faults": "List the faults that last.",
     "ack": "Acknowledge an alert, so that it does not escalate.",
     "downtime": "Plan a downtime of robots or of one component.",
@@ -39,6 +41,7 @@ COMMANDS = {
     "watch": "Expect of a robot what the ROS graph shows of it now.",
     "oncall": "Who is on call: build, check and show the rota.",
     "backtest": "Judge recordings: what would have been notified?",
+    "import": "Make fleet.yml of Autoware's diagnostic graph.",
     "nagios": "Come from Nagios: import its files, compare its log.",
     "check-config": "Check fleet.yml.",
     "test-page": "Send a test alert through the real routes.",
@@ -56,7 +59,8 @@ class Commands(click.Group):
         """One of them."""
         if cmd_name not in COMMANDS:
             return None
-        module = import_module(f"ros_diagnostics_tools.commands.{cmd_name.replace('-', '_')}")
+        name = cmd_name.replace("-", "_") + "_" * iskeyword(cmd_name)
+        module = import_module(f"ros_diagnostics_tools.commands.{name}")
         command: click.Command = module.command
         return command
 

@@ -22,7 +22,7 @@ from typing import NamedTuple
 from bench import month
 from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant, Topic
 from support import prometheus_site
 from support.committed_dashboards import Query, filled, queries
@@ -77,7 +77,7 @@ def big_fleet(robots: int) -> ServedFleet:
     ]
     turns = iter(range(1_000_000))
 
-    def publish(state: State, now: Instant) -> None:
+    def publish(state: FleetState, now: Instant) -> None:
         turn = next(turns)
         if turn > 1:
             return

@@ -13,7 +13,7 @@ from rclpy.serialization import serialize_message
 from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.decode import cdr
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Instant, Topic
 from ros_diagnostics_exporter.sources import dds as ros
 from support.ros_publisher import message
@@ -22,9 +22,9 @@ ROUNDS = 5_000
 TOPIC = Topic(0, "/robot/diagnostics_agg")
 
 
-def _state() -> State:
+def _state() -> FleetState:
     robot = Robot("robot", topic_agg=TOPIC.name, source=Source.AGG)
-    return State(Fleet("bench", (robot,)), Instant(0.0, 0.0))
+    return FleetState(Fleet("bench", (robot,)), Instant(0.0, 0.0))
 
 
 def _message(array: Array) -> bytes:

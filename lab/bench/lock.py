@@ -23,7 +23,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Source,
 )
 from ros_diagnostics_exporter.faults.model import Row
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Downtime, Instant, Topic
 
@@ -59,7 +59,7 @@ class Bench:
     def __init__(self, robots: int) -> None:
         self.now = Instant(0.0, 1.7e9)
         self.fleet = self.fleet_of(robots, Profile(confirm_after=2.0))
-        self.state = State(self.fleet, self.now)
+        self.state = FleetState(self.fleet, self.now)
         self.lock = MeasuredLock(self.state._lock)
         self.state._lock = self.lock  # type: ignore[assignment]
         self.exposition = Exposition(self.state)

@@ -38,7 +38,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Instant, Part, Topic
 from ros_diagnostics_exporter.regex import Pattern
@@ -103,7 +103,7 @@ class Target:
         faults = FaultSettings(common=CauseSettings(5, COMMON_CAUSE))
         limits = Limits(robots=robots, series=10_000_000)
         fleet = Fleet("bench", tuple(declared), faults=faults, limits=limits)
-        self._state = State(fleet, Instant(0.0, 1.7e9))
+        self._state = FleetState(fleet, Instant(0.0, 1.7e9))
         self._exposition = Exposition(self._state)
         self.text = self.faults = b""
         self._turn = 0

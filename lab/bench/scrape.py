@@ -18,7 +18,7 @@ from prometheus_client.registry import Collector
 
 from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Instant, Topic
 from ros_diagnostics_exporter.web.scrape import compress
@@ -44,7 +44,7 @@ class Samples(Collector):
             yield family
 
 
-def _fill(robots: int) -> tuple[State, list[Topic]]:
+def _fill(robots: int) -> tuple[FleetState, list[Topic]]:
     topics = [Topic(0, f"/robot_{n}/diagnostics_agg") for n in range(robots)]
     fleet = Fleet(
         "bench",
@@ -53,10 +53,10 @@ def _fill(robots: int) -> tuple[State, list[Topic]]:
             for n, topic in enumerate(topics)
         ),
     )
-    return State(fleet, Instant(0.0, 0.0)), topics
+    return FleetState(fleet, Instant(0.0, 0.0)), topics
 
 
-def _receive_all(state: State, topics: list[Topic], turn: int) -> None:
+def _receive_all(state: FleetState, topics: list[Topic], turn: int) -> None:
     array = aggregated_array(turn)
     for topic in topics:
         state.receive(topic, array, Instant(float(turn), 1.7e9 + turn))
@@ -71,7 +71,7 @@ def _cpu(work: object, rounds: int) -> float:
     return best * 1e3
 
 
-def _held_up(state: State, topics: list[Topic], exposition: Exposition) -> float:
+def _held_up(state: FleetState, topics: list[Topic], exposition: Exposition) -> float:
     """The longest wait of an ingest in ms while scrapes run; every value changes."""
     stop = threading.Event()
 

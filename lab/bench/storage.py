@@ -16,7 +16,7 @@ from typing import NamedTuple
 from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Robot, Source
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant, Topic
 from ros_diagnostics_exporter.storage.storage import Storage
 
@@ -43,7 +43,7 @@ class Site:
         )
         self._second = 0
         fleet = Fleet("bench", tuple(declared), limits=Limits(robots=robots))
-        self.state = State(fleet, self._now())
+        self.state = FleetState(fleet, self._now())
         self.log = EventLog()
         self.storage = Storage(path)
 
@@ -84,7 +84,7 @@ def _print(what: str, costs: list[Cost]) -> None:
 
 def _find(folder: Path) -> None:
     storage = Storage(folder / "events.db")
-    state, log, second = State(Fleet("bench"), Instant(0.0, WALL)), EventLog(), 0.0
+    state, log, second = FleetState(Fleet("bench"), Instant(0.0, WALL)), EventLog(), 0.0
     storage.save(state, log, Instant(0.0, WALL))
     number, size = 0, 0
     while size < 256e6:

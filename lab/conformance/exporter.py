@@ -20,7 +20,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.faults.model import Fault, Row
 from ros_diagnostics_exporter.faults.model import State as FaultState
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 
@@ -64,7 +64,7 @@ class _Player:
         self._history = history
         self._fleet = _fleet(history)
         self._now = _at(READY - 10)
-        self._state = State(self._fleet, self._now)
+        self._state = FleetState(self._fleet, self._now)
         self._lasting: dict[str, set[FaultState]] = {}
         self._planned: dict[str, bool] = {}
         self._rows: dict[tuple[str, tuple[str, ...]], Row] = {}
@@ -108,7 +108,7 @@ class _Player:
         for row in self._state.take_fault_rows(self._now):
             self._rows[row.kind, row.key] = row
         robots = {name: robot.persist(self._now) for name, robot in self._state.robots.items()}
-        self._state = State(self._fleet, self._now)
+        self._state = FleetState(self._fleet, self._now)
         self._state.restore(robots, self._now)
         kept = [row for row in self._rows.values() if row.fields is not None]
         self._state.restore_faults(kept, self._now)

@@ -36,7 +36,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Robot,
     Source,
 )
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_tools.main import main
@@ -150,7 +150,7 @@ class _Clock:
     """Publishes each tick of all histories when its time has come."""
 
     def __init__(
-        self, state: State, histories: Sequence[History], begin: float, alertmanager: str
+        self, state: FleetState, histories: Sequence[History], begin: float, alertmanager: str
     ) -> None:
         self._state = state
         self._histories = histories
@@ -195,7 +195,7 @@ class _Clock:
         return done
 
 
-def _publish(state: State, number: int, history: History, tick: int, now: Instant) -> None:
+def _publish(state: FleetState, number: int, history: History, tick: int, now: Instant) -> None:
     for host in history.all_hosts:
         track = history.hosts.get(host, "")
         if tick >= 0 and tick < len(track) and track[tick] == "d":
@@ -305,7 +305,7 @@ def _intervals(change: datetime) -> Iterator[dict[str, Any]]:
     yield {"name": "ends", "time_intervals": ends}
 
 
-def _ready(state: State, histories: Sequence[History], site: Site) -> None:
+def _ready(state: FleetState, histories: Sequence[History], site: Site) -> None:
     """Let the robots be received, until Prometheus has seen all of them up and settled."""
     robots = sum(len(each.all_hosts) for each in histories)
 

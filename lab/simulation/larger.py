@@ -149,7 +149,7 @@ class LargerCauses:
         bad = [
             part
             for part in parts
-            if part.trouble_since is not None and self._for(part.trouble_since) > least
+            if part.trouble_since is not None and self._for(part.trouble_known) > least
         ]
         if len(bad) < SETTINGS.many.needed(len(known.parts)):
             return

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 
 from ros_diagnostics_exporter.faults.model import Fault
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant
 
 Key = tuple[str, ...]
@@ -24,7 +24,7 @@ class Mails:
         self._held: dict[Key, Fault] = {}
         self._notified: set[Key] = set()
 
-    def scrape(self, state: State | None, now: Instant) -> None:
+    def scrape(self, state: FleetState | None, now: Instant) -> None:
         """Scrape, evaluate, send."""
         if state is None:
             return

@@ -21,7 +21,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.config.fleet import FaultSettings as Settings
 from ros_diagnostics_exporter.faults.model import Fault
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_tools.backtest.replay import Restarts
@@ -77,7 +77,8 @@ class Part:
     level: int = OK  # the last that was published and was not STALE
     received: float = 0.0  # the last array that had it, STALE or not
     stale: bool = False  # it was STALE or missing in the last array of an aggregator
-    trouble_since: float | None = None
+    trouble_since: float | None = None  # at the earliest
+    trouble_known: float = 0.0  # when it was received, which is at the latest
     changes: list[float] = field(default_factory=list)
     charge: float = 80.0
     charges: list[tuple[float, float]] = field(default_factory=list)  # when it became another
@@ -121,10 +122,10 @@ class World:
         self._late: dict[str, tuple[Status, ...]] = {}
         self._maintenance: list[Maintenance] = []
         self.fleet = self._fleet()
-        self.state: State | None = State(self.fleet, self.now)
+        self.state: FleetState | None = FleetState(self.fleet, self.now)
         self.restarts = Restarts()
         self.started = 0.0
-        self._stopped: tuple[State, Instant] | None = None
+        self._stopped: tuple[FleetState, Instant] | None = None
         self._starts_at = 0
         self._loses = False
         self.lost = False  # the database, at this tick
@@ -306,7 +307,7 @@ class World:
         """Start without the database, with what fires; a person forgets robots that are no more."""
         self.restarts = Restarts()
         self._lost_at = self.now.mono
-        self.state = State(self.fleet, self.now)
+        self.state = FleetState(self.fleet, self.now)
         self.state.adopt(self.firing(), self.now)
         for robot in self._undeclared:
             self.state.forget(robot, None, self.now)
@@ -408,6 +409,7 @@ def _note(part: Part, status: Status, now: float) -> None:
         # Not received for long is trouble, too.
         late = part.stale or now - part.received > STALE_AFTER / 2
         part.trouble_since = part.received if late else now
+        part.trouble_known = now
     part.stale = status.level == STALE
     if not part.stale:
         part.level = status.level

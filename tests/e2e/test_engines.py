@@ -66,7 +66,7 @@ class Site:
             for labels in [each["labels"]]
             if each["state"] == "firing"
             and labels.get("fleet") == "hall"
-            and labels["alertname"] != "RosDiagnosticsExporterWithoutAlertmanager"  # it has none
+            and labels["alertname"] != "RosDiagnosticsExporterFault"  # it has no Alertmanager
         }
 
     def becomes(self, *alerts: str, keeps: str = "") -> None:

@@ -86,7 +86,7 @@ class Site:
             )
             for labels in found
             if labels.get("fleet") == "hall"
-            and labels["alertname"] != "RosDiagnosticsExporterWithoutAlertmanager"  # it has none
+            and labels["alertname"] != "RosDiagnosticsExporterFault"  # it has no Alertmanager
         }
 
     def becomes(self, *alerts: Alert, keeps: Alert | None = None) -> None:

@@ -285,3 +285,22 @@ def test_many_robots_are_one_cause_to_the_half_that_receives_them(pair: Pair):
         pair.order(robot, "resume")
     pair.becomes()
     assert pair.fired() == {COMMON: 1, SITE: 1}
+
+
+def test_a_common_cause_goes_on_alone_while_the_half_that_has_it_restarts(pair: Pair):
+    pair.second.write(deaf_to=["robot_3", "robot_4"])
+    pair.start(pair.second, receives=["robot_1", "robot_2"])
+    pair.orders(**dict.fromkeys(ROBOTS, "error"))
+    until(lambda: pair.second.serves("fault_start", "robot_1", "Motor 1"), "one by one there", 60)
+    pair.becomes(COMMON)
+
+    pair.first.kill()  # left is the half to which two of its robots have a fault each
+    pair.becomes(COMMON)
+    pair.start(pair.first, receives=ROBOTS)
+    pair.becomes(COMMON)
+
+    pair.orders(robot_1="error", robot_2="ok", robot_3="ok", robot_4="ok")
+    pair.becomes(MOTOR)  # the common cause is over, and one robot still has it
+    pair.orders(robot_1="ok")
+    pair.becomes()
+    assert pair.fired() == {COMMON: 1, MOTOR: 1}

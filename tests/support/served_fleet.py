@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import ALL_PARTS, Instant, Part
@@ -25,7 +25,7 @@ from ros_diagnostics_exporter.notifications import Notifications, parse
 from ros_diagnostics_exporter.web.scrape import wanted_parts
 from support.loopback import answering
 
-Speak = Callable[[State, Instant], None]
+Speak = Callable[[FleetState, Instant], None]
 
 
 class ServedFleet:
@@ -33,7 +33,7 @@ class ServedFleet:
 
     def __init__(self, fleet: Fleet, speak: Speak) -> None:
         self.started = _read_clocks()
-        self.state = State(fleet, self.started)
+        self.state = FleetState(fleet, self.started)
         self._speak = speak
         self.alertmanager: Alertmanager | None = None  # asked for acknowledgements at each scrape
         self._notifications = Notifications()

@@ -9,6 +9,8 @@ from typing import Any
 
 import yaml
 
+from ros_diagnostics_exporter.durations import parse as parse_duration
+
 ROOT = Path(__file__).resolve().parents[2]
 PROMETHEUS = ROOT / "prometheus"
 ALERTMANAGER = ROOT / "alertmanager"
@@ -45,3 +47,16 @@ def alerts() -> dict[str, list[dict[str, Any]]]:
         if "alert" in rule:
             found.setdefault(rule["alert"], []).append(rule)
     return found
+
+
+def seconds_to_notify() -> dict[str, float]:
+    """Each shipped clock between a confirmed fault and its mail, and how long it waits at most."""
+    config = yaml.safe_load((PROMETHEUS / "prometheus.yml").read_text())
+    jobs = {each["job_name"]: each for each in config["scrape_configs"]}
+    groups = yaml.safe_load((PROMETHEUS / "rules" / "faults.yml").read_text())["groups"]
+    route = yaml.safe_load((ALERTMANAGER / "alertmanager.yml").read_text())["route"]
+    return {
+        "scrape_interval": parse_duration(jobs["ros-diagnostics-faults"]["scrape_interval"]),
+        "evaluation interval": max(parse_duration(each["interval"]) for each in groups),
+        "group_wait": parse_duration(route["group_wait"]),
+    }

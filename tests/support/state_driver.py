@@ -9,7 +9,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.faults.model import Row
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.storage.storage import Storage
@@ -44,7 +44,7 @@ class StateDriver:
             )
             fleet = Fleet("f", (robot,))
         self.now = Instant(0.0, WALL)
-        self.state = State(fleet, self.now)
+        self.state = FleetState(fleet, self.now)
         self._events: list[Event] = []
         self.log = EventLog()
         self.storage: Storage | None = None

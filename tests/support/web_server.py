@@ -60,6 +60,7 @@ def problem(scope: str, state: str, **changed: Any) -> dict[str, Any]:
         "because": "",
         "well": False,
         "evidence": "",
+        "details": {},
         "fault": None,
         "capsule": None,
         "notified": None,
@@ -138,6 +139,7 @@ def occurrence(scope: str, state: str, **changed: Any) -> dict[str, Any]:
         "until": 1_030.0,
         "reason": "recovered",
         "evidence": "",
+        "details": {},
         "end": "",
         "acknowledged": [],
         "notified": [],
@@ -168,6 +170,10 @@ def no_ledger(
     }
 
 
+def no_capabilities(robot: str) -> dict[str, Any]:
+    return {"fleet": "hall", "robot": robot, "time": 1_060.0, "capabilities": []}
+
+
 def no_targets(job: str, _port: int | None) -> list[dict[str, Any]]:
     raise LookupError(job)
 
@@ -189,6 +195,7 @@ class FakeBackend:
     story: Callable[[str], dict[str, Any]] = no_story
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
     why: Callable[..., dict[str, Any]] = no_ledger
+    capabilities: Callable[[str], dict[str, Any]] = no_capabilities
     notified: Callable[[bytes], tuple[int, int]] = lambda _body: (1, 0)
     targets: Callable[[str, int | None], list[dict[str, Any]]] = no_targets
     hanging_reason: Callable[[], str | None] = lambda: None

@@ -20,12 +20,12 @@ from ros_diagnostics_exporter.faults.model import (
     fault_id,
 )
 from ros_diagnostics_exporter.fleet.capabilities import work
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.notifications import Key, key_of
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.maintenance import maintenance_until
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.severity import component_state
 from ros_diagnostics_exporter.sources.prometheus import Outcome
 
@@ -88,7 +88,7 @@ _NO_CARE: dict[str, Any] = {  # of what is not confirmed
 }
 
 
-def fleet_snapshot(state: State, now: Instant, care: Care = NOBODY) -> dict[str, Any]:
+def fleet_snapshot(state: FleetState, now: Instant, care: Care = NOBODY) -> dict[str, Any]:
     """The whole fleet; times are Unix time.
 
     The problems of a robot and its parts are with the robot, those of sites and of many robots with
@@ -131,7 +131,7 @@ def queries(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
     ]
 
 
-def robot_snapshot(state: State, name: str, now: Instant, care: Care) -> dict[str, Any]:
+def robot_snapshot(state: FleetState, name: str, now: Instant, care: Care) -> dict[str, Any]:
     """A robot's labels, problems and end of maintenance as in ``fleet_snapshot``.
 
     Raises:
@@ -148,7 +148,7 @@ def robot_snapshot(state: State, name: str, now: Instant, care: Care) -> dict[st
     return {**known, **_maintenance(state, known, now)}
 
 
-def faults(state: State, now: Instant, care: Care = NOBODY) -> dict[str, Any]:
+def faults(state: FleetState, now: Instant, care: Care = NOBODY) -> dict[str, Any]:
     """All faults that last, the oldest first; times are Unix time."""
     lasting = sorted(state.faults(), key=lambda fault: (fault.since, fault.identity))
     return {
@@ -160,6 +160,7 @@ def faults(state: State, now: Instant, care: Care = NOBODY) -> dict[str, Any]:
                 "since": fault.since,
                 "confirmed": fault.confirmed,
                 "evidence": fault.evidence,
+                "details": dict(fault.details),
                 "work": fault.work,
                 "labels": dict(fault.labels),
                 **care.of(_id(state.fleet, fault.identity), identity, fault.since),
@@ -185,6 +186,7 @@ def _problem(fleet: Fleet, view: ProblemView, care: Care) -> dict[str, Any]:
         "because": view.because,
         "well": view.well,
         "evidence": "" if fault is None else fault.evidence,
+        "details": {} if fault is None else dict(fault.details),
         "work": "" if fault is None else fault.work,
         **(
             _NO_CARE if fault is None else care.of(_id(fleet, view.identity), identity, fault.since)
@@ -192,7 +194,7 @@ def _problem(fleet: Fleet, view: ProblemView, care: Care) -> dict[str, Any]:
     }
 
 
-def _maintenance(state: State, robot: dict[str, Any], now: Instant) -> dict[str, Any]:
+def _maintenance(state: FleetState, robot: dict[str, Any], now: Instant) -> dict[str, Any]:
     """Until when it is in maintenance, and the downtimes that people planned and that hold."""
     fleet, planned = state.fleet, state.downtimes(robot["robot"])
     labels = {**robot["labels"], "fleet": fleet.name, "robot": robot["robot"]}
@@ -212,7 +214,7 @@ def _maintenance(state: State, robot: dict[str, Any], now: Instant) -> dict[str,
     }
 
 
-def targets(state: State, job: str, port: int | None) -> list[dict[str, Any]]:
+def targets(state: FleetState, job: str, port: int | None) -> list[dict[str, Any]]:
     """Prometheus' http_sd list of the robots that have an address, at ``port`` or the job's own.
 
     Job uplink has what robots name as their uplink; an access point is in no other.
@@ -265,7 +267,7 @@ def _host(address: str | None) -> str:
 
 
 def _robot(
-    robot: Robot,
+    robot: RobotState,
     followed: Mapping[ComponentName, Followed],
     abilities: Mapping[str, AbilityView],
 ) -> dict[str, Any]:
@@ -313,7 +315,7 @@ def _capability(name: str, view: AbilityView) -> dict[str, Any]:
     }
 
 
-def _short_checks(robot: Robot) -> Iterator[dict[str, Any]]:
+def _short_checks(robot: RobotState) -> Iterator[dict[str, Any]]:
     """The checks that find fewer components than fleet.yml expects."""
     checks = {check.name: check for check in robot.settings.profile.checks}
     for name, counts in robot.components.count_checks():

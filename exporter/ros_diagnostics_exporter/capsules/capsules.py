@@ -12,21 +12,18 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import yaml
-
+from ros_diagnostics_exporter.capsules.config_lines import config_lines
 from ros_diagnostics_exporter.capsules.mcap import Attachment, Chunk, write
 from ros_diagnostics_exporter.capsules.rings import Rings
 from ros_diagnostics_exporter.config.fleet import CapsuleSettings
 from ros_diagnostics_exporter.events import Event, filled
-from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_exporter.model import Instant, Topic
 
 ID = re.compile(r"[0-9a-f]{12}")
 # Of a storm: in so many seconds so many faults have a capsule, beyond that only critical ones.
 STORM, FIRST, MOST = 600.0, 50, 100
-CONFIG = 256 << 10  # bytes of a fleet.yml that is attached
 _NOT_IN_FOXGLOVE = re.compile(r"[^A-Za-z0-9_.-]")
 
 
@@ -196,20 +193,3 @@ def _ns(wall: float) -> int:
 def _metadata(waiting: Waiting) -> dict[str, dict[str, str]]:
     device = _NOT_IN_FOXGLOVE.sub("_", waiting.event.robot)[:100]
     return {"foxglove": {"deviceName": device}}
-
-
-def config_lines(config_file: Path, robot: str) -> str:
-    """What fleet.yml says of one robot: all but the entries of others."""
-    try:
-        text = read_regular(config_file, CONFIG)
-        document: Any = yaml.safe_load(text)
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        return f"# {config_file.name} cannot be read: {type(error).__name__}\n"
-    if not isinstance(document, dict):
-        return "# no fleet\n"
-    known = document.get("robots")
-    if isinstance(known, list):
-        document["robots"] = [
-            each for each in known if isinstance(each, dict) and each.get("name") == robot
-        ]
-    return str(yaml.safe_dump(document, allow_unicode=True, sort_keys=False))

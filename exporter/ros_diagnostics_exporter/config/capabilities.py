@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from typing_extensions import override
 
@@ -18,7 +18,7 @@ from ros_diagnostics_exporter.regex import Pattern
 MOST = 100  # of one profile
 MOST_PARTS = 1000  # of one list
 _DEPTH = 10  # of lists in one another
-_FORMS = "all, any, at_least, component, check or capability"
+_FORMS = "all, any, at_least, degraded_is_ok, degraded_is_lost, component, check or capability"
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,14 @@ class CapabilityOf:
 
 @dataclass(frozen=True)
 class Expression:
-    """At least ``k`` of what follows; None: all of it."""
+    """At least ``k`` of what follows; None: all of it.
+
+    ``degraded`` is what each of these counts as where it is degraded: that, ``ok`` or ``lost``.
+    """
 
     k: int | None
     of: tuple[Need, ...]
+    degraded: Literal["degraded", "ok", "lost"] = "degraded"
 
 
 Need = ComponentsOf | CheckOf | CapabilityOf | Expression
@@ -128,6 +132,10 @@ def _at_least(value: Any, depth: int = 0) -> Expression:
     return Expression(k, of)
 
 
+def _degraded_is(counts_as: Literal["ok", "lost"]) -> Any:
+    return lambda value, depth=0: Expression(None, _needs(value, depth), counts_as)
+
+
 def _named(kind: type[CheckOf | CapabilityOf]) -> Any:
     return lambda value, _depth=0: kind(text(value))
 
@@ -136,6 +144,8 @@ _MADE: Mapping[str, Any] = {
     "all": _all,
     "any": _any,
     "at_least": _at_least,
+    "degraded_is_ok": _degraded_is("ok"),
+    "degraded_is_lost": _degraded_is("lost"),
     "check": _named(CheckOf),
     "capability": _named(CapabilityOf),
 }

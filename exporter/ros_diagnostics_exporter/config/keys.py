@@ -12,6 +12,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass
 from functools import cache, partial
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, PlainValidator, TypeAdapter
@@ -198,3 +199,13 @@ def _plain(kind: Any) -> Any:
             kind = next(each for each in get_args(kind) if each is not type(None))
         else:
             return kind
+
+
+def as_it_is(value: Any) -> Any:
+    """What the file has, where the attribute is no other."""
+    return value
+
+
+def nothing() -> Mapping[Any, Any]:
+    """The default of a mapping."""
+    return MappingProxyType({})

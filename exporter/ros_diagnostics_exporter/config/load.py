@@ -6,13 +6,24 @@ Every call reads all files; nothing is cached.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from ros_diagnostics_exporter.config.errors import LISTED, ConfigError, Finding, shortened
+from ros_diagnostics_exporter.config.capabilities import wrong_names
+from ros_diagnostics_exporter.config.errors import (
+    LISTED,
+    ConfigError,
+    Finding,
+    quoted,
+    shortened,
+    suggestion,
+)
 from ros_diagnostics_exporter.config.fleet import (
+    ALL,
+    DEFAULT,
     Discovery,
     Fleet,
     Limits,
@@ -23,9 +34,8 @@ from ros_diagnostics_exporter.config.fleet import (
     Shared,
     Source,
 )
-from ros_diagnostics_exporter.config.keys import Entry
+from ros_diagnostics_exporter.config.keys import Entry, validated
 from ros_diagnostics_exporter.config.lint import lint
-from ros_diagnostics_exporter.config.profiles import resolved
 from ros_diagnostics_exporter.config.validate import (
     Checked,
     Placed,
@@ -36,7 +46,10 @@ from ros_diagnostics_exporter.config.validate import (
 from ros_diagnostics_exporter.config.yaml_file import Document, KeyPath, read
 
 _SUFFIXES = (".yml", ".yaml")
+_Content = Mapping[str, Any]  # of a profile, as it is in the file
 _LISTS = ("robots", "discovery", "shared", "maintenance", "queries")
+# Sections that may be in a folder, too: the key `robots_folder` names another one, and so on.
+FOLDERS = {"robots": "robots.d", "maintenance": "maintenance.d", "queries": "queries.d"}
 
 T = TypeVar("T", bound=Entry)
 
@@ -67,6 +80,20 @@ def sources(fleet_or_path: Fleet | Path) -> tuple[Path, ...]:
         return load(fleet_or_path).sources
     except ConfigError as error:
         return error.sources
+
+
+def files_of(folder: Path) -> list[Path]:
+    """The files of a folder of the config, in order; none where there is no folder.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    try:
+        listed = sorted(folder.iterdir())
+    except FileNotFoundError:
+        return []
+    # Editors use hidden names until a file is complete.
+    return [each for each in listed if each.suffix in _SUFFIXES and not each.name.startswith(".")]
 
 
 def _fleet(document: Document, sources_read: list[Path], problems: list[Finding]) -> Fleet | None:
@@ -134,7 +161,7 @@ def _sections(
         return validate(document, items, kind, problems, profiles)
 
     shared = section("shared", Shared)
-    robots = section("robots", Robot) + folders.entries("robots_folder", "robots.d", Robot)
+    robots = section("robots", Robot) + folders.entries("robots", Robot)
     checked = Checked(
         document=document,
         profiles=own,
@@ -142,8 +169,8 @@ def _sections(
         discovery=section("discovery", Discovery),
         shared=shared,
         maintenance=section("maintenance", Maintenance)
-        + folders.entries("maintenance_folder", "maintenance.d", Maintenance),
-        queries=section("queries", Query) + folders.entries("queries_folder", "queries.d", Query),
+        + folders.entries("maintenance", Maintenance),
+        queries=section("queries", Query) + folders.entries("queries", Query),
     )
     return checked, profiles
 
@@ -185,32 +212,25 @@ class _Folders:
         self._problems = problems
         self._profiles = profiles
 
-    def entries(self, key: str, default: str, kind: type[T]) -> list[Placed[T]]:
-        """The entries of all files of the folder that `key` names, in the order of the files."""
+    def entries(self, section: str, kind: type[T]) -> list[Placed[T]]:
+        """The entries of all files of a section's folder, in the order of the files."""
+        key = f"{section}_folder"
         name = self._document.data.get(key)
         if not isinstance(name, str | None):
             return []  # a problem already
-        folder = self._document.path.parent / (name or default)
+        folder = self._document.path.parent / (name or FOLDERS[section])
         self._sources.append(folder)
         if name and not folder.is_dir():
             what, remedy = f"{folder} is not a folder", "create it, or name one that exists"
             self._problems.append(self._document.problem((key,), what, remedy))
             return []
-        return [entry for file in self._files(folder) for entry in self._read(file, kind)]
-
-    def _files(self, folder: Path) -> list[Path]:
         try:
-            listed = sorted(folder.iterdir())
-        except FileNotFoundError:
-            return []
+            files = files_of(folder)
         except OSError as error:
             what, remedy = f"cannot be read ({error.strerror})", "let this user read the folder"
             self._problems.append(Finding(folder, None, "", what, remedy))
             return []
-        # Editors use hidden names until a file is complete.
-        return [
-            file for file in listed if file.suffix in _SUFFIXES and not file.name.startswith(".")
-        ]
+        return [entry for file in files for entry in self._read(file, kind)]
 
     def _read(self, file: Path, kind: type[T]) -> list[Placed[T]]:
         document, found = read(file)
@@ -222,3 +242,128 @@ class _Folders:
             return []
         items = _items(document.data)
         return validate(document, items, kind, self._problems, self._profiles)
+
+
+# -- profiles that extend one another -------------------------------------------------------------
+
+
+def resolved(
+    document: Document, problems: list[Finding], *, stale_is_critical: bool
+) -> tuple[list[Placed[Profile]], dict[str, Profile]]:
+    """(The valid entries of the file, every profile by name, `default` always among them).
+
+    What cannot be resolved is added to `problems`; in its place there is the default.
+    """
+    found = document.data.get("profiles")
+    given = found if isinstance(found, dict) else {}
+    items = [(("profiles", name), {} if each is None else each) for name, each in given.items()]
+    entries = validate(document, items, Profile, problems)
+    base = {"stale_is_critical": stale_is_critical, "checks": {ALL: {}}}
+    resolver = _Resolver({str(each.path[-1]): each for each in entries}, {*given, DEFAULT}, base)
+    made = {
+        name: resolver.content(name) if name in resolver.entries else base
+        for name in dict.fromkeys((DEFAULT, *given))
+    }
+    problems.extend(resolver.problems)
+    default = Profile(stale_is_critical=stale_is_critical)
+    profiles = {
+        name: default if each is None else replace(validated(Profile, each), name=name)
+        for name, each in made.items()
+    }
+    problems.extend(_wrong_names(profiles, resolver.entries))
+    return entries, profiles
+
+
+def _wrong_names(
+    profiles: Mapping[str, Profile], entries: Mapping[str, Placed[Profile]]
+) -> Iterator[Finding]:
+    """Names in capabilities that are not there, and circles; one that is inherited, once."""
+    found = [
+        (entries[name], each)
+        for name, profile in profiles.items()
+        if name in entries
+        for each in wrong_names(profile.capabilities, [each.name for each in profile.checks])
+    ]
+    own = [each for each in found if each[1][0] in (each[0].data.get("capabilities") or ())]
+    known = {each[:2] for _, each in own}
+    for placed, (capability, what, remedy) in own:
+        yield placed.problem("capabilities", capability, what=what, remedy=remedy)
+    for placed, each in found:
+        if each[:2] not in known:
+            what = f"capability {quoted(each[0])}, which is inherited: {each[1]}"
+            yield placed.problem("capabilities", what=what, remedy=each[2])
+
+
+class _Resolver:
+    """Merges profiles, each into the one that it extends."""
+
+    def __init__(
+        self, entries: Mapping[str, Placed[Profile]], known: Iterable[str], base: _Content
+    ) -> None:
+        self.entries = entries
+        self.problems: list[Finding] = []
+        self._known = sorted(known)  # also those that are invalid
+        self._base = base
+        self._made: dict[str, _Content | None] = {}  # None: invalid, with a problem
+
+    def content(self, name: str, above: tuple[str, ...] = ()) -> _Content | None:
+        """The merged content of a profile; `above` are the profiles that extend it."""
+        if name not in self._made:
+            placed = self.entries[name]
+            parent = self._parent(name, placed, (*above, name))
+            self._made[name] = None if parent is None else self._merged(parent, placed)
+        return self._made[name]
+
+    def _parent(
+        self, name: str, placed: Placed[Profile], above: tuple[str, ...]
+    ) -> _Content | None:
+        wanted = placed.entry.extends
+        if name == DEFAULT:
+            if placed.data.get("extends"):
+                what = "the profile default cannot extend another"
+                self._problem(placed, "extends", what=what, remedy="remove extends")
+            return self._base
+        if wanted in above:
+            way = " -> ".join((*above[above.index(wanted) :], wanted))
+            what = f"extends in a circle ({way})"
+            self._problem(placed, "extends", what=what, remedy="remove one extends")
+            return None
+        if wanted in self.entries:
+            return self.content(wanted, above)
+        if wanted not in self._known:
+            what = f"there is no profile {quoted(wanted)}"
+            remedy = suggestion(wanted, self._known)
+            self._problem(placed, "extends", what=what, remedy=remedy)
+            return None
+        return self._base if wanted == DEFAULT else None
+
+    def _merged(self, parent: _Content, placed: Placed[Profile]) -> _Content:
+        """A profile's own content over that of the profile that it extends."""
+        own = {key: each for key, each in placed.data.items() if each is not None}
+        merged = {**parent, **own}
+        for key in ("checks", "capabilities"):
+            merged[key] = self._added(key, parent.get(key, {}), own.get(key, {}), placed)
+        for key in ("components", "values"):  # the first match wins
+            merged[key] = [*own.get(key, []), *parent.get(key, [])]
+        return merged
+
+    def _added(
+        self, key: str, inherited: _Content, own: _Content, placed: Placed[Profile]
+    ) -> _Content:
+        """The inherited ones with a profile's own added, replaced and (null) removed."""
+        both = {**inherited, **own}
+        removed = [name for name, each in own.items() if each is None]
+        for name in removed:
+            del both[name]
+            if name not in inherited:
+                what = "is removed (null), but no profile that is extended has it"
+                remedy = suggestion(name, [each for each in both if each != ALL])
+                self._problem(placed, key, name, what=what, remedy=remedy)
+        has_words = any(each.patterns for each in placed.entry.checks if each.name == ALL)
+        if key == "checks" and (ALL in removed or has_words):
+            what = "cannot be removed or narrowed: the check all contains all components"
+            self._problem(placed, key, ALL, what=what, remedy="use another name")
+        return both
+
+    def _problem(self, placed: Placed[Profile], *below: str | int, what: str, remedy: str) -> None:
+        self.problems.append(placed.problem(*below, what=what, remedy=remedy))

@@ -1,138 +1,368 @@
-"""Profiles of fleet.yml, which extend one another -> profiles with everything filled in."""
+"""What a profile says of a kind of robot: its components, values, checks and times."""
 
-from __future__ import annotations
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
-from typing import Any
+from pydantic import BeforeValidator, Field
+from typing_extensions import override
 
-from ros_diagnostics_exporter.config.capabilities import wrong_names
-from ros_diagnostics_exporter.config.errors import Finding, quoted, suggestion
-from ros_diagnostics_exporter.config.fleet import ALL, DEFAULT, Profile
-from ros_diagnostics_exporter.config.keys import validated
-from ros_diagnostics_exporter.config.validate import Placed, validate
-from ros_diagnostics_exporter.config.yaml_file import Document
+from ros_diagnostics_exporter.config.capabilities import Capability, Parts, short_capability
+from ros_diagnostics_exporter.config.conditions import LEVELS, Conditional, ConditionList
+from ros_diagnostics_exporter.config.errors import WrongValueError, quoted, suggestion
+from ros_diagnostics_exporter.config.graph import Graph
+from ros_diagnostics_exporter.config.keys import Entry, Written, as_it_is, described, nothing
+from ros_diagnostics_exporter.config.metric_names import MetricName, Unit
+from ros_diagnostics_exporter.config.patterns import Wildcards, Words
+from ros_diagnostics_exporter.config.scalars import CapabilityName, Duration, Name, PositiveDuration
+from ros_diagnostics_exporter.regex import Pattern
 
-_Content = Mapping[str, Any]  # of a profile, as it is in the file
+DEFAULT = "default"  # the profile that applies where none is named
+ALL = "all"  # the check that is always there
 
-
-def resolved(
-    document: Document, problems: list[Finding], *, stale_is_critical: bool
-) -> tuple[list[Placed[Profile]], dict[str, Profile]]:
-    """(The valid entries of the file, every profile by name, `default` always among them).
-
-    What cannot be resolved is added to `problems`; in its place there is the default.
-    """
-    found = document.data.get("profiles")
-    given = found if isinstance(found, dict) else {}
-    items = [(("profiles", name), {} if each is None else each) for name, each in given.items()]
-    entries = validate(document, items, Profile, problems)
-    base = {"stale_is_critical": stale_is_critical, "checks": {ALL: {}}}
-    resolver = _Resolver({str(each.path[-1]): each for each in entries}, {*given, DEFAULT}, base)
-    made = {
-        name: resolver.content(name) if name in resolver.entries else base
-        for name in dict.fromkeys((DEFAULT, *given))
-    }
-    problems.extend(resolver.problems)
-    default = Profile(stale_is_critical=stale_is_critical)
-    profiles = {
-        name: default if each is None else replace(validated(Profile, each), name=name)
-        for name, each in made.items()
-    }
-    problems.extend(_wrong_names(profiles, resolver.entries))
-    return entries, profiles
+# An entry has all the patterns of its key; `_one_each` makes of it rules that have one each.
+OneOfWords = Annotated[Pattern, Written(Words, as_it_is)]
+OneOfWildcards = Annotated[Pattern, Written(Wildcards, as_it_is)]
+LevelWord = Literal["OK", "WARN", "ERROR", "STALE"]
 
 
-def _wrong_names(
-    profiles: Mapping[str, Profile], entries: Mapping[str, Placed[Profile]]
-) -> Iterator[Finding]:
-    """Names in capabilities that are not there, and circles; one that is inherited, once."""
-    found = [
-        (entries[name], each)
-        for name, profile in profiles.items()
-        if name in entries
-        for each in wrong_names(profile.capabilities, [each.name for each in profile.checks])
-    ]
-    own = [each for each in found if each[1][0] in (each[0].data.get("capabilities") or ())]
-    known = {each[:2] for _, each in own}
-    for placed, (capability, what, remedy) in own:
-        yield placed.problem("capabilities", capability, what=what, remedy=remedy)
-    for placed, each in found:
-        if each[:2] not in known:
-            what = f"capability {quoted(each[0])}, which is inherited: {each[1]}"
-            yield placed.problem("capabilities", what=what, remedy=each[2])
+def _one_each(entries: Any, *attributes: str) -> Any:
+    for name in attributes:
+        entries = [
+            each if getattr(each, name) is None else replace(each, **{name: pattern})
+            for each in entries
+            for pattern in getattr(each, name) or (None,)
+        ]
+    return tuple(entries)
 
 
-class _Resolver:
-    """Merges profiles, each into the one that it extends."""
+class ComponentRule(Conditional, Entry, title="Component"):
+    """Settings for some components; the first entry that matches applies."""
 
-    def __init__(
-        self, entries: Mapping[str, Placed[Profile]], known: Iterable[str], base: _Content
-    ) -> None:
-        self.entries = entries
-        self.problems: list[Finding] = []
-        self._known = sorted(known)  # also those that are invalid
-        self._base = base
-        self._made: dict[str, _Content | None] = {}  # None: invalid, with a problem
+    pattern: OneOfWords = described(
+        "Words, case ignored, one of which the component's name contains; or {regex: ...}.",
+        example="Laser",
+        key="match",
+    )
+    ignore: bool = described("Ignore these components.", example=True, default=False)
+    stale_after: PositiveDuration | None = described(
+        "Time without an update after which they are STALE, in place of the profile's.",
+        example="90s",
+        default=None,
+    )
+    confirm_after: Duration | None = described(
+        "Time after which a problem is confirmed, in place of the profile's.",
+        example="1m",
+        default=None,
+    )
+    levels: Annotated[
+        Mapping[int, int],
+        Written(
+            dict[LevelWord, LevelWord],
+            lambda words: MappingProxyType({LEVELS[k]: LEVELS[v] for k, v in words.items()}),
+        ),
+    ] = described(
+        "The level that counts in place of the published one.",
+        example={"ERROR": "WARN"},
+        default_factory=nothing,
+    )
+    planned_stale: bool = described(
+        "Their STALE is planned (a sensor that is switched off): no notification is sent.",
+        example=True,
+        default=False,
+    )
+    when: ConditionList = described(
+        "Only where this condition holds, or all of a list, is their trouble a fault; while it is "
+        "not known, no fault begins and none ends.",
+        example={"component": "Mode", "key": "mode", "equals": "auto"},
+        default=(),
+    )
+    unless: ConditionList = described(
+        "Where this condition holds, or one of a list, their trouble is no fault.",
+        example={"component": "Charger", "key": "State", "equals": "charging"},
+        default=(),
+    )
 
-    def content(self, name: str, above: tuple[str, ...] = ()) -> _Content | None:
-        """The merged content of a profile; `above` are the profiles that extend it."""
-        if name not in self._made:
-            placed = self.entries[name]
-            parent = self._parent(name, placed, (*above, name))
-            self._made[name] = None if parent is None else self._merged(parent, placed)
-        return self._made[name]
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "ComponentRule":
+        if self.ignore and self.conditions:
+            what = "ignores these components and gives them conditions"
+            raise WrongValueError(what, "remove ignore, or when and unless")
+        return self
 
-    def _parent(
-        self, name: str, placed: Placed[Profile], above: tuple[str, ...]
-    ) -> _Content | None:
-        wanted = placed.entry.extends
-        if name == DEFAULT:
-            if placed.data.get("extends"):
-                what = "the profile default cannot extend another"
-                self._problem(placed, "extends", what=what, remedy="remove extends")
-            return self._base
-        if wanted in above:
-            way = " -> ".join((*above[above.index(wanted) :], wanted))
-            what = f"extends in a circle ({way})"
-            self._problem(placed, "extends", what=what, remedy="remove one extends")
-            return None
-        if wanted in self.entries:
-            return self.content(wanted, above)
-        if wanted not in self._known:
-            what = f"there is no profile {quoted(wanted)}"
-            remedy = suggestion(wanted, self._known)
-            self._problem(placed, "extends", what=what, remedy=remedy)
-            return None
-        return self._base if wanted == DEFAULT else None
 
-    def _merged(self, parent: _Content, placed: Placed[Profile]) -> _Content:
-        """A profile's own content over that of the profile that it extends."""
-        own = {key: each for key, each in placed.data.items() if each is not None}
-        merged = {**parent, **own}
-        for key in ("checks", "capabilities"):
-            merged[key] = self._added(key, parent.get(key, {}), own.get(key, {}), placed)
-        for key in ("components", "values"):  # the first match wins
-            merged[key] = [*own.get(key, []), *parent.get(key, [])]
-        return merged
+@dataclass(frozen=True)
+class Threshold:
+    """A threshold for a value, exported as component_value_threshold."""
 
-    def _added(
-        self, key: str, inherited: _Content, own: _Content, placed: Placed[Profile]
-    ) -> _Content:
-        """The inherited ones with a profile's own added, replaced and (null) removed."""
-        both = {**inherited, **own}
-        removed = [name for name, each in own.items() if each is None]
-        for name in removed:
-            del both[name]
-            if name not in inherited:
-                what = "is removed (null), but no profile that is extended has it"
-                remedy = suggestion(name, [each for each in both if each != ALL])
-                self._problem(placed, key, name, what=what, remedy=remedy)
-        has_words = any(each.patterns for each in placed.entry.checks if each.name == ALL)
-        if key == "checks" and (ALL in removed or has_words):
-            what = "cannot be removed or narrowed: the check all contains all components"
-            self._problem(placed, key, ALL, what=what, remedy="use another name")
-        return both
+    bound: str  # "low" or "high"
+    severity: str  # "warning" or "critical"
+    value: float
 
-    def _problem(self, placed: Placed[Profile], *below: str | int, what: str, remedy: str) -> None:
-        self.problems.append(placed.problem(*below, what=what, remedy=remedy))
+    def is_beyond(self, number: float, margin: float = 0.0) -> bool:
+        """Whether a number is beyond it, or not back by ``margin``, a share of the threshold."""
+        back = abs(self.value) * margin
+        if self.bound == "low":
+            return number < self.value + back
+        return number > self.value - back
+
+
+class Bound(Entry):
+    """Thresholds for a value, in the unit in which it is exported."""
+
+    warning: float | None = described(
+        "Beyond it the value is a WARNING.", example=11.5, default=None
+    )
+    critical: float | None = described(
+        "Beyond it the value is CRITICAL.", example=10.8, default=None
+    )
+
+
+class Thresholds(Entry):
+    """Thresholds for a value, exported as `component_value_threshold`."""
+
+    low: Bound = described(
+        "The value should not be below.", example={"critical": 10.8}, default=Bound()
+    )
+    high: Bound = described(
+        "The value should not be above.", example={"warning": 80}, default=Bound()
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> tuple[Threshold, ...]:
+        in_order = [
+            Threshold(bound, severity, number)
+            for bound, severity in (
+                *(("low", "critical"), ("low", "warning")),
+                *(("high", "warning"), ("high", "critical")),
+            )
+            if (number := getattr(getattr(self, bound), severity)) is not None
+        ]
+        for below, above in pairwise(in_order):
+            if below.value > above.value:
+                raise WrongValueError(
+                    f"{below.bound} {below.severity} ({below.value:g}) is above "
+                    f"{above.bound} {above.severity} ({above.value:g})",
+                    "order them: low critical, low warning, high warning, high critical",
+                )
+        return tuple(
+            sorted(in_order, key=lambda each: (each.bound == "high", each.severity != "warning"))
+        )
+
+
+def _numbers(enum: dict[str, float]) -> Mapping[str, float]:
+    numbers = {word.strip().lower(): number for word, number in enum.items()}
+    if not enum or len(numbers) < len(enum):
+        what = "enum names a word twice, as case is ignored" if numbers else "enum is empty"
+        raise WrongValueError(what, "give each word one number, or remove enum")
+    return MappingProxyType(numbers)
+
+
+class ValueRule(Conditional, Entry, title="Value"):
+    """How some key-values are read; the first entry that matches applies."""
+
+    component: OneOfWords | None = described(
+        "Words, case ignored, one of which the component's name contains. Without it, all.",
+        example="Battery",
+        default=None,
+    )
+    key: OneOfWildcards | None = described(
+        "The key as the driver publishes it, `*` for anything; or {regex: ...}, matched "
+        "against the whole key. A colon at the end may be omitted. Without `key`, all keys.",
+        example="Voltage (V)",
+        default=None,
+    )
+    keep: bool = described("false drops the value.", example=False, default=True)
+    unit: Unit | None = described(
+        "The unit, in place of the one found in the key or the value.", example="V", default=None
+    )
+    enum: Annotated[Mapping[str, float], Written(dict[str, float], _numbers)] | None = described(
+        "Numbers for words, case ignored.",
+        example={"None": 0, "Adapter": 1, "Dock": 2},
+        default=None,
+    )
+    scale: float = described(
+        "Factor from the value to what is exported.", example=0.01, default=1.0
+    )
+    offset: float = described("Added after `scale`.", example=-273.15, default=0.0)
+    metric: MetricName | None = described(
+        "Export the value as a metric of this name, in a base unit, in place of `component_value`; "
+        "in addition to it if there are `thresholds`.",
+        example="ros_battery_voltage_volts",
+        default=None,
+    )
+    thresholds: Annotated[tuple[Threshold, ...], Written(Thresholds, tuple)] = described(
+        "Thresholds for the exported value.",
+        example={"low": {"warning": 11.5, "critical": 10.8}},
+        default=(),
+    )
+    when: ConditionList = described(
+        "As in a [component](#component), for the faults of the thresholds.",
+        example={"component": "Dock", "key": "Docked", "equals": True},
+        default=(),
+    )
+    unless: ConditionList = described(
+        "As in a component, for the faults of the thresholds.",
+        example={"key": "Charging state", "equals": "charging"},
+        default=(),
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "ValueRule":
+        others = given.keys() - {"key", "component", "keep"}
+        if not self.keep and others:
+            what = f"drops the value (keep: false) and also sets {', '.join(sorted(others))}"
+            raise WrongValueError(what, "remove keep, or the other keys")
+        if self.conditions and "thresholds" not in given:
+            what = "has conditions and no thresholds, so there is no fault that they could prevent"
+            raise WrongValueError(what, "add thresholds, or move them to an entry of components")
+        if self.scale == 0:
+            raise WrongValueError(
+                "scale is 0, which makes every value the same", "use another factor"
+            )
+        return self
+
+
+# -- profiles ----------------------------------------------------------------------------------
+
+
+class Check(Entry):
+    """A named set of components; a list of words is short for `match`."""
+
+    name: str = ""
+    patterns: Words = described(
+        "Words, case ignored: a component belongs to the check if its group and name contain "
+        'one of them. {regex: "..."} is searched in `group/component` as it is. Without it, all.',
+        example=["Motor"],
+        default=(),
+        key="match",
+    )
+    expect: Annotated[int, Field(ge=0, le=100_000)] | None = described(
+        "How many components the check should find; fewer are CRITICAL.", example=3, default=None
+    )
+
+
+def _short_check(value: Any) -> Any:
+    return {"match": value} if isinstance(value, str | list) else value
+
+
+class Profile(Entry):
+    """Settings for a kind of robot. What is not given comes from the profile that is extended."""
+
+    name: str = DEFAULT
+    extends: Name = described(
+        "The profile to start from. Checks and capabilities are added to its own (one of the same "
+        "name replaces it, null removes it); its components and values are searched after this "
+        "profile's own.",
+        example="wheeled",
+        default=DEFAULT,
+    )
+    stale_after: PositiveDuration = described(
+        "Time without a message after which a robot is silent.", example="5s", default=10.0
+    )
+    confirm_after: Duration = described(
+        "Time after which a problem is confirmed.", example="30s", default=10.0
+    )
+    forget_after: PositiveDuration = described(
+        "Time without an update after which a component of a silent robot is forgotten if it was "
+        "OK, and a discovered robot that never published.",
+        example="24h",
+        default=86_400.0,
+    )
+    flap_interval: PositiveDuration = described(
+        "Time between two of the 21 states in which changes are counted for "
+        "`component_flap_ratio`.",
+        example="1m",
+        default=15.0,
+    )
+    stale_is_critical: bool = described(
+        "Whether STALE counts as CRITICAL; else it is a state of its own between WARNING and "
+        "CRITICAL. By default the fleet's `stale_is_critical`.",
+        example=True,
+        default=False,
+        written=None,
+    )
+    checks: Annotated[
+        tuple[Check, ...],
+        Written(
+            dict[
+                Name,
+                Annotated[
+                    Check, BeforeValidator(_short_check, json_schema_input_type=Words | Check)
+                ]
+                | None,
+            ],
+            lambda checks: tuple(
+                replace(each, name=name) for name, each in checks.items() if each is not None
+            ),
+        ),
+    ] = described(
+        "Named sets of components. The check `all` always exists and has no words.",
+        example={"motors": ["Motor"], "lasers": {"match": ["Laser"], "expect": 2}},
+        default=(Check(ALL),),
+    )
+    components: Annotated[
+        tuple[ComponentRule, ...],
+        Written(list[ComponentRule], lambda entries: _one_each(entries, "pattern")),
+    ] = described(
+        "Settings for some components; the first entry that matches applies.",
+        example=[{"match": "Laser", "stale_after": "90s"}],
+        default=(),
+    )
+    values: Annotated[
+        tuple[ValueRule, ...],
+        Written(list[ValueRule], lambda entries: _one_each(entries, "component", "key")),
+    ] = described(
+        "How key-values are read; the first entry that matches applies.",
+        example=[{"key": "PID", "keep": False}],
+        default=(),
+    )
+    capabilities: Annotated[
+        Mapping[str, Capability],
+        Written(
+            dict[
+                CapabilityName,
+                Annotated[
+                    Capability,
+                    BeforeValidator(short_capability, json_schema_input_type=Parts | Capability),
+                ]
+                | None,
+            ],
+            lambda found: MappingProxyType(
+                {name: replace(each, name=name) for name, each in found.items() if each}
+            ),
+        ),
+    ] = described(
+        "What the robot can do, and what it needs for it: a fault says what is lost, and what "
+        "still works ([capabilities](capabilities.md)).",
+        example={
+            "driving": ["Motor", {"capability": "front view"}],
+            "front view": {"any": ["Laser", "Camera"]},
+        },
+        default_factory=nothing,
+    )
+    graph: Graph = described(
+        "What is seen of the robot in the ROS graph, and of lost messages: silent faults.",
+        example={"mode": "on", "expect": ["amcl"]},
+        default=Graph(),
+    )
+
+    @cached_property
+    def has_conditions(self) -> bool:
+        """Whether `when` or `unless` of any component or value asks about levels or values."""
+        return any(each.conditions for each in (*self.components, *self.values))
+
+
+def _named_profile(name: str, profiles: Mapping[str, Profile] | None) -> Profile:
+    """The profile of this name; the context of the validation has all of the file."""
+    known = profiles or {}
+    if name not in known:
+        what = f"there is no profile {quoted(name)}"
+        raise WrongValueError(what, suggestion(name, sorted(known)))
+    return known[name]
+
+
+ProfileName = Annotated[Profile, Written(Name, _named_profile, in_context=True)]

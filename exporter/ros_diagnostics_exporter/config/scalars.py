@@ -10,12 +10,15 @@ import re
 import zoneinfo
 from collections.abc import Callable
 from datetime import datetime
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
+from pydantic import Field
+
 from ros_diagnostics_exporter import durations
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted
-from ros_diagnostics_exporter.config.keys import Value
+from ros_diagnostics_exporter.config.keys import Value, Written
 from ros_diagnostics_exporter.model import Domain
 from ros_diagnostics_exporter.weekly import Weekly
 
@@ -347,6 +350,11 @@ def _value(made: Callable[[Any], Any], title: str, pattern: str, **more: Any) ->
     return Value(made, title, type="string", pattern=pattern, **more)
 
 
+def joined(weekly: list[Weekly]) -> Weekly:
+    """Several times of each week as one."""
+    return tuple(chain.from_iterable(weekly))
+
+
 Duration = Annotated[float, Value(duration, "duration", anyOf=_seconds(minimum=0))]
 PositiveDuration = Annotated[
     float, Value(positive_duration, "duration", anyOf=_seconds(exclusiveMinimum=0))
@@ -393,3 +401,6 @@ LabelValue = Annotated[
 WeeklyTime = Annotated[Weekly, _value(weekly, "weekly time", f"^{_WEEKLY.pattern}$")]
 Moment = Annotated[datetime, _value(moment, "date and time", f"^{_MOMENT}$")]
 TimeZone = Annotated[str, Value(time_zone, "time zone", type="string", minLength=1)]
+WeeklyTimes = Annotated[Weekly, Written(list[WeeklyTime], joined)]
+Count = Annotated[int, Field(ge=1, le=10_000_000)]
+Share = Annotated[float, Field(ge=0, le=1)]

@@ -18,7 +18,13 @@ from ros_diagnostics_exporter.faults.model import (
     State,
     Verdict,
 )
-from ros_diagnostics_exporter.faults.records import Cause, Component, Presence, Problem, Robot
+from ros_diagnostics_exporter.faults.records import (
+    Cause,
+    ComponentRecord,
+    Presence,
+    Problem,
+    RobotRecord,
+)
 from ros_diagnostics_exporter.faults.rows import give_to_owner
 from ros_diagnostics_exporter.faults.settings import ComponentSettings
 from ros_diagnostics_exporter.model import Instant, Level
@@ -27,11 +33,11 @@ from ros_diagnostics_exporter.model import Instant, Level
 def adopt(book: Book, fault: Fault, now: Instant) -> Change | None:
     """Go on with a fault, if it is one of a robot that is known, and did not end here."""
     identity = fault.identity
-    if not _may_adopt(book, fault):
+    if not _may_adopt(book, fault, now):
         return None
     since = Instant(now.mono - max(0.0, now.wall - fault.since), fault.since)
     robot = book.robots.get(identity.robot)
-    if identity.scope is Scope.CLOCK:
+    if identity.scope is Scope.EXPORTER:
         pass  # of no robot, and nothing follows from it
     elif robot is None or identity.state is State.MANY:
         _prepare_cause(book, identity, since, now)
@@ -51,8 +57,10 @@ def adopt(book: Book, fault: Fault, now: Instant) -> Change | None:
     return Change("began", fault, now.wall)
 
 
-def _may_adopt(book: Book, fault: Fault) -> bool:
+def _may_adopt(book: Book, fault: Fault, now: Instant) -> bool:
     identity = fault.identity
+    if identity.scope is Scope.EXPORTER and now.mono >= book.settled_at:
+        return False  # it is the other's of a pair, which ends it
     if bool(identity.robot) != (identity.robot in book.robots):
         return False
     forgotten = book.forgotten.get(identity.robot)
@@ -62,7 +70,7 @@ def _may_adopt(book: Book, fault: Fault) -> bool:
     return problem is None or problem.fault is None
 
 
-def _is_over(robot: Robot, identity: Identity) -> bool:
+def _is_over(robot: RobotRecord, identity: Identity) -> bool:
     """Whether what is received of the robot now is the end of it."""
     if identity.state is State.PENDING:
         return robot.presence is not Presence.NEVER
@@ -70,7 +78,7 @@ def _is_over(robot: Robot, identity: Identity) -> bool:
 
 
 def _prepare_robot(
-    book: Book, robot: Robot, identity: Identity, since: Instant, now: Instant
+    book: Book, robot: RobotRecord, identity: Identity, since: Instant, now: Instant
 ) -> None:
     """Have the robot, or its component, as it was when the fault was known."""
     if identity.state is State.SILENT and not robot.up:
@@ -95,7 +103,7 @@ def _prepare_robot(
         book.write(component)
 
 
-def _component(book: Book, robot: Robot, name: ComponentName) -> Component:
+def _component(book: Book, robot: RobotRecord, name: ComponentName) -> ComponentRecord:
     component = robot.components.get(name)
     if component is None:
         settings = ComponentSettings(robot.settings.confirm_after)

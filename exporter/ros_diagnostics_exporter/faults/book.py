@@ -12,11 +12,11 @@ from ros_diagnostics_exporter.faults.records import (
     TREND_STEPS,
     CapabilityRecord,
     Cause,
-    Component,
+    ComponentRecord,
     Ended,
     Presence,
     Problem,
-    Robot,
+    RobotRecord,
     RowKey,
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
@@ -35,7 +35,8 @@ TimerKind = Literal[
     "hours",
     "ends",
 ]
-Timer = tuple[TimerKind, "Problem | Cause | CapabilityRecord | Robot | Component | None"]
+_Timed = Problem | Cause | CapabilityRecord | RobotRecord | ComponentRecord | None
+Timer = tuple[TimerKind, _Timed]
 CLOCK_TIME = 60.0  # seconds for which a clock has to be wrong: longer than arrays are buffered
 FLEET_ROW: RowKey = ("fleet", ())
 UPLINK_TIME = 15.0  # seconds in which a query has noticed that an uplink does not answer
@@ -49,17 +50,18 @@ class Book:
         self.grace_until = -inf
         self.settled_at = -inf
         self.clock_offset = 0.0  # of the wall clock to the monotonic, when hours were computed
-        self.robots: dict[str, Robot] = {}
+        self.robots: dict[str, RobotRecord] = {}
         self.causes: dict[tuple[Scope, str], Cause] = {}  # of sites and components
         self.problems: dict[Identity, Problem] = {}
+        self.own: dict[str, float] = {}  # part of the exporter -> seconds until it is a fault
         self.ended: dict[Identity, Ended] = {}
         self.forgotten: dict[str, Ended] = {}  # robots of which nothing is to be held
-        self.named: dict[str, dict[Component, None]] = {}  # components with a record, by name
+        self.named: dict[str, dict[ComponentRecord, None]] = {}  # components with a record, by name
         self.present: dict[str, set[str]] = {}  # site -> robots that causes are shares of
         self.timers: Timers[Timer] = Timers()
         self.touched: dict[Problem, None] = {}
         self.touched_causes: dict[Cause, None] = {}
-        self.touched_robots: dict[Robot, None] = {}  # whose capabilities are to be judged
+        self.touched_robots: dict[RobotRecord, None] = {}  # whose capabilities are to be judged
         self.written: dict[RowKey, None] = {}  # rows that differ from what was last taken
         self.followed: dict[str, None] = {}  # robots of which `Faults.followed` changed
 
@@ -76,10 +78,12 @@ class Book:
         """Have every site and common cause judged again, because the whole has changed."""
         self.touched_causes.update(dict.fromkeys(self.causes.values()))
 
-    def write(self, record: Problem | Cause | CapabilityRecord | Robot | Component) -> None:
+    def write(
+        self, record: Problem | Cause | CapabilityRecord | RobotRecord | ComponentRecord
+    ) -> None:
         """Have the row of this record written again."""
         self.written[record.row] = None
-        if isinstance(record, Component):
+        if isinstance(record, ComponentRecord):
             follows = record.since, None if record.flaps is None else record.flaps.ratio
             if follows != record.noted:
                 record.noted = follows
@@ -87,19 +91,19 @@ class Book:
 
     # -- records -----------------------------------------------------------------------------
 
-    def add_robot(self, name: str, settings: RobotSettings) -> Robot:
+    def add_robot(self, name: str, settings: RobotSettings) -> RobotRecord:
         """A new robot, never received."""
-        robot = self.robots[name] = Robot(name, settings)
+        robot = self.robots[name] = RobotRecord(name, settings)
         self.write(robot)
         return robot
 
     def add_component(
-        self, robot: Robot, name: ComponentName, settings: ComponentSettings
-    ) -> Component:
+        self, robot: RobotRecord, name: ComponentName, settings: ComponentSettings
+    ) -> ComponentRecord:
         """A new record of a component that was OK."""
-        return self.adopt_component(Component(robot, name, settings))
+        return self.adopt_component(ComponentRecord(robot, name, settings))
 
-    def adopt_component(self, component: Component) -> Component:
+    def adopt_component(self, component: ComponentRecord) -> ComponentRecord:
         """Keep the record of a component."""
         name = component.name
         component.robot.components[name] = component
@@ -107,7 +111,7 @@ class Book:
         self.write(component)
         return component
 
-    def drop_component(self, component: Component) -> None:
+    def drop_component(self, component: ComponentRecord) -> None:
         """Take out the record of a component."""
         name = component.name
         del component.robot.components[name]
@@ -146,7 +150,7 @@ class Book:
 
     # -- what causes are counted of ----------------------------------------------------------
 
-    def note_presence(self, robot: Robot) -> None:
+    def note_presence(self, robot: RobotRecord) -> None:
         """Count the robot, or not, among those that a share of robots is a share of."""
         site = self.present.setdefault(robot.settings.site, set())
         wanted = robot.presence is not Presence.NEVER and not robot.maintenance
@@ -171,8 +175,8 @@ class Book:
             return clock
         if state is State.PENDING:
             return clock + self.settings.pending_after
-        if state is State.CLOCK:
-            return clock + CLOCK_TIME
+        if state is State.CLOCK or problem.identity.scope is Scope.EXPORTER:
+            return clock + self.own.get(problem.identity.component, CLOCK_TIME)
         if state is State.FALLING:
             return clock + 2 * self.settings.falling.over / TREND_STEPS
         if component is not None:

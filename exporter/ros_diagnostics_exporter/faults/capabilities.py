@@ -21,8 +21,20 @@ from ros_diagnostics_exporter.faults.model import (
     State,
     Verdict,
 )
-from ros_diagnostics_exporter.faults.needs import NOT_KNOWN, Bad, Other, Standing, WantedCapability
-from ros_diagnostics_exporter.faults.records import CapabilityRecord, Component, Problem, Robot
+from ros_diagnostics_exporter.faults.needs import (
+    NOT_KNOWN,
+    Bad,
+    NeedView,
+    Other,
+    Standing,
+    WantedCapability,
+)
+from ros_diagnostics_exporter.faults.records import (
+    CapabilityRecord,
+    ComponentRecord,
+    Problem,
+    RobotRecord,
+)
 from ros_diagnostics_exporter.model import Instant, Level
 
 _STATES = {
@@ -37,7 +49,7 @@ _NO_TROUBLE = {State.INTERMITTENT, State.FALLING}  # of what it can do now
 # -- config ------------------------------------------------------------------------------------
 
 
-def configure(book: Book, robot: Robot, wanted: Iterable[WantedCapability]) -> list[Problem]:
+def configure(book: Book, robot: RobotRecord, wanted: Iterable[WantedCapability]) -> list[Problem]:
     """Have just these capabilities, each after those that it needs.
 
     Returns what is to be taken out: problems of what is no longer wanted, or whose parts are gone.
@@ -72,7 +84,7 @@ def update_touched(book: Book, now: Instant) -> None:
     book.touched_robots.clear()
 
 
-def _update(book: Book, robot: Robot, now: Instant) -> None:
+def _update(book: Book, robot: RobotRecord, now: Instant) -> None:
     found: dict[str, Standing | None] = {}
     in_use: dict[str, Standing | None] = {}  # without what is in maintenance
     for name, capability in robot.capabilities.items():
@@ -117,7 +129,7 @@ def _outcome(
     return needs.outcome(wanted.need, look)
 
 
-def _of_part(book: Book, robot: Robot, part: PartName) -> Standing:
+def _of_part(book: Book, robot: RobotRecord, part: PartName) -> Standing:
     """How good a part is, by the problems that it has."""
     worst = needs.FINE
     for problem in _problems_of(robot, part):
@@ -132,7 +144,7 @@ def _of_part(book: Book, robot: Robot, part: PartName) -> Standing:
     return worst
 
 
-def _problems_of(robot: Robot, part: PartName) -> Iterable[Problem]:
+def _problems_of(robot: RobotRecord, part: PartName) -> Iterable[Problem]:
     if part.check:
         return [robot.checks[part.check]] if part.check in robot.checks else ()
     component = robot.components.get(ComponentName(part.group, part.component))
@@ -228,7 +240,7 @@ def end_cover(book: Book, capability: CapabilityRecord) -> None:
     book.touch(capability.robot.all_problems())
 
 
-def adopt(book: Book, robot: Robot, name: str) -> CapabilityRecord:
+def adopt(book: Book, robot: RobotRecord, name: str) -> CapabilityRecord:
     """The capability of a fault of which this process knows nothing else."""
     capability = robot.capabilities.get(name)
     if capability is None:
@@ -236,6 +248,27 @@ def adopt(book: Book, robot: Robot, name: str) -> CapabilityRecord:
     capability.adopted = True
     book.touched_robots[robot] = None
     return capability
+
+
+def views(book: Book, robot: RobotRecord) -> dict[str, NeedView]:
+    """What a robot can do, each after those that it needs, with how good all parts are."""
+    found: dict[str, NeedView] = {}
+    for name, capability in robot.capabilities.items():
+        if capability.wanted is None:  # adopted, and not configured yet
+            continue
+        others = {other: view.parts for other, view in found.items()}
+        parts = dict.fromkeys(needs.parts_of(capability.wanted.need, others))
+        found[name] = NeedView(
+            capability.ability,
+            capability.wanted,
+            {each: _known_ability(book, robot, each) for each in parts},
+            frozenset(each for each in parts if each.component in robot.maintained),
+        )
+    return found
+
+
+def _known_ability(book: Book, robot: RobotRecord, part: PartName) -> Ability:
+    return _of_part(book, robot, part).ability if robot.up else Ability.UNKNOWN
 
 
 # -- what is quiet under it --------------------------------------------------------------------
@@ -267,7 +300,7 @@ def _parts(identity: Identity) -> set[PartName]:
     return {of, of._replace(key=identity.key)}
 
 
-def is_known(component: Component) -> bool:
+def is_known(component: ComponentRecord) -> bool:
     """Whether it is confirmed that a capability is in trouble because of a component."""
     of = PartName(*component.name)
     return any(each.is_fault and of in each.parts for each in component.robot.capabilities.values())

@@ -13,11 +13,17 @@ from math import inf
 from ros_diagnostics_exporter.config.fleet import CauseSettings
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
-from ros_diagnostics_exporter.faults.records import Cause, Component, Presence, Problem, Robot
+from ros_diagnostics_exporter.faults.records import (
+    Cause,
+    ComponentRecord,
+    Presence,
+    Problem,
+    RobotRecord,
+)
 from ros_diagnostics_exporter.model import Instant, Level
 
 
-def count_component(book: Book, component: Component) -> None:
+def count_component(book: Book, component: ComponentRecord) -> None:
     """Count a component, or not, towards what many robots have in common.
 
     It counts from when it is CRITICAL, out of maintenance, until it is received better, or, where
@@ -37,7 +43,7 @@ def count_component(book: Book, component: Component) -> None:
     book.touched_causes[cause] = None
 
 
-def count_robot(book: Book, robot: Robot, now: Instant) -> None:
+def count_robot(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Count a robot, or not, towards the silence of its site, until it is back or unreachable.
 
     That nothing was received of it since a start is no silence within restart_grace.
@@ -80,7 +86,7 @@ def drop_usual(book: Book, cause: Cause) -> None:
 
 def _update(book: Book, cause: Cause, now: Instant) -> None:
     needed = _settings(book, cause).needed(book.whole(cause))
-    counted, fresh = _counts(book, cause, now)
+    counted, fresh = _counts(book, cause, needed, now)
     adopted = cause.adopted and _is_adopted(book, cause, now)
     if cause.active is None and fresh >= needed:
         cause.active = now
@@ -162,7 +168,7 @@ def _severities(cause: Cause) -> dict[str, Verdict]:
     }
 
 
-def _counts(book: Book, cause: Cause, now: Instant) -> tuple[int, int]:
+def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, int]:
     """(how many keep it active, how many of them may make it active)."""
     robot = cause.robot
     if robot is None:
@@ -172,7 +178,6 @@ def _counts(book: Book, cause: Cause, now: Instant) -> tuple[int, int]:
         for each in robot.components.values()
         if each.since is not None and each.name.component not in robot.maintained
     ]
-    needed = _settings(book, cause).needed(robot.total)
     is_quiet = robot.maintenance or robot.unreachable_since is not None
     nothing_known = not robot.up or is_quiet or now.mono < robot.returned_until
     if nothing_known or len(troubled) < needed / 2:
@@ -201,7 +206,7 @@ def _identity(cause: Cause, severity: str) -> Identity:
     return Identity(Scope.ROBOT, State.MANY, robot=cause.name, severity=severity)
 
 
-def _explained_components(book: Book, cause: Cause) -> Iterable[Component]:
+def _explained_components(book: Book, cause: Cause) -> Iterable[ComponentRecord]:
     if cause.robot is not None:
         return cause.robot.components.values()
     return book.named.get(cause.name, ())

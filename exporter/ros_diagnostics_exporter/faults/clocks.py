@@ -11,13 +11,13 @@ from statistics import median
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.components import give_verdict
 from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
-from ros_diagnostics_exporter.faults.records import Problem, Robot
+from ros_diagnostics_exporter.faults.own import CLOCK
+from ros_diagnostics_exporter.faults.records import Problem, RobotRecord
 from ros_diagnostics_exporter.model import Instant
 
 LIMIT = 5.0  # seconds: far above a delay, and enough to confuse whoever compares logs
 _BACK = 4.0  # seconds: within this it is right again
 _ENOUGH = 3  # robots that tell the exporter's clock from one of theirs
-OWN = Identity(Scope.CLOCK, State.CLOCK)
 
 
 def judge(book: Book, offsets: Mapping[str, float], now: Instant) -> None:
@@ -37,12 +37,12 @@ def judge(book: Book, offsets: Mapping[str, float], now: Instant) -> None:
 
 
 def _judge_own(book: Book, offsets: Mapping[str, float], now: Instant) -> Verdict:
-    problem = book.problems.get(OWN)
+    problem = book.problems.get(CLOCK)
     verdict = Verdict.HELD
     if len(offsets) >= _ENOUGH:
         verdict = _verdict(median(offsets.values()), in_trouble=problem is not None)
     if problem is None and verdict is Verdict.BAD:
-        problem = book.add_problem(Problem(OWN, now))
+        problem = book.add_problem(Problem(CLOCK, now))
     if problem is not None and problem.verdict is not verdict:
         give_verdict(book, problem, verdict)
     return verdict
@@ -53,7 +53,7 @@ def _verdict(offset: float, *, in_trouble: bool) -> Verdict:
     return Verdict.BAD if abs(offset) > limit else Verdict.WELL
 
 
-def _add(book: Book, robot: Robot, now: Instant) -> Problem:
+def _add(book: Book, robot: RobotRecord, now: Instant) -> Problem:
     problem = Problem(Identity(Scope.ROBOT, State.CLOCK, robot=robot.name), now, robot=robot)
     robot.problems[State.CLOCK] = book.add_problem(problem)
     return problem

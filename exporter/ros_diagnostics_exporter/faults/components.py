@@ -19,12 +19,12 @@ from ros_diagnostics_exporter.faults.model import (
     ValueReport,
     Verdict,
 )
-from ros_diagnostics_exporter.faults.records import Component, Problem, Robot, ValueKey
+from ros_diagnostics_exporter.faults.records import ComponentRecord, Problem, RobotRecord, ValueKey
 from ros_diagnostics_exporter.faults.settings import ComponentSettings
 from ros_diagnostics_exporter.model import Instant, Level
 
 
-def report_level(book: Book, robot: Robot, report: ComponentReport, now: Instant) -> None:
+def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: Instant) -> None:
     """Take the level of one component of a robot that is up."""
     planned = report.level is Level.STALE and report.settings.planned_stale
     component = robot.components.get(report.name)
@@ -48,7 +48,7 @@ def report_level(book: Book, robot: Robot, report: ComponentReport, now: Instant
         book.drop_component(component)
 
 
-def _judge_level(book: Book, component: Component, now: Instant) -> None:
+def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
     found = verdicts.of_component(component.level, component.settings, component.problems)
     for state, verdict in found.items():
         problem = component.problems.get(state)
@@ -79,7 +79,7 @@ def give_verdict(book: Book, problem: Problem, verdict: Verdict) -> None:
     book.touch((problem,))
 
 
-def hold(book: Book, robot: Robot) -> None:
+def hold(book: Book, robot: RobotRecord) -> None:
     """Note that nothing fresh is known of any part of the robot."""
     robot.trends.clear()
     for problem in robot.checks.values():
@@ -99,7 +99,7 @@ def hold(book: Book, robot: Robot) -> None:
 # -- flapping ----------------------------------------------------------------------------------
 
 
-def _note_change(book: Book, component: Component, level: Level, now: Instant) -> None:
+def _note_change(book: Book, component: ComponentRecord, level: Level, now: Instant) -> None:
     """Count a change of level; not in maintenance, nor what an aggregator reports after a start."""
     robot = component.robot
     last = Level.OK if component.flaps is None else component.flaps.slots[-1]
@@ -115,7 +115,7 @@ def _note_change(book: Book, component: Component, level: Level, now: Instant) -
     _judge_flapping(book, component, component.flaps, now)
 
 
-def decay(book: Book, component: Component, now: Instant) -> None:
+def decay(book: Book, component: ComponentRecord, now: Instant) -> None:
     """Let a component that changed come to rest; silence of its robot is no rest."""
     flaps = component.flaps
     if flaps is None or not component.robot.up:
@@ -131,7 +131,7 @@ def decay(book: Book, component: Component, now: Instant) -> None:
         book.drop_component(component)
 
 
-def resume(book: Book, component: Component, now: Instant) -> None:
+def resume(book: Book, component: ComponentRecord, now: Instant) -> None:
     """Go on counting changes after the robot's silence."""
     if component.flaps is not None:
         component.flaps.last = now.mono
@@ -140,7 +140,7 @@ def resume(book: Book, component: Component, now: Instant) -> None:
         decay(book, component, now)
 
 
-def wake(book: Book, component: Component) -> None:
+def wake(book: Book, component: ComponentRecord) -> None:
     """Have the component's changes decay in time, or forget that there were any."""
     flaps = component.flaps
     if flaps is None:
@@ -155,7 +155,7 @@ def wake(book: Book, component: Component) -> None:
         component.flaps = None
 
 
-def _judge_intermittent(book: Book, component: Component, now: Instant) -> None:
+def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) -> None:
     problem = component.problems.get(State.INTERMITTENT)
     verdict = verdicts.of_changes(
         0 if component.flaps is None else len(component.flaps.changed),
@@ -169,7 +169,9 @@ def _judge_intermittent(book: Book, component: Component, now: Instant) -> None:
         give_verdict(book, problem, verdict)
 
 
-def _judge_flapping(book: Book, component: Component, flaps: FlapHistory, now: Instant) -> None:
+def _judge_flapping(
+    book: Book, component: ComponentRecord, flaps: FlapHistory, now: Instant
+) -> None:
     problem = component.problems.get(State.FLAPPING)
     settings = book.settings
     verdict = verdicts.of_flapping(
@@ -186,7 +188,7 @@ def _judge_flapping(book: Book, component: Component, flaps: FlapHistory, now: I
     wake(book, component)
 
 
-def _add_flapping(book: Book, component: Component, state: State, now: Instant) -> Problem:
+def _add_flapping(book: Book, component: ComponentRecord, state: State, now: Instant) -> Problem:
     identity = Identity(Scope.FLAPPING, state, "", component.robot.name, *component.name)
     problem = Problem(identity, now, robot=component.robot, component=component)
     component.problems[state] = book.add_problem(problem)
@@ -198,7 +200,7 @@ def _add_flapping(book: Book, component: Component, state: State, now: Instant) 
 
 def report_value(
     book: Book,
-    of: tuple[Robot, ComponentName, ComponentSettings],
+    of: tuple[RobotRecord, ComponentName, ComponentSettings],
     report: ValueReport,
     now: Instant,
 ) -> list[Change]:
@@ -231,7 +233,7 @@ def _value_key(report: ValueReport, threshold: Threshold) -> ValueKey:
 
 
 def _drop_unwanted(
-    book: Book, component: Component | None, report: ValueReport, now: Instant
+    book: Book, component: ComponentRecord | None, report: ValueReport, now: Instant
 ) -> list[Change]:
     """End what rested on thresholds that the config no longer has."""
     if component is None:
@@ -248,7 +250,7 @@ def _drop_unwanted(
 
 
 def _add_value(
-    book: Book, component: Component, report: ValueReport, threshold: Threshold, now: Instant
+    book: Book, component: ComponentRecord, report: ValueReport, threshold: Threshold, now: Instant
 ) -> Problem:
     identity = Identity(
         Scope.VALUE,
@@ -265,7 +267,7 @@ def _add_value(
 
 
 def report_check(
-    book: Book, robot: Robot, check: str, numbers: tuple[int, int], now: Instant
+    book: Book, robot: RobotRecord, check: str, numbers: tuple[int, int], now: Instant
 ) -> None:
     """Take how many components a check of a robot that is up (found, expects)."""
     found, expected = numbers

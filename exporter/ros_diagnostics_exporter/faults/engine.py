@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from math import inf
+from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults import (
@@ -20,6 +21,7 @@ from ros_diagnostics_exporter.faults import (
     ends,
     hours,
     judge,
+    own,
     presence,
     removal,
     rows,
@@ -35,21 +37,22 @@ from ros_diagnostics_exporter.faults.model import (
     Fault,
     Followed,
     Identity,
+    OwnReport,
     ProblemView,
     Row,
     ValueReport,
     Verdict,
     at_mono,
 )
-from ros_diagnostics_exporter.faults.needs import WantedCapability
+from ros_diagnostics_exporter.faults.needs import NeedView, WantedCapability
 from ros_diagnostics_exporter.faults.quiet import why_not_begin, why_not_end
 from ros_diagnostics_exporter.faults.records import (
     CapabilityRecord,
     Cause,
-    Component,
+    ComponentRecord,
     Presence,
     Problem,
-    Robot,
+    RobotRecord,
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant
@@ -113,13 +116,13 @@ class Faults:
             book.touch((record,))
         elif isinstance(record, Cause | CapabilityRecord):
             _end_cover(book, record)
-        elif isinstance(record, Component):
+        elif isinstance(record, ComponentRecord):
             components.decay(book, record, at)
         elif kind == "ends":
             ends.drop_old(book, at)
         elif kind == "hours":
             hours.follow(book, at)
-        elif not isinstance(record, Robot):
+        elif not isinstance(record, RobotRecord):
             presence.settle(book, at)
         elif kind == "presence":
             presence.decay(book, record, at)
@@ -254,6 +257,12 @@ class Faults:
         clocks.judge(self._book, offsets, now)
         return changes + judge.settle(self._book, now)
 
+    def own(self, reports: Iterable[OwnReport], now: Instant) -> list[Change]:
+        """Take all parts of the exporter itself, as they are now."""
+        changes = self.advance(now)
+        changes += own.judge(self._book, reports, now)
+        return changes + judge.settle(self._book, now)
+
     def components_changed(
         self, robot: str, reports: Iterable[ComponentReport], total: int, now: Instant
     ) -> list[Change]:
@@ -302,12 +311,18 @@ class Faults:
             components.report_check(self._book, known, check, (found, expected), now)
         return changes + judge.settle(self._book, now)
 
-    def describe(self, fault: Fault, evidence: str, work: str = "") -> Fault:
+    def describe(
+        self,
+        fault: Fault,
+        evidence: str,
+        work: str = "",
+        details: Mapping[str, Any] | None = None,
+    ) -> Fault:
         """Fix the evidence of a fault that began: once, for its life, at most 4,096 characters.
 
         Returns the fault with it.
         """
-        return judge.describe(self._book, fault, evidence, work)
+        return judge.describe(self._book, fault, evidence, work, details or {})
 
     def adopt(self, fault: Fault, now: Instant) -> list[Change]:
         """Go on with a fault whose alert fires and which this process does not know.
@@ -377,6 +392,10 @@ class Faults:
             for name, each in self._robot(robot).capabilities.items()
         }
 
+    def needs(self, robot: str) -> dict[str, NeedView]:
+        """What a robot can do, each after those that it needs, with how good all its parts are."""
+        return capabilities.views(self._book, self._robot(robot))
+
     def identities(self, robot: str) -> Iterator[Identity]:
         """Which problems a robot and its parts have."""
         return (problem.identity for problem in self._robot(robot).all_problems())
@@ -419,7 +438,7 @@ class Faults:
         """
         rows.restore(self._book, stored, now)
 
-    def _robot(self, name: str) -> Robot:
+    def _robot(self, name: str) -> RobotRecord:
         robot = self._book.robots.get(name)
         if robot is None:
             raise LookupError(f"no robot {name!r} is configured")

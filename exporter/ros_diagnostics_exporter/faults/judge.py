@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
+from typing import Any
 
 from ros_diagnostics_exporter.faults import capabilities, causes, ends
 from ros_diagnostics_exporter.faults.book import Book
@@ -71,11 +72,14 @@ def end_all(book: Book, problems: Iterable[Problem], now: Instant) -> list[Chang
     ]
 
 
-def describe(book: Book, fault: Fault, evidence: str, work: str) -> Fault:
+def describe(
+    book: Book, fault: Fault, evidence: str, work: str, details: Mapping[str, Any]
+) -> Fault:
     """Fix a fault's evidence, for its life; the fault with it."""
     if fault.evidence:
         return fault
-    described = replace(fault, evidence=evidence[:EVIDENCE_LENGTH], work=work[:EVIDENCE_LENGTH])
+    texts = evidence[:EVIDENCE_LENGTH], work[:EVIDENCE_LENGTH]
+    described = replace(fault, evidence=texts[0], work=texts[1], details=details)
     problem = book.problems.get(fault.identity)
     if problem is not None and problem.fault is fault:  # it still lasts
         problem.fault = described

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from hashlib import sha256
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from ros_diagnostics_exporter.config.fleet import Threshold
 from ros_diagnostics_exporter.faults.settings import ComponentSettings
@@ -25,7 +25,7 @@ class Scope(str, Enum):
     SITE = "site"
     COMMON = "common"
     CAPABILITY = "capability"  # of a robot; its name is the identity's ``check``
-    CLOCK = "clock"  # of the exporter
+    EXPORTER = "exporter"  # the exporter itself; ``component`` is which part of it
 
 
 class State(str, Enum):
@@ -116,7 +116,8 @@ class Fault:
     `component_problem_since_timestamp_seconds`; that of a CRITICAL one when it turned CRITICAL; of
     a silent robot with its last message; of many, a site or a common cause when there were enough.
     ``labels`` are the robot's own at that moment, ``evidence`` lines that the caller wrote about
-    it, ``work`` what the robot can no longer do, and what it still can.
+    it, ``work`` what the robot can no longer do, and what it still can; ``details`` is the evidence
+    as fields, JSON.
     """
 
     identity: Identity
@@ -125,6 +126,7 @@ class Fault:
     labels: Mapping[str, str]
     evidence: str = ""
     work: str = ""
+    details: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Change(NamedTuple):
@@ -169,6 +171,18 @@ class ComponentReport(NamedTuple):
     name: ComponentName
     level: Level
     settings: ComponentSettings
+
+
+class OwnReport(NamedTuple):
+    """One part of the exporter: WARN or ERROR where it is wrong, STALE where nothing is known.
+
+    It is a fault after ``confirm_after`` seconds; ``message`` says what is wrong.
+    """
+
+    part: str
+    level: Level
+    message: str = ""
+    confirm_after: float = 60.0
 
 
 class Verdict(IntEnum):

@@ -17,10 +17,14 @@ from ros_diagnostics_exporter.faults.model import Ability, PartName
 
 @dataclass(frozen=True)
 class AtLeast:
-    """At least ``k`` of what follows; None: all of it."""
+    """At least ``k`` of what follows; None: all of it.
+
+    ``degraded`` is what each of these counts as where it is degraded.
+    """
 
     k: int | None
     of: tuple[Need, ...]
+    degraded: Ability = Ability.DEGRADED
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,18 @@ class Standing(NamedTuple):
     absent: bool = False
 
 
+class NeedView(NamedTuple):
+    """A capability with its expression, and how good its parts are now, those that are OK too.
+
+    ``maintained`` are those of them that are in a planned downtime.
+    """
+
+    ability: Ability
+    wanted: WantedCapability
+    parts: Mapping[PartName, Ability]
+    maintained: frozenset[PartName]
+
+
 FINE = Standing(Ability.OK)
 NOT_KNOWN = Standing(Ability.UNKNOWN, absent=True)
 Look = Callable[[PartName | Other], "Standing | None"]
@@ -82,7 +98,8 @@ def outcome(need: Need, look: Look) -> Standing | None:
         return NOT_KNOWN
     if not isinstance(need, AtLeast):
         return look(need)
-    found = [each for one in need.of if (each := outcome(one, look)) is not None]
+    outcomes = (outcome(one, look) for one in need.of)
+    found = [_counted(each, need.degraded) for each in outcomes if each is not None]
     if not found:
         return None
     if need.k is None:
@@ -90,6 +107,13 @@ def outcome(need: Need, look: Look) -> Standing | None:
     k = min(need.k, len(found))
     known = [each for each in found if each.parts or each.ability is not Ability.UNKNOWN]
     return _kth_best(k, known if len(known) >= k else found)
+
+
+def _counted(standing: Standing, degraded: Ability) -> Standing:
+    """What is degraded, as what it counts as."""
+    if standing.ability is not Ability.DEGRADED:
+        return standing
+    return FINE if degraded is Ability.OK else standing._replace(ability=degraded)
 
 
 def _kth_best(k: int, found: list[Standing]) -> Standing:

@@ -7,14 +7,16 @@ from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.components import give_verdict
 from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
 from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
-from ros_diagnostics_exporter.faults.records import Presence, Problem, Robot
+from ros_diagnostics_exporter.faults.records import Presence, Problem, RobotRecord
 from ros_diagnostics_exporter.model import Instant
 
 _UP, _DOWN = 1, 0  # states of a robot's history
 TIME_TO_RETURN = 60.0  # seconds at most for robots to be received after what they are behind is
 
 
-def fall_silent(book: Book, robot: Robot, since: Instant, now: Instant, *, counts: bool) -> None:
+def fall_silent(
+    book: Book, robot: RobotRecord, since: Instant, now: Instant, *, counts: bool
+) -> None:
     """Note that a robot is no longer received; ``counts``: as one time that it went.
 
     ``since`` is its last message, from which the fault will be dated.
@@ -37,7 +39,7 @@ def fall_silent(book: Book, robot: Robot, since: Instant, now: Instant, *, count
     _note_presence(book, robot, now)
 
 
-def become_pending(book: Book, robot: Robot, now: Instant) -> None:
+def become_pending(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Note that a robot was never received, and that none of its publishers is there."""
     robot.presence = Presence.NEVER
     if State.SILENT in robot.problems:
@@ -49,7 +51,7 @@ def become_pending(book: Book, robot: Robot, now: Instant) -> None:
     _note_presence(book, robot, now)
 
 
-def come_back(book: Book, robot: Robot, now: Instant) -> None:
+def come_back(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Note that a robot is received, for the first time or again."""
     if robot.up:
         return
@@ -66,13 +68,13 @@ def come_back(book: Book, robot: Robot, now: Instant) -> None:
     _note_presence(book, robot, now)
 
 
-def set_maintenance(book: Book, robot: Robot, now: Instant, *, planned: bool) -> None:
+def set_maintenance(book: Book, robot: RobotRecord, now: Instant, *, planned: bool) -> None:
     """Begin or end the quiet of a planned downtime."""
     robot.maintenance = planned
     _count_anew(book, robot, now)
 
 
-def set_unreachable(book: Book, robot: Robot, now: Instant, *, is_so: bool) -> None:
+def set_unreachable(book: Book, robot: RobotRecord, now: Instant, *, is_so: bool) -> None:
     """Begin the quiet of a robot that is behind what fails, or end it in as long as it lasted."""
     if is_so:
         book.timers.clear(("reachable", robot))
@@ -84,14 +86,14 @@ def set_unreachable(book: Book, robot: Robot, now: Instant, *, is_so: bool) -> N
         book.timers.set(("reachable", robot), now.mono + lasted)
 
 
-def become_reachable(book: Book, robot: Robot, now: Instant) -> None:
+def become_reachable(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Judge by itself what is absent, now that nothing explains it any more."""
     robot.unreachable_since = None
     robot.returned_until = max(robot.returned_until, now.mono)
     _count_anew(book, robot, now)
 
 
-def _count_anew(book: Book, robot: Robot, now: Instant) -> None:
+def _count_anew(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Judge all about a robot, and what many robots have in common, by a quiet that changed."""
     for component in robot.components.values():
         causes.count_component(book, component)
@@ -99,7 +101,7 @@ def _count_anew(book: Book, robot: Robot, now: Instant) -> None:
     touch_all(book, robot)
 
 
-def maintain_components(book: Book, robot: Robot, names: frozenset[str]) -> None:
+def maintain_components(book: Book, robot: RobotRecord, names: frozenset[str]) -> None:
     """Begin or end the quiet of the planned downtimes of some components."""
     robot.maintained = names
     for component in robot.components.values():
@@ -117,14 +119,14 @@ def settle(book: Book, now: Instant) -> None:
     book.touch_causes()
 
 
-def touch_all(book: Book, robot: Robot) -> None:
+def touch_all(book: Book, robot: RobotRecord) -> None:
     """Have everything about a robot judged again."""
     book.touch(robot.all_problems())
     book.touched_causes[robot.many] = None
     book.touched_robots[robot] = None
 
 
-def decay(book: Book, robot: Robot, now: Instant) -> None:
+def decay(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Let a robot that came and went come to rest."""
     if robot.history is not None:
         robot.history.decay(now.mono, robot.settings.presence_interval)
@@ -132,7 +134,7 @@ def decay(book: Book, robot: Robot, now: Instant) -> None:
         book.write(robot)
 
 
-def judge_anew(book: Book, robot: Robot, now: Instant) -> None:
+def judge_anew(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Judge all about a robot by other settings."""
     decay(book, robot, now)
     for component in list(robot.components.values()):
@@ -140,7 +142,7 @@ def judge_anew(book: Book, robot: Robot, now: Instant) -> None:
     touch_all(book, robot)
 
 
-def _note_presence(book: Book, robot: Robot, now: Instant) -> None:
+def _note_presence(book: Book, robot: RobotRecord, now: Instant) -> None:
     book.note_presence(robot)
     causes.count_robot(book, robot, now)
     book.touched_causes[robot.many] = None
@@ -148,7 +150,7 @@ def _note_presence(book: Book, robot: Robot, now: Instant) -> None:
     book.write(robot)
 
 
-def _note_change(book: Book, robot: Robot, state: int, now: Instant) -> None:
+def _note_change(book: Book, robot: RobotRecord, state: int, now: Instant) -> None:
     """Count a robot's coming or going; not in maintenance."""
     last = _UP if robot.history is None else robot.history.slots[-1]
     if state == last or robot.maintenance:
@@ -159,7 +161,7 @@ def _note_change(book: Book, robot: Robot, state: int, now: Instant) -> None:
     _judge_flapping(book, robot, robot.history, now)
 
 
-def _judge_flapping(book: Book, robot: Robot, history: FlapHistory, now: Instant) -> None:
+def _judge_flapping(book: Book, robot: RobotRecord, history: FlapHistory, now: Instant) -> None:
     settings = book.settings
     was_flapping = robot.flapping
     verdict = verdicts.of_flapping(
@@ -182,7 +184,7 @@ def _judge_flapping(book: Book, robot: Robot, history: FlapHistory, now: Instant
         robot.history = None
 
 
-def _add(book: Book, robot: Robot, state: State, since: Instant, now: Instant) -> Problem:
+def _add(book: Book, robot: RobotRecord, state: State, since: Instant, now: Instant) -> Problem:
     problem = Problem(Identity(Scope.ROBOT, state, robot=robot.name), since, robot=robot)
     problem.clock = now.mono
     robot.problems[state] = book.add_problem(problem)

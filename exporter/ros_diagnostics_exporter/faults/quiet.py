@@ -6,7 +6,12 @@ from ros_diagnostics_exporter.faults import capabilities
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.hours import warnings_may_begin
 from ros_diagnostics_exporter.faults.model import Reason, Scope, State, Verdict, severity_of
-from ros_diagnostics_exporter.faults.records import CapabilityRecord, Component, Problem, Robot
+from ros_diagnostics_exporter.faults.records import (
+    CapabilityRecord,
+    ComponentRecord,
+    Problem,
+    RobotRecord,
+)
 from ros_diagnostics_exporter.model import Instant
 
 # Of the robot itself rather than of a part of it: its silence keeps none of them quiet.
@@ -54,7 +59,7 @@ def _in_maintenance(problem: Problem) -> bool:
     return robot is not None and robot.maintenance
 
 
-def _of_robot(book: Book, problem: Problem, robot: Robot, now: Instant) -> Reason | None:
+def _of_robot(book: Book, problem: Problem, robot: RobotRecord, now: Instant) -> Reason | None:
     """Why the robot keeps it quiet."""
     identity = problem.identity
     if _in_maintenance(problem):
@@ -77,7 +82,7 @@ def _of_robot(book: Book, problem: Problem, robot: Robot, now: Instant) -> Reaso
     return None
 
 
-def _of_uplink(problem: Problem, robot: Robot) -> Reason | None:
+def _of_uplink(problem: Problem, robot: RobotRecord) -> Reason | None:
     """Why what rests on what is not received, or not measured, of a robot out of reach is quiet."""
     if not robot.unreachable or _in_maintenance(problem):
         return None
@@ -112,7 +117,7 @@ def _of_larger(book: Book, problem: Problem, now: Instant) -> Reason | None:
 
 
 def _of_component(
-    book: Book, problem: Problem, component: Component, now: Instant
+    book: Book, problem: Problem, component: ComponentRecord, now: Instant
 ) -> Reason | None:
     """Why the component's own flapping, or what explains its level, keeps it quiet."""
     if problem.identity.scope is Scope.VALUE:
@@ -143,7 +148,7 @@ def _of_parts(book: Book, capability: CapabilityRecord, now: Instant) -> Reason 
     return None
 
 
-def _of_changes(book: Book, component: Component) -> Reason | None:
+def _of_changes(book: Book, component: ComponentRecord) -> Reason | None:
     """Why its changes are no intermittent fault: it flaps, or may soon, or has another fault."""
     history = component.flaps
     if component.flapping or (history and history.ratio >= book.settings.flapping.stop):
@@ -151,7 +156,7 @@ def _of_changes(book: Book, component: Component) -> Reason | None:
     return Reason.FAULT if component.has_fault else None
 
 
-def _is_too_low(problem: Problem, component: Component) -> bool:
+def _is_too_low(problem: Problem, component: ComponentRecord) -> bool:
     """Whether it is about a value that falls, and it is a fault that it is too low already."""
     of = problem.identity
     return of.state is State.FALLING and any(

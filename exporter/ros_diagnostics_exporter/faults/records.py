@@ -69,8 +69,8 @@ class Problem:
         identity: Identity,
         since: Instant,
         *,
-        robot: Robot | None = None,
-        component: Component | None = None,
+        robot: RobotRecord | None = None,
+        component: ComponentRecord | None = None,
         cause: Cause | None = None,
         capability: CapabilityRecord | None = None,
     ) -> None:
@@ -92,7 +92,7 @@ class Problem:
         return self.verdict is not Verdict.WELL
 
 
-class Component:
+class ComponentRecord:
     """A component that is or was in trouble.
 
     ``level`` is the latest, STALE while its robot is silent; ``since`` when it left OK;
@@ -113,7 +113,9 @@ class Component:
         "values",
     )
 
-    def __init__(self, robot: Robot, name: ComponentName, settings: ComponentSettings) -> None:
+    def __init__(
+        self, robot: RobotRecord, name: ComponentName, settings: ComponentSettings
+    ) -> None:
         self.robot = robot
         self.name = name
         self.row: RowKey = ("component", (robot.name, *name))
@@ -177,7 +179,7 @@ class Trend:
         self.samples: deque[float] = deque(maxlen=TREND_STEPS + 1)
 
 
-class Robot:
+class RobotRecord:
     """One robot, with what is wrong with it and its components.
 
     ``total`` is how many components it has; ``maintained`` the names of those in a downtime of
@@ -223,7 +225,7 @@ class Robot:
         self.problems: dict[State, Problem] = {}  # SILENT, PENDING, FLAPPING
         self.checks: dict[str, Problem] = {}
         self.capabilities: dict[str, CapabilityRecord] = {}  # each after those that it needs
-        self.components: dict[ComponentName, Component] = {}
+        self.components: dict[ComponentName, ComponentRecord] = {}
         self.trends: dict[tuple[ComponentName, str], Trend] = {}  # not written: followed anew
         self.many = Cause(Scope.ROBOT, name, self)
 
@@ -278,7 +280,7 @@ class Cause:
         "scope",
     )
 
-    def __init__(self, scope: Scope, name: str, robot: Robot | None = None) -> None:
+    def __init__(self, scope: Scope, name: str, robot: RobotRecord | None = None) -> None:
         self.scope = scope
         self.name = name
         self.row: RowKey = ("cause", (scope.value, name))
@@ -337,7 +339,7 @@ class CapabilityRecord:
         "worst",
     )
 
-    def __init__(self, robot: Robot, name: str) -> None:
+    def __init__(self, robot: RobotRecord, name: str) -> None:
         self.robot = robot
         self.name = name
         self.row: RowKey = ("capability", (robot.name, name))

@@ -8,11 +8,11 @@ from ros_diagnostics_exporter.faults import causes, components, ends, trends
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import Change, ComponentName, Scope, State
-from ros_diagnostics_exporter.faults.records import Component, Problem, Robot
+from ros_diagnostics_exporter.faults.records import ComponentRecord, Problem, RobotRecord
 from ros_diagnostics_exporter.model import Instant
 
 
-def remove_robot(book: Book, robot: Robot, now: Instant) -> list[Change]:
+def remove_robot(book: Book, robot: RobotRecord, now: Instant) -> list[Change]:
     """Take out a robot with all its parts."""
     changes: list[Change] = []
     for name in sorted(robot.components):
@@ -35,7 +35,9 @@ def remove_robot(book: Book, robot: Robot, now: Instant) -> list[Change]:
     return changes
 
 
-def remove_component(book: Book, robot: Robot, name: ComponentName, now: Instant) -> list[Change]:
+def remove_component(
+    book: Book, robot: RobotRecord, name: ComponentName, now: Instant
+) -> list[Change]:
     """Take out a component, if it has a record."""
     trends.drop(robot, name)
     component = robot.components.get(name)
@@ -51,7 +53,7 @@ def remove_component(book: Book, robot: Robot, name: ComponentName, now: Instant
 
 
 def move_component(
-    book: Book, robot: Robot, old: ComponentName, new: ComponentName, now: Instant
+    book: Book, robot: RobotRecord, old: ComponentName, new: ComponentName, now: Instant
 ) -> list[Change]:
     """Give a component another name: each of its faults ends under the old and begins here."""
     component = robot.components.get(old)
@@ -60,7 +62,7 @@ def move_component(
     if component is None or old == new:
         return []
     changes = remove_component(book, robot, new, now)
-    moved = Component(robot, new, component.settings)
+    moved = ComponentRecord(robot, new, component.settings)
     moved.level, moved.since, moved.flaps = component.level, component.since, component.flaps
     moved.counted = component.counted
     moved.problems = {key: _renamed(each, moved) for key, each in component.problems.items()}
@@ -77,7 +79,7 @@ def move_component(
     return changes
 
 
-def _renamed(old: Problem, component: Component) -> Problem:
+def _renamed(old: Problem, component: ComponentRecord) -> Problem:
     group, name = component.name
     identity = old.identity._replace(group=group, component=name)
     problem = Problem(identity, old.since, robot=old.robot, component=component)
@@ -87,19 +89,19 @@ def _renamed(old: Problem, component: Component) -> Problem:
     return problem
 
 
-def remove_check(book: Book, robot: Robot, check: str, now: Instant) -> list[Change]:
+def remove_check(book: Book, robot: RobotRecord, check: str, now: Instant) -> list[Change]:
     """Take out a check that expects nothing any more."""
     problem = robot.checks.get(check)
     return [] if problem is None else end_all(book, (problem,), now)
 
 
-def end_pending(book: Book, robot: Robot, now: Instant) -> list[Change]:
+def end_pending(book: Book, robot: RobotRecord, now: Instant) -> list[Change]:
     """No longer miss a robot that is not declared any more."""
     problem = robot.problems.get(State.PENDING)
     return [] if problem is None or robot.declared else end_all(book, (problem,), now)
 
 
-def leave_site(book: Book, robot: Robot) -> None:
+def leave_site(book: Book, robot: RobotRecord) -> None:
     """No longer count the robot towards its site."""
     site = book.present.get(robot.settings.site, set())
     if robot.name in site:
@@ -114,7 +116,7 @@ def leave_site(book: Book, robot: Robot) -> None:
         book.touched_causes[cause] = None
 
 
-def _uncount(book: Book, component: Component) -> None:
+def _uncount(book: Book, component: ComponentRecord) -> None:
     if component.counted:
         component.counted = False
         cause = book.cause(Scope.COMMON, component.name.component)

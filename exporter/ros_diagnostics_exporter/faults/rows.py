@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from ros_diagnostics_exporter.faults import capabilities, causes, components, hours
-from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.book import CLOCK_TIME, Book
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
 from ros_diagnostics_exporter.faults.model import (
     Ability,
@@ -34,11 +34,11 @@ from ros_diagnostics_exporter.faults.needs import Bad
 from ros_diagnostics_exporter.faults.records import (
     CapabilityRecord,
     Cause,
-    Component,
+    ComponentRecord,
     Ended,
     Presence,
     Problem,
-    Robot,
+    RobotRecord,
     RowKey,
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
@@ -141,7 +141,7 @@ def _stored(book: Book, row: RowKey, clock: _Clock) -> Stored | None:
     return None if robot is None else _stored_of(robot, row, clock)
 
 
-def _stored_of(robot: Robot, row: RowKey, clock: _Clock) -> Stored | None:
+def _stored_of(robot: RobotRecord, row: RowKey, clock: _Clock) -> Stored | None:
     """The row of a robot, or of what it has."""
     kind, key = row
     if kind == "robot":
@@ -181,6 +181,7 @@ def _of_fault(fault: Fault) -> StoredFault:
         labels=dict(fault.labels),
         evidence=fault.evidence,
         work=fault.work,
+        details=dict(fault.details),
     )
 
 
@@ -221,7 +222,7 @@ def _of_end(ended: Ended | None) -> OfEnd | None:
     )
 
 
-def _of_robot(robot: Robot, clock: _Clock) -> OfRobot:
+def _of_robot(robot: RobotRecord, clock: _Clock) -> OfRobot:
     settings = robot.settings
     return OfRobot(
         labels=dict(settings.labels),
@@ -238,7 +239,7 @@ def _of_robot(robot: Robot, clock: _Clock) -> OfRobot:
     )
 
 
-def _of_component(component: Component, clock: _Clock) -> OfComponent:
+def _of_component(component: ComponentRecord, clock: _Clock) -> OfComponent:
     settings = component.settings
     return OfComponent(
         settings=StoredSettings(
@@ -333,7 +334,7 @@ def _read_problem(book: Book, key: tuple[str, ...], stored: OfProblem, clock: _C
     if fault is not None:
         labels = MappingProxyType(fault.labels)
         times = fault.since, fault.confirmed
-        problem.fault = Fault(identity, *times, labels, fault.evidence, fault.work)
+        problem.fault = Fault(identity, *times, labels, fault.evidence, fault.work, fault.details)
         problem.restored = True
     give_to_owner(book, problem)
     book.add_problem(problem)
@@ -350,7 +351,8 @@ def give_to_owner(book: Book, problem: Problem) -> None:
     """Have a problem where what it is about finds it."""
     identity = problem.identity
     robot = problem.robot = book.robots[identity.robot] if identity.robot else None
-    if identity.scope is Scope.CLOCK:
+    if identity.scope is Scope.EXPORTER:
+        book.own.setdefault(identity.component, CLOCK_TIME)
         return
     if robot is None or identity.state is State.MANY:
         of = identity.site if identity.scope is Scope.SITE else identity.component
@@ -447,7 +449,7 @@ def _set_timers(book: Book) -> None:
                 timers.set(("cover", capability), capability.covers_until)
 
 
-def _set_timers_of(book: Book, robot: Robot) -> None:
+def _set_timers_of(book: Book, robot: RobotRecord) -> None:
     if robot.returned_until > -inf:
         book.timers.set(("returned", robot), robot.returned_until)
     if robot.history is not None and robot.history.ratio > 0.0:

@@ -44,6 +44,7 @@ class StoredFault(NamedTuple):
     labels: Labels
     evidence: Text
     work: Text
+    details: Annotated[dict[Text, Any], Field(max_length=100)] = {}  # noqa: RUF012
 
 
 class OfFleet(NamedTuple):

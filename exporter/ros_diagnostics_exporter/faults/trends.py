@@ -22,14 +22,14 @@ from ros_diagnostics_exporter.faults.model import (
     ValueReport,
     Verdict,
 )
-from ros_diagnostics_exporter.faults.records import TREND_STEPS, Problem, Robot, Trend
+from ros_diagnostics_exporter.faults.records import TREND_STEPS, Problem, RobotRecord, Trend
 from ros_diagnostics_exporter.faults.settings import ComponentSettings
 from ros_diagnostics_exporter.model import Instant
 
 
 def follow(
     book: Book,
-    of: tuple[Robot, ComponentName, ComponentSettings],
+    of: tuple[RobotRecord, ComponentName, ComponentSettings],
     report: ValueReport,
     now: Instant,
 ) -> None:
@@ -50,7 +50,7 @@ def follow(
     trend.most, trend.settings = report.most, settings
 
 
-def sample(book: Book, robot: Robot, now: Instant) -> None:
+def sample(book: Book, robot: RobotRecord, now: Instant) -> None:
     """Sample all that is followed of a robot, and judge it."""
     for (name, key), trend in robot.trends.items():
         trend.samples.append(trend.number)
@@ -59,7 +59,7 @@ def sample(book: Book, robot: Robot, now: Instant) -> None:
         book.timers.set(("trends", robot), now.mono + _step(book))
 
 
-def drop(robot: Robot, name: ComponentName) -> None:
+def drop(robot: RobotRecord, name: ComponentName) -> None:
     """No longer follow the values of a component."""
     for place in [place for place in robot.trends if place[0] == name]:
         del robot.trends[place]
@@ -74,7 +74,7 @@ def forecast(samples: deque[float], steps: float) -> float:
     return mean + slope * (middle + steps)
 
 
-def _problem(robot: Robot, name: ComponentName, key: str) -> Problem | None:
+def _problem(robot: RobotRecord, name: ComponentName, key: str) -> Problem | None:
     component = robot.components.get(name)
     return None if component is None else component.values.get((key, "low", "falling"))
 
@@ -88,7 +88,9 @@ def _step(book: Book) -> float:
     return book.settings.falling.over / TREND_STEPS
 
 
-def _judge(book: Book, place: tuple[Robot, ComponentName, str], trend: Trend, now: Instant) -> None:
+def _judge(
+    book: Book, place: tuple[RobotRecord, ComponentName, str], trend: Trend, now: Instant
+) -> None:
     robot, name, key = place
     component = robot.components.get(name)
     problem = _problem(robot, name, key)

@@ -12,7 +12,8 @@ from ros_diagnostics_exporter.faults.needs import MISSING, AtLeast, Need, Other,
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.robots.component import Component
 from ros_diagnostics_exporter.robots.conditions import Watch
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.marks import Mark
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.rules import SEARCHED, check_matches, key_matches
 
 _Names = Mapping[Component, ComponentName]
@@ -21,20 +22,19 @@ _Names = Mapping[Component, ComponentName]
 class RobotCapabilities:
     """Those of one robot, as they are to be judged."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: RobotState) -> None:
         self._robot = robot
-        self._seen: tuple[Profile, int, int] | None = None
+        self._read = -1  # the last change that `_wanted` is made of
         self._wanted: list[WantedCapability] = []  # each after those that it needs
         self._watches: dict[str, list[Watch]] = {}  # by the capability that is needed `when`
         self._watched: dict[Component, list[Watch]] = {}
 
     def update(self, changed: Iterable[Component], names: _Names) -> list[WantedCapability] | None:
         """Take the components that changed; what the robot can do, None where that is as before."""
-        versions, profile = self._robot.versions, self._robot.settings.profile
-        seen = profile, versions.names, versions.structure
-        if self._seen is None or seen[0] is not self._seen[0] or seen[1:] != self._seen[1:]:
-            self._seen = seen
-            return self._differs(self._start_over(profile, names))
+        marks = self._robot.marks
+        if marks.last(Mark.NAMES, Mark.SERIES, Mark.CONFIG) > self._read:
+            self._read = marks.count
+            return self._differs(self._start_over(self._robot.settings.profile, names))
         if not self._watched:
             return None
         for component in changed:
@@ -91,7 +91,8 @@ def _resolved(need: config.Expression, profile: Profile, names: _Names) -> AtLea
             own = [MISSING]
         found.update(dict.fromkeys(own))
     lacking = 0 if need.k is None else max(0, need.k - len(found))
-    return AtLeast(need.k, (*found, *[MISSING] * lacking))
+    degraded = Ability[need.degraded.upper()]
+    return AtLeast(need.k, (*found, *[MISSING] * lacking), degraded)
 
 
 def _elements(need: config.Need, profile: Profile, names: _Names) -> Iterator[Need]:

@@ -1,13 +1,16 @@
-"""What was known of a fault when it began: lines of text for people.
+"""What was known of a fault when it began: as fields, and as lines of text for people.
 
-All but the last end with a semicolon, so that it reads well on one line, too.
+The lines are written from the fields. All but the last end with a semicolon, so that they read well
+on one line, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.faults.model import (
+    Ability,
     AbilityView,
     ComponentName,
     Identity,
@@ -17,21 +20,30 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.component_values import ExportedValue
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.severity import SILENT
 from ros_diagnostics_exporter.texts import one_line
 
-LENGTH = 512  # characters of the whole
+LENGTH = 512  # characters of the lines
 _TEXT_LENGTH = 160  # of one text of a robot
 _MOST_NAMED = 5  # of values, components or robots
 
-_WORDS = {Level.WARN: "WARNING", Level.ERROR: "CRITICAL"}  # as alerts name them
+_WORDS = {"WARN": "WARNING", "ERROR": "CRITICAL"}  # as alerts name them
 
-Find = Callable[[Identity], "tuple[Robot, Component | None] | None"]
+Find = Callable[[Identity], "tuple[RobotState, Component | None] | None"]
+Fields = dict[str, Any]  # JSON; web/openapi.yaml says what is in it
 
 
-def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> str:
-    """The evidence of a fault, printable lines of at most `LENGTH` characters in all.
+class Evidence(NamedTuple):
+    """Lines of at most `LENGTH` printable characters in all, and what they say as fields."""
+
+    text: str
+    fields: Fields
+
+
+def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> Evidence:
+    """The evidence of a fault, but of a capability.
 
     Args:
         identity: Which fault it is.
@@ -39,35 +51,38 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> str:
         robots: Those that a fault of no robot counts.
     """
     found = find(identity)
-    if identity.scope in (Scope.SITE, Scope.COMMON, Scope.CLOCK):
-        parts = [_listed("robots", robots)]
+    if identity.scope in (Scope.SITE, Scope.COMMON, Scope.EXPORTER):
+        fields = _first("robots", map(_text, robots))
     elif found is None:
-        parts = []
+        fields = {}
     elif found[1] is not None:
-        parts = list(_of_component(identity, found[1], found[0]))
+        fields = _of_component(identity, found[1], found[0])
     else:
-        parts = list(_of_robot(identity, found[0]))
-    return ";\n".join(filter(None, parts))[:LENGTH]
+        fields = _of_robot(identity, found[0])
+    return _written(fields)
 
 
-def parts(of: AbilityView, known: Mapping[ComponentName, Component]) -> str:
+def of_exporter(message: str) -> Evidence:
+    """What is wrong with a part of the exporter itself."""
+    return Evidence(message[:LENGTH], {"message": message})
+
+
+def of_capability(view: AbilityView, known: Mapping[ComponentName, Component]) -> Evidence:
     """The parts because of which a robot can do something no longer, or no longer well.
 
     Args:
-        of: What is known of the capability.
+        view: What is known of the capability.
         known: The robot's components.
     """
-    return ";\n".join(_part(each, known) for each in list(of.parts)[:_MOST_NAMED])[:LENGTH]
+    return _written(_first("parts", (_part(*each, known) for each in view.parts.items())))
 
 
-def _part(part: PartName, known: Mapping[ComponentName, Component]) -> str:
-    if part.check:
-        return f"check {_text(part.check)} finds too few components"
+def _part(part: PartName, ability: Ability, known: Mapping[ComponentName, Component]) -> Fields:
+    fields = {key: _text(text) for key, text in part._asdict().items() if text}
     component = known.get(ComponentName(part.group, part.component))
-    if component is None:
-        return _text(part.component)
-    texts = [_with_level(component), _text(part.key), _text(component.message)]
-    return ": ".join(filter(None, texts))
+    if component is not None:
+        fields |= {"level": Level(component.level).name, "message": _text(component.message)}
+    return {**fields, "state": ability.name.lower()}
 
 
 def last_received(identity: Identity, find: Find) -> str:
@@ -80,67 +95,152 @@ def last_received(identity: Identity, find: Find) -> str:
         numbers = (each for each in component.values.all if each.key == identity.key)
         parts = [f"{each.number:g} {_text(each.unit)}".strip() for each in numbers]
     else:
-        level = Level(component.level)
-        parts = [_WORDS.get(level, level.name), _text(component.message)]
+        level = Level(component.level).name
+        parts = [_WORDS.get(level, level), _text(component.message)]
     return ": ".join(filter(None, parts))[:LENGTH]
 
 
-def _of_component(identity: Identity, component: Component, robot: Robot) -> Iterator[str]:
+# -- fields ------------------------------------------------------------------------------------
+
+
+def _of_component(identity: Identity, component: Component, robot: RobotState) -> Fields:
+    own = None if component.rule is None else component.rule.confirm_after
+    profile = robot.settings.profile
+    fields: Fields = {
+        "level": Level(component.level).name,
+        "level_since": component.since,
+        "message": _text(component.message),
+        "reports": component.reports,
+        "hardware_id": _text(component.hardware_id),
+        "profile": profile.name,
+        "confirm_after": profile.confirm_after if own is None else own,
+    }
     if identity.scope is Scope.VALUE:
-        yield from _monitored(identity, component)
-    yield _text(component.account)
-    if component.last is not None and identity.scope is not Scope.VALUE:
-        pairs = (f"{_text(key)}: {_text(text)}" for key, text in component.last.values)
-        yield _listed("values", pairs)
+        fields |= _monitored(identity, component)
+    elif component.last is not None:
+        fields |= _first("values", _values(component))
     others = (each for each in _troubled(robot) if each is not component)
-    yield _listed("also faulty", map(_with_level, others))
+    return fields | _first("also_faulty", map(_with_level, others))
 
 
-def _monitored(identity: Identity, component: Component) -> Iterator[str]:
+def _monitored(identity: Identity, component: Component) -> Fields:
     """The number and the threshold that it is beyond, or falls to."""
-    severity, how = identity.state.value, "below" if identity.bound == "low" else "above"
-    if identity.state is State.FALLING:
-        severity, how = "critical", "falling to"
+    severity = "critical" if identity.state is State.FALLING else identity.state.value
     for value in component.values.all:
         if value.key == identity.key and value.rule is not None:
             for each in value.rule.thresholds:
                 if (each.bound, each.severity) == (identity.bound, severity):
-                    unit = f" {_text(value.unit)}" if value.unit else ""
-                    yield f"{value.number:g}{unit}, {how} the threshold of {each.value:g}{unit}"
+                    beyond = "falling" if identity.state is State.FALLING else each.bound
+                    limit = {"threshold": each.value, "beyond": beyond}
+                    shown = {"key": _text(value.key), "text": f"{value.number:g}"}
+                    return {"value": {**shown, **_number(value), **limit}}
+    return {}
 
 
-def _of_robot(identity: Identity, robot: Robot) -> Iterator[str]:
+def _values(component: Component) -> Iterator[Fields]:
+    """Its key-values as last published, with the number as which each is exported, if it is one."""
+    pairs = () if component.last is None else component.last.values
+    for (key, text), numbers in zip(pairs, component.values.exported(pairs), strict=True):
+        number = _number(numbers[0]) if len(numbers) == 1 else {}
+        yield {"key": _text(key), "text": _text(text), **number}
+
+
+def _number(value: ExportedValue) -> Fields:
+    finite = abs(value.number) < float("inf")  # JSON has no others
+    return {"number": value.number if finite else None, "unit": _text(value.unit)}
+
+
+def _of_robot(identity: Identity, robot: RobotState) -> Fields:
     if identity.scope is Scope.CHECK:
         expected = {check.name: check.expect for check in robot.settings.profile.checks}
         found = {name: sum(counts) for name, counts in robot.components.count_checks()}
         if identity.check in found:
-            yield f"{found[identity.check]} of {expected[identity.check]} components report"
+            return {"found": found[identity.check], "expected": expected[identity.check]}
     elif identity.state is State.MANY:
-        yield _listed("components", map(_with_level, _troubled(robot)))
-    elif identity.state is State.CLOCK and robot.clock_offset is not None:
-        where = "behind" if robot.clock_offset > 0 else "ahead of"
-        yield f"its clock is {abs(robot.clock_offset):.0f} s {where} the exporter's"
+        return _first("components", map(_with_level, _troubled(robot)))
+    elif identity.state is State.CLOCK and robot.clock_behind is not None:
+        return {"clock_offset": robot.clock_behind}
     elif robot.silent_reason is not None:
-        yield SILENT[robot.silent_reason]
+        return {"silent_reason": robot.silent_reason, "last_message": robot.last_wall or None}
+    return {}
 
 
-def _troubled(robot: Robot) -> Iterator[Component]:
+def _troubled(robot: RobotState) -> Iterator[Component]:
     return (each for each in robot.components if each.level > Level.OK and not each.quiet_because)
 
 
-def _with_level(component: Component) -> str:
-    level = Level(component.level)
-    return f"{_text(component.label)} {_WORDS.get(level, level.name)}"
+def _with_level(component: Component) -> Fields:
+    return {
+        "group": _text(component.group),
+        "component": _text(component.label),
+        "level": Level(component.level).name,
+    }
 
 
-def _listed(what: str, texts: Iterable[str]) -> str:
-    """The first few of them, and how many more there are."""
-    found = list(texts)
-    if not found:
+def _first(name: str, found: Iterable[Any]) -> Fields:
+    """A list of the first few of them, and how many more there are."""
+    listed = list(found)
+    more = {f"more_{name}": len(listed) - _MOST_NAMED} if len(listed) > _MOST_NAMED else {}
+    return {name: listed[:_MOST_NAMED], **more} if listed else {}
+
+
+# -- lines -------------------------------------------------------------------------------------
+
+
+def _written(fields: Fields) -> Evidence:
+    return Evidence(";\n".join(filter(None, _lines(fields)))[:LENGTH], fields)
+
+
+def _lines(fields: Fields) -> Iterator[str]:
+    if "value" in fields:
+        yield _value_line(fields["value"])
+    if "reports" in fields:
+        yield _account(fields)
+    if "found" in fields:
+        yield f"{fields['found']} of {fields['expected']} components report"
+    if "clock_offset" in fields:
+        where = "behind" if fields["clock_offset"] > 0 else "ahead of"
+        yield f"its clock is {abs(fields['clock_offset']):.0f} s {where} the exporter's"
+    if "silent_reason" in fields:
+        yield SILENT[fields["silent_reason"]]
+    yield from map(_part_line, fields.get("parts", ()))
+    yield _list_line("robots", fields, "robots", str)
+    yield _list_line("components", fields, "components", _component_text)
+    yield _list_line("values", fields, "values", lambda each: f"{each['key']}: {each['text']}")
+    yield _list_line("also faulty", fields, "also_faulty", _component_text)
+
+
+def _value_line(value: Fields) -> str:
+    how = {"low": "below", "high": "above", "falling": "falling to"}[value["beyond"]]
+    unit = f" {value['unit']}" if value["unit"] else ""
+    return f"{value['text']}{unit}, {how} the threshold of {value['threshold']:g}{unit}"
+
+
+def _account(fields: Fields) -> str:
+    """The message; of a component that says nothing any more, that it is old."""
+    message: str = fields["message"]
+    if fields["reports"]:
+        return message
+    return "no longer reports" + (f"; its last message: {message}" if message else "")
+
+
+def _component_text(of: Fields) -> str:
+    return f"{of['component']} {_WORDS.get(of['level'], of['level'])}"
+
+
+def _part_line(part: Fields) -> str:
+    if "check" in part:
+        return f"check {part['check']} finds too few components"
+    name = _component_text(part) if "level" in part else part.get("component", "")
+    return ": ".join(filter(None, (name, part.get("key"), part.get("message"))))
+
+
+def _list_line(words: str, fields: Fields, name: str, text: Callable[[Any], str]) -> str:
+    if name not in fields:
         return ""
-    more = len(found) - _MOST_NAMED
-    rest = f" and {more} more" if more > 0 else ""
-    return f"{what}: {', '.join(found[:_MOST_NAMED])}{rest}"
+    more = fields.get(f"more_{name}", 0)
+    rest = f" and {more} more" if more else ""
+    return f"{words}: {', '.join(map(text, fields[name]))}{rest}"
 
 
 def _text(text: str) -> str:

@@ -17,7 +17,7 @@ from ros_diagnostics_exporter.model import Domain, Downtime, Endpoint, Instant, 
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.rejections import FleetRejectionReason, FleetRejections
-from ros_diagnostics_exporter.robots.robot import Robot, accepts
+from ros_diagnostics_exporter.robots.robot import RobotState, accepts
 
 SERIES_OF_ROBOT = 24  # at least: robot_*, check_components of the check "all"
 # Seconds that a discovered robot has to publish something before it may be replaced by another:
@@ -32,8 +32,8 @@ class RobotRegistry:
     def __init__(
         self, fleet: config.Fleet, now: Instant, events: deque[Event], faults: FaultReports
     ) -> None:
-        self.robots: dict[str, Robot] = {}
-        self.bindings: dict[Topic, list[tuple[Robot, bool]]] = {}  # robot, is the topic raw
+        self.robots: dict[str, RobotState] = {}
+        self.bindings: dict[Topic, list[tuple[RobotState, bool]]] = {}  # robot, is the topic raw
         self.shared_topics: dict[Topic, SharedTopic] = {}
         self.series = SeriesLimit(fleet.limits.series)
         self._fleet = fleet
@@ -41,14 +41,14 @@ class RobotRegistry:
         self._faults = faults
         self.rejections = FleetRejections()
         # Discovered, and nothing received from them yet; the longest known first.
-        self._not_publishing: OrderedDict[str, Robot] = OrderedDict()
+        self._not_publishing: OrderedDict[str, RobotState] = OrderedDict()
         self._replaced: OrderedDict[Topic, float] = OrderedDict()  # when, monotonic
         self.downtimes: dict[str, tuple[Downtime, ...]] = {}  # that people planned, by robot
         self._other_types: dict[Domain, Mapping[str, tuple[str, ...]]] = {}  # by domain and topic
         for _robot in self.configure(fleet, now):
             pass
 
-    def configure(self, fleet: config.Fleet, now: Instant) -> Iterator[Robot | None]:
+    def configure(self, fleet: config.Fleet, now: Instant) -> Iterator[RobotState | None]:
         """Apply another config, a robot at each step: what it leaves unchanged is not touched.
 
         Between two steps arrays may be received, and robots added and dropped. Yields the robot of
@@ -76,14 +76,16 @@ class RobotRegistry:
             elif not found.declared:  # discovered since the first step
                 yield self._configure(found, settings, now)
 
-    def _configure(self, robot: Robot, settings: config.Robot | None, now: Instant) -> Robot | None:
+    def _configure(
+        self, robot: RobotState, settings: config.Robot | None, now: Instant
+    ) -> RobotState | None:
         """Have a robot follow the config, which declares it with ``settings``; None: dropped."""
         name, is_declared = robot.settings.name, settings is not None
         settings = settings or self._rediscovered(name, robot)
         if settings is None:
             self.drop(robot, now)
             return None
-        robot.become(declared=is_declared, shared=self._is_shared(settings))
+        robot.declared, robot.shared = is_declared, self._is_shared(settings)
         if is_declared:
             self._not_publishing.pop(name, None)
         if (settings, self._fleet.limits) != (robot.settings, robot.limits):
@@ -100,7 +102,7 @@ class RobotRegistry:
                 if is_other and not (robot.declared or topic in self.shared_topics):
                     self.drop(robot, now)
 
-    def _rediscovered(self, name: str, robot: Robot) -> config.Robot | None:
+    def _rediscovered(self, name: str, robot: RobotState) -> config.Robot | None:
         """The settings of a robot that the config does not declare; None if it is not wanted.
 
         One that it declared before is taken out by that, unless somebody publishes as it.
@@ -130,7 +132,7 @@ class RobotRegistry:
 
     # -- added and dropped -------------------------------------------------------------------
 
-    def add(self, settings: config.Robot, now: Instant, *, declared: bool) -> Robot | None:
+    def add(self, settings: config.Robot, now: Instant, *, declared: bool) -> RobotState | None:
         """A new robot; None where a limit rejects it."""
         limit = self._limit()
         if limit is not None and self._replace_one(now, at_once=declared):
@@ -139,7 +141,7 @@ class RobotRegistry:
             self._reject(settings, limit, now)
             return None
         self.series.add(SERIES_OF_ROBOT)
-        robot = Robot(
+        robot = RobotState(
             settings, self._fleet.limits, self.series, self._events, now, declared=declared
         )
         robot.shared = self._is_shared(settings)
@@ -154,7 +156,7 @@ class RobotRegistry:
         self._faults.add(robot, now)
         return robot
 
-    def drop(self, robot: Robot, now: Instant) -> None:
+    def drop(self, robot: RobotState, now: Instant) -> None:
         """Remove a robot, with all that is known about it."""
         robot.record("forgotten", now)
         self._faults.remove(robot, now)
@@ -164,13 +166,13 @@ class RobotRegistry:
         self._not_publishing.pop(robot.settings.name, None)
         del self.robots[robot.settings.name]
 
-    def forget_absent(self, robot: Robot, now: Instant) -> None:
+    def forget_absent(self, robot: RobotState, now: Instant) -> None:
         """Forget what is long absent, was OK and has no problem: components, then the robot."""
         robot.forget_absent_components(now, lambda each: self._faults.keeps(robot, each))
         if robot.is_forgettable(now) and not self._faults.keeps(robot):
             self.drop(robot, now)
 
-    def mark_publishing(self, robot: Robot) -> None:
+    def mark_publishing(self, robot: RobotState) -> None:
         """Note that a robot publishes: no other replaces it any more."""
         self._not_publishing.pop(robot.settings.name, None)
 
@@ -240,7 +242,7 @@ class RobotRegistry:
                     at = Topic(domain_id, topic)
                     self.rejections.reject_robot(at, name, "wrong_type", now, why)
 
-    def find_again(self, name: str, known: PersistedRobot, now: Instant) -> Robot | None:
+    def find_again(self, name: str, known: PersistedRobot, now: Instant) -> RobotState | None:
         """A robot that an earlier process knew, if the config still wants it.
 
         One that never published anything is skipped; it would be discovered again.
@@ -270,7 +272,7 @@ class RobotRegistry:
                 return settings if is_free else None
         return None
 
-    def on_shared_topic(self, topic: Topic, name: str, now: Instant) -> Robot | None:
+    def on_shared_topic(self, topic: Topic, name: str, now: Instant) -> RobotState | None:
         """The robot that a status on a shared topic names, added if it is new."""
         name = truncate(name, self._fleet.limits.label_length)
         robot = self.robots.get(name)
@@ -295,11 +297,11 @@ class RobotRegistry:
 
     # -- topics ------------------------------------------------------------------------------
 
-    def _bind(self, robot: Robot) -> None:
+    def _bind(self, robot: RobotState) -> None:
         for topic, raw in _topics(robot.settings).items():
             self.bindings.setdefault(topic, []).append((robot, raw))
 
-    def _unbind(self, robot: Robot) -> None:
+    def _unbind(self, robot: RobotState) -> None:
         for name in (robot.settings.topic_agg, robot.settings.topic_raw):
             topic = Topic(robot.settings.domain_id, name or "")
             bound = self.bindings.get(topic, [])

@@ -20,9 +20,11 @@ from ros_diagnostics_exporter.faults.model import (
     End,
     Fault,
     Followed,
+    OwnReport,
     ProblemView,
     Row,
 )
+from ros_diagnostics_exporter.faults.needs import NeedView
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
@@ -39,11 +41,11 @@ from ros_diagnostics_exporter.model import (
     Topic,
     place,
 )
-from ros_diagnostics_exporter.robots.limits import truncate_array
+from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
-from ros_diagnostics_exporter.robots.measured import is_of_graph
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.robot import RobotState
+from ros_diagnostics_exporter.robots.updates import is_of_graph
 from ros_diagnostics_exporter.sources.graph import GROUP, SHADOW, GraphWatch, Report
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import LinkReading, joined
@@ -58,7 +60,7 @@ PASS_ON = 16  # robots between two chances of the threads that wait for the lock
 MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
 
 
-class State:
+class FleetState:
     """All that is known about the fleet."""
 
     def __init__(self, fleet: config.Fleet, now: Instant) -> None:
@@ -67,7 +69,7 @@ class State:
         self._turn = threading.Lock()  # of what must see no half of a reload
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._slow_tick_at = now.mono
-        self._ticks: Timers[Robot] = Timers()  # when robots have to be looked at again
+        self._ticks: Timers[RobotState] = Timers()  # when robots have to be looked at again
         self._holding: tuple[bool, ...] | None = None  # which downtimes do; None: not known
         self._downtimes: tuple[Downtime, ...] = ()  # that people planned
         self._downtimes_changed = False  # since their row was taken
@@ -85,7 +87,9 @@ class State:
         """Update the robots whose array this is; ``topic`` is one of `wanted_topics`."""
         if self.recorder is not None:
             self.recorder(topic, array, now)
-        original, array = array, truncate_array(array)  # without the lock: it looks at every text
+        original = array
+        if array.size > MAX_TEXT:  # else no text of it is longer than that
+            array = truncate_array(array)  # without the lock: it looks at every text
         with self._lock:
             if array is not original:
                 self._registry.reject_long_text(topic)
@@ -97,7 +101,7 @@ class State:
                 if robot.accepts(now, raw=raw):
                     self._receive(robot, array, now, raw=raw)
 
-    def _receive(self, robot: Robot, array: Array, now: Instant, *, raw: bool) -> None:
+    def _receive(self, robot: RobotState, array: Array, now: Instant, *, raw: bool) -> None:
         if not robot.up:
             self._registry.mark_publishing(robot)
         robot.receive(array, now, raw=raw)
@@ -206,7 +210,7 @@ class State:
             for component in [each for each in robot.components if is_of_graph(each.identity)]:
                 if component.identity[0] not in names:
                     robot.forget(component, now)
-            robot.set_expected_nodes(report.expected)
+            robot.network.expected_nodes = report.expected
             robot.set_lossy(lossy=report.lossy)
             for text in report.events:
                 self._events.append(Event(now.wall, "graph", report.robot, message=text))
@@ -231,9 +235,8 @@ class State:
     def _set_domain_up(self, domain_id: Domain, *, up: bool) -> None:
         with self._lock:
             for robot in self._registry.robots.values():
-                if robot.settings.domain_id == domain_id and robot.network.domain_up != up:
+                if robot.settings.domain_id == domain_id:
                     robot.network.domain_up = up
-                    robot.versions.receipt += 1
 
     # -- from other sources: what `sources.prometheus` asks for ----------------------------------
 
@@ -263,6 +266,11 @@ class State:
             robots = self._registry.robots
             return {name: each.settings.address or "" for name, each in robots.items()}
 
+    def report_own(self, reports: Iterable[OwnReport], now: Instant) -> None:
+        """Judge all parts of the exporter itself, as they are now."""
+        with self._lock:
+            self._faults.own(reports, now)
+
     # -- from time and people ----------------------------------------------------------------
 
     def tick(self, now: Instant) -> None:
@@ -289,8 +297,8 @@ class State:
         with self._lock:
             self._faults.tick(now, slow=slow)
 
-    def _due(self, now: Instant) -> list[Robot]:
-        due: list[Robot] = []
+    def _due(self, now: Instant) -> list[RobotState]:
+        due: list[RobotState] = []
         with self._lock:
             while self._ticks.next < now.mono:
                 due += self._ticks.pop()
@@ -311,7 +319,7 @@ class State:
                 if not robot.up:
                     self._faults.update(robot, now)
                 uplink = self._registry.robots.get(robot.settings.labels.get("uplink", ""))
-                robot.set_uplink_up(up=uplink is None or not uplink.fails_as_uplink)
+                robot.network.uplink_up = uplink is None or not uplink.fails_as_uplink
                 if changed:
                     robot.update_maintenance(self.fleet, now)
                 self._registry.forget_absent(robot, now)
@@ -323,7 +331,7 @@ class State:
         found = find_unmatched(fleet, known, now.wall)
         self.unmatched.update(found, now)
 
-    def _is_known(self, robot: Robot) -> bool:
+    def _is_known(self, robot: RobotState) -> bool:
         return self._registry.robots.get(robot.settings.name) is robot
 
     def configure(self, fleet: config.Fleet, now: Instant) -> None:
@@ -451,7 +459,7 @@ class State:
 
     # -- queries -----------------------------------------------------------------------------
 
-    def visit(self, function: Callable[[Robot], Result]) -> Iterator[Result]:
+    def visit(self, function: Callable[[RobotState], Result]) -> Iterator[Result]:
         """``function`` of every robot, in the order of names.
 
         The lock is held for one robot at a time, and not while the caller uses a result.
@@ -463,7 +471,7 @@ class State:
                 time.sleep(0)  # else this thread takes the lock again before another wakes up
             yield result
 
-    def _sorted_robots(self) -> list[Robot]:
+    def _sorted_robots(self) -> list[RobotState]:
         with self._lock:
             return [robot for _name, robot in sorted(self._registry.robots.items())]
 
@@ -501,13 +509,22 @@ class State:
         with self._lock:
             return self._faults.problems(now, robot)
 
-    def followed(self, robot: Robot) -> dict[ComponentName, Followed]:
+    def followed(self, robot: RobotState) -> dict[ComponentName, Followed]:
         """What is kept of the components of a robot that is visited, in trouble now or before."""
         return self._faults.followed(robot)
 
-    def abilities(self, robot: Robot) -> dict[str, AbilityView]:
+    def abilities(self, robot: RobotState) -> dict[str, AbilityView]:
         """What a robot that is visited can do, each after those that it needs."""
         return self._faults.abilities(robot)
+
+    def needs(self, robot: str) -> dict[str, NeedView]:
+        """What a robot can do, with its expressions and how good all parts are.
+
+        Raises:
+            LookupError: there is no such robot.
+        """
+        with self._lock:
+            return self._faults.needs(robot)
 
     def downtimes(self, robot: str) -> tuple[Downtime, ...]:
         """The downtimes of a robot and its components that people planned; some may lie ahead."""
@@ -542,7 +559,7 @@ class State:
             return events
 
     @property
-    def robots(self) -> Mapping[str, Robot]:
+    def robots(self) -> Mapping[str, RobotState]:
         """The robots by name; other threads change them: read them with `visit`."""
         return self._registry.robots
 

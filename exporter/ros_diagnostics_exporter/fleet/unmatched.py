@@ -25,7 +25,7 @@ from ros_diagnostics_exporter.fleet.discovery import robot_name
 from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.robots.maintenance import selects
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.rules import (
     SEARCHED,
     check_matches,
@@ -77,7 +77,7 @@ class KnownRobot:
     components: tuple[Part, ...]
 
 
-def known_robot(robot: Robot) -> KnownRobot:
+def known_robot(robot: RobotState) -> KnownRobot:
     """What is known of a robot of the state."""
     settings = robot.settings
     return KnownRobot(

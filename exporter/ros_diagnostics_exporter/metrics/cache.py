@@ -11,13 +11,14 @@ from ros_diagnostics_exporter.faults.model import ABILITIES, AbilityView, Compon
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import Level
-from ros_diagnostics_exporter.robots.component import Component, ExportedValue
-from ros_diagnostics_exporter.robots.robot import Robot
-from ros_diagnostics_exporter.robots.versions import Versions
-from ros_diagnostics_exporter.sources.link import LinkReading
+from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.component_values import ExportedValue
+from ros_diagnostics_exporter.robots.marks import Mark
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.texts import escape
 
 _VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_MONITORED_VALUE.name}
+_NAMED = Mark.NAMES, Mark.SERIES, Mark.CONFIG  # what the labels of components and values have
 _STATES = {ability: number for number, ability in enumerate(ABILITIES)}
 _WORDS = tuple(level.name.lower() for level in Level)
 
@@ -59,9 +60,9 @@ class RobotText:
         self,
         fleet: str,
         exporter: str,
-        robot: Robot,
-        followed: Callable[[Robot], Mapping[ComponentName, Followed]],
-        abilities: Callable[[Robot], Mapping[str, AbilityView]],
+        robot: RobotState,
+        followed: Callable[[RobotState], Mapping[ComponentName, Followed]],
+        abilities: Callable[[RobotState], Mapping[str, AbilityView]],
     ) -> None:
         self.fleet = fleet
         self.exporter = exporter
@@ -74,9 +75,9 @@ class RobotText:
         self._exporter_label = f',exporter="{escape(exporter)}"' if exporter else ""
         self._followed = followed
         self._abilities = abilities
-        self._seen: Versions | None = None
+        self._read = -1  # the last change that was rendered
+        self._read_everything = -1  # ... that was, of what most messages change
         self._presence: tuple[bool, str | None] | None = None
-        self._receipt_due = self._values_due = True
         self._labels: list[tuple[Component, str]] = []  # group and component, rendered
         self._values: dict[str, _Values] = {}  # by family
         self._reasons: set[str] = set()  # every reason that ever applied
@@ -86,36 +87,34 @@ class RobotText:
 
         Without ``everything`` what most messages change is rendered only later.
         """
-        new, old = self.robot.versions, self._seen
-        if everything and (self._values_due or old is None or new.values != old.values):
-            self.robot.components.parse_values()  # which may raise the versions
-        if new != old:
-            self._update_parts(new, old)
-            self._seen = new.copy()
-        if everything and self._receipt_due:
-            self._render_receipt()
-            self._receipt_due = False
-        if everything and self._values_due:
-            self._render_values()
-            self._values_due = False
+        marks, read = self.robot.marks, self._read_everything
+        values_due = everything and marks.last(*_NAMED, Mark.VALUE, Mark.NUMBER) > read
+        if values_due:
+            self.robot.components.parse_values()  # which may note other series
+        if marks.count > self._read:
+            self._update_parts(self._read)
+            self._read = marks.count
+        if everything:
+            if marks.at[Mark.RECEIPT] > read:
+                self._render_receipt()
+            if values_due:
+                self._render_values()
+            self._read_everything = marks.count
 
-    def _update_parts(self, new: Versions, old: Versions | None) -> None:
-        structure = old is None or new.structure != old.structure
-        inventory = old is None or new.inventory != old.inventory
-        if structure or inventory:
+    def _update_parts(self, read: int) -> None:
+        at = self.robot.marks.at
+        named = max(map(at.__getitem__, _NAMED))
+        if named > read:
             self._rename()
-        if inventory:
+        if max(at[Mark.CONFIG], at[Mark.DOWNTIME]) > read:
             self._render_inventory()
-        if old is None or new.receipt != old.receipt:
-            self._receipt_due = True
+        if at[Mark.RECEIPT] > read:
             self._render_presence()
-        if old is None or new.rejections != old.rejections:
+        if at[Mark.REJECTED] > read:
             self._render_rejections()
-        if structure or inventory or old is None or new.levels != old.levels:
+        if max(named, at[Mark.LEVEL], at[Mark.ACCOUNT]) > read:
             self._render_levels()
-        if structure or inventory or old is None or new.values != old.values:
-            self._values_due = True
-        if structure or old is None or new.groups != old.groups:
+        if at[Mark.GROUPS] > read:
             self._render_groups()
 
     def _set(self, family: Family, lines: Iterable[str]) -> None:
@@ -239,23 +238,19 @@ class RobotText:
         if robot.clock_offset is not None:
             family = metrics.ROBOT_CLOCK_OFFSET
             self._set(family, [self._one(family, round(robot.clock_offset, 6))])
-        if (expected := robot.network.expected_nodes) is not None:
-            family = metrics.ROBOT_EXPECTED_NODES
-            self._set(family, [self._one(family, expected)])
         link = robot.network.link
-        if link is not None or metrics.ROBOT_LINK_LOST.name in self.chunks:
-            self._render_link(link)
-
-    def _render_link(self, link: LinkReading | None) -> None:
-        for family, value in (
+        shown: tuple[tuple[Family, float | None], ...] = (
+            (metrics.ROBOT_EXPECTED_NODES, robot.network.expected_nodes),
             (metrics.ROBOT_LINK_LOST, link and link.loss),
             (metrics.ROBOT_LINK_DELAY, link and link.delay),
             (metrics.ROBOT_LINK_JITTER, link and link.jitter),
-        ):
-            if value is None:
+            (metrics.ROBOT_LINK_CLOCK, link and link.behind),
+        )
+        for family, reading in shown:
+            if reading is not None:
+                self._set(family, [self._one(family, round(reading, 6))])
+            elif family.name in self.chunks:
                 self._remove(family.name)
-            else:
-                self._set(family, [self._one(family, round(value, 6))])
 
     def _render_presence(self) -> None:
         presence = up, reason = self.robot.up, self.robot.silent_reason

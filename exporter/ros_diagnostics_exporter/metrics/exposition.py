@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import RobotText
 from ros_diagnostics_exporter.metrics.families import Family
@@ -22,7 +22,7 @@ from ros_diagnostics_exporter.metrics.fault_text import FaultText, label_pairs
 from ros_diagnostics_exporter.model import ALL_PARTS, Part
 from ros_diagnostics_exporter.notifications import Key
 from ros_diagnostics_exporter.robots.rejections import OVER_LIMIT
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.texts import escape, one_line
 
 
@@ -42,7 +42,7 @@ class Exposition:
 
     def __init__(
         self,
-        state: State,
+        state: FleetState,
         acknowledged: Callable[[], Iterable[Acknowledgement]] = tuple,
         notified: Callable[[], Mapping[Key, Mapping[str, float]] | None] = lambda: None,
     ) -> None:
@@ -170,7 +170,7 @@ class Exposition:
                 self._gathered.pop(text.changed.pop(), None)
         return texts
 
-    def _update_robot(self, robot: Robot, *, everything: bool) -> RobotText:
+    def _update_robot(self, robot: RobotState, *, everything: bool) -> RobotText:
         fleet = self._state.fleet
         text = self._texts.get(robot.settings.name)
         source = fleet.name, fleet.exporter

@@ -56,8 +56,8 @@ ROBOT_SILENT_REASON = _family(
     "robot_silent_reason",
     "gauge",
     "Why a robot is not up: the reason that holds is 1, others that once held are 0 (never_seen, "
-    "publisher_gone, mute, undecodable, wrong_type, unreachable, domain_unreachable, "
-    "uplink_down, limit).",
+    "publisher_gone, mute, undecodable, wrong_type, incompatible_qos, unreachable, "
+    "domain_unreachable, uplink_down, limit).",
     (*ROBOT, "reason"),
     part=Part.FAULTS,
 )
@@ -117,6 +117,13 @@ ROBOT_LINK_JITTER = _family(
     "robot_link_jitter_seconds",
     "gauge",
     "Mean difference of the delays of two successive messages, as RFC 3550 computes it.",
+    ROBOT,
+)
+ROBOT_LINK_CLOCK = _family(
+    "robot_link_clock_offset_seconds",
+    "gauge",
+    "By how much the robot's clock is behind the exporter's at most, and below zero by how much it "
+    "is ahead at least: the least of receive minus send time of the last minute's messages.",
     ROBOT,
 )
 ROBOT_EXPECTED_NODES = _family(
@@ -259,6 +266,7 @@ FLEET_FAMILIES = (
     ROBOT_LINK_LOST,
     ROBOT_LINK_DELAY,
     ROBOT_LINK_JITTER,
+    ROBOT_LINK_CLOCK,
     ROBOT_EXPECTED_NODES,
     ROBOT_REJECTED,
     CHECK_COMPONENTS,

@@ -25,7 +25,7 @@ from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_exporter.canary import BUCKETS, Canary
 from ros_diagnostics_exporter.config.reloader import Reloader
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.families import (
@@ -60,7 +60,7 @@ class Exporter:
     current scrape.
     """
 
-    state: State
+    state: FleetState
     exposition: Exposition
     listener: Listener
     reloader: Reloader

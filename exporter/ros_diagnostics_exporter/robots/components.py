@@ -10,15 +10,10 @@ from math import inf
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.model import Feed, Instant, Status
-from ros_diagnostics_exporter.robots.component import (
-    ERROR,
-    OK,
-    STALE,
-    Component,
-    ComponentValues,
-    Identity,
-)
+from ros_diagnostics_exporter.robots.component import ERROR, OK, STALE, Component, Identity
+from ros_diagnostics_exporter.robots.component_values import ComponentValues
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
+from ros_diagnostics_exporter.robots.marks import Mark, Marks
 from ros_diagnostics_exporter.robots.rejections import Reject
 from ros_diagnostics_exporter.robots.rules import (
     check_matches,
@@ -26,7 +21,6 @@ from ros_diagnostics_exporter.robots.rules import (
     selects_component,
     value_rule,
 )
-from ros_diagnostics_exporter.robots.versions import Versions
 
 # How many series a component has at least: level, since, changes, info, problem since, message.
 SERIES_OF_COMPONENT = 6
@@ -46,7 +40,7 @@ class Components:
         limits: config.Limits,
         *,
         series: SeriesLimit,
-        versions: Versions,
+        marks: Marks[Component],
         reject: Reject,
         changed: Callable[[Component, int, Instant], None],
     ) -> None:
@@ -57,16 +51,13 @@ class Components:
         # Of values alone: whatever a robot sends, its components' levels are not rejected for it.
         self._value_series = SeriesLimit(limits.robot_series, series)
         self._key_values = 0  # of all components
-        self._versions = versions
+        self._marks = marks
         self._reject = reject
         self._changed = changed
-        # What the judgement of faults has yet to take: emptied by it.
-        self.level_changes: dict[Component, None] = {}
-        self.value_changes: dict[Component, None] = {}
         self._taken: dict[str, dict[str, int]] = {}  # labels by group, see `unique_name`
-        self._deadline = inf  # when the next component may be late, monotonic
+        self.next_late = inf  # until when none of a robot that is up can be, monotonic
         self._checked: list[tuple[str, list[Component]]] = []
-        self._checked_at = -1  # the version of the structure of `_checked`
+        self._checked_at = -1  # the last change that `_checked` is made of
 
     def __iter__(self) -> Iterator[Component]:
         """All components, in the order in which they were added."""
@@ -96,7 +87,7 @@ class Components:
         if len(identity[0]) > self._limits.label_length:
             self._reject("label_length", identity[0])
         values = self._values(identity[0])
-        component = Component(identity, self._name(identity), rule, values, now)
+        component = Component(identity, self._name(identity), rule, values, now, marks=self._marks)
         self.by_identity[identity] = component
         self._set_label(component, truncate(group, self._limits.label_length))
         return component
@@ -109,7 +100,7 @@ class Components:
             (self._limits.values, self._limits.label_length),
             self._value_series,
             self._reject,
-            self._versions,
+            self._marks,
             judged=has_rules or profile.has_conditions,
         )
 
@@ -129,8 +120,7 @@ class Components:
         self._release_label(component)
         component.group = group
         component.label = unique_name(component.name, self._taken.setdefault(group, {}), "~")
-        self._versions.structure += 1
-        self._versions.names += 1
+        self._marks.note(Mark.NAMES)
 
     def _release_label(self, component: Component) -> None:
         taken = self._taken.get(component.group, {})
@@ -154,8 +144,8 @@ class Components:
         self._series.remove(SERIES_OF_COMPONENT)
         del self.by_identity[component.identity]
         self._release_label(component)
-        self._versions.names += 1
-        self._versions.structure += 1
+        self._marks.forget(component)
+        self._marks.note(Mark.NAMES)
 
     def remove_all(self) -> None:
         """Remove all components."""
@@ -206,13 +196,13 @@ class Components:
         if reported > STALE:
             self._reject("bad_level", component.name)
             reported = ERROR  # as diagnostic_aggregator reads it (status_item.hpp, valToLevel)
-        if status.hardware_id and status.hardware_id != component.hardware_id:
+        if component.stale_at_source != (status.level == STALE):
+            component.stale_at_source = not component.stale_at_source
+        if status.hardware_id:
             component.hardware_id = status.hardware_id
-            self._versions.structure += 1
         before = component.last_recorded
         changed = self._apply_level(component, reported, now)
-        if component.set_message(status.message, always=changed) and component.level != OK:
-            self._versions.levels += 1
+        component.set_message(status.message, always=changed)
         self._record(component, before, now)  # after the message was set, which the event shows
         self._update_values(component, status, now)
 
@@ -225,7 +215,7 @@ class Components:
             return
         component.received = now.mono
         if component.values.update(status.values):
-            self.value_changes[component] = None
+            self._marks.note(Mark.VALUE, component)
 
     def _within_limits(self, component: Component, status: Status) -> Status:
         """The status with no more key-values than one component, and one robot, may have."""
@@ -261,19 +251,13 @@ class Components:
         """Set by which settings a component that is not the robot's own is late and judged."""
         if component.feed != feed:
             component.feed = feed
-            self.level_changes[component] = None
-            self.set_quiet(component, SHADOWED if feed.shadow else "")
-
-    def set_quiet(self, component: Component, because: str) -> None:
-        """Set by which condition of the config the trouble of a component is no fault; "": none."""
-        if component.quiet_because != because:
-            component.quiet_because = because
-            self._versions.levels += 1
+            component.quiet_because = SHADOWED if feed.shadow else ""
+            self._marks.note(Mark.LEVEL, component)
 
     def report_again(self, component: Component) -> None:
         """Have the judgement of faults take all of a component, as if it had changed."""
-        self.level_changes[component] = None
-        self.value_changes[component] = None
+        self._marks.note(Mark.LEVEL, component)
+        self._marks.note(Mark.VALUE, component)
 
     def mark_missing(self, component: Component, now: Instant) -> None:
         """Make a component STALE, because its aggregator's array does not have it."""
@@ -293,15 +277,10 @@ class Components:
 
     def _apply_level(self, component: Component, reported: int, now: Instant) -> bool:
         """Set a level, without an event; True if it changed."""
-        former = component.reported
+        was_stale = component.reported == STALE
         changed = component.set_reported(reported, now)
-        if (former == STALE) != (reported == STALE):  # its numbers are not exported
-            self._versions.structure += 1
-            self.value_changes[component] = None
+        if was_stale != (reported == STALE):
             self._expect(component, now)
-        if changed:
-            self._versions.levels += 1
-            self.level_changes[component] = None
         return changed
 
     def _record(self, component: Component, before: int, now: Instant) -> None:
@@ -311,16 +290,11 @@ class Components:
 
     # -- time --------------------------------------------------------------------------------
 
-    @property
-    def next_late(self) -> float:
-        """Until when no component of a robot that is up can be late, monotonic."""
-        return self._deadline
-
     def mark_late_stale(self, now: Instant) -> None:
         """Make the components that are late STALE; cheap as long as none can be."""
-        if now.mono <= self._deadline:
+        if now.mono <= self.next_late:
             return
-        self._deadline = inf
+        self.next_late = inf
         for component in self.by_identity.values():
             if component.is_stale or component.received is None:
                 continue
@@ -328,7 +302,7 @@ class Components:
             if now.mono > due:
                 self._set_level(component, STALE, now)
             else:
-                self._deadline = min(self._deadline, due)
+                self.next_late = min(self.next_late, due)
 
     def _stale_after(self, component: Component) -> float:
         raw = component.raw_received is not None
@@ -336,7 +310,7 @@ class Components:
 
     def _expect(self, component: Component, now: Instant) -> None:
         """Check for late ones no later than when this one, received now, would be late."""
-        self._deadline = min(self._deadline, now.mono + self._stale_after(component))
+        self.next_late = min(self.next_late, now.mono + self._stale_after(component))
 
     def forgettable(self, now: Instant) -> Iterable[Component]:
         """Components long absent that were OK when last received: absence never ends a problem."""
@@ -350,8 +324,8 @@ class Components:
 
     def count_checks(self) -> Iterator[tuple[str, list[int]]]:
         """For each check of the profile how many of its components have each level."""
-        if self._checked_at != self._versions.structure:
-            self._checked_at = self._versions.structure
+        if max(self._marks.at[Mark.NAMES], self._marks.at[Mark.CONFIG]) > self._checked_at:
+            self._checked_at = self._marks.count
             self._checked = [
                 (
                     check.name,

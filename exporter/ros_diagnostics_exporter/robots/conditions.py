@@ -16,7 +16,8 @@ from typing import NamedTuple
 from ros_diagnostics_exporter.config.conditions import Condition, Conditions
 from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.robots.component import Component
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.marks import Mark
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.rules import SEARCHED, key_matches
 
 
@@ -30,10 +31,10 @@ class Quiet(NamedTuple):
 class RobotConditions:
     """The conditions of one robot's components and values."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: RobotState) -> None:
         self._robot = robot
         self._profile: Profile | None = None
-        self._names_version = -1
+        self._read = -1  # the last change of names that was read
         self._watches: dict[tuple[Component | None, Condition], Watch] = {}
         self._watched: dict[Component, list[Watch]] = {}  # by a component that they ask about
         self._conditional: dict[Component, tuple[Conditions, ...]] = {}
@@ -49,13 +50,13 @@ class RobotConditions:
         Returns those with conditions that changed or depend on what did, and whether the conditions
         say something else of them than before.
         """
-        profile, names = self._robot.settings.profile, self._robot.versions.names
+        profile, names = self._robot.settings.profile, self._robot.marks.at[Mark.NAMES]
         if everything or profile is not self._profile:
-            self._profile, self._names_version = profile, -1
+            self._profile, self._read = profile, -1
         if not (profile.has_conditions or self._conditional):
             return {}
-        if names != self._names_version:
-            self._names_version = names
+        if names > self._read:
+            self._read = names
             return self._start_over(profile)
         touched: dict[Component, None] = {}
         for component in changed:

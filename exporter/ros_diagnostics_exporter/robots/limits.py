@@ -30,8 +30,8 @@ def truncate(text: str, length: int) -> str:
 
 def truncate_array(array: Array) -> Array:
     """The array with every text of at most MAX_TEXT characters; itself where all are."""
-    if array.size <= MAX_TEXT or not any(map(_is_too_long, array.statuses)):
-        return array  # in the first case no text of it is longer than the whole
+    if not any(map(_is_too_long, array.statuses)):
+        return array
     return array._replace(statuses=tuple(map(_truncate_status, array.statuses)))
 
 

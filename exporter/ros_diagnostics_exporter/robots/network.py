@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ros_diagnostics_exporter.model import Endpoint
+from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
 from ros_diagnostics_exporter.robots.rejections import SilentReason
 from ros_diagnostics_exporter.sources.link import LinkReading
 
 _NO_PUBLISHER = Endpoint(0)
 
 
+@marking(
+    domain_up=Mark.RECEIPT, uplink_up=Mark.RECEIPT, link=Mark.RECEIPT, expected_nodes=Mark.RECEIPT
+)
 class Network:
     """The endpoints of one robot's topics as the ROS graph last showed them."""
 
-    __slots__ = ("_endpoints", "domain_up", "expected_nodes", "link", "lossy", "uplink_up")
+    __slots__ = (
+        *("_endpoints", "domain_up", "expected_nodes", "link", "lossy", "marks", "uplink_up"),
+    )
 
-    def __init__(self, *, domain_up: bool = True, uplink_up: bool = True) -> None:
+    def __init__(
+        self, marks: Marks[Any], *, domain_up: bool = True, uplink_up: bool = True
+    ) -> None:
+        self.marks = marks
         self.domain_up = domain_up
         self.uplink_up = uplink_up
         self.link: LinkReading | None = None  # how messages arrive, where that is known
@@ -28,6 +39,7 @@ class Network:
         if self._endpoints.get(topic, _NO_PUBLISHER) == endpoint:
             return False
         self._endpoints[topic] = endpoint
+        self.marks.note(Mark.RECEIPT)
         return True
 
     @property
@@ -49,6 +61,8 @@ class Network:
             return "uplink_down"
         if any(endpoint.wrong_type for endpoint in self._endpoints.values()):
             return "wrong_type"
+        if any(endpoint.refused for endpoint in self._endpoints.values()):
+            return "incompatible_qos"
         if not self.publishers and any(each.is_cut_off for each in self._endpoints.values()):
             return "unreachable"
         return None

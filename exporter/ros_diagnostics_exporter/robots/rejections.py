@@ -20,6 +20,7 @@ SilentReason = Literal[
     "mute",
     "undecodable",
     "wrong_type",
+    "incompatible_qos",
     "unreachable",
     "domain_unreachable",
     "uplink_down",

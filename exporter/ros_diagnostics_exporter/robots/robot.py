@@ -18,26 +18,29 @@ from ros_diagnostics_exporter.model import (
     Level,
     Status,
 )
-from ros_diagnostics_exporter.robots.component import OK, STALE, Component
+from ros_diagnostics_exporter.robots.component import OK, Component
 from ros_diagnostics_exporter.robots.components import Components
-from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate
+from ros_diagnostics_exporter.robots.limits import SeriesLimit
 from ros_diagnostics_exporter.robots.maintenance import (
     PlannedBy,
     components_in_maintenance,
     lasting,
 )
-from ros_diagnostics_exporter.robots.measured import MeasuredUpdates, query_of
+from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
 from ros_diagnostics_exporter.robots.network import Network
 from ros_diagnostics_exporter.robots.persisted import Origin, PersistedRobot
 from ros_diagnostics_exporter.robots.rejections import (
     LOG_TEXTS,
     REASONS,
-    Reject,
     RejectionReason,
     SilentReason,
 )
-from ros_diagnostics_exporter.robots.tree import Structure, TreeReader
-from ros_diagnostics_exporter.robots.versions import Versions
+from ros_diagnostics_exporter.robots.updates import (
+    AggregatedUpdates,
+    MeasuredUpdates,
+    RawUpdates,
+    query_of,
+)
 from ros_diagnostics_exporter.sources.link import LinkReading
 
 log = logging.getLogger(__name__)
@@ -48,16 +51,27 @@ ROWS_OF_COMPONENT = 4
 _LEVEL_NAMES = tuple(level.name for level in Level)
 TIME_TO_RETURN = 600.0  # seconds after a start in which nothing is forgotten for its absence
 AUTO_WAIT = 5.0  # seconds that a raw array waits for an aggregated one before raw is the source
-MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
 
 
-class Robot:
+@marking(
+    settings=Mark.CONFIG,
+    limits=Mark.CONFIG,
+    declared=Mark.CONFIG,
+    shared=Mark.CONFIG,
+    source=Mark.CONFIG,
+    maintenance=Mark.DOWNTIME,
+    up=Mark.RECEIPT,
+    undecodable=Mark.RECEIPT,
+    network=Mark.RECEIPT,
+)
+class RobotState:
     """One robot, protected by the lock of its State.
 
     ``declared``: fleet.yml names it; ``shared``: its topic is one that robots share.
     ``found_mono`` is when it was added, ``seen_mono`` when the publishers of its topics last
     changed; ``last_mono`` and ``last_wall`` are when the last array was received, ``clock_offset``
-    is its receipt minus its stamp in seconds.
+    is its receipt minus its stamp in seconds, ``clock_behind`` the same or, without stamps, what
+    the link says.
     """
 
     def __init__(
@@ -70,6 +84,7 @@ class Robot:
         *,
         declared: bool,
     ) -> None:
+        self.marks = Marks[Component]()
         self.settings = settings
         self.declared = declared
         self.shared = False
@@ -83,8 +98,9 @@ class Robot:
         self.messages = 0
         self.bytes = 0
         self.clock_offset: float | None = None
+        self.clock_behind: float | None = None
         self.undecodable = False
-        self.network = Network()
+        self.network = Network(self.marks)
         self.maintenance = False
         self.planned: frozenset[PlannedBy] = frozenset()  # the downtimes that hold
         self.downtimes: tuple[Downtime, ...] = ()  # that people planned
@@ -93,16 +109,15 @@ class Robot:
         self._logged: set[RejectionReason] = set()
         self._events = events
         self._first_raw: float | None = None
-        self.versions = Versions()
         self.components = Components(
             settings.profile,
             limits,
             series=series,
-            versions=self.versions,
+            marks=self.marks,
             reject=self.reject,
             changed=self._record_change,
         )
-        self._aggregated = AggregatedUpdates(self.components, self.versions, limits, self.reject)
+        self._aggregated = AggregatedUpdates(self.components, self.marks, limits, self.reject)
         self._raw = RawUpdates(self.components, self.reject)
         self.measured = MeasuredUpdates(self.components)
 
@@ -110,12 +125,6 @@ class Robot:
     def groups(self) -> Mapping[str, tuple[int, str]]:
         """The robot's own groups: path -> (level, message) as its aggregator reported them."""
         return self._aggregated.groups
-
-    def become(self, *, declared: bool, shared: bool) -> None:
-        """Set how the config comes to have it."""
-        if (declared, shared) != (self.declared, self.shared):
-            self.declared, self.shared = declared, shared
-            self.versions.structure += 1  # it is written anew
 
     def configure(self, settings: config.Robot, limits: config.Limits, now: Instant) -> None:
         """Apply another config; what is known stays, as far as it is still wanted."""
@@ -125,12 +134,10 @@ class Robot:
         if _topics_of(settings) != _topics_of(self.settings):
             is_same_domain = settings.domain_id == self.settings.domain_id
             domain_up = self.network.domain_up or not is_same_domain
-            self.network = Network(domain_up=domain_up, uplink_up=self.network.uplink_up)
-            self.versions.receipt += 1
+            uplink_up = self.network.uplink_up
+            self.network = Network(self.marks, domain_up=domain_up, uplink_up=uplink_up)
         rules_changed = (settings.profile, limits) != (self.settings.profile, self.limits)
         self.settings, self.limits = settings, limits
-        self.versions.inventory += 1
-        self.versions.structure += 1
         if rules_changed:
             self._aggregated.reset(limits)
             self._logged.clear()
@@ -141,7 +148,7 @@ class Robot:
     def accepts(self, now: Instant, *, raw: bool) -> bool:
         """Whether arrays of this kind of topic count; the source ``auto`` is decided here, once."""
         if self.source is not config.Source.AUTO:
-            return accepts(self.source, raw=raw)
+            return self.source is not (config.Source.AGG if raw else config.Source.RAW)
         if not raw:
             self.source = config.Source.AGG
             return True
@@ -154,16 +161,13 @@ class Robot:
 
     def receive(self, array: Array, now: Instant, *, raw: bool) -> None:
         """Update the robot and its components from an array of the raw or aggregated topic."""
-        if not self.up:
-            self.record("received", now)
-        self.up = True
-        self.undecodable = False
-        self.last_mono, self.last_wall = now
+        if self.undecodable:
+            self.undecodable = False
+        self._note_received(now)
         self.messages += 1
         self.bytes += array.size
         if array.stamp > 0:
-            self.clock_offset = now.wall - array.stamp
-        self.versions.receipt += 1
+            self.clock_offset = self.clock_behind = now.wall - array.stamp
         statuses = array.statuses
         limit = ROWS_OF_COMPONENT * self.limits.components
         if len(statuses) > limit:
@@ -172,15 +176,18 @@ class Robot:
         updates = self._raw if raw else self._aggregated
         updates.apply(statuses, now)
 
+    def _note_received(self, now: Instant) -> None:
+        if not self.up:
+            self.record("received", now)
+            self.up = True
+        self.last_mono, self.last_wall = now
+        self.marks.note(Mark.RECEIPT)
+
     def measure(self, feed: Feed, statuses: Sequence[Status], now: Instant) -> None:
         """Update components from an answer of a query; only without ROS it makes the robot up."""
         self.measured.apply(feed, statuses, now)
         if statuses and self._has_no_ros:
-            if not self.up:
-                self.record("received", now)
-            self.up = True
-            self.last_mono, self.last_wall = now
-            self.versions.receipt += 1
+            self._note_received(now)
 
     def follow_feeds(self, feeds: Mapping[str, Feed], now: Instant) -> None:
         """Forget the components of feeds that the config no longer has."""
@@ -190,14 +197,12 @@ class Robot:
     def count_rejected(self, reason: RejectionReason, count: int = 1) -> None:
         """Count something that was rejected."""
         self.rejected[reason] += count
-        self.versions.rejections += 1
+        self.marks.note(Mark.REJECTED)
 
     def reject_undecodable(self) -> None:
         """Count a message that could not be decoded: why the robot is silent, if it is."""
         self.count_rejected("undecodable")
-        if not self.undecodable:
-            self.undecodable = True
-            self.versions.receipt += 1
+        self.undecodable = True
 
     def reject(self, reason: RejectionReason, example: str) -> None:
         """Count it, and log it the first time; ``example`` is a text that the robot sent."""
@@ -233,7 +238,6 @@ class Robot:
         last = self.last_mono if self.up and not self._has_no_ros else None
         if last is not None and now.mono - last > self.settings.profile.stale_after:
             self.up = False
-            self.versions.receipt += 1
             self.components.mark_all_stale(now)
             self.record("silent", now)
         else:
@@ -252,9 +256,7 @@ class Robot:
         labels = {**self.settings.labels, "fleet": fleet.name, "robot": self.settings.name}
         self.planned = lasting(fleet, labels, now.wall, self.downtimes)
         self.maintained = components_in_maintenance(self.downtimes, now.wall)
-        if bool(self.planned) != self.maintenance:
-            self.maintenance = bool(self.planned)
-            self.versions.inventory += 1
+        self.maintenance = bool(self.planned)
 
     def forget(self, component: Component, now: Instant) -> None:
         """Remove a component with all that is known about it."""
@@ -299,25 +301,12 @@ class Robot:
         """Set what the graph shows of one of its topics."""
         if self.network.update(topic, endpoint):
             self.seen_mono = now.mono
-            self.versions.receipt += 1
-
-    def set_uplink_up(self, *, up: bool) -> None:
-        """Set whether what the robot is reached through answers."""
-        if up != self.network.uplink_up:
-            self.network.uplink_up = up
-            self.versions.receipt += 1
 
     def update_link(self, reading: LinkReading | None) -> None:
         """Set how its messages arrive."""
-        if reading != self.network.link:
-            self.network.link = reading
-            self.versions.receipt += 1
-
-    def set_expected_nodes(self, count: int) -> None:
-        """Set how many nodes are expected of it in the ROS graph."""
-        if count != self.network.expected_nodes:
-            self.network.expected_nodes = count
-            self.versions.receipt += 1
+        self.network.link = reading
+        if self.clock_offset is None:
+            self.clock_behind = reading and reading.behind
 
     def set_lossy(self, *, lossy: bool) -> None:
         """Set whether so many messages are lost that what is STALE may be well."""
@@ -398,7 +387,7 @@ class Robot:
             if component is not None:
                 component.restore(each, now)
                 self.measured.restored(each.identity)
-        self.versions.receipt += 1
+        self.marks.note(Mark.RECEIPT)
 
 
 def accepts(source: config.Source, *, raw: bool) -> bool:
@@ -408,153 +397,3 @@ def accepts(source: config.Source, *, raw: bool) -> bool:
 
 def _topics_of(settings: config.Robot) -> tuple[Domain, str | None, str | None]:
     return settings.domain_id, settings.topic_agg, settings.topic_raw
-
-
-class AggregatedUpdates:
-    """Applies the arrays of one robot's aggregator: complete, so a missing component is STALE."""
-
-    def __init__(
-        self, components: Components, versions: Versions, limits: config.Limits, reject: Reject
-    ) -> None:
-        self.groups: dict[str, tuple[int, str]] = {}  # path -> (level, message) as reported
-        self._components = components
-        self._versions = versions
-        self._limits = limits
-        self._reject = reject
-        self._reader = TreeReader()
-        self._structure: Structure | None = None
-        self._names = 0  # their version when the plan was made
-        self._plan: list[tuple[Component, tuple[int, ...]]] = []
-        self._missing: list[Component] = []
-
-    def apply(self, statuses: Sequence[Status], now: Instant) -> None:
-        """Update the components from one array."""
-        structure = self._reader.read(statuses)
-        if structure is not self._structure or self._names != self._versions.names:
-            self._plan_updates(structure, now)
-        self._update_groups(statuses, structure)
-        for component, rows in self._plan:
-            status = statuses[rows[0]]
-            if len(rows) > 1:
-                status = max((statuses[row] for row in rows), key=_level)
-            if component.raw_received is not None and status.level != STALE:
-                component.listed = now.mono  # received at its source: this is an older copy
-            else:
-                self._components.update(component, status, now)
-        for component in self._missing:
-            self._components.mark_missing(component, now)
-
-    def reset(self, limits: config.Limits) -> None:
-        """Look the components up again at the next array: the config may want others."""
-        self._limits = limits
-        self._structure = None
-
-    def _plan_updates(self, structure: Structure, now: Instant) -> None:
-        """Find the components of a changed structure, and those that are missing in it."""
-        components = self._components
-        self._structure = structure
-        self._remove_groups(structure)
-        self._plan = []
-        for leaf in structure.leaves:
-            identity = (leaf.component, "" if leaf.exact else leaf.group, "")
-            component = components.get_or_add(identity, leaf.group, now)
-            if component is not None:
-                components.regroup(component, leaf.group)
-                self._plan.append((component, leaf.rows))
-        self._names = self._versions.names
-        listed = {component.identity for component, _rows in self._plan}
-        # An aggregator that has just started lists no component yet: none is missing because of
-        # that. They become STALE after their own time.
-        self._missing = [
-            component
-            for identity, component in components.by_identity.items()
-            if structure.leaves and identity not in listed and component.raw_received is None
-        ]
-
-    def _remove_groups(self, structure: Structure) -> None:
-        """Remove, without an event, components that prove to be groups."""
-        paths = {path for _row, path in structure.groups}
-        for (name, group, _id), component in list(self._components.by_identity.items()):
-            if group and f"{group}/{name}" in paths:
-                self._components.remove(component)
-
-    def _update_groups(self, statuses: Sequence[Status], structure: Structure) -> None:
-        groups: dict[str, tuple[int, str]] = {}
-        for row, path in structure.groups:
-            level = min(statuses[row].level, STALE)
-            label = truncate(path, self._limits.label_length)
-            if label not in groups and len(groups) >= self._limits.components:
-                self._reject("component_limit", path)
-                break
-            if label not in groups or level > groups[label][0]:
-                groups[label] = (level, statuses[row].message)
-        if groups != self.groups:
-            self.groups = groups
-            self._versions.groups += 1
-
-
-class RawUpdates:
-    """Applies the arrays of a robot's drivers: partial, so only a late component is STALE."""
-
-    def __init__(self, components: Components, reject: Reject) -> None:
-        self._components = components
-        self._reject = reject
-        self._split_names: set[str] = set()  # names that several components have
-
-    def apply(self, statuses: Sequence[Status], now: Instant) -> None:
-        """Update the components from one array."""
-        if len({status.name for status in statuses}) != len(statuses):
-            statuses = self._worst_of_each(statuses)
-        for status in statuses:
-            hardware_id = status.hardware_id if status.name in self._split_names else ""
-            identity = (status.name, "", hardware_id)
-            component = self._components.by_identity.get(identity)
-            if component is None:
-                component = self._components.get_or_add(identity, _node_of(status.name), now)
-            if component is not None:
-                self._components.update_raw(component, status, now)
-
-    def split_by_hardware_id(self, name: str) -> None:
-        """Make a component of each name and hardware_id from now on."""
-        if name not in self._split_names and len(self._split_names) < MAX_SPLIT_NAMES:
-            self._split_names.add(name)
-            self._components.split_by_hardware_id(name)
-
-    def _worst_of_each(self, statuses: Sequence[Status]) -> list[Status]:
-        """The worst status of each component, for an array that has a name more than once.
-
-        One name with two hardware_ids are two components, from then on.
-        """
-        ids: dict[str, set[str]] = {}
-        for status in statuses:
-            if status.hardware_id:
-                ids.setdefault(status.name, set()).add(status.hardware_id)
-        for name, found in ids.items():
-            if len(found) > 1:
-                self.split_by_hardware_id(name)
-        worst: dict[tuple[str, str], Status] = {}
-        for status in statuses:
-            hardware_id = status.hardware_id if status.name in self._split_names else ""
-            key = status.name, hardware_id
-            if key in worst:
-                self._reject("duplicate_component", status.name)
-                status = max(status, worst[key], key=_severity)  # noqa: PLW2901
-            worst[key] = status
-        return list(worst.values())
-
-
-def _severity(status: Status) -> int:
-    """By the rank of its state, in which ERROR, and what counts as it, is worse than STALE."""
-    return {0: 0, 1: 1, STALE: 2}.get(status.level, 3)
-
-
-def _level(status: Status) -> int:
-    # For one component in several groups STALE comes first: a group that has lost the component
-    # knows more than one that waits longer for it.
-    return min(status.level, STALE)
-
-
-def _node_of(name: str) -> str:
-    """The node that publishes a raw status: updaters write "node: task"."""
-    node, colon, _task = name.partition(": ")
-    return node if colon else ""

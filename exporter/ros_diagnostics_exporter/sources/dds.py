@@ -23,7 +23,7 @@ from typing_extensions import override
 
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status
-from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, Mismatch, Peer, TopicView
+from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, US, Mismatch, Peer, TopicView
 from ros_diagnostics_exporter.sources.link import Link
 from ros_diagnostics_exporter.sources.reception import (
     Count,
@@ -60,16 +60,19 @@ try:
     import rclpy
     from diagnostic_msgs.msg import DiagnosticArray
     from rclpy.context import Context
-    from rclpy.event_handler import SubscriptionEventCallbacks
+    from rclpy.event_handler import QoSSubscriptionEventType, SubscriptionEventCallbacks
+    from rclpy.impl.implementation_singleton import rclpy_implementation
     from rclpy.node import Node
     from rclpy.parameter import Parameter
     from rclpy.qos import (
         DurabilityPolicy,
         HistoryPolicy,
         QoSCompatibility,
+        QoSPolicyKind,
         QoSProfile,
         ReliabilityPolicy,
         qos_check_compatible,
+        qos_policy_name_from_kind,
     )
     from rclpy.serialization import deserialize_message
     from rclpy.subscription import Subscription
@@ -231,8 +234,8 @@ class DdsDomain(Reception):
         super().__init__(domain, receiver, count, poll_interval)
         self._ros_arguments = ros_arguments
         self._domain_id = domain
-        self._subscriptions: dict[str, Subscription] = {}
-        self._known: dict[str, tuple[tuple[int, tuple[str, ...]], Endpoint]] = {}
+        self._subscriptions: dict[str, _Subscribed] = {}
+        self._known: dict[str, tuple[tuple[int, tuple[str, ...], str], Endpoint]] = {}
         self._looks = 0
         self._types: dict[str, tuple[str, ...]] = {}  # of the topics, at the last look
         self._other_types: dict[str, tuple[str, ...]] = {}  # of those that are no DiagnosticArray
@@ -249,7 +252,7 @@ class DdsDomain(Reception):
         check_ros()
         self._context = Context()
         rclpy.init(args=list(self._ros_arguments), context=self._context, domain_id=self._domain_id)
-        self._node = rclpy.create_node(
+        self._node = _make_node(
             NODE_NAME,
             context=self._context,
             enable_rosout=False,
@@ -352,11 +355,14 @@ class DdsDomain(Reception):
         between two looks by another, or joins others whose reliability differs, is found out at
         every tenth look only. The number of those that match costs nothing to ask for.
         """
-        count = self._subscriptions[name].get_publisher_count() if name in self.topics else 0
-        count = count or node.count_publishers(name)
+        subscribed = self._subscriptions.get(name)
+        matched = subscribed.matched if subscribed is not None else 0
+        count = matched or node.count_publishers(name)
+        refused = subscribed.refused if subscribed is not None and count > matched else ""
+        state = count, types, refused
         known = self._known.get(name)
         again = self._has_turn(name, 2 * SELDOM)
-        if known is not None and known[0] == (count, types) and not again:
+        if known is not None and known[0] == state and not again:
             return
         offers = node.get_publishers_info_by_topic(name) if count else []
         others = sorted({offer.topic_type for offer in offers} - {TYPE})
@@ -366,8 +372,9 @@ class DdsDomain(Reception):
             reliable=not any(
                 offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers
             ),
+            refused=refused,
         )
-        self._known[name] = (count, types), endpoint
+        self._known[name] = state, endpoint
 
     # -- what is seen of others -----------------------------------------------------------------
 
@@ -428,8 +435,23 @@ class DdsDomain(Reception):
         return TopicView(
             tuple(map(_peer, publishers)),
             tuple(map(_peer, subscribers)),
-            (*islice(mismatches, MAX_MISMATCHES), *((UNKNOWN,) if unknown else ())),
+            (
+                *self._refusals(name, publishers),
+                *islice(mismatches, MAX_MISMATCHES),
+                *((UNKNOWN,) if unknown else ()),
+            ),
         )
+
+    def _refusals(self, name: str, publishers: Sequence[TopicEndpointInfo]) -> Iterator[Mismatch]:
+        """That our own subscription matches not all publishers, and by which policy.
+
+        Of several publishers nobody knows which.
+        """
+        subscribed = self._subscriptions.get(name)
+        offers = [_full_name(each) for each in publishers if each.topic_type == TYPE]
+        if subscribed is not None and subscribed.matched < len(offers) and subscribed.refused:
+            which = "one of " if subscribed.matched else ""
+            yield Mismatch(which + ", ".join(sorted(set(offers))), US, f"by {subscribed.refused}")
 
     def _why_no_match(self, one: TopicEndpointInfo, other: TopicEndpointInfo) -> str:
         """Why a subscriber receives nothing of a publisher; "" where it does."""
@@ -468,10 +490,11 @@ class DdsDomain(Reception):
             # Each event that rclpy would watch for is one more thing to wait for.
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
         )
-        self._subscriptions[name] = subscription
+        subscribed = self._subscriptions[name] = _Subscribed(subscription)
 
         def close() -> None:
             del self._subscriptions[name]
+            subscribed.close()
             node.destroy_subscription(subscription)
 
         # Instead of rclpy's executors: they pass every subscription to the middleware before each
@@ -483,6 +506,56 @@ class DdsDomain(Reception):
         if self._node is None:
             raise RuntimeError("the domain is not joined")
         return self._node
+
+
+class _Nothing:
+    """Stands for a publisher: what is published is nobody's."""
+
+    def publish(self, message: object) -> None:
+        """Publish nothing."""
+
+
+def _make_node(*args: Any, **kwargs: Any) -> Node:
+    """A node that publishes nothing: every other one of rclpy has /parameter_events."""
+
+    class Guest(Node):  # type: ignore[misc]
+        def create_publisher(self, *_args: object, **_kwargs: object) -> _Nothing:
+            return _Nothing()
+
+    return Guest(*args, **kwargs)
+
+
+class _Subscribed:
+    """A subscription, and what the middleware says of the publishers that it does not match."""
+
+    def __init__(self, subscription: Subscription) -> None:
+        self._subscription = subscription
+        with subscription.handle:
+            self._event = rclpy_implementation.EventHandle(
+                subscription.handle,
+                QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
+            )
+
+    @property
+    def matched(self) -> int:
+        """How many publishers it matches."""
+        return int(self._subscription.get_publisher_count())
+
+    @property
+    def refused(self) -> str:
+        """The policy because of which it last did not match a publisher; "" where there is none."""
+        with self._event:
+            status = self._event.take_event()
+        if status is None or not status.total_count:
+            return ""
+        kind = QoSPolicyKind(int(status.last_policy_kind))
+        if kind is QoSPolicyKind.INVALID:
+            return "a policy that ROS has no name for, as ownership or data representation"
+        return str(qos_policy_name_from_kind(kind))
+
+    def close(self) -> None:
+        """Ask no more."""
+        self._event.destroy_when_not_in_use()
 
 
 def _full_name(endpoint: TopicEndpointInfo) -> str:

@@ -42,6 +42,7 @@ class Mismatch(NamedTuple):
     why: str
 
 
+US = "this exporter"  # as the subscriber of a mismatch
 # What stands for endpoints that the middleware cannot say the node of: half of it was discovered.
 UNKNOWN = Mismatch("", "", "of no known node")
 _Side = Literal["publishes", "subscribes"]

@@ -25,13 +25,15 @@ class LinkReading(NamedTuple):
     """What arrived of late: messages ``expected``, those ``lost`` of them, seconds.
 
     ``delay`` is the largest of the window, above the least of the last minutes; ``jitter`` as RFC
-    3550 defines it.
+    3550 defines it. By ``behind`` at most the robot's clock is behind the exporter's: the least
+    difference of when a message was received and sent. Below zero, it is ahead by at least that.
     """
 
     expected: int
     lost: int
     delay: float
     jitter: float
+    behind: float = 0.0
 
     @property
     def loss(self) -> float:
@@ -47,6 +49,7 @@ class _Step:
     expected: int = 0
     received: int = 0
     most: float = float("-inf")
+    least: float = float("inf")
 
 
 class Link:
@@ -76,10 +79,12 @@ class Link:
         follows = last is not None and 0 <= missing <= MOST_MISSING and self._goes_on(at)
         if follows:
             self._jitter += (abs(delay - self._delay) - self._jitter) / 16
+            if sent * _SECOND < self._sent:
+                self._least.clear()  # the robot's clock was set back
         step = self._step(at)
         step.expected += 1 + (missing if follows else 0)
         step.received += 1
-        step.most = max(step.most, delay)
+        step.most, step.least = max(step.most, delay), min(step.least, delay)
         self._note_least(at, delay)
         self._number, self._sent, self._received = number, sent * _SECOND, at
         self._delay = delay
@@ -112,7 +117,8 @@ class Link:
             return None
         lost = max(0, expected - sum(each.received for each in steps))
         least = min(delay for _minute, delay in self._least)
-        return LinkReading(expected, lost, max(each.most for each in steps) - least, self._jitter)
+        delay = max(each.most for each in steps) - least
+        return LinkReading(expected, lost, delay, self._jitter, min(each.least for each in steps))
 
 
 def joined(readings: list[LinkReading]) -> LinkReading:
@@ -122,4 +128,5 @@ def joined(readings: list[LinkReading]) -> LinkReading:
         sum(each.lost for each in readings),
         max(each.delay for each in readings),
         max(each.jitter for each in readings),
+        min(each.behind for each in readings),
     )

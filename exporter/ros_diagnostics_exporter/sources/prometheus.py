@@ -11,9 +11,9 @@ import json
 import logging
 import math
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 from urllib.parse import urlencode
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Query
@@ -33,6 +33,7 @@ STOP_TIME = 1.0  # seconds that questions under way are waited for, all of them 
 OWN_PREFIX = "ros_diagnostics_"
 _SEVERITY = {"warning": Level.WARN, "critical": Level.ERROR}
 NO_URL = "the exporter runs without --prometheus.url"
+_Read = TypeVar("_Read")
 
 
 class AnswerReceiver(Protocol):
@@ -64,7 +65,7 @@ class Outcome:
     skipped: int = 0
 
 
-class _Row(NamedTuple):
+class Element(NamedTuple):
     """An element of a vector."""
 
     labels: dict[str, str]
@@ -138,13 +139,13 @@ class _Asked:
         clocks: Callable[[], Instant],
     ) -> None:
         self.settings = settings
-        self._query, self._fleet, self._hysteresis = settings
+        self._query = settings[0]
+        self._measured = Measured(*settings)
         self._receiver = receiver
         self._client = client
         self._clocks = clocks
         self._passing = threading.Lock()  # held while an answer is passed on
         self._ended = False
-        self._levels: dict[tuple[str, str], Level] = {}  # those that were not OK
         self.outcome = Outcome(self._query)
         self.loop = Loop(f"query {self._query.name}", self._query.interval, self._turn)
 
@@ -161,7 +162,7 @@ class _Asked:
         except QueryError as error:
             self._fail(str(error))
             return
-        statuses, skipped = self._statuses(rows)
+        statuses, skipped = self._measured.statuses(rows, self._receiver.addresses())
         query = self._query
         with self._passing:
             if not self._ended:
@@ -175,10 +176,23 @@ class _Asked:
             log.warning("query %r has no answer: %s", self._query.name, why)
         self.outcome = Outcome(self._query, why)
 
-    def _statuses(self, rows: Sequence[_Row]) -> tuple[dict[str, list[Status]], int]:
-        """The statuses of each robot, and how many rows are of no robot."""
+
+class Measured:
+    """What the answers of one query say of robots; a level ends beyond ``hysteresis`` only."""
+
+    def __init__(self, query: Query, fleet: str, hysteresis: float) -> None:
+        self._query, self._fleet, self._hysteresis = query, fleet, hysteresis
+        self._levels: dict[tuple[str, str], Level] = {}  # those that were not OK
+
+    def statuses(
+        self, rows: Sequence[Element], addresses: Mapping[str, str]
+    ) -> tuple[dict[str, list[Status]], int]:
+        """The statuses of each robot by an answer, and how many rows are of no robot.
+
+        ``addresses`` are the robots' by their names, "" where one has none.
+        """
         worst: dict[tuple[str, str], float] = {}
-        find = self._finder()
+        find = self._finder(addresses)
         skipped = 0
         for row in rows:
             robots = find(row.labels)
@@ -193,9 +207,8 @@ class _Asked:
             found.setdefault(robot, []).append(status)
         return found, skipped
 
-    def _finder(self) -> Callable[[Mapping[str, str]], list[str]]:
+    def _finder(self, addresses: Mapping[str, str]) -> Callable[[Mapping[str, str]], list[str]]:
         """What finds the robots that an element's labels name."""
-        addresses = self._receiver.addresses()
         by_address: dict[str, list[str]] = {}
         for robot, address in addresses.items():
             by_address.setdefault(address, []).append(robot)
@@ -248,7 +261,7 @@ class _Asked:
         return found, words
 
 
-def ask(client: Client | None, expr: str) -> list[_Row]:
+def ask(client: Client | None, expr: str) -> list[Element]:
     """The elements of an instant vector, without those that are no number.
 
     Raises:
@@ -256,9 +269,29 @@ def ask(client: Client | None, expr: str) -> list[_Row]:
     """
     if client is None:
         raise QueryError(NO_URL)
-    parameters = urlencode({"query": expr, "timeout": f"{TIMEOUT:g}s"})
+    return _asked(client, "query", {"query": expr}, _rows)
+
+
+def ask_range(
+    client: Client, expr: str, begin: float, end: float, step: float
+) -> dict[float, list[Element]]:
+    """What `ask` would have found at ``begin`` and each ``step`` seconds later, up to ``end``.
+
+    Times are Unix times; those at which there was nothing are not among them.
+
+    Raises:
+        QueryError: there is no answer, or no such vectors.
+    """
+    given = {"query": expr, "start": f"{begin:.3f}", "end": f"{end:.3f}", "step": f"{step:g}"}
+    return _asked(client, "query_range", given, _rows_by_time)
+
+
+def _asked(
+    client: Client, api: str, given: Mapping[str, str], read: Callable[[Any], _Read]
+) -> _Read:
+    parameters = urlencode({**given, "timeout": f"{TIMEOUT:g}s"})
     try:
-        answer = client.get(f"/api/v1/query?{parameters}", limit=MAX_BYTES)
+        answer = client.get(f"/api/v1/{api}?{parameters}", limit=MAX_BYTES)
     except AnsweredError as error:
         raise QueryError(_own_words(error, client.url)) from error
     except UnreachableError as error:
@@ -266,7 +299,7 @@ def ask(client: Client | None, expr: str) -> list[_Row]:
         why = getattr(reason, "reason", None) or reason or error
         raise QueryError(_line(f"no answer of {client.url}: {why}")) from error
     try:
-        return list(_rows(answer))
+        return read(answer["data"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise QueryError(_line(f"{client.url} is no Prometheus: {error!r}")) from error
 
@@ -283,25 +316,37 @@ def _line(text: str) -> str:
     return one_line(encodable(text))[:MAX_ERROR]
 
 
-def _rows(answer: Any) -> Iterator[_Row]:
-    data = answer["data"]
+def _rows(data: Any) -> list[Element]:
+    elements = _elements(data, "vector")
+    pairs = ((_labels(each), each["value"][1]) for each in elements if "value" in each)
+    numbers = ((labels, float(text)) for labels, text in pairs)
+    return [Element(labels, number) for labels, number in numbers if not math.isnan(number)]
+
+
+def _rows_by_time(data: Any) -> dict[float, list[Element]]:
+    found: dict[float, list[Element]] = {}
+    for each in _elements(data, "matrix"):
+        labels = _labels(each)
+        for at, text in each.get("values", ()):  # without: native histograms
+            if not math.isnan(number := float(text)):
+                found.setdefault(float(at), []).append(Element(labels, number))
+    return found
+
+
+def _elements(data: Any, wanted: str) -> list[Any]:
     kind, elements = str(data["resultType"]), data["result"]
-    if kind != "vector":
+    if kind != wanted:
         raise QueryError(
             _line(f"the result is a {kind}, not an instant vector of robots' elements")
         )
     if len(elements) > MAX_ROWS:
         what = f"the result has {len(elements)} elements, above the limit of {MAX_ROWS}"
         raise QueryError(f"{what}: aggregate it by robot")
-    for each in elements:
-        if "value" not in each:
-            continue  # a native histogram
-        number = float(each["value"][1])
-        if not math.isnan(number):
-            labels = {
-                encodable(str(name)): encodable(str(text)) for name, text in each["metric"].items()
-            }
-            yield _Row(labels, number)
+    return list(elements)
+
+
+def _labels(element: Any) -> dict[str, str]:
+    return {encodable(str(name)): encodable(str(text)) for name, text in element["metric"].items()}
 
 
 def _host(text: str, known: Mapping[str, Sequence[str]]) -> str:

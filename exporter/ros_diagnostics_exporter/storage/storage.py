@@ -26,6 +26,7 @@ from ros_diagnostics_exporter.events import EventLog, Numbered, Wanted
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.persisted import Moment, PersistedRobot
 from ros_diagnostics_exporter.storage import fault_rows
 from ros_diagnostics_exporter.storage.database import (
@@ -42,8 +43,8 @@ from ros_diagnostics_exporter.storage.database import (
 )
 
 if TYPE_CHECKING:  # these import the types below
-    from ros_diagnostics_exporter.fleet.state import State
-    from ros_diagnostics_exporter.robots.robot import Robot
+    from ros_diagnostics_exporter.fleet.state import FleetState
+    from ros_diagnostics_exporter.robots.robot import RobotState
 
 INTERVAL = 0.6  # seconds between two writes at least: a write included, a second at most is lost
 SEEN_INTERVAL = 10.0  # when nothing but "last received" has changed
@@ -59,7 +60,8 @@ ITSELF = ""  # in the place of a robot's name: the exporter, by its `AgeClock` a
 
 log = logging.getLogger(__name__)
 
-_Key = tuple[int, int, int, int]
+_WRITTEN = Mark.NAMES, Mark.SERIES, Mark.LEVEL, Mark.ACCOUNT, Mark.CONFIG
+_Key = tuple[int, int, int]
 _ROBOT = TypeAdapter(PersistedRobot)
 _SEEN = TypeAdapter(Moment | None)
 
@@ -184,7 +186,7 @@ class Storage:
 
     # -- at the start ------------------------------------------------------------------------
 
-    def load(self, state: State, now: Instant) -> int:
+    def load(self, state: FleetState, now: Instant) -> int:
         """Restore what an earlier process knew, and return the id of its last event.
 
         What is valid in a damaged file is restored, and the first write renames it to the first
@@ -271,7 +273,9 @@ class Storage:
 
     # -- from then on ------------------------------------------------------------------------
 
-    def save(self, state: State, events: EventLog, now: Instant, *, at_once: bool = False) -> None:
+    def save(
+        self, state: FleetState, events: EventLog, now: Instant, *, at_once: bool = False
+    ) -> None:
         """Write what changed, if a second has passed since the last write.
 
         Never raises: a failure is logged at most once a minute, and the next call retries.
@@ -321,7 +325,7 @@ class Storage:
 
     # -- one write ---------------------------------------------------------------------------
 
-    def _save(self, state: State, events: EventLog, now: Instant, *, at_once: bool) -> None:
+    def _save(self, state: FleetState, events: EventLog, now: Instant, *, at_once: bool) -> None:
         salvaged = self._make_way()
         if self._blocked:
             return
@@ -360,7 +364,7 @@ class Storage:
         self._last_event = written[-1][0]
 
     def _encode(
-        self, state: State, now: Instant
+        self, state: FleetState, now: Instant
     ) -> tuple[dict[str, _Key], dict[str, float], list[tuple[str, str]]]:
         """Of all robots their version and when last received; of those that changed the JSON."""
         keys: dict[str, _Key] = {}
@@ -372,7 +376,9 @@ class Storage:
                 changed.append((name, persisted.as_json()))
         return keys, seen, changed
 
-    def _visit(self, robot: Robot, now: Instant) -> tuple[str, _Key, float, PersistedRobot | None]:
+    def _visit(
+        self, robot: RobotState, now: Instant
+    ) -> tuple[str, _Key, float, PersistedRobot | None]:
         """(its name, its version, when it was last received, what to write of it if anything)."""
         name, key = robot.settings.name, _key(robot)
         is_written = self._keys.get(name) == key
@@ -383,7 +389,7 @@ class Storage:
         self._age.time(now)
         return [(ITSELF, self._age.wall), *newer]
 
-    def _take_rows(self, state: State, now: Instant) -> None:
+    def _take_rows(self, state: FleetState, now: Instant) -> None:
         for row in state.take_fault_rows(now):
             key, text = _row_as_json(row)
             self._changed_rows[key] = None
@@ -460,10 +466,10 @@ class Storage:
             return None
 
 
-def _key(robot: Robot) -> _Key:
+def _key(robot: RobotState) -> _Key:
     """Differs when the robot has to be written anew."""
     hour = int((robot.last_wall + id(robot) % WHOLE_INTERVAL) // WHOLE_INTERVAL)
-    return id(robot), robot.versions.structure, robot.versions.levels, hour
+    return id(robot), robot.marks.last(*_WRITTEN), hour
 
 
 def _row_as_json(row: Row) -> tuple[tuple[str, str], str | None]:

@@ -205,6 +205,17 @@ class Api:
         except LookupError as error:
             raise ApiError(404, _text(error)) from error
 
+    async def capabilities(self, request: Request) -> Response:
+        """What a robot can do: the expressions of fleet.yml with their states."""
+        _allow_only(request, "robot")
+        robot = request.query_params.get("robot")
+        if not robot:
+            raise ApiError(400, "the query must name a robot: /api/v1/capabilities?robot=NAME")
+        try:
+            return _json(await self._workers.run(self._backend.capabilities, robot))
+        except LookupError as error:
+            raise ApiError(404, _text(error)) from error
+
     async def story(self, request: Request) -> Response:
         """What failed of a robot in a week, in sentences."""
         _allow_only(request)

@@ -51,6 +51,13 @@ class Backend(Protocol):
             LookupError: There is no such robot.
         """
 
+    def capabilities(self, robot: str, /) -> dict[str, Any]:
+        """What a robot can do as /api/v1/capabilities returns it.
+
+        Raises:
+            LookupError: There is no such robot.
+        """
+
     def story(self, robot: str, /) -> dict[str, Any]:
         """What failed of a robot in a week, in sentences, as /api/v1/robots/ROBOT/story returns it.
 

@@ -18,6 +18,7 @@ from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.model import place
 from ros_diagnostics_exporter.severity import (
     COLOURS,
+    OF_ABILITY,
     SEVERITIES,
     ShownProblem,
     as_planned,
@@ -27,6 +28,7 @@ from ros_diagnostics_exporter.severity import (
     downtime_texts,
     event_text,
     notified_text,
+    part_path,
     problem_state,
     query_text,
     shown_as_they_are,
@@ -295,28 +297,13 @@ class _Capability(NamedTuple):
     parts: list[str]
 
 
-_OF_CAPABILITY = {  # state -> colour, and what it says
-    "ok": ("OK", ""),
-    "no_reserve": ("WARNING", "no reserve"),
-    "degraded": ("WARNING", "degraded"),
-    "lost": ("CRITICAL", "lost"),
-    "unknown": ("UNKNOWN", "not known"),
-}
-
-
 def _capabilities(robot: dict[str, Any]) -> list[_Capability]:
     found = [
-        _Capability(state, each["capability"], text, [_part(part) for part in each["parts"]])
+        _Capability(state, each["capability"], text, [part_path(part) for part in each["parts"]])
         for each in robot["capabilities"]
-        for state, text in [_OF_CAPABILITY[each["state"]]]
+        for state, text in [OF_ABILITY[each["state"]]]
     ]
     return sorted(found, key=lambda each: -SEVERITIES[each.state])
-
-
-def _part(part: dict[str, str]) -> str:
-    if part["check"]:
-        return f"check {part['check']}"
-    return f"{component_path(part)}{part['key'] and ': '}{part['key']}"
 
 
 def _components(robot: dict[str, Any], problems: list[ShownProblem]) -> list[_Component]:

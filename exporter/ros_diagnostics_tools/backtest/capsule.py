@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_tools.backtest import words
 from ros_diagnostics_tools.backtest.formats import RecordingError
 from ros_diagnostics_tools.backtest.ledger import confirm_after
@@ -35,7 +35,7 @@ def read(path: Path) -> Capsule | None:
         return None  # whoever reads its messages names what is wrong
 
 
-def too_short(capsule: Capsule, result: Result, state: State) -> list[str]:
+def too_short(capsule: Capsule, result: Result, state: FleetState) -> list[str]:
     """Why a capsule does not show whether its fault would have begun; nothing if it does."""
     fault = capsule.fault
     needed = confirm_after(state, fault["robot"], fault.get("component", ""))

@@ -22,7 +22,7 @@ from pydantic import TypeAdapter, ValidationError
 from ros_diagnostics_exporter.config.fleet import Fleet, Source
 from ros_diagnostics_exporter.config.fleet import Robot as RobotSettings
 from ros_diagnostics_exporter.events import Event, Wanted
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Instant, Level, Status, Topic
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.storage.database import APPLICATION, VERSION, find_events, reading
@@ -146,7 +146,7 @@ def _settings(
     fleet: Fleet, persisted: Mapping[str, PersistedRobot], wall: float
 ) -> dict[str, RobotSettings]:
     """The settings of the robots that the fleet declares, or would discover by their topics."""
-    state = State(fleet, Instant(0.0, wall))
+    state = FleetState(fleet, Instant(0.0, wall))
     state.restore(persisted, Instant(0.0, wall))
     return {each.name: each for each in state.visit(lambda robot: robot.settings)}
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 
 IDENTITY = (
     *("scope", "state", "site", "robot", "group", "component", "check", "key", "bound"),
@@ -85,7 +85,7 @@ class Ledger:
         self._open: dict[tuple[str, str, str], Outage] = {}
         self._over: list[Outage] = []
 
-    def note(self, state: State) -> None:
+    def note(self, state: FleetState) -> None:
         """Note what began and ended since the last call."""
         for event in state.take_events():
             robot = state.robots.get(event.robot)
@@ -125,7 +125,7 @@ class Ledger:
             outage.end = wall
             self._over.append(outage)
 
-    def outages(self, state: State, until: float) -> list[Outage]:
+    def outages(self, state: FleetState, until: float) -> list[Outage]:
         """All outages, by their begin, those that last ``until`` then included."""
         for outage in self._open.values():
             outage.end, outage.ended = until, False
@@ -150,7 +150,7 @@ class Ledger:
         return spans
 
 
-def confirm_after(state: State, robot: str, component: str = "") -> float:
+def confirm_after(state: FleetState, robot: str, component: str = "") -> float:
     """Seconds in trouble after which a component's problem is confirmed, or a robot's silence."""
     known = state.robots.get(robot)
     profile = Profile() if known is None else known.settings.profile

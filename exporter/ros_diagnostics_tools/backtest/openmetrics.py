@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TextIO
 
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.texts import escape
@@ -28,11 +28,11 @@ class Samples:
         self._interval = interval
         self._labels = ",".join(f'{name}="{escape(text)}"' for name, text in labels.items())
         self._due = 0.0
-        self._state: State | None = None
+        self._state: FleetState | None = None
         self._exposition: Exposition | None = None
         self.count = 0
 
-    def scrape(self, state: State, now: Instant) -> None:
+    def scrape(self, state: FleetState, now: Instant) -> None:
         """Write the samples of this moment, if it is time to."""
         if now.wall < self._due:
             return

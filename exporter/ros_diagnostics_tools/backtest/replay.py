@@ -9,17 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
-from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.config.fleet import Fleet, Source
 from ros_diagnostics_exporter.config.fleet import Robot as RobotSettings
 from ros_diagnostics_exporter.faults.model import Row
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
+from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import Domain, Endpoint, Instant, Topic
 from ros_diagnostics_tools.backtest.ledger import Ledger, Notification, Outage
+from ros_diagnostics_tools.backtest.measured import Past
 from ros_diagnostics_tools.backtest.recordings import Message, Recordings
 
 TICK = 0.25  # seconds, as Service.TICK
 LOOK = 1.0  # seconds between two looks at which topics are wanted, as the listener's
-Observer = Callable[[State, Instant], None]
+Observer = Callable[[FleetState, Instant], None]
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,8 @@ class Result:
 class Replay:
     """A fleet that receives messages of the past.
 
-    ``observe`` is called after each message; ``each_tick`` after each tick.
+    ``observe`` is called after each message; ``each_tick`` after each tick. ``prometheus`` answers
+    the queries of the configuration.
     """
 
     def __init__(
@@ -56,14 +59,16 @@ class Replay:
         *,
         observe: Observer | None = None,
         each_tick: Observer | None = None,
+        prometheus: Client | None = None,
     ) -> None:
-        self.fleet = recorded_part(fleet, recordings.topics)
+        self.fleet = recorded_part(fleet, recordings.topics, measured=prometheus is not None)
+        self.past = Past(prometheus, self.fleet, recordings.periods)
         self._periods = iter(recordings.periods[1:])
         self._begin = recordings.periods[0].begin
         self._pause_ends = next(self._periods, None)
         self._now = self._instant(self._begin)
         self._last = self._begin
-        self.state = State(self.fleet, self._now)
+        self.state = FleetState(self.fleet, self._now)
         self.ledger = Ledger()
         self._restarts = Restarts()
         self._observe, self._each_tick = observe, each_tick
@@ -105,6 +110,7 @@ class Replay:
         """Tick as the exporter does, up to a time."""
         while self._now.wall + TICK <= wall:
             self._now = self._instant(self._now.wall + TICK)
+            self.past.deliver(self.state, self._now.wall, self._instant)
             self.state.tick(self._now)
             self.ledger.note(self.state)
             if self._each_tick is not None:
@@ -170,10 +176,18 @@ def topics_of(robot: RobotSettings) -> set[Topic]:
     return {Topic(robot.domain_id, name) for name in (robot.topic_agg, robot.topic_raw) if name}
 
 
-def recorded_part(fleet: Fleet, topics: Iterable[Topic]) -> Fleet:
-    """The fleet without declared robots of which no topic was recorded: they were not silent."""
+def recorded_part(fleet: Fleet, topics: Iterable[Topic], *, measured: bool = False) -> Fleet:
+    """The fleet without declared robots of which no topic was recorded: they were not silent.
+
+    Those that only queries are about belong to it where it is ``measured``.
+    """
     known = set(topics)
-    return replace(fleet, robots=tuple(each for each in fleet.robots if known & topics_of(each)))
+    robots = tuple(
+        each
+        for each in fleet.robots
+        if known & topics_of(each) or (measured and each.source is Source.QUERIES)
+    )
+    return replace(fleet, robots=robots)
 
 
 class Restarts:
@@ -182,7 +196,7 @@ class Restarts:
     def __init__(self) -> None:
         self._rows: dict[tuple[str, tuple[str, ...]], Row] = {}  # as in the database
 
-    def restart(self, state: State, fleet: Fleet, now: Instant, later: Instant) -> State:
+    def restart(self, state: FleetState, fleet: Fleet, now: Instant, later: Instant) -> FleetState:
         """A new state, ``later``, of what the former one stored ``now``."""
         stored = dict(state.visit(lambda robot: (robot.settings.name, robot.persist(now))))
         for row in state.take_fault_rows(now):
@@ -190,7 +204,7 @@ class Restarts:
                 self._rows.pop((row.kind, row.key), None)
             else:
                 self._rows[row.kind, row.key] = row
-        new = State(fleet, later)
+        new = FleetState(fleet, later)
         new.restore(stored, later)
         new.restore_faults(self._rows.values(), later)
         return new

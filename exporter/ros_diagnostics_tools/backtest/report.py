@@ -179,6 +179,7 @@ def notification(each: Notification, until: float) -> dict[str, Any]:
         "reason": "lasts" if each.end is None else each.end.reason,
         "duration": each.duration(until),
         "evidence": each.began.message,
+        "details": each.began.details or {},
     }
 
 
@@ -186,7 +187,7 @@ def as_csv(result: Result) -> str:
     """The notifications, a line each; times in UTC."""
     out = io.StringIO()
     columns = (*IDENTITY, "since", "notified", "ended", "reason", "duration", "evidence")
-    writer = csv.DictWriter(out, columns, lineterminator="\n")
+    writer = csv.DictWriter(out, columns, extrasaction="ignore", lineterminator="\n")
     writer.writeheader()
     for each in result.notifications:
         row = notification(each, result.end)

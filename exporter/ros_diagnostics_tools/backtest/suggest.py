@@ -20,10 +20,11 @@ from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.durations import written
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant, Level
-from ros_diagnostics_exporter.robots.component import Component, ExportedValue
-from ros_diagnostics_exporter.robots.robot import Robot
+from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.component_values import ExportedValue
+from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_tools.backtest import words
 from ros_diagnostics_tools.backtest.ledger import confirm_after
 from ros_diagnostics_tools.backtest.replay import Result
@@ -92,13 +93,13 @@ class Statistics:
         self._robots: dict[str, float] = {}
         self._components: dict[tuple[str, Component], float] = {}
 
-    def observe(self, state: State, now: Instant) -> None:
+    def observe(self, state: FleetState, now: Instant) -> None:
         """Note what a message brought."""
         for robot in state.robots.values():
             if robot.last_mono == now.mono:
                 self._note(robot, now.mono)
 
-    def _note(self, robot: Robot, now: float) -> None:
+    def _note(self, robot: RobotState, now: float) -> None:
         name, profile = robot.settings.name, robot.settings.profile.name
         if name in self._robots:
             self.robot_gaps[profile].append(now - self._robots[name])
@@ -121,7 +122,7 @@ def _is_free(value: ExportedValue) -> bool:
     return math.isfinite(value.number) and not (value.rule and value.rule.thresholds)
 
 
-def suggest(result: Result, statistics: Statistics, state: State) -> list[Suggestion]:
+def suggest(result: Result, statistics: Statistics, state: FleetState) -> list[Suggestion]:
     """All proposals, in the order of profiles and components."""
     profiles = {
         each.profile.name: each.profile
@@ -138,7 +139,7 @@ def suggest(result: Result, statistics: Statistics, state: State) -> list[Sugges
     return found
 
 
-def _profile(state: State, robot: str) -> str:
+def _profile(state: FleetState, robot: str) -> str:
     return state.robots[robot].settings.profile.name
 
 
@@ -171,7 +172,7 @@ def nice(seconds: float) -> float:
 
 
 def _confirm_after(
-    result: Result, state: State, profile: Profile, robots: Sequence[str]
+    result: Result, state: FleetState, profile: Profile, robots: Sequence[str]
 ) -> Iterator[Suggestion]:
     outages: dict[str, list[float]] = defaultdict(list)
     robot_of: dict[str, str] = {}

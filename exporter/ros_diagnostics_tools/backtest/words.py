@@ -16,8 +16,8 @@ def place(fault: Event) -> str:
         return f"{fault.component} on many robots"
     if fault.check:
         return fault.check if fault.scope == "capability" else f"check {fault.check}"
-    if fault.scope in ("robot", "clock"):
-        return "robot" if fault.robot else "exporter"
+    if fault.scope == "robot":
+        return "robot"
     if fault.scope == "value":
         return f"{fault.component}: {fault.key} too {fault.bound}"
     return fault.component

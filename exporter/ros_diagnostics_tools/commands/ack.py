@@ -14,7 +14,7 @@ import click
 
 from ros_diagnostics_exporter.acknowledging import (
     PREFIX,
-    AlertedProblem,
+    Acknowledgeable,
     acknowledged,
     problems,
     silence,
@@ -45,6 +45,7 @@ class WantedProblem(NamedTuple):
     component: str | None
     site: str | None
     common: str | None
+    part: str | None
     alert: str | None
 
     def __str__(self) -> str:
@@ -61,6 +62,7 @@ class WantedProblem(NamedTuple):
     "--site", help="That many robots of this site are silent; '' where robots have no site."
 )
 @click.option("--common", metavar="COMPONENT", help="That it failed on many robots.")
+@click.option("--part", help="That this part of the exporter has a fault, such as database.")
 @click.option("--alert", metavar="NAME", help="Alerts about the monitoring, such as ExporterDown.")
 @click.option("--fleet", help="Only this fleet's alerts.")
 @click.option("--comment", help="What is being done about it.")
@@ -109,14 +111,14 @@ def command(
 
 
 def _check(wanted: WantedProblem) -> None:
-    named = [wanted.robot, wanted.site, wanted.common, wanted.alert]
+    named = [wanted.robot, wanted.site, wanted.common, wanted.part, wanted.alert]
     if named.count(None) == len(named):
-        raise click.UsageError("give a ROBOT, --site, --common or --alert; or --list")
+        raise click.UsageError("give a ROBOT, --site, --common, --part or --alert; or --list")
     if named.count(None) < len(named) - 1:
-        raise click.UsageError("ROBOT, --site, --common and --alert exclude one another")
+        raise click.UsageError("ROBOT, --site, --common, --part and --alert exclude one another")
 
 
-def is_wanted(problem: AlertedProblem, wanted: WantedProblem) -> bool:
+def is_wanted(problem: Acknowledgeable, wanted: WantedProblem) -> bool:
     """Whether the command's arguments name it."""
     labels = problem.labels
     if wanted.site is not None:
@@ -124,8 +126,9 @@ def is_wanted(problem: AlertedProblem, wanted: WantedProblem) -> bool:
     if wanted.common is not None:
         return (labels.get("scope"), labels.get("component")) == ("common", wanted.common)
     if wanted.alert is not None:
-        is_named = not problem.since or labels["scope"] == "clock"
-        return is_named and problem.alert == PREFIX + wanted.alert.removeprefix(PREFIX)
+        return not problem.since and problem.alert == PREFIX + wanted.alert.removeprefix(PREFIX)
+    if wanted.part is not None:
+        return (labels.get("scope"), labels.get("component")) == ("exporter", wanted.part)
     parts = (None, labels.get("component"), labels.get("check"))
     return labels.get("robot") == wanted.robot and wanted.component in parts
 
@@ -164,11 +167,11 @@ def _cancel(client: Client, wanted: WantedProblem) -> list[dict[str, Any]]:
     return done
 
 
-def _done(problem: AlertedProblem, silenced: dict[str, Any], text: str) -> dict[str, Any]:
+def _done(problem: Acknowledgeable, silenced: dict[str, Any], text: str) -> dict[str, Any]:
     return {**_fields(problem, silenced), "text": one_line(text)}
 
 
-def _fields(problem: AlertedProblem, silenced: dict[str, Any]) -> dict[str, Any]:
+def _fields(problem: Acknowledgeable, silenced: dict[str, Any]) -> dict[str, Any]:
     return {
         "fleet": problem.labels.get("fleet", ""),
         "part": problem.part,
@@ -185,7 +188,7 @@ def _minute(silenced: dict[str, Any]) -> str:
     return str(silenced["endsAt"])[:16].replace("T", " ")
 
 
-def _find(client: Client, wanted: WantedProblem) -> list[AlertedProblem]:
+def _find(client: Client, wanted: WantedProblem) -> list[Acknowledgeable]:
     """What the arguments name, of one fleet."""
     known = problems(_alerts(client, wanted.fleet))
     found = [problem for problem in known if is_wanted(problem, wanted)]
@@ -198,7 +201,7 @@ def _find(client: Client, wanted: WantedProblem) -> list[AlertedProblem]:
     return found
 
 
-def _not_firing(wanted: WantedProblem, known: Sequence[AlertedProblem]) -> str:
+def _not_firing(wanted: WantedProblem, known: Sequence[Acknowledgeable]) -> str:
     others = ", ".join(dict.fromkeys(f"{each.name} {each.state}" for each in known))
     more = f"there are alerts for {others}" if others else "no alert is firing"
     return f"no alert is firing for {str(wanted)!r}; {more}"

@@ -18,6 +18,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import Domain
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_tools.backtest import compare, report, suggest, words
@@ -51,6 +52,25 @@ class BacktestOptions:
     namespace: str | None
     output: str
     quiet: bool
+    prometheus: str | None
+    timeout: float
+    user: str | None
+    password_file: Path | None
+    bearer_token_file: Path | None
+    ca_file: Path | None
+
+    def client(self) -> Client | None:
+        """What the queries are asked, if anything."""
+        if self.prometheus is None:
+            return None
+        return Client(
+            self.prometheus,
+            timeout=self.timeout,
+            user=self.user,
+            password_file=self.password_file,
+            bearer_token_file=self.bearer_token_file,
+            ca_file=self.ca_file,
+        )
 
 
 class NothingJudgedError(Exception):
@@ -119,6 +139,19 @@ Into the history of Prometheus:
     help="Put the recorded topics below this namespace, for what was recorded on the robot.",
 )
 @click.option("--quiet", is_flag=True, help="Show no progress bar.")
+@click.option(
+    "--prometheus",
+    metavar="URL",
+    help="A Prometheus that has the series of that time: the configuration's `queries` are judged, "
+    "too.",
+)
+@click.option(
+    "--timeout", type=Duration(), default="30s", show_default=True, help="For each of its answers."
+)
+@click.option("--user", metavar="NAME", help="For basic auth there.")
+@click.option("--password-file", type=PATH, help="The user's password, in one line.")
+@click.option("--bearer-token-file", type=PATH, help="In place of user and password.")
+@click.option("--ca-file", type=PATH, help="CA of its certificate.")
 @with_output("csv")
 def command(**given: Any) -> None:
     """Judge recorded diagnostics as the exporter would have, and print what it would have notified.
@@ -211,8 +244,11 @@ class _Judged:
             if self.statistics and not recordings.has_event_log
             else None,
             each_tick=self._samples.scrape if self._samples else None,
+            prometheus=options.client(),
         )
-        self.second = None if other is None else Replay(other, recordings)
+        self.second = None
+        if other is not None:
+            self.second = Replay(other, recordings, prometheus=options.client())
         self.seconds = 0.0
 
     def play(self, capsule: Capsule | None) -> None:
@@ -229,6 +265,7 @@ class _Judged:
         if self._samples is not None:
             self._samples.close()
         self.warnings = _warnings(self.result, self._recordings)
+        self.warnings += dict.fromkeys(each for of in replays for each in of.past.warnings())
         if capsule is not None:
             for replay in replays:
                 self.warnings += too_short(capsule, replay.result(), replay.state)

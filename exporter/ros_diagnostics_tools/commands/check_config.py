@@ -9,6 +9,7 @@ import click
 
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.fleet.capability_notes import capability_notes
 from ros_diagnostics_exporter.fleet.unmatched import find_unmatched, known_from_json
 from ros_diagnostics_exporter.severity import query_text
 from ros_diagnostics_tools.servers import Servers, with_servers
@@ -22,28 +23,31 @@ from ros_diagnostics_tools.terminal import print_json, with_output
 @click.option(
     "--live",
     is_flag=True,
-    help="Also list what matches no robot, component or value that the running exporter knows, and "
-    "how its queries are answered.",
+    help="Also list what matches no robot, component or value that the running exporter knows, "
+    "components in no capability, and how its queries are answered.",
 )
 @with_output()
 @with_servers
 def command(servers: Servers, output: str, file: Path, *, live: bool) -> None:
     """Check fleet.yml and the folders that it names; print a summary, or all errors."""
     fleet = load(file)
-    unmatched, queries = None, None
+    unmatched, queries, notes = None, None, None
     if live:
         running = servers.exporter.fleet()
         queries = running.get("queries", [])
         known = known_from_json(running)
         unmatched = list(map(str, find_unmatched(fleet, known, time.time())))
+        notes = capability_notes(fleet, known)
     if output == "json":
         warnings = list(fleet.warnings)
         found = {"fleet": fleet.name, "warnings": warnings, "unmatched": unmatched}
-        print_json({**found, "queries": queries})
+        print_json({**found, "queries": queries, "notes": notes})
         return
     print(describe(fleet), end="")  # noqa: T201
     if unmatched is not None:
         print(f"unmatched ({len(unmatched)}):", *unmatched, sep="\n  ")  # noqa: T201
+    if notes:
+        print(f"notes ({len(notes)}):", *notes, sep="\n  ")  # noqa: T201
     if queries:
         texts = map(query_text, queries)
         print(f"queries ({len(queries)}):", *texts, sep="\n  ")  # noqa: T201

@@ -238,8 +238,16 @@ sum by ({_ALERT}) (
     max without (alertstate) (max_over_time({_FIRING}[$__range]))
 )
 """
-_LAST_FIRED = f"""
-max by ({_ALERT}) (max_over_time(timestamp({_FIRING})[$__range:1m])) * 1000
+_LAST_BEGAN = f"""
+max by ({_ALERT}) (
+    max without (alertstate) (max_over_time({_FIRING}[$__range])) * 0
+  + on (fault) group_left ()
+    max by (fault) (max_over_time({HELD}{{fault!=""}}[$__range]))
+  or
+    max_over_time(ALERTS_FOR_STATE{{fault="", {_ALERTS}}}[$__range])
+  and
+    max without (alertstate) (max_over_time({_FIRING}[$__range]))
+) * 1000
 """
 
 
@@ -247,14 +255,15 @@ def fired() -> table.Panel:
     """List the alerts that fired in the time range, most often first."""
     return tables.joined(
         "Fired in the time range",
-        "Which alerts fired, how often, and when last? Most often first.",
-        {"A": _TIMES_FIRED, "B": _LAST_FIRED},
+        "Which alerts fired, how often, and when did what they are about begin last? Most often "
+        "first.",
+        {"A": _TIMES_FIRED, "B": _LAST_BEGAN},
         [
             Column("A", "Times", width=70),
             SEVERITY,
             Column("alertname", "Alert", width=330),
             *COMPONENT,
-            Column("B", "Last", unit=tables.TIME, width=160),
+            Column("B", "Last began", unit=tables.TIME, width=160),
             tables.FLEET,
         ],
         empty=tables.Empty("No alert fired", _EVALUATED, "alertname"),
@@ -275,12 +284,16 @@ def notifications_over_time() -> timeseries.Panel:
     """Show the notifications over time, and those that failed."""
     sent = f"{_notifications('', '$__rate_interval')} > 0"
     failed = f"{_notifications('_failed', '$__rate_interval')} > 0"
-    return panels.graph(
-        "Notifications over time",
-        "How many notifications were sent by each integration, and how many failed?",
-        panels.over_time(sent, "{{integration}}: attempts"),
-        panels.over_time(failed, "{{integration}}: failed", "B"),
-    ).override_by_regexp("/: failed$/", panels.dashed(palette.CRITICAL.colour))
+    return (
+        panels.graph(
+            "Notifications over time",
+            "How many notifications were sent by each integration, and how many failed?",
+            panels.over_time(sent, "{{integration}}: attempts"),
+            panels.over_time(failed, "{{integration}}: failed", "B"),
+        )
+        .override_by_regexp("/: failed$/", panels.dashed(palette.CRITICAL.colour))
+        .min(0)
+    )
 
 
 def notifications() -> stat.Panel:
@@ -342,8 +355,9 @@ def flapping() -> table.Panel:
             Column("B", "Flapping since", unit=tables.TIME, width=160),
             Column("C", "Changes", width=100),
             tables.FLEET,
+            Column("note", "Note", min_width=300),
         ],
-        empty=tables.Empty("No component is flapping", reached(settled(_FLEET)), "component"),
+        empty=tables.Empty("No component is flapping", reached(settled(_FLEET)), "note"),
         sort=("Flap ratio",),
     ).height(8)
 

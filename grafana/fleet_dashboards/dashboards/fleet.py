@@ -321,7 +321,9 @@ def robots() -> table.Panel:
     return tables.joined(
         "Robots",
         "What is the state of each robot, and how old is its last message? Since is when its "
-        "oldest confirmed fault began, also one of its site or of many robots.",
+        "oldest confirmed fault began, also one of its site or of many robots. Lost and Delay are "
+        "of its connection in the last minute: the share of messages that did not arrive, and the "
+        "longest delay.",
         {
             "A": in_order(found),
             "B": message_age('fleet=~"$fleet"'),
@@ -332,6 +334,8 @@ def robots() -> table.Panel:
             """,
             "E": f'min by (fleet, robot) ({HELD_OF_ROBOT}{{fleet=~"$fleet"}}) * 1000',
             "F": 'max by (fleet, robot) (ros_diagnostics_robot_maintenance{fleet=~"$fleet"})',
+            "L": f"max by (fleet, robot) (ros_diagnostics_robot_link_lost_ratio{{{_STATES}}})",
+            "D": f"max by (fleet, robot) (ros_diagnostics_robot_link_delay_seconds{{{_STATES}}})",
         },
         [
             tables.STATE,
@@ -342,6 +346,8 @@ def robots() -> table.Panel:
             Column("E", "Since", unit=tables.TIME, width=160),
             Column("C", "Components not OK", width=160),
             Column("B", "Last message", unit=tables.DURATION, width=115),
+            Column("L", "Lost", unit="percentunit", width=70),
+            Column("D", "Delay", unit="s", width=80),
             tables.MAINTENANCE,
             tables.FLEET,
             tables.NAME,

@@ -60,6 +60,8 @@ def build() -> builders.Dashboard:
             clock_offset_over_time(),
             messages_received(),
             data_received(),
+            messages_lost(),
+            delay(),
             publishers(),
             rejected(),
             inventory(),
@@ -450,6 +452,37 @@ def data_received() -> timeseries.Panel:
         panels.over_time(expr, "bytes"),
         unit="Bps",
     )
+
+
+def messages_lost() -> timeseries.Panel:
+    """Show the share of messages that did not arrive."""
+    lost = f"max by (fleet, robot) (ros_diagnostics_robot_link_lost_ratio{{{_ROBOT}}})"
+    return (
+        panels.graph(
+            "Messages lost",
+            "Which share of the last minute's messages did not arrive? By their sequence numbers; "
+            "only where one publisher sends on a topic.",
+            panels.over_time(lost, "lost"),
+            unit="percentunit",
+        )
+        .no_value("No data of sequence numbers")
+        .min(0)
+        .axis_soft_max(0.05)
+    )
+
+
+def delay() -> timeseries.Panel:
+    """Show the delay of the messages and its jitter."""
+    longest = f"max by (fleet, robot) (ros_diagnostics_robot_link_delay_seconds{{{_ROBOT}}})"
+    jitter = f"max by (fleet, robot) (ros_diagnostics_robot_link_jitter_seconds{{{_ROBOT}}})"
+    return panels.graph(
+        "Delay of the messages",
+        "How late did messages arrive? The longest delay of the last minute, beyond the least of "
+        "the last ten; and the mean difference from message to message.",
+        panels.over_time(longest, "delay"),
+        panels.over_time(jitter, "jitter", "B"),
+        unit="s",
+    ).min(0)
 
 
 def publishers() -> stat.Panel:

@@ -30,7 +30,7 @@ KEY = "key=~`${key:regex}`"
 
 def datasource() -> builders.DatasourceVariable:
     """The Prometheus to query."""
-    return builders.DatasourceVariable("datasource").label("Prometheus").type("prometheus")
+    return builders.DatasourceVariable("datasource").label("Data source").type("prometheus")
 
 
 def fleet() -> builders.QueryVariable:

@@ -11,12 +11,14 @@ from pathlib import Path
 from ros_diagnostics_exporter.canary import ALERT, Canary
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from ros_diagnostics_exporter.notifications import parse
+from ros_diagnostics_exporter.sources.link import LinkReading
 from support.served_fleet import ServedFleet
 from support.state_driver import ERROR, OK, WARN, tree
 
+LINK = LinkReading(expected=100, lost=1, delay=0.25, jitter=0.0625)
 HALL = """
 fleet: hall
 canary: 1m
@@ -129,7 +131,7 @@ def _served(path: Path, text: str) -> ServedFleet:
     path.write_text(text)
     scrapes = iter(range(1_000_000))
 
-    def send(state: State, now: Instant) -> None:
+    def send(state: FleetState, now: Instant) -> None:
         number = next(scrapes)
         if state.fleet.canary is not None:
             _exchange_canary(served.canary, state.fleet, number, now.wall)
@@ -143,6 +145,7 @@ def _served(path: Path, text: str) -> ServedFleet:
                 stamp = now.wall - (7.0 if name == "warned" else 0.5)
                 state.receive(Topic(0, topic), Array(stamp, _statuses(name, number), 900), now)
 
+        state.update_links(0, {"/broken/diagnostics_agg": LINK}, now)
         for query in state.fleet.queries:
             gone = Status(ERROR, query.component, "no answer")
             state.receive_answer(query.feed, {"short": (gone,)}, now)
@@ -168,7 +171,7 @@ def _exchange_canary(canary: Canary, fleet: Fleet, number: int, wall: float) -> 
     canary.tick(fleet.canary, Instant(mono, wall))
 
 
-def _endpoints(state: State) -> dict[str, Endpoint]:
+def _endpoints(state: FleetState) -> dict[str, Endpoint]:
     return {
         robot.settings.topic_agg or "": Endpoint(1)
         for robot in state.robots.values()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from support.served_fleet import ServedFleet
 from support.state_driver import ERROR, tree
@@ -33,7 +33,7 @@ class OddFleet:
         self.broken = True
         self.served = ServedFleet(load(path), self._send)
 
-    def _send(self, state: State, now: Instant) -> None:
+    def _send(self, state: FleetState, now: Instant) -> None:
         level, message = (ERROR, 'It\'s "odd" <b>') if self.broken else (0, "OK")
         status = Status(level, COMPONENT, message, "id", ((KEY, "7"),))
         state.update_graph(0, {TOPIC: Endpoint(1)}, now)

@@ -205,7 +205,7 @@ def test_what_has_no_robot_is_acknowledged_by_its_own_name(running, ack):
         escalation(**site),
         escalation(**(site | {"site": "yard"})),
         escalation("", of=name, **down),
-        escalation("", of="RosDiagnosticsDomainDown", **down),
+        escalation("", of="RosDiagnosticsScrapeFailing", **down),
     )
 
     until(lambda: len(running.silenced()) == 2, "two escalations are silenced", 10)

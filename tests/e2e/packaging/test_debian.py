@@ -126,6 +126,12 @@ def test_the_state_of_the_unit_with_a_dynamic_user_goes_on(machine: Machine):
     assert machine.does(f"stat --format %i {database}") == inode
 
 
+def test_the_documentation_is_in_it_with_its_search(debian_package: Path):
+    listed = debian.output(["dpkg-deb", "--contents", debian_package], 60)
+    for page in ("index.html", "alerts/RosDiagnosticsRobotSilent.html", "search/search_index.js"):
+        assert f"/usr/share/doc/{NAME}/html/{page}\n" in listed
+
+
 @pytest.mark.skipif(shutil.which("lintian") is None, reason="not installed: lintian")
 def test_lintian_has_nothing_to_say(debian_package: Path):
     command = ["lintian", "--allow-root", "--fail-on", "error,warning", str(debian_package)]

@@ -13,7 +13,7 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Limits, Profile, Robot, Source
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.sources import dds as ros
@@ -224,7 +224,7 @@ def test_seconds_counted_by_several_threads_are_all_counted():
             time.sleep(0.001)
             return other + float(self)
 
-    listener = Listener(State(Fleet("f"), read_clocks()))
+    listener = Listener(FleetState(Fleet("f"), read_clocks()))
     threads = [
         threading.Thread(target=lambda: [listener.count(Slow(1), Slow(2)) for _ in range(20)])
         for _ in range(4)

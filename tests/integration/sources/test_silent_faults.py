@@ -39,6 +39,26 @@ if "subscribe" in wants:
 print("ready", flush=True)
 rclpy.spin(node)
 """
+# Of a robot whose owner has set what ROS has no setting for.
+EXCLUSIVE = """\
+<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <data_writer profile_name="/r/diagnostics">
+    <qos><ownership><kind>EXCLUSIVE</kind></ownership></qos>
+  </data_writer>
+</profiles>
+"""
+DRIVER = """
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+rclpy.init()
+node = rclpy.create_node("driver", namespace="/r")
+sender = node.create_publisher(DiagnosticArray, "diagnostics", 10)
+array = DiagnosticArray(status=[DiagnosticStatus(name="Motor", level=bytes(1))])
+node.create_timer(0.1, lambda: sender.publish(array))
+print("ready", flush=True)
+rclpy.spin(node)
+"""
 
 
 @pytest.fixture
@@ -112,6 +132,28 @@ def test_a_publisher_that_cannot_match_its_subscriber_is_a_fault_until_it_does(r
     wrong.stop()
     start_node("driver", "publish")
     until(lambda: faults(running) == {}, lambda: f"{faults(running)}", SEEN)
+
+
+def test_a_publisher_that_the_exporter_itself_cannot_match_is_named(
+    ros_domain, run_exporter, start_process, dds_environment, tmp_path
+):
+    (tmp_path / "profiles.xml").write_text(EXCLUSIVE)
+    own = {"FASTRTPS_DEFAULT_PROFILES_FILE": str(tmp_path / "profiles.xml")}
+    own["RMW_FASTRTPS_USE_QOS_FROM_XML"] = "1"
+    start_process("driver", [sys.executable, "-c", DRIVER], dds_environment | own)
+    robot = Robot("r", ros_domain, profile=Profile(graph=Graph(mode="on")), namespace="/r")
+    running = run_exporter(
+        Fleet("f", (replace(robot, topic_raw="/r/diagnostics", source=Source.RAW),))
+    )
+    running.wait_for("robot_silent_reason", 1, reason="incompatible_qos")
+
+    def shown() -> dict[str, str]:
+        found = running.service.state.robots["r"].components
+        return {each.label: each.message for each in found}
+
+    why = "a policy that ROS has no name for, as ownership or data representation"
+    text = f"this exporter receives nothing from /r/driver: by {why}"
+    until(lambda: shown() == {"topic diagnostics": text}, lambda: f"{shown()}", SEEN)
 
 
 def test_how_messages_arrive_is_measured(running):

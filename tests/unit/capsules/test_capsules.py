@@ -8,10 +8,12 @@ from contextlib import closing
 from dataclasses import replace
 
 import pytest
+import yaml
 from rosbags.highlevel import AnyReader
 
 from ros_diagnostics_exporter.capsules import rings as rings_module
-from ros_diagnostics_exporter.capsules.capsules import FIRST, MOST, Capsules, Kept, config_lines
+from ros_diagnostics_exporter.capsules.capsules import FIRST, MOST, Capsules, Kept
+from ros_diagnostics_exporter.capsules.config_lines import config_lines
 from ros_diagnostics_exporter.capsules.rings import RING, Rings
 from ros_diagnostics_exporter.config.fleet import CapsuleSettings
 from ros_diagnostics_exporter.decode.cdr import Decoder
@@ -28,6 +30,7 @@ TOPICS = Topic(0, "/r/diagnostics_agg"), Topic(0, "/r/diagnostics")
 BEGAN = Event(
     WALL + 100, "fault_began", "r", "/Arm", "motor", scope="component", state="critical",
     severity="critical", message="motor: hot\nTemperature: 91", since=WALL + 90,
+    details={"level": "ERROR", "message": "hot"},
 )  # fmt: skip
 
 
@@ -112,6 +115,7 @@ def test_it_names_its_robot_the_fault_and_what_judged_it(capsules):
     described = json.loads(fault[fault.index(b"{") : -4])
     assert described["fault"] == FAULT
     assert described["evidence"] == ["motor: hot", "Temperature: 91"]
+    assert described["details"] == {"level": "ERROR", "message": "hot"}
     assert b"site: a" in fleet
     assert b"site: b" not in fleet
 
@@ -231,6 +235,27 @@ def test_a_config_that_cannot_be_read_is_said(tmp_path):
     assert "cannot be read" in config_lines(tmp_path / "none.yml", "r")
     (tmp_path / "bad.yml").write_text("a: [")
     assert "cannot be read" in config_lines(tmp_path / "bad.yml", "r")
+    (tmp_path / "odd.yml").write_text("fleet: f\nrobots_folder: [a]\n")
+    assert "cannot be read" in config_lines(tmp_path / "odd.yml", "r")
+
+
+def test_what_folders_say_of_the_robot_is_in_it(tmp_path):
+    path = tmp_path / "fleet.yml"
+    path.write_text("fleet: f\nrobots_folder: robots\nrobots: [{name: s, topic: /s/d}]\n")
+    for name, text in {
+        "robots/r.yml": "{name: r, topic: /r/diagnostics, labels: {mode: on}}",
+        "robots/more.yml": "[{name: t, topic: /t/diagnostics}]",
+        "robots/.r.yml.swp": "{name: r, topic: /wrong}",
+        "maintenance.d/night.yml": "{name: night, from: '2026-01-01 10:00', for: 1h}",
+    }.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    lines = config_lines(path, "r")
+    assert yaml.safe_load(lines) == {
+        "fleet": "f",
+        "robots": [{"name": "r", "topic": "/r/diagnostics", "labels": {"mode": "on"}}],
+        "maintenance": [{"name": "night", "from": "2026-01-01 10:00", "for": "1h"}],
+    }
 
 
 FLEET = "fleet: f\nrobots: [{name: r, topic: /r/diagnostics, source: raw}]\n"
@@ -263,6 +288,16 @@ def test_it_replays_by_what_is_attached(recorded):
     (fault,) = found["notifications"]
     assert (fault["since"] - WALL, fault["notified"] - WALL) == (90, 100)
     assert fault["component"] == "motor"
+
+
+def test_it_replays_where_its_robot_is_in_a_folder(recorded, config, capsules, tmp_path):
+    config.write_text("fleet: f\nrobots_folder: robots\n")
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "robots" / "r.yml").write_text("{name: r, topic: /r/diagnostics, source: raw}")
+    (tmp_path / "capsule.mcap").write_bytes(capsule(capsules))
+    code, found, err = recorded()
+    assert (code, err) == (0, "")
+    assert [each["component"] for each in found["notifications"]] == ["motor"]
 
 
 def test_another_config_is_judged_and_says_when_it_is_too_short(recorded, tmp_path):

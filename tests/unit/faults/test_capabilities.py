@@ -382,6 +382,13 @@ def test_a_condition_that_is_not_known_holds_and_one_that_does_not_hold_ends():
         (AtLeast(1, (part("fine"), AtLeast(None, (MISSING,)))), Ability.OK),
         (AtLeast(None, (part("fine"), AtLeast(1, (part("other"), part("lost"))))),
          Ability.NO_RESERVE),
+        (AtLeast(None, (part("bad"),), Ability.OK), Ability.OK),
+        (AtLeast(None, (part("bad"),), Ability.LOST), Ability.LOST),
+        (AtLeast(None, (part("bad"), AtLeast(1, (part("other"), part("lost")))), Ability.OK),
+         Ability.NO_RESERVE),
+        (AtLeast(None, (part("fine"), MISSING), Ability.LOST), Ability.UNKNOWN),
+        (AtLeast(1, (AtLeast(None, (part("bad"),), Ability.LOST), part("fine"))),
+         Ability.NO_RESERVE),
     ],
 )  # fmt: skip
 def test_an_expression_is_as_good_as_the_kth_best(need, expected):

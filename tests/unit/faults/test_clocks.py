@@ -4,10 +4,10 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.model import Fault
-from support.fault_histories import Event, back, forget, maintenance, play, player, silent
+from support.fault_histories import Event, back, forget, maintenance, play, player, restart, silent
 
 R1 = "robot/clock r1"
-OWN = "clock/clock"
+OWN = "exporter/warning clock"
 FOUR = ("r1", "r2", "r3", "r4")
 
 
@@ -95,7 +95,7 @@ def test_the_exporters_is_adopted_and_judged_on():
     known.go(0, clocks(60.0, 60.0, 60.0))
     [began] = known.go(60)
     lost = player(FOUR, FaultSettings())
-    [adopted] = lost.go(90, lambda faults, now: faults.adopt(began.fault, now))
+    [adopted] = lost.go(90, restart(), lambda faults, now: faults.adopt(began.fault, now))
     assert adopted.fault == began.fault
     assert isinstance(adopted.fault, Fault)
     assert lost.go(100, clocks(60.0, 60.0, 60.0)) == []

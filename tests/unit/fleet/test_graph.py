@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.config.graph import Graph
-from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.model import Endpoint, Status
 from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, STALE, StateDriver
@@ -147,3 +149,22 @@ def test_a_robot_of_another_domain_and_one_that_is_not_watched_are_left_alone():
     driver = Driver(fleet=fleet(mode="off"))
     assert not driver.state.update_nodes(0, [("amcl", "/r")], driver.now)
     assert len(driver.robot.components) == 0
+
+
+@pytest.mark.parametrize(("behind", "where"), [(90.0, "behind"), (-90.0, "ahead of")])
+def test_without_stamps_the_clock_is_judged_by_the_link(behind, where):
+    driver = Driver(fleet=fleet())
+    driver.link = WELL._replace(behind=behind)
+    driver.go_on(90, *USUAL)
+    assert driver.sample("robot_link_clock_offset_seconds") == behind
+    [fault] = driver.state.faults()
+    assert fault.identity.state.value == "clock"
+    assert fault.evidence == f"its clock is 90 s {where} the exporter's"
+
+
+def test_a_publisher_that_cannot_be_matched_is_why_a_robot_is_silent():
+    driver = Driver(fleet=fleet())
+    driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1, refused="DURABILITY")}, driver.now)
+    assert driver.sample("robot_silent_reason", reason="incompatible_qos") == 1
+    driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
+    assert driver.sample("robot_silent_reason", reason="mute") == 1

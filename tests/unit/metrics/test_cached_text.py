@@ -1,14 +1,17 @@
 """Whatever happens to a fleet: what is kept of it is what would be made anew.
 
-Histories of messages, topics, silence, reloads, removals and restarts. After each step the cached
-text is compared with that of a new Exposition; at the end, what was written step by step to the
+Histories of messages, answers of queries, topics, silence, reloads, removals and restarts. After
+each step the cached text is compared with that of a new Exposition, and what was reported of the
+robots with what is reported when all of it is; at the end, what was written step by step to the
 database with what is written at once.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import tempfile
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,6 +31,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Limits,
     Maintenance,
     Profile,
+    Query,
     Robot,
     Shared,
     Source,
@@ -35,13 +39,15 @@ from ros_diagnostics_exporter.config.fleet import (
     ValueRule,
 )
 from ros_diagnostics_exporter.events import EventLog
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.discovery import found_robot
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import (
     ALL_PARTS,
     Array,
     Downtime,
     Endpoint,
+    Feed,
     Instant,
     Part,
     Status,
@@ -49,6 +55,9 @@ from ros_diagnostics_exporter.model import (
 )
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.robots.persisted import PersistedComponent, PersistedRobot
+from ros_diagnostics_exporter.sources.graph import GRAPH, SHADOW, Report
+from ros_diagnostics_exporter.sources.link import LinkReading
+from ros_diagnostics_exporter.storage.database import Database
 from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, tree
 
@@ -96,12 +105,17 @@ STRICT = replace(
     ),
     values=(ValueRule(key=Pattern("Volt"), keep=False),),
 )
-R1 = Robot("r1", 0, "", "/r1/d_agg", "/r1/d", Source.BOTH, PLAIN)
+R1 = Robot("r1", 0, "", "/r1/d_agg", "/r1/d", Source.BOTH, PLAIN, labels={"uplink": "ap"})
+AP = Robot("ap", source=Source.QUERIES, profile=PLAIN)
+PING = Query("x", "ping", "Uplink", "robot", interval=1.0, stale_after=5.0, uplink=True)
+LOAD = Query("y", "load", robot="robot", interval=1.0, stale_after=5.0)
+QUERIES = (PING, LOAD)
 R2 = Robot("r2", topic_raw="/r2/d", source=Source.RAW, profile=RICH, labels={"site": "hall"})
 FOUND = Discovery(re.compile(r"/(?P<robot>r[0-9])/d(_agg)?"), "/{robot}/d", profile=PLAIN)
 SHARED = Shared("/d", raw=True, profile=PLAIN)
+R3 = found_robot(FOUND, "r3", "/r3/d", 0)
 FLEETS = (
-    Fleet("f", (R1, R2), (FOUND,), (SHARED,), faults=FAULTS),
+    Fleet("f", (R1, R2, AP), (FOUND,), (SHARED,), faults=FAULTS, queries=QUERIES),
     Fleet("g", (R1, R2), (FOUND,), (SHARED,), faults=FAULTS, exporter="north"),
     Fleet("f", (replace(R1, profile=RICH), replace(R2, profile=STRICT)), faults=FAULTS),
     Fleet(
@@ -120,6 +134,14 @@ FLEETS = (
         (replace(SHARED, profile=STRICT),),
         limits=Limits(robots=2, components=3, values=2, label_length=6, series=200),
         faults=FAULTS,
+    ),
+    Fleet(
+        "f",
+        (R1, R2, AP, R3),
+        (FOUND,),
+        (SHARED,),
+        faults=FAULTS,
+        queries=(PING, replace(LOAD, planned_stale=True, confirm_after=1.0)),
     ),
 )
 
@@ -164,6 +186,17 @@ downtimes = st.builds(
     st.just("me"),
     st.just(""),
 )
+answers = st.dictionaries(st.sampled_from(["r1", "r2", "r3", "ap"]), st.sampled_from([OK, ERROR]))
+reports = st.builds(
+    Report,
+    st.just("r1"),
+    st.sampled_from([GRAPH, SHADOW]),
+    st.sampled_from([(), (Status(OK, "node a"),), (Status(ERROR, "node a", "gone"),)]),
+    st.just(frozenset()),
+    st.integers(0, 2),
+    st.booleans(),
+    st.just(()),
+)
 events = st.one_of(
     st.tuples(st.just("raw"), topics, rows),
     st.tuples(st.just("raw"), topics, rows),
@@ -180,7 +213,10 @@ events = st.one_of(
     st.tuples(st.just("configure"), st.integers(0, len(FLEETS) - 1)),
     st.tuples(st.just("plan"), st.lists(downtimes, max_size=2)),
     st.tuples(st.just("forget"), st.sampled_from(["r1", "r2", "r3"]), names | st.none()),
-    st.tuples(st.just("restart")),
+    st.tuples(st.just("restart"), st.sampled_from([None, OK, ERROR])),
+    st.tuples(st.just("answer"), st.sampled_from(QUERIES), answers),
+    st.tuples(st.just("report"), reports),
+    st.tuples(st.just("links"), st.sampled_from([None, LinkReading(100, 40, 0.5, 0.1)])),
 )
 LASER = Status(OK, "Laser", "", "", (("Volt", "5"),))
 BATTERY = Status(OK, "Battery", "", "", (("Charge", "5"),))
@@ -191,13 +227,25 @@ scrapes = st.sampled_from(["all", "all", "faults", "none"])
 histories = st.lists(st.tuples(events, scrapes), max_size=25)
 
 
+class ScrapedState(FleetState):
+    """One that is scraped when its robots are restored, and their faults are not yet."""
+
+    def __init__(self, fleet: Fleet, now: Instant) -> None:
+        super().__init__(fleet, now)
+        self.exposition = Exposition(self)
+
+    def restore(self, persisted: Mapping[str, PersistedRobot], now: Instant) -> None:
+        super().restore(persisted, now)
+        self.exposition.render()
+
+
 class History:
     """A state, what is cached of it, and its database."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / "state.db"
         self.now = Instant(0.0, WALL)
-        self.state = State(FLEETS[0], self.now)
+        self.state = FleetState(FLEETS[0], self.now)
         self.exposition = Exposition(self.state)
         self.storage = Storage(self._path)
         self.storage.load(self.state, self.now)
@@ -248,6 +296,16 @@ class History:
         else:
             self.state.domain_failed(0, "no interface", self.now)
 
+    def _do_answer(self, query: Query, levels: dict[str, int]) -> None:
+        statuses = {name: (Status(level, "of a query"),) for name, level in levels.items()}
+        self.state.receive_answer(query.feed, statuses, self.now)
+
+    def _do_report(self, report: Report) -> None:
+        self.state._receive_report(report, self.now)
+
+    def _do_links(self, reading: LinkReading | None) -> None:
+        self.state.update_links(0, {"/r1/d": reading}, self.now)
+
     def _do_undecodable(self, topic: str) -> None:
         self.state.reject_undecodable(Topic(0, topic), "too short", self.now)
 
@@ -267,25 +325,37 @@ class History:
         if known is not None and (component is None or component in names):
             self.state.forget(robot, component, self.now)
 
-    def _do_restart(self) -> None:
-        """Another process; it is scraped before it has read the database."""
+    def _do_restart(self, received: int | None) -> None:
+        """Another process; it is scraped before it has read the database, and meanwhile.
+
+        The last array is received with another level before the database is read, too.
+        """
         self.save()
         self.storage.close()
         self.now = Instant(100.0, self.now.wall + 5.0)
-        self.state = State(self.state.fleet, self.now)
-        self.exposition = Exposition(self.state)
+        self.state = ScrapedState(self.state.fleet, self.now)
+        self.exposition = self.state.exposition
         self.exposition.render()
         self.state.plan(self._downtimes, self.now)
+        if received is not None:
+            self._do_again(("level", received))
         self.storage = Storage(self._path)
         self.storage.load(self.state, self.now)
+        self.compare(ALL_PARTS)
+
+    def compare(self, parts: frozenset[Part]) -> list[str]:
+        """The samples, after the check that those that are kept are what is made anew."""
+        kept, anew = of(self.exposition, parts), of(Exposition(self.state), parts)
+        assert kept == anew
+        return anew
 
     def save(self) -> None:
         self.storage.save(self.state, EventLog(), self.now, at_once=True)
 
-    def loaded(self, path: Path) -> State:
+    def loaded(self, path: Path) -> FleetState:
         """A new process' state, from a database."""
         now = Instant(50.0, self.now.wall + 5.0)
-        state, storage = State(self.state.fleet, now), Storage(path)
+        state, storage = FleetState(self.state.fleet, now), Storage(path)
         state.plan(self._downtimes, now)
         storage.load(state, now)
         storage.close()
@@ -304,7 +374,7 @@ def of(exposition: Exposition, parts: frozenset[Part]) -> list[str]:
 Name = tuple[str, str, str]  # robot, group, component
 
 
-def check_problems(text: list[str], state: State, now: Instant) -> None:
+def check_problems(text: list[str], state: FleetState, now: Instant) -> None:
     """What is in trouble in the text is judged so, by the same name; and nothing else is."""
     levels, troubled = names_in(text, "component_level"), names_in(text, "component_problem_level")
     problems = {
@@ -316,14 +386,21 @@ def check_problems(text: list[str], state: State, now: Instant) -> None:
     assert {name for name, level in troubled.items() if level in "12"} <= problems.keys()
 
 
-def check_reported(state: State, now: Instant) -> None:
+def check_reported(state: FleetState, now: Instant) -> None:
     """To report all of every robot again is to report nothing new."""
-    reports, book = state._faults, state._faults._faults._book
-    known = {each: problem.verdict for each, problem in book.problems.items()}
+    reports, known = state._faults, reported(state)
     for robot in state.robots.values():
         reports._robots[robot.settings.name]._everything = True
         reports._record(reports._robots[robot.settings.name].update(reports._faults, now))
-    assert {each: problem.verdict for each, problem in book.problems.items()} == known
+    assert reported(state) == known
+
+
+def reported(state: FleetState) -> object:
+    """What is known of each problem, and how its component is judged."""
+    return {
+        each: (problem.verdict, problem.component and problem.component.settings)
+        for each, problem in state._faults._faults._book.problems.items()
+    }
 
 
 def names_in(text: list[str], family: str) -> dict[Name, str]:
@@ -335,7 +412,7 @@ def names_in(text: list[str], family: str) -> dict[Name, str]:
     }
 
 
-def fault_texts(state: State) -> dict[object, object]:
+def fault_texts(state: FleetState) -> dict[object, object]:
     """The faults of robots that were received: of others nothing outlives the process."""
     return {
         each.identity: each
@@ -344,13 +421,27 @@ def fault_texts(state: State) -> dict[object, object]:
     }
 
 
-def persisted(state: State, now: Instant) -> dict[str, PersistedRobot]:
+def persisted(state: FleetState, now: Instant) -> dict[str, PersistedRobot]:
     """What would be written of each robot, but for what is written once an hour."""
     found = {name: robot.persist(now) for name, robot in state.robots.items()}
     return {
         name: robot._replace(components=[*map(_without_slow, robot.components)])
         for name, robot in found.items()
     }
+
+
+def rows_of(path: Path) -> dict[str, object]:
+    """The robots as a database has them, but for what is written once an hour."""
+    database = Database(path)
+    found = {name: json.loads(text) for name, text, _seen in database.robots()}
+    database.close()
+    for robot in found.values():
+        del robot["last_seen"]
+        for component in robot["components"]:
+            del component["listed"]
+            if component["level"] == OK:
+                del component["message"]
+    return found
 
 
 def _without_slow(component: PersistedComponent) -> PersistedComponent:
@@ -363,11 +454,10 @@ def check(history: list[tuple[tuple[object, ...], str]]) -> None:
         played = History(Path(folder))
         for (what, *how), scrape in history:
             played.do(str(what), *how)
-            parts = SCRAPES[scrape]
-            kept, anew = of(played.exposition, parts), of(Exposition(played.state), parts)
-            assert kept == anew
+            anew = played.compare(SCRAPES[scrape])
             if scrape == "all":
                 check_problems(anew, played.state, played.now)
+                check_reported(played.state, played.now)
             if scrape == "none":
                 played.save()
         compare_written(played, Path(folder))
@@ -398,6 +488,7 @@ def compare_written(played: History, folder: Path) -> None:
     at_once = Storage(folder / "at_once.db")
     at_once.save(played.state, EventLog(), played.now, at_once=True)
     at_once.close()
+    assert rows_of(folder / "state.db") == rows_of(folder / "at_once.db")
     steps, once = (played.loaded(folder / name) for name in ("state.db", "at_once.db"))
     now = Instant(51.0, played.now.wall + 6.0)
     assert persisted(steps, now) == persisted(once, now)
@@ -408,13 +499,78 @@ quick = settings(suppress_health_check=[HealthCheck.too_slow])
 
 
 OTHER_TOPIC = 3  # the fleet in which r1 has others
+OTHER_QUERY = 5  # ... in which what LOAD measures is judged otherwise, and r3 is declared
+GONE = (Status(ERROR, "node a", "gone"),)
+
+
+def report(feed: Feed, statuses: tuple[Status, ...], *, lossy: bool = False) -> tuple[str, Report]:
+    return "report", Report("r1", feed, statuses, frozenset(), 2, lossy, ())
 
 
 @quick
 @given(histories)
+@example(  # how what a query measures is judged, with what it measures as it was
+    [
+        (("again", ("level", OK)), "all"),
+        (("answer", LOAD, {"r1": ERROR}), "all"),
+        (("configure", OTHER_QUERY), "all"),
+    ]
+)
+@example(  # what was shown only is judged
+    [
+        (("again", ("level", OK)), "all"),
+        (report(SHADOW, GONE), "all"),
+        (report(GRAPH, GONE), "all"),
+    ]
+)
+@example([(("wait", 0.5), "all"), (("answer", LOAD, {"ap": OK}), "all")])
+@example([(("answer", PING, {"ap": ERROR}), "all"), (("wait", 3.0), "all")])
+@example(  # what was found is declared, and nothing else of it differs
+    [
+        (("graph", {"/r3/d": Endpoint(1)}), "all"),
+        (("raw", "/r3/d", (MOTOR,)), "all"),
+        (("wait", 7.0), "all"),
+        (("raw", "/r3/d", (MOTOR,)), "none"),
+        (("configure", OTHER_QUERY), "all"),
+    ]
+)
+@example([(("again", ("level", OK)), "none"), (("configure", OTHER_TOPIC), "all")])
+@example(  # a problem that is scraped before, and after, the faults of before are restored
+    [(("again", ("level", OK)), "all"), (("restart", ERROR), "all")]
+)
+@example(  # what is STALE may be well while messages are lost
+    [
+        (("raw", "/r1/d", (Status(STALE, "Motor"),)), "all"),
+        (report(GRAPH, (), lossy=True), "all"),
+        (report(GRAPH, ()), "all"),
+    ]
+)
+@example(  # received as STALE, after it was so for want of anything received
+    [
+        (("again", ("level", OK)), "all"),
+        (("wait", 7.0), "all"),
+        (("again", ("level", STALE)), "all"),
+    ]
+)
+@example(  # what the network shows of a robot with another topic
+    [
+        (report(GRAPH, ()), "all"),
+        (("links", LinkReading(100, 40, 0.5, 0.1)), "all"),
+        (("configure", OTHER_TOPIC), "all"),
+    ]
+)
+@example(  # restored, and listed as STALE: no longer as bad as before the start
+    [
+        (("aggregate", "/r1/d_agg", {"Base": [Status(ERROR, "Motor")]}), "all"),
+        (("restart", None), "none"),
+        (("aggregate", "/r1/d_agg", {"Base": [Status(STALE, "Motor")]}), "all"),
+    ]
+)
 @example([(("graph", {"/r1/d": Endpoint(1)}), "all"), (("configure", OTHER_TOPIC), "all")])
 @example([(("domain", False), "all"), (("configure", OTHER_TOPIC), "all")])
-@example([(("again", ("level", ERROR)), "all"), (("restart",), "all"), (("regroup", "Top"), "all")])
+@example(
+    [(("again", ("level", ERROR)), "all"), (("restart", None), "all"), (("regroup", "Top"), "all")]
+)
 @example([(("again", ("level", ERROR)), "all"), (("again", ("message", "hot")), "all")])
 @example([(("again", ("level", OK)), "all"), (("again", ("hardware_id", "r4")), "all")])
 @example(  # in maintenance, where nothing else follows a level

@@ -98,7 +98,7 @@ def test_both_families_have_the_same_labels_but_for_the_evidence(exporter):
         (Identity(Scope.FLAPPING, State.FLAPPING), "warning"),
         (Identity(Scope.FLAPPING, State.INTERMITTENT), "warning"),
         (Identity(Scope.ROBOT, State.CLOCK), "warning"),
-        (Identity(Scope.CLOCK, State.CLOCK), "warning"),
+        (Identity(Scope.EXPORTER, State.WARNING, component="clock"), "warning"),
         (Identity(Scope.SITE, State.SILENT), "critical"),
         (Identity(Scope.COMMON, State.CRITICAL), "critical"),
     ],

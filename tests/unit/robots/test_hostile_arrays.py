@@ -27,6 +27,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
 from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate_array
+from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.rejections import (
     LOG_TEXTS,
     MAX_LINES,
@@ -211,7 +212,7 @@ def test_dropped_messages_are_counted_for_the_robot_or_on_a_shared_topic_for_nob
     assert driver.samples()["robot_rejected_total"]
 
 
-@pytest.mark.parametrize("page", ["LimitHit", "UnknownRejected"])
+@pytest.mark.parametrize("page", ["LimitHit"])
 def test_the_runbooks_find_in_the_log_what_is_said_there(page):
     runbook = (RUNBOOKS / f"RosDiagnostics{page}.md").read_text()
     (words,) = re.findall(r'grep (?:-E )?"([^"]+)"', runbook)
@@ -388,10 +389,10 @@ def test_values_beyond_a_limit_build_nothing_anew_and_are_counted_each_time():
     send_and_read(driver, lists[0])
     more = Status(OK, "Arm", values=(("k", "[4, 5]"), ("k", "6")))
     send_and_read(driver, more)
-    structure = driver.robot.versions.structure
+    series = driver.robot.marks.last(Mark.NAMES, Mark.SERIES)
     send_and_read(driver, lists[1])
     send_and_read(driver, lists[2], more._replace(values=(("k", "[4, 9]"), ("k", "9"))))
-    assert driver.robot.versions.structure == structure
+    assert driver.robot.marks.last(Mark.NAMES, Mark.SERIES) == series
     assert driver.robot.rejected["robot_series_limit"] == 3 + 2 * 2
     assert [each.number for each in driver.component("Motor").values.all] == [1, 2, 3]
 
@@ -400,10 +401,10 @@ def test_a_unit_that_changes_builds_nothing_anew_and_is_counted_each_time():
     driver = bounded_story()
     for text in ("1 V", "1 mV"):
         send_and_read(driver, Status(OK, "Motor", values=(("Volt", text),)))
-    structure = driver.robot.versions.structure
+    series = driver.robot.marks.last(Mark.NAMES, Mark.SERIES)
     for text in ("2 mV", "3 mV"):
         send_and_read(driver, Status(OK, "Motor", values=(("Volt", text),)))
-    assert driver.robot.versions.structure == structure
+    assert driver.robot.marks.last(Mark.NAMES, Mark.SERIES) == series
     assert driver.robot.rejected["unit_changed"] == 3
     assert driver.sample("component_value", key="Volt") is None
 

@@ -71,6 +71,7 @@ def test_amtool_accepts_configuration_and_templates():
 MOTOR_FAULT = {**MOTOR, "scope": "component", "state": "critical", "severity": "critical"}
 R1 = {"fleet": "f", "robot": "r1"}
 SILENT = {**R1, "scope": "robot", "state": "silent", "severity": "critical"}
+OWN = {"scope": "exporter", "state": "critical", "component": "domain 7"}
 MANY = {**R1, "scope": "robot", "state": "many", "severity": "critical"}
 SUBJECTS = [
     # status, alert, labels, the subject
@@ -189,9 +190,15 @@ SUBJECTS = [
     ("firing", "ExporterDown", {"fleet": "f"}, "PROBLEM ** f exporter is DOWN"),
     (
         "firing",
-        "DomainDown",
-        {"fleet": "f", "domain_id": "7"},
-        "PROBLEM ** f exporter in domain 7 is DOWN",
+        "ExporterFault",
+        {"fleet": "f", **OWN, "exporter": "north"},
+        "PROBLEM ** f exporter north is CRITICAL: domain 7",
+    ),
+    (
+        "resolved",
+        "Unacknowledged",
+        {"fleet": "f", **OWN, "step": "1"},
+        "ESCALATION 1 ENDED ** f exporter is no longer CRITICAL: domain 7",
     ),
     (
         "firing",
@@ -207,9 +214,9 @@ SUBJECTS = [
     ),
     (
         "firing",
-        "UnknownRejected",
-        {"fleet": "f", "reason": "robot_limit"},
-        "PROBLEM ** f exporter is rejecting messages of unknown robots",
+        "ExporterStalled",
+        {"fleet": "f", "instance": "e:1"},
+        "PROBLEM ** f exporter e:1 is STALLED",
     ),
     ("firing", "OnCallEnds", {}, "PROBLEM ** the rota of people on call is near its end"),
     (
@@ -345,8 +352,8 @@ def test_who_was_notified_of_an_escalation_is_notified_of_its_end():
 
 # What an alert about the monitoring is told apart by.
 APART = [
-    {"alertname": "RosDiagnosticsDomainDown", "fleet": "f", "domain_id": "7"},
-    {"alertname": "RosDiagnosticsUnknownRejected", "fleet": "f", "reason": "robot_limit"},
+    {"alertname": "RosDiagnosticsExporterFault", "fleet": "f", **OWN},
+    {"alertname": "RosDiagnosticsExporterStalled", "fleet": "f", "instance": "e:1"},
     {"alertname": "RosDiagnosticsAlertmanagerNotNotifying", "instance": "a", "integration": "sns"},
     {"alertname": "RosDiagnosticsFleetPartDown", "fleet": "f", "scope": "site", "state": "silent"},
     {"alertname": "RosDiagnosticsExporterAbsent"},
@@ -453,6 +460,76 @@ def test_subject_of_several_alerts(tmp_path: Path):
 
     assert subject(several(500)) == "** PROBLEM ** f 500 alerts"
     assert subject(several(3, resolved=1)) == "** PROBLEM ** f 3 alerts, 1 of them over"
+
+
+VIEW = {"fleet": "f", "robot": "r1", "scope": "capability", "check": "front view"}
+OF_STATE = {
+    "lost": {"alertname": "RosDiagnosticsCapabilityLost", "severity": "critical"},
+    "no_reserve": {"alertname": "RosDiagnosticsCapabilityNoReserve", "severity": "warning"},
+}
+
+
+def view(**states: str) -> dict[str, Any]:
+    """The data of the group of one capability: state -> whether its alert fires."""
+    alerts = [
+        data(
+            status,
+            {**VIEW, **OF_STATE[state], "state": state},
+            end="" if status == "firing" else "recovered",
+            evidence=f"evidence of {state}",
+            work="has no reserve for front view",
+        )["alerts"][0]
+        for state, status in states.items()
+    ]
+    group = data("firing" if "firing" in states.values() else "resolved", VIEW)
+    ends = {each["annotations"]["end"] for each in alerts}
+    common = {"end": ends.pop()} if len(ends) == 1 else {}
+    return {**group, "alerts": alerts, "commonAnnotations": common}
+
+
+def test_what_is_no_longer_lost_and_has_no_reserve_is_one_mail(tmp_path: Path):
+    group = view(lost="resolved", no_reserve="firing")
+    subject = render("ros_diagnostics.email.subject", group, tmp_path)
+    assert subject == "** PROBLEM ** f/r1 front view is WITHOUT RESERVE, no longer LOST"
+    lead = (
+        "front view of r1 (fleet f) is WITHOUT RESERVE since 2026-01-01 10:00:00 UTC. It can wait "
+        "until the next working hours. The robot has no reserve for front view. It is no longer "
+        "LOST."
+    )
+    for part in TWO:
+        mail = render(f"ros_diagnostics.email.{part}", group, tmp_path)
+        assert lead in mail
+        assert "evidence of no_reserve" in mail
+        assert "evidence of lost" not in mail
+        assert "RosDiagnosticsCapabilityNoReserve.md" in mail
+        assert "-- 'r1' 'front view'" in html.unescape(mail)
+        link = unquote(re.findall(r"silences/new\?filter=([^\s\"]*)", html.unescape(mail))[0])
+        assert link.endswith('alertname=~"RosDiagnosticsCapability.+"}')
+        assert 'check="front view"' in link
+
+
+def test_the_end_of_all_states_of_a_capability_is_one_recovery(tmp_path: Path):
+    group = view(lost="resolved", no_reserve="resolved")
+    subject = render("ros_diagnostics.email.subject", group, tmp_path)
+    assert subject == "** RECOVERY ** f/r1 front view is no longer LOST or WITHOUT RESERVE"
+    mail = render("ros_diagnostics.email.text", group, tmp_path)
+    assert mail.startswith("front view of r1 (fleet f) is no longer LOST.\nIt lasted from ")
+    assert "It is no longer" not in mail
+
+
+def test_what_a_person_removed_of_a_capability_is_no_recovery(tmp_path: Path):
+    group = view(lost="resolved", no_reserve="resolved")
+    group["commonAnnotations"] = {"end": "removed"}
+    subject = render("ros_diagnostics.email.subject", group, tmp_path)
+    assert subject == "** REMOVED ** f/r1 front view is no longer monitored"
+
+
+def test_several_capabilities_in_one_mail_are_a_list(tmp_path: Path):
+    group = view(lost="firing", no_reserve="firing")
+    group["commonLabels"] = {"fleet": "f", "robot": "r1", "scope": "capability"}
+    subject = render("ros_diagnostics.email.subject", group, tmp_path)
+    assert subject == "** PROBLEM ** f/r1 2 alerts"
+    assert "2 alerts" in render("ros_diagnostics.email.text", group, tmp_path)
 
 
 @pytest.mark.parametrize("part", ["text", "html"])

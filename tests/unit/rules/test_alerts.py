@@ -23,8 +23,8 @@ from support.shipped_rules import (
 PAGES = {page.stem: page for page in (ROOT / "docs" / "alerts").glob("*.md")}
 HEADINGS = ["Meaning", "First step", "If that does not help", "Who", "Tuning"]
 SCREEN = 50  # lines
-# The first step depends on what the alert is about, and the mail has it.
-OF_ANOTHER = {"RosDiagnosticsUnacknowledged"}
+# The first step depends on what the alert is about: the fault, or which part; the mail has it.
+OF_ANOTHER = {"RosDiagnosticsUnacknowledged", "RosDiagnosticsExporterFault"}
 WORDS = (ROOT / "alertmanager" / "templates" / "words.tmpl").read_text()
 SEVERITIES = {"critical", "warning", "info"}
 ESCALATION = {"RosDiagnosticsUnacknowledged"}

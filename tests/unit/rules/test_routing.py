@@ -15,6 +15,7 @@ from support.shipped_rules import ALERTMANAGER, run_tool
 COMMENTED_OUT = re.compile(r"^    # (?=- matchers|  )", re.MULTILINE)
 CRITICAL = "alertname=RosDiagnosticsComponentCritical severity=critical fleet=f robot=r1"
 WARNING = "alertname=RosDiagnosticsComponentWarning severity=warning fleet=f robot=r1"
+LOST = "alertname=RosDiagnosticsCapabilityLost scope=capability fleet=f robot=r1 check=lifting"
 UNACKNOWLEDGED = "alertname=RosDiagnosticsUnacknowledged fleet=f robot=r1"
 TABLE = {
     # labels: receivers as shipped, receivers with all routes enabled
@@ -37,6 +38,8 @@ TABLE = {
     f"{UNACKNOWLEDGED} severity=critical step=1": ("escalation-1", "sms-escalation,escalation-1"),
     f"{UNACKNOWLEDGED} severity=critical step=0": ("reminder", "reminder"),
     f"{UNACKNOWLEDGED} severity=critical step=2": ("escalation-2", "sms-escalation,escalation-2"),
+    f"{LOST} severity=critical": ("email", "sms,email"),
+    f"{LOST} severity=warning": ("email", "digest"),
     "alertname=SomebodyElses severity=critical": ("email", "sms,email"),
     "alertname=SomebodyElses": ("email", "email"),
 }

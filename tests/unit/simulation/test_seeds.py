@@ -13,6 +13,16 @@ from simulation.story import ERROR, OK, WARN, Event, Story, generate
 
 MANY = [pytest.param(seed, marks=pytest.mark.slow) for seed in range(100, 160)]
 STORIES = {
+    "many components fail between two messages that come late": Story(
+        3,
+        6,
+        900,
+        (
+            Event(38, "swap", "r004", (True,)),
+            *(Event(807, "level", "r004", (f"part {number}", ERROR)) for number in range(8)),
+        ),
+        able=False,
+    ),
     "a component that fails is notified, and recovers": Story(
         0,
         2,

@@ -93,3 +93,20 @@ def test_a_clock_of_the_exporter_that_is_set_back_begins_anew(sender):
 def test_the_link_of_a_robot_is_that_of_all_its_publishers():
     one, other = LinkReading(10, 5, 0.1, 0.02), LinkReading(30, 0, 0.3, 0.01)
     assert joined([one, other]) == LinkReading(40, 5, 0.3, 0.02)
+
+
+def test_a_clock_is_bounded_without_a_stamp(sender):
+    sender.send(60, delays=(0.01, 0.21))
+    assert sender.reading.behind == pytest.approx(3600.01, abs=1e-3)
+    sender.send(61, delays=(0.11,))
+    assert sender.reading.behind == pytest.approx(3600.11, abs=1e-3)
+
+
+def test_a_clock_that_is_set_back_is_no_delay(sender):
+    sender.send(60, delays=(0.01,))
+    for _ in range(70):  # from now on two hours behind
+        sender.number += 1
+        sender.wall += 1
+        sender.arrive(sender.number, sender.wall - 3600, 3600.01)
+    assert sender.reading.delay == pytest.approx(0.0, abs=1e-3)
+    assert sender.reading.behind == pytest.approx(7200.01, abs=1e-3)

@@ -17,7 +17,7 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Query, Threshold
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import Client
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
 from ros_diagnostics_exporter.sources import prometheus
@@ -350,7 +350,7 @@ def test_the_worked_examples_make_components_of_their_robots(stub, name):
     fleet = load(DOCS / "examples" / "queries" / "fleet.yml")
     (example,) = (each for each in fleet.queries if each.name == name)
     assert f"- expr: {example.expr}\n" in (DOCS / "queries.md").read_text(encoding="utf-8")
-    state = State(fleet, NOW)
+    state = FleetState(fleet, NOW)
     stub.result(example.expr, (labels, number))
     source = Prometheus(state, Client(f"http://{stub.address}"), lambda: NOW)
     source.follow(fleet)

@@ -28,7 +28,7 @@ from pathlib import Path
 from ros_diagnostics_exporter.events import EventLog, Wanted
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
-from ros_diagnostics_exporter.fleet.state import State
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.storage.storage import Storage
 
 def clocks():
@@ -57,7 +57,8 @@ profile = Profile(stale_after=5.0, confirm_after=0.2)
 labels = {"site": "hall"}
 robot = Robot("r", topic_raw="/r", source=Source.RAW, profile=profile, labels=labels)
 path, turn = Path(sys.argv[1]), int(sys.stdin.readline())
-state, storage, recording = State(Fleet("f", (robot,)), clocks()), Storage(path), threading.Lock()
+state = FleetState(Fleet("f", (robot,)), clocks())
+storage, recording = Storage(path), threading.Lock()
 log = EventLog(storage.load(state, clocks()), storage.find_events)
 storage.save(state, log, clocks())  # opens the database, from which the events are read
 journal(

@@ -36,7 +36,7 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
-from ros_diagnostics_exporter.robots.robot import Robot as ExporterRobot
+from ros_diagnostics_exporter.robots.robot import RobotState as ExporterRobot
 from ros_diagnostics_exporter.storage.database import (
     MAGIC,
     Database,

@@ -36,8 +36,15 @@ FLEET = alert("FleetPartDown", scope="site", state="silent", **CRITICAL)  # a fl
 COMMON = alert("CommonCause", scope="common", state="critical", component="Motor 1", **CRITICAL)
 EXPORTER = alert("ExporterDown", None, **CRITICAL)
 OFFSET = alert("ClockOffset", None, fleet="f", robot="r1", severity="warning")
-CLOCK = alert("ExporterClockOffset", scope="clock", state="clock", fleet="f", severity="warning")
-DOMAIN = alert("DomainDown", "2026", fleet="f", domain_id="7", severity="critical")
+DATABASE = alert(
+    "ExporterFault",
+    scope="exporter",
+    state="warning",
+    component="database",
+    fleet="f",
+    severity="warning",
+)
+STALLED = alert("ExporterStalled", "2026", fleet="f", instance="e:1", severity="critical")
 INFO = alert("Watchdog", None, severity="info")
 FOREIGN = {"labels": {"alertname": "DiskFull", "robot": "r1"}, "annotations": {"since": SINCE}}
 ALL = (
@@ -50,8 +57,8 @@ ALL = (
     COMMON,
     EXPORTER,
     OFFSET,
-    CLOCK,
-    DOMAIN,
+    DATABASE,
+    STALLED,
     INFO,
     FOREIGN,
 )
@@ -124,8 +131,8 @@ def of(problem: dict[str, Any]) -> dict[str, str]:
         (["--site", ""], [escalation(FLEET)]),
         (["--common", "Motor 1"], [escalation(COMMON)]),
         (["--alert", "ExporterDown"], [of(EXPORTER)]),
-        (["--alert", "ExporterClockOffset"], [escalation(CLOCK)]),
-        (["--alert", "RosDiagnosticsDomainDown"], [of(DOMAIN)]),
+        (["--part", "database"], [escalation(DATABASE)]),
+        (["--alert", "RosDiagnosticsExporterStalled"], [of(STALLED)]),
     ],
 )
 def test_what_the_arguments_name_is_acknowledged(server, arguments, expected):
@@ -282,8 +289,8 @@ def test_the_list_shows_everything_that_can_be_acknowledged(server, capsys):
         f"f Motor 1 on many robots CRITICAL {SINCE} nobody",
         "f berlin ExporterDown nobody",
         "f r1 ClockOffset nobody",
-        f"f exporter CLOCK {SINCE} nobody",
-        "f 7 DomainDown nobody",
+        f"f database of the exporter WARNING {SINCE} nobody",
+        "f e:1 ExporterStalled nobody",
     }
 
 
@@ -305,7 +312,7 @@ def test_what_is_not_firing_cannot_be_acknowledged(server, capsys, arguments):
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [
-        ([], "give a ROBOT, --site, --common or --alert"),
+        ([], "give a ROBOT, --site, --common, --part or --alert"),
         (["r1", "--site", "hall"], "exclude one another"),
         (["--common", "Motor 1", "--alert", "ExporterDown"], "exclude one another"),
     ],

@@ -50,9 +50,11 @@ PATHS = list(commands(command))
 def test_there_is_one_command_with_these_subcommands():
     assert {" ".join(each) for each in PATHS} == {
         *("status", "why", "history", "faults", "ack", "downtime", "forget", "backtest"),
+        "capabilities",
+        "story",
         *("oncall build", "oncall check", "oncall who", "oncall icalendar"),
         "watch accept",
-        *("nagios import", "nagios compare", "check-config", "test-page"),
+        *("import autoware", "nagios import", "nagios compare", "check-config", "test-page"),
     }
 
 
@@ -97,6 +99,7 @@ def test_completion_names_the_subcommands_without_importing_them():
 ASKING = (
     ["status"],
     ["why", "r"],
+    ["capabilities", "r"],
     ["history", "r"],
     ["faults"],
     ["forget", "r"],

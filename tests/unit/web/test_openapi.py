@@ -45,6 +45,22 @@ def _targets(job: str, port: int | None) -> list[dict]:
     return [{"targets": ["10.0.0.1"], "labels": {"robot": "a"}}]
 
 
+def _capabilities(robot: str) -> dict:
+    part = dict.fromkeys(("group", "component", "key", "check"), "")
+    need = {
+        "k": None,
+        "of": [
+            {"part": {**part, "state": "lost", "maintenance": True}},
+            {"capability": "view"},
+            {"missing": True},
+            {"k": 2, "of": [{"missing": True}], "degraded": "lost"},
+        ],
+        "degraded": "degraded",
+    }
+    found = {"capability": "drive", "state": "no_reserve", "needed": None, "need": need}
+    return {"fleet": "hall", "robot": robot, "time": 1.0, "capabilities": [found]}
+
+
 @pytest.fixture(scope="module")
 def server():
     backend = FakeBackend(
@@ -95,6 +111,7 @@ def server():
                 }
             ],
         },
+        capabilities=_capabilities,
         fault_history=lambda fault: {
             "fault": fault,
             "time": 1.0,

@@ -99,7 +99,7 @@ def follow(
     larger: dict[tuple[str, ...], int] = {}
     for event in ordered:
         found.robots.add(event["robot"])
-        if event["scope"] == "clock":
+        if event["scope"] == "exporter":
             continue  # of the exporter
         if event["scope"] in ("site", "common") or event["state"] == "many":
             _follow_larger(found, larger, event)

@@ -1,0 +1,103 @@
+"""What Prometheus is asked about robots."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Any
+
+from typing_extensions import override
+
+from ros_diagnostics_exporter.config.errors import WrongValueError
+from ros_diagnostics_exporter.config.keys import Entry, Written, described
+from ros_diagnostics_exporter.config.metric_names import Unit
+from ros_diagnostics_exporter.config.profiles import Threshold, Thresholds
+from ros_diagnostics_exporter.config.promql import ComponentTemplate, Expression, ResultLabel
+from ros_diagnostics_exporter.config.scalars import Duration, Name, PositiveDuration, QueryInterval
+from ros_diagnostics_exporter.model import Feed
+
+
+class Query(Entry):
+    """What Prometheus measures of robots: each element of an expression's result is a component."""
+
+    expr: Expression = described(
+        "The PromQL expression. It may not read this exporter's own families.",
+        example="100 * node_filesystem_avail_bytes / node_filesystem_size_bytes",
+    )
+    component: ComponentTemplate = described(
+        "The component's name; `{label}` stands for a label of the result. A robot's elements of "
+        "one name are one component, which is as bad as the worst of them.",
+        example="disk {mountpoint}",
+    )
+    group: Name = described("The group of the components.", example="Network", default="Host")
+    robot: ResultLabel | None = described(
+        "The label of the result that names the robot. By default `robot`, unless `address` is "
+        "given.",
+        example="vehicle",
+        default=None,
+    )
+    address: ResultLabel | None = described(
+        "In place of `robot`: the label that has the robot's `address`; a port behind it is "
+        "ignored.",
+        example="instance",
+        default=None,
+    )
+    unit: Unit | None = described("The unit of the result.", example="%", default=None)
+    thresholds: Annotated[tuple[Threshold, ...], Written(Thresholds, tuple)] = described(
+        "The level of a component: WARN beyond `warning`, ERROR beyond `critical`. It ends beyond "
+        "`value_hysteresis`. Without thresholds it is always OK.",
+        example={"low": {"warning": 20, "critical": 10}},
+        default=(),
+    )
+    interval: QueryInterval = described(
+        "How often Prometheus is asked, 5s to 30s.", example="30s", default=15.0
+    )
+    stale_after: PositiveDuration = described(
+        "Time without an element after which its component is STALE; at least twice `interval`.",
+        example="2m",
+        default=60.0,
+    )
+    confirm_after: Duration | None = described(
+        "Time after which a problem is confirmed, in place of the profile's. An entry of the "
+        "profile's `components` precedes it.",
+        example="1m",
+        default=None,
+    )
+
+    planned_stale: bool = described(
+        "Their STALE is no fault: where another query says that the target does not answer.",
+        example=True,
+        default=False,
+    )
+    uplink: bool = described(
+        "While one of them is ERROR, the robots that name its robot by the label `uplink` are "
+        "unreachable: their silence, and what is measured of them, is no fault.",
+        example=True,
+        default=False,
+    )
+
+    @property
+    def name(self) -> str:
+        """Unique in the fleet: what logs, metrics and pages call it."""
+        return f"{self.group}/{self.component}"
+
+    @property
+    def feed(self) -> Feed:
+        """What it delivers."""
+        return Feed(
+            self.name,
+            self.group,
+            self.stale_after,
+            self.confirm_after,
+            self.planned_stale,
+            self.uplink,
+        )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "Query":
+        if self.robot and self.address:
+            raise WrongValueError("has both robot and address", "keep one of them")
+        if self.stale_after < 2 * self.interval:
+            what = f"stale_after ({self.stale_after:g}s) is below twice interval"
+            raise WrongValueError(
+                what, f"use {2 * self.interval:g}s or more, or a shorter interval"
+            )
+        return self if self.address else replace(self, robot=self.robot or "robot")

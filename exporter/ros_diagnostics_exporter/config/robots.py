@@ -1,0 +1,364 @@
+"""Where robots are: declared by name, found by topics, on topics that they share, by zenoh."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from enum import Enum
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
+
+from typing_extensions import override
+
+from ros_diagnostics_exporter.config.errors import WrongValueError
+from ros_diagnostics_exporter.config.keys import Entry, Written, described, nothing
+from ros_diagnostics_exporter.config.patterns import (
+    ROBOT,
+    KeyTemplate,
+    NameTemplate,
+    Split,
+    TopicTemplate,
+    Wildcards,
+    topic_pattern,
+)
+from ros_diagnostics_exporter.config.profiles import DEFAULT, Profile, ProfileName
+from ros_diagnostics_exporter.config.scalars import (
+    Address,
+    DomainId,
+    DomainIds,
+    File,
+    KeyPrefix,
+    LabelName,
+    LabelValue,
+    Locator,
+    Name,
+    Namespace,
+    Topic,
+)
+from ros_diagnostics_exporter.model import ZENOH
+
+AGGREGATED = "_agg"  # the usual suffix of an aggregator's topic
+RAW_NAME = "diagnostics"
+MESSAGE_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+
+Labels = Annotated[Mapping[str, str], Written(dict[LabelName, LabelValue], MappingProxyType)]
+
+
+class Source(str, Enum):
+    """Which of a robot's topics its components are read from."""
+
+    AGG = "agg"
+    RAW = "raw"
+    BOTH = "both"  # the tree from the aggregate, changes of level from raw
+    AUTO = "auto"  # the aggregate if there is one, else raw; decided once for a robot
+    QUERIES = "queries"  # none: what has no ROS, such as a server
+
+
+AnySource = Annotated[Source, Written(Literal["agg", "raw", "both", "auto"], Source)]
+SourceOfOne = Annotated[Source, Written(Literal["agg", "raw", "both", "auto", "queries"], Source)]
+
+_SOURCE = (
+    "Where the components are read from: `agg`, the tree of the robot's "
+    "diagnostic_aggregator; `raw`, what the drivers publish; `both`, the tree from the aggregate "
+    "and changes from raw, because an aggregator hides what is shorter than its period; `auto`, "
+    "the aggregate if there is one, else raw, decided once for a robot."
+)
+_LABELS = (
+    "Labels of `robot_info`. The rules that are shipped put `site`, `robot_group`, `team`, `kind` "
+    "and `uplink` on alerts, for routing; any other is for queries of your own. Reserved names are "
+    "rejected."
+)
+
+
+class Robot(Entry):
+    """A robot that is known by name, also before its first message and while it is silent."""
+
+    name: Name = described(
+        "The robot's name, unique in the fleet: its label `robot`.", example="r1"
+    )
+    domain_id: DomainId = described(
+        "The ROS_DOMAIN_ID of the robot. 102 to 214 share ports with Linux' outgoing connections "
+        "and cause a warning.",
+        example=7,
+        default=0,
+    )
+    namespace: Namespace = described(
+        "The ROS namespace in which the robot publishes `diagnostics_agg` and `diagnostics`. "
+        "Without `namespace` and `topic` the robot is the one in the root namespace of its domain.",
+        example="/robot_1",
+        default="",
+        written="/",
+    )
+    topic_agg: str | None = None  # absolute name, of namespace or topic
+    topic_raw: str | None = None
+    source: SourceOfOne = described(
+        f"{_SOURCE} And `queries` for what has no ROS, such as a server or a dock: it has the "
+        "components of [queries](#query) alone, and is never silent.",
+        example="raw",
+        default=Source.AUTO,
+    )
+    profile: ProfileName = described(
+        "The robot's profile.",
+        example="turtlebot4",
+        default_factory=Profile,
+        written=DEFAULT,
+    )
+    address: Address | None = described(
+        "Host name or IP address for checks of the host (ping, SSH, node_exporter).",
+        example="10.0.0.17",
+        default=None,
+    )
+    labels: Labels = described(_LABELS, example={"site": "hall"}, default_factory=nothing)
+    topic: Topic | None = described(
+        "The topic in full, in place of `namespace`. With source `auto` or `both`, a name that "
+        "ends in `_agg` is the aggregate's, any other is raw, and the other topic is named after "
+        "it. If it is one of `shared`, this is one of the robots there.",
+        example="/robot_1/health/diagnostics_agg",
+        default=None,
+    )
+    zenoh: KeyPrefix | None = described(
+        "In place of `domain_id`, for what comes by [zenoh](#zenoh): the beginning of its keys, "
+        "which the topic follows; `/` where there is none. A bridge's `namespace` is one, and with "
+        "rmw_zenoh the number of the ROS domain.",
+        example="customer_a/robot_1",
+        default=None,
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "Robot":
+        if "namespace" in given and "topic" in given:
+            raise WrongValueError("has both namespace and topic", "keep one of them")
+        ros = sorted({"namespace", "topic", "domain_id", "zenoh"} & given.keys())
+        if self.source is Source.QUERIES and ros:
+            what = f"has source queries, so nothing of ROS, and {ros[0]}"
+            raise WrongValueError(what, f"remove {ros[0]} or source")
+        if self.zenoh is None:
+            return self.reading(self.source)
+        _not_both("domain_id", given)
+        topic = self.topic and self.zenoh + self.topic
+        namespace = self.zenoh + self.namespace
+        behind = replace(self, domain_id=ZENOH, topic=topic, namespace=namespace)
+        return behind.reading(self.source)
+
+    def reading(self, source: Source) -> "Robot":
+        """The robot with its topics as they are for a source."""
+        topic = self.topic or f"{self.namespace}/{RAW_NAME}"
+        if self.topic is None and source is Source.AGG:
+            topic += AGGREGATED
+        aggregate, raw = topics_of(topic, source)
+        return replace(
+            self,
+            namespace=topic.rpartition("/")[0],
+            topic_agg=aggregate,
+            topic_raw=raw,
+            source=source,
+        )
+
+
+class Discovery(Entry):
+    """Robots that are found by their topics, as they come and go."""
+
+    # fullmatch on the topic; group "robot" if `name` needs it
+    pattern: re.Pattern[str] = topic_pattern("")
+    template: TopicTemplate = described(
+        "The topics to look for: `{robot}` stands for one part of the name and becomes the "
+        "robot's name, `*` stands for one part of any name.",
+        example="/{robot}/diagnostics_agg",
+        default="",
+        key="topic",
+    )
+    domain_ids: DomainIds = described(
+        "The DDS domains to look in: numbers and ranges.",
+        example=[0, "10-19"],
+        default=(0,),
+        written=[0],
+    )
+    type: Literal["diagnostic_msgs/msg/DiagnosticArray"] | None = described(
+        "In place of `topic`: every topic of this message type is a robot's, whatever its "
+        "name; the robot's name is the last part of its namespace (`/hall/r1/health` -> `r1`). "
+        "With source `agg` only topics that end in `_agg`, with `raw` only the others.",
+        example=MESSAGE_TYPE,
+        default=None,
+    )
+    name: NameTemplate = described(
+        "The robot's name, made of `{robot}` and `{domain_id}`; for robots in the root namespace "
+        "of a domain of their own: `robot_{domain_id}`.",
+        example="amr_{robot}",
+        default=ROBOT,
+    )
+    include: Wildcards = described(
+        "Only robots with these names; `*` stands for anything.", example=["amr_*"], default=()
+    )
+    exclude: Wildcards = described("No robots with these names.", example=["amr_test*"], default=())
+    source: AnySource = described(_SOURCE, example="agg", default=Source.AUTO)
+    profile: ProfileName = described(
+        "The robot's profile.",
+        example="turtlebot4",
+        default_factory=Profile,
+        written=DEFAULT,
+    )
+    address: NameTemplate | None = described(
+        "The robot's host, made of `{robot}`, the robot's name, and `{domain_id}`.",
+        example="{robot}.lan",
+        default=None,
+    )
+    labels: Labels = described(_LABELS, example={"site": "hall"}, default_factory=nothing)
+    zenoh: KeyTemplate | None = described(
+        "In place of `domain_ids`, for what comes by [zenoh](#zenoh): the beginning of their keys, "
+        "which the topic follows; `/` where there is none. A bridge's `namespace` is one, and with "
+        "rmw_zenoh the number of the ROS domain.",
+        example="customer_a/{robot}",
+        default=None,
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "Discovery":
+        if bool(self.template) == bool(self.type):
+            what = "has topic and type" if self.type else "has neither topic nor type"
+            raise WrongValueError(what, 'give one, such as topic: "/{robot}/diagnostics_agg"')
+        if self.zenoh is not None:
+            _not_both("domain_ids", given)
+            self = replace(self, domain_ids=(ZENOH,))  # noqa: PLW0642 - the rest is as for DDS
+        shown = (self.zenoh or "") + (self.template or ROBOT)
+        if shown.count(ROBOT) > 1:
+            what = "zenoh has {robot}, as topic has, or type takes the robot's name from the topic"
+            raise WrongValueError(what, "keep one and write * for the other")
+        named = ROBOT in shown
+        if not named and ROBOT in self.name:
+            raise WrongValueError(
+                "cannot distinguish robots: topic has no {robot}",
+                'put {robot} into topic, or name: "robot_{domain_id}"',
+            )
+        if named and ROBOT not in self.name:
+            raise WrongValueError("gives all robots of a domain one name", "put {robot} into name")
+        template = (self.zenoh or "") + (self.template or str(self.type))
+        return replace(self, pattern=self._topics(), template=template)
+
+    def _topics(self) -> re.Pattern[str]:
+        """The topics to look for. If any name will do, topics of the other source are excluded."""
+        pattern = topic_pattern(self.template, self.zenoh or "")
+        any_name = not self.template or self.template.endswith("/*")
+        if not any_name or self.source not in (Source.AGG, Source.RAW):
+            return pattern
+        wanted = "(?<=" if self.source is Source.AGG else "(?<!"
+        return re.compile(f"{pattern.pattern}{wanted}{AGGREGATED})")
+
+
+class Shared(Entry):
+    """Several robots on one topic; each status names its robot."""
+
+    topic: Topic = described("The topic on which they all publish.", example="/diagnostics")
+    raw: bool = True  # partial arrays (/diagnostics) or complete ones (/diagnostics_agg)
+    domain_id: DomainId = described("Its DDS domain.", example=7, default=0)
+    source: Literal["agg", "raw"] | None = described(
+        "Whether arrays are complete (`agg`) or partial (`raw`). By default `agg` if the topic's "
+        "name ends in `_agg`, else `raw`.",
+        example="raw",
+        default=None,
+    )
+    by: Literal["hardware_id", "name"] = described(
+        "Where a status names its robot: in its `hardware_id` or in its `name`.",
+        example="hardware_id",
+        default="hardware_id",
+    )
+    pattern: Split | None = described(
+        "How to find the robot's name there: text with `{robot}` and, for names, `{component}`; "
+        'or {regex: "..."} with groups of these names, `(?P<robot>...)`. Statuses that do not '
+        "match are counted as rejected. Needed with by: name; without it the whole hardware_id is "
+        "the robot's name.",
+        example="{robot}/{component}",
+        default=None,
+    )
+    profile: ProfileName = described(
+        "The profile of these robots.",
+        example="arm",
+        default_factory=Profile,
+        written=DEFAULT,
+    )
+    labels: Labels = described(_LABELS, example={"site": "hall"}, default_factory=nothing)
+    zenoh: KeyPrefix | None = described(
+        "In place of `domain_id`, for what comes by [zenoh](#zenoh): the beginning of its keys, "
+        "which the topic follows; `/` where there is none. A bridge's `namespace` is one, and with "
+        "rmw_zenoh the number of the ROS domain.",
+        example="customer_a",
+        default=None,
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "Shared":
+        if self.by == "name" and self.pattern is None:
+            raise WrongValueError(
+                "has by: name and no pattern", 'add pattern: "{robot}/{component}"'
+            )
+        aggregated = self.source == "agg" if self.source else self.topic.endswith(AGGREGATED)
+        if self.zenoh is None:
+            return replace(self, raw=not aggregated)
+        _not_both("domain_id", given)
+        topic = self.zenoh + self.topic
+        return replace(self, raw=not aggregated, domain_id=ZENOH, topic=topic)
+
+
+class Zenoh(Entry):
+    """How to reach the robots that are connected by zenoh (docs/beyond-the-lan.md)."""
+
+    routers: Annotated[tuple[Locator, ...], Written(list[Locator], tuple)] = described(
+        "The routers to connect to: `tcp/host:port`, `tls/`, `quic/`, `udp/` or `ws/`. With mode "
+        "`client` the first that answers is used.",
+        example=["tls/centre.example.org:7447"],
+    )
+    mode: Literal["client", "peer"] = described(
+        "`client` for one router, `peer` to connect to all of `routers`, which may be bridges.",
+        example="peer",
+        default="client",
+    )
+    user: str | None = described(
+        "The user at the router; needs `password_file`.", example="exporter", default=None
+    )
+    password_file: File | None = described(
+        "A file with the user's password in one line.",
+        example="/etc/ros-diagnostics/zenoh-password",
+        default=None,
+    )
+    ca_file: File | None = described(
+        "The certificates of the authorities that a router's certificate is checked with (`tls/`, "
+        "`quic/`), in PEM.",
+        example="/etc/ros-diagnostics/ca.pem",
+        default=None,
+    )
+    cert_file: File | None = described(
+        "The exporter's own certificate, where the router asks for one; needs `key_file`.",
+        example="/etc/ros-diagnostics/exporter.pem",
+        default=None,
+    )
+    key_file: File | None = described(
+        "The key of `cert_file`.", example="/etc/ros-diagnostics/exporter.key", default=None
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> "Zenoh":
+        if not self.routers:
+            raise WrongValueError("has no routers", "name one, such as routers: [tcp/centre:7447]")
+        for one, other in (("user", "password_file"), ("cert_file", "key_file")):
+            if (one in given) != (other in given):
+                raise WrongValueError(f"has one of {one} and {other}", "give both or none")
+        return self
+
+
+def _not_both(domain: str, given: Mapping[str, Any]) -> None:
+    if domain in given:
+        raise WrongValueError(f"has both zenoh and {domain}", "keep one of them")
+
+
+def topics_of(topic: str, source: Source) -> tuple[str | None, str | None]:
+    """The aggregated and the raw topic of a robot of which one is known.
+
+    With source agg or raw the topic has that kind, whatever its name. Else the name shows which of
+    the two it is, and the other is named after it.
+    """
+    if source is Source.QUERIES:
+        return None, None
+    if source is Source.AGG:
+        return topic, None
+    if source is Source.RAW:
+        return None, topic
+    raw = topic.removesuffix(AGGREGATED)
+    return raw + AGGREGATED, raw

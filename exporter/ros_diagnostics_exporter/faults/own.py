@@ -1,0 +1,53 @@
+"""What is wrong with the exporter itself: a fault as any other, of no robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.components import give_verdict
+from ros_diagnostics_exporter.faults.judge import end_all
+from ros_diagnostics_exporter.faults.model import (
+    Change,
+    Identity,
+    OwnReport,
+    Scope,
+    State,
+    Verdict,
+)
+from ros_diagnostics_exporter.faults.records import Problem
+from ros_diagnostics_exporter.model import Instant, Level
+
+CLOCK = Identity(Scope.EXPORTER, State.WARNING, component="clock")  # `clocks` judges it
+_LEVEL = {State.WARNING: Level.WARN, State.CRITICAL: Level.ERROR}
+
+
+def judge(book: Book, reports: Iterable[OwnReport], now: Instant) -> list[Change]:
+    """Take all parts of the exporter as they are; what is wrong with others ends as removed."""
+    parts = {report.part: report for report in reports}
+    gone = [
+        problem
+        for part in book.own.keys() - parts.keys() - {CLOCK.component}
+        for state in _LEVEL
+        if (problem := book.problems.get(_identity(part, state))) is not None
+    ]
+    book.own = {part: report.confirm_after for part, report in parts.items()}
+    for part, report in parts.items():
+        for state, level in _LEVEL.items():
+            identity = _identity(part, state)
+            problem = book.problems.get(identity)
+            if problem is None and report.level is level:
+                problem = book.add_problem(Problem(identity, now))
+            if problem is not None:
+                give_verdict(book, problem, _verdict(report.level, level))
+    return end_all(book, gone, now)
+
+
+def _identity(part: str, state: State) -> Identity:
+    return Identity(Scope.EXPORTER, state, component=part)
+
+
+def _verdict(level: Level, bad: Level) -> Verdict:
+    if level is Level.STALE:
+        return Verdict.HELD
+    return Verdict.BAD if level is bad else Verdict.WELL

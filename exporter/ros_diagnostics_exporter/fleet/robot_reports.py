@@ -1,0 +1,455 @@
+"""What is reported of one robot to the judgement of faults: what changed since it last was."""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from math import inf, nextafter
+from typing import Literal
+
+from ros_diagnostics_exporter.config.fleet import Profile, Source, Threshold, ValueRule
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.faults.engine import Faults
+from ros_diagnostics_exporter.faults.model import (
+    Change,
+    ComponentName,
+    ComponentReport,
+    Identity,
+    Scope,
+    State,
+    ValueReport,
+    Verdict,
+)
+from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
+from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities
+from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
+from ros_diagnostics_exporter.model import Instant, Level
+from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.components import SHADOWED, Components
+from ros_diagnostics_exporter.robots.conditions import Quiet, RobotConditions
+from ros_diagnostics_exporter.robots.marks import Mark
+from ros_diagnostics_exporter.robots.robot import RobotState
+from ros_diagnostics_exporter.robots.rules import component_rule, value_rule
+from ros_diagnostics_exporter.robots.updates import query_of
+
+_Presence = Literal["up", "silent", "pending"]
+_LEVELS = tuple(Level)
+_NUMBERED = re.compile(r"(#[0-9]+|\[[0-9]+\])+")  # what a key is given beside the published one
+
+
+class RobotReports:
+    """One robot, and what was reported of it.
+
+    ``maintenance``, ``maintained`` and ``unreachable`` are as last reported. ``_awaited`` are
+    components of which nothing is received, and from when on (monotonic) an array of the robot
+    shows that they are absent: if none comes it is the robot that is silent, and before that a slow
+    driver is no stale component.
+    """
+
+    def __init__(self, robot: RobotState, events: deque[Event]) -> None:
+        self.robot = robot
+        self._events = events
+        self.maintenance = False
+        self.maintained: frozenset[str] = frozenset()
+        self.unreachable = False
+        self._settings = robot.settings
+        self._limits = robot.limits
+        self._declared = robot.declared
+        self._presence: _Presence | None = None
+        self._announced: float | None = None  # when a publisher of it was first seen, monotonic
+        self._names: dict[Component, ComponentName] = {}
+        self._read = -1  # the last change that was reported
+        self._everything = True  # is to be reported, because none of it was, or by other settings
+        self._awaited: dict[Component, float] = {}
+        self._conditions = RobotConditions(robot)
+        self._capabilities = RobotCapabilities(robot)
+        self.by_condition = ConditionalProblems()
+
+    # -- config ------------------------------------------------------------------------------
+
+    @property
+    def has_other_settings(self) -> bool:
+        """Whether the robot follows another config than was reported."""
+        robot = self.robot
+        same = robot.settings is self._settings and robot.limits is self._limits
+        return not same or robot.declared != self._declared
+
+    def configure(self, faults: Faults, now: Instant) -> list[Change]:
+        """Report by which config the robot is judged; its parts are reported anew after it."""
+        robot = self.robot
+        name, profile = robot.settings.name, robot.settings.profile
+        self._settings, self._limits = robot.settings, robot.limits
+        self._declared, self._everything = robot.declared, True
+        settings = RobotSettings(
+            robot.settings.labels, profile.confirm_after, profile.flap_interval
+        )
+        changes = faults.configure_robot(name, settings, now, declared=robot.declared)
+        self._capabilities = RobotCapabilities(robot)
+        if profile.capabilities:
+            changes += self._report_capabilities(faults, now)
+        elif faults.abilities(name):
+            changes += faults.configure_capabilities(name, (), now)
+        expected = _expected(profile)
+        for identity in list(faults.identities(name)):
+            if identity.scope is Scope.CHECK and identity.check not in expected:
+                changes += faults.check_changed(name, identity.check, 0, None, now)
+        if robot.maintenance != self.maintenance:
+            self.maintenance = robot.maintenance
+            changes += faults.maintenance({name: robot.maintenance}, now)
+        if robot.maintained != self.maintained:
+            self.maintained = robot.maintained
+            changes += faults.components_in_maintenance(name, robot.maintained, now)
+        return changes
+
+    def start_over(self, faults: Faults, now: Instant) -> list[Change]:
+        """Report all of it to another engine, but its downtime."""
+        self._presence, self.maintenance = None, self.robot.maintenance
+        self.maintained, self.unreachable = frozenset(), False
+        self._names, self._read = _names(self.robot.components), self.robot.marks.count
+        return self.configure(faults, now) + self._forget_ignored(faults, now)
+
+    def _forget_ignored(self, faults: Faults, now: Instant) -> list[Change]:
+        """End what is wrong with components that the config of before the start did not ignore."""
+        robot, changes = self.robot.settings, list[Change]()
+        known = {
+            ComponentName(identity.group, identity.component)
+            for identity in faults.identities(robot.name)
+            if identity.component
+        }
+        for name in sorted(known.difference(self._names.values())):
+            rule = component_rule(robot.profile, name.component)
+            if rule is not None and rule.ignore:
+                changes += faults.forget_component(robot.name, name, now)
+        return changes
+
+    # -- what changed ------------------------------------------------------------------------
+
+    def needs_update(self, now: Instant) -> bool:
+        """Whether there is anything to report."""
+        if self.robot.marks.last(Mark.NAMES, Mark.LEVEL, Mark.VALUE) > self._read:
+            return True
+        if self._awaited and self.robot.up and self._has_found_awaited:
+            return True
+        return self._presence_at(now) != self._presence
+
+    def update(self, faults: Faults, now: Instant) -> list[Change]:
+        """Report it."""
+        changes = self._report_presence(faults, now)
+        marks, profile = self.robot.marks, self.robot.settings.profile
+        renamed = marks.at[Mark.NAMES] > self._read
+        if renamed:
+            changes += self._follow_names(faults, now)
+        if profile.has_conditions or self._everything:
+            self._apply_conditions(now)
+        if profile.capabilities:
+            changes += self._report_capabilities(faults, now)
+        if self.robot.up:
+            self._find_awaited()
+            changes += self._report_levels(faults, now, renamed=renamed)
+            changes += self._report_values(faults, now)
+            if renamed or self._everything:
+                changes += self._report_checks(faults, now)
+            self._everything = False
+        self._read = marks.count
+        return changes
+
+    def _changed(self, mark: Mark) -> list[Component]:
+        """The components of which this was noted since the last report."""
+        return self.robot.marks.components(mark, self._read)
+
+    def _apply_conditions(self, now: Instant) -> None:
+        """Have what depends on what changed reported, where its conditions say something else."""
+        components = self.robot.components
+        changed = [*self._changed(Mark.LEVEL), *self._changed(Mark.VALUE)]
+        found = self._conditions.update(changed, everything=self._everything)
+        for component, differs in found.items():
+            name = self._names.get(component)
+            quiet = None if name is None else self._quiet(component)
+            is_known = self.robot.up and quiet is not None and quiet.known
+            component.quiet_because = quiet.because if quiet and is_known else ""
+            if differs:
+                components.report_again(component)
+            if name is not None and self.robot.up:
+                of = self.robot.settings.name, name
+                self._events.extend(self.by_condition.update(component, of, self._conditions, now))
+
+    def _report_capabilities(self, faults: Faults, now: Instant) -> list[Change]:
+        changed = [*self._changed(Mark.LEVEL), *self._changed(Mark.VALUE)]
+        wanted = self._capabilities.update(changed, self._names)
+        if wanted is None:
+            return []
+        return faults.configure_capabilities(self.robot.settings.name, wanted, now)
+
+    def _quiet(self, component: Component) -> Quiet | None:
+        """Why the component's trouble is no fault, if it is none."""
+        if component.feed is not None and component.feed.shadow:
+            return Quiet(SHADOWED, known=True)
+        rule = component.rule
+        return None if rule is None else self._conditions.find(component, rule.conditions)
+
+    # -- presence ----------------------------------------------------------------------------
+
+    def _presence_at(self, now: Instant) -> _Presence:
+        robot = self.robot
+        if robot.up:
+            return "up"
+        if robot.last_mono is not None:
+            return "silent"
+        if robot.silent_reason == "never_seen":
+            self._announced = None
+            return "pending"
+        if self._announced is None:
+            self._announced = now.mono
+        # What has just begun to publish has its stale_after to be received.
+        late = now.mono - self._announced > robot.settings.profile.stale_after
+        return "silent" if late else "pending"
+
+    def _report_presence(self, faults: Faults, now: Instant) -> list[Change]:
+        presence, robot = self._presence_at(now), self.robot
+        if presence == self._presence:
+            return []
+        self.by_condition.clear()
+        is_first, self._presence = self._presence is None, presence
+        self._awaited = {}
+        if presence == "pending":
+            known = faults.identities(robot.settings.name)
+            if is_first and any(each.state is State.SILENT for each in known):
+                return []  # an earlier process received it
+            return faults.robot_pending(robot.settings.name, now)
+        if presence == "silent":
+            last = robot.last_mono
+            since = now if last is None else Instant(last, robot.last_wall)
+            return faults.robot_silent(robot.settings.name, since, now)
+        self._everything = True
+        self._await_raw()
+        return faults.robot_back(robot.settings.name, now)
+
+    @property
+    def _last(self) -> float:
+        """When the robot's last array was received, monotonic."""
+        return self.robot.last_mono or 0.0
+
+    def _last_of(self, component: Component) -> float:
+        """When what delivers a component was last received, monotonic."""
+        answered = self.robot.measured.last_answer(component)
+        return self._last if answered is None else answered
+
+    def _await_raw(self) -> None:
+        """Wait for the raw components that the array which brought the robot back lacks."""
+        default = self.robot.settings.profile.stale_after
+        for component in self.robot.components:
+            if self._is_raw(component) and component.is_stale and component.listed < self._last:
+                absent = self._last + component.stale_after(default, raw=True)
+                self._awaited.setdefault(component, absent)
+
+    def _await_late(self, changed: Iterable[Component]) -> None:
+        """Wait for an array that lacks the components that turned STALE because none came."""
+        default = self.robot.settings.profile.stale_after
+        for component in changed:
+            if not component.is_stale or self._is_reported_stale(component):
+                continue
+            # An aggregator's next array: those since that lacked it were of one that just started.
+            absent = nextafter(self._last, inf)
+            if self._is_raw(component):
+                absent = component.listed + component.stale_after(default, raw=True)
+            if absent > self._last_of(component):
+                self._awaited.setdefault(component, absent)
+
+    def _is_raw(self, component: Component) -> bool:
+        if query_of(component.identity) is not None:
+            return True
+        return self.robot.source is Source.RAW or component.raw_received is not None
+
+    def _is_reported_stale(self, component: Component) -> bool:
+        """Whether the last array has the component as STALE, or is an aggregator's without it."""
+        if component.missing:
+            return True
+        return component.stale_at_source and component.listed >= self._last_of(component)
+
+    @property
+    def _has_found_awaited(self) -> bool:
+        """Whether the last array shows one of them to be absent, or has it as STALE.
+
+        That is no change of its level, which was STALE before for want of anything received.
+        """
+        return any(
+            self._last_of(component) >= absent or self._is_reported_stale(component)
+            for component, absent in self._awaited.items()
+        )
+
+    def _find_awaited(self) -> None:
+        """Have those reported that are received now, or that an array shows to be absent."""
+        for component, absent in list(self._awaited.items()):
+            is_known = not component.is_stale or self._is_reported_stale(component)
+            if is_known or self._last_of(component) >= absent:
+                del self._awaited[component]
+                self.robot.components.report_again(component)
+        self._await_late(self._changed(Mark.LEVEL))
+
+    # -- components --------------------------------------------------------------------------
+
+    def find(self, name: ComponentName) -> Component | None:
+        """The component that was reported by this name."""
+        return next((each for each, known in self._names.items() if known == name), None)
+
+    @property
+    def by_name(self) -> dict[ComponentName, Component]:
+        """The components by the names by which they were reported."""
+        return {name: each for each, name in self._names.items()}
+
+    def name_of(self, component: Component) -> ComponentName | None:
+        """The name by which a component was reported."""
+        return self._names.get(component)
+
+    def has_error(self, name: str) -> bool:
+        """Whether a component of this name is, or was when last received, ERROR."""
+        return any(
+            Level.ERROR in (each.level, each.before_stale)
+            for each, known in self._names.items()
+            if known.component == name and not each.quiet_because
+        )
+
+    def _follow_names(self, faults: Faults, now: Instant) -> list[Change]:
+        """Report the components that have gone, and those that have another name."""
+        robot, components = self.robot.settings.name, self.robot.components
+        names = _names(components)
+        changes: list[Change] = []
+        for component, old in self._names.items():
+            if component not in names:
+                changes += faults.forget_component(robot, old, now)
+                self._awaited.pop(component, None)
+        for component, new in names.items():
+            former = self._names.get(component)
+            if former is not None and former != new:
+                changes += faults.component_moved(robot, former, new, now)
+                components.report_again(component)
+        self.by_condition.clear()  # the conditions are evaluated anew
+        self._names = names
+        return changes
+
+    def _report_levels(self, faults: Faults, now: Instant, *, renamed: bool) -> list[Change]:
+        reported = [
+            self._component_report(component, name)
+            for component, name in self._to_report(self._changed(Mark.LEVEL))
+            if component not in self._awaited
+        ]
+        if not reported and not renamed:
+            return []
+        robot, total = self.robot.settings.name, len(self.robot.components)
+        return faults.components_changed(robot, reported, total, now)
+
+    def _to_report(self, changed: Iterable[Component]) -> Iterator[tuple[Component, ComponentName]]:
+        for component in self._names if self._everything else changed:
+            name = self._names.get(component)
+            if name is not None and component.level >= 0:  # received at least once
+                yield component, name
+
+    def _component_report(self, component: Component, name: ComponentName) -> ComponentReport:
+        """The component as it is judged: well, or not known, where its condition says so."""
+        level, settings = _LEVELS[component.level], self._component_settings(component)
+        quiet = self._quiet(component)
+        if self.robot.network.lossy and component.feed is None and level is Level.STALE:
+            quiet = Quiet("messages are lost", known=False)
+        if quiet is None or level is Level.OK:
+            return ComponentReport(name, level, settings)
+        if quiet.known and level is not Level.STALE:
+            return ComponentReport(name, Level.OK, settings)
+        # As a STALE that is planned: nothing begins, and nothing ends.
+        settings = replace(settings, planned_stale=True, stale_is_critical=False)
+        return ComponentReport(name, Level.STALE, settings)
+
+    def _component_settings(self, component: Component) -> ComponentSettings:
+        profile, rule = self._settings.profile, component.rule
+        own = None if rule is None else rule.confirm_after
+        planned = rule is not None and rule.planned_stale
+        if component.feed is not None:
+            own = component.feed.confirm_after if own is None else own
+            planned = planned or component.feed.planned_stale
+        return ComponentSettings(
+            profile.confirm_after if own is None else own,
+            planned,
+            profile.stale_is_critical and not planned,
+            component.feed is not None,
+        )
+
+    # -- values and checks -------------------------------------------------------------------
+
+    def _report_values(self, faults: Faults, now: Instant) -> list[Change]:
+        monitors = any(rule.thresholds for rule in self._settings.profile.values)
+        if not (monitors or self._everything):
+            return []
+        robot = self.robot.settings.name
+        troubled: dict[ComponentName, list[Identity]] = {}
+        for identity in faults.identities(robot):
+            if identity.scope is Scope.VALUE:
+                name = ComponentName(identity.group, identity.component)
+                troubled.setdefault(name, []).append(identity)
+        changes: list[Change] = []
+        for component, name in self._to_report(self._changed(Mark.VALUE)):
+            reports = self._value_reports(component, troubled.get(name, ()))
+            if reports:
+                settings = self._component_settings(component)
+                changes += faults.values_changed(robot, name, settings, reports, now)
+        return changes
+
+    def _value_reports(
+        self, component: Component, troubled: Iterable[Identity]
+    ) -> list[ValueReport]:
+        """Its values with thresholds, and those that had one and are no longer published."""
+        stale = component.is_stale
+        found = {
+            value.key: ValueReport(
+                value.key,
+                None if stale else value.number,
+                value.rule.thresholds,
+                Verdict.BAD if stale else self._most(component, value.rule),
+            )
+            for value in component.values.all
+            if value.rule is not None and value.rule.thresholds
+        }
+        missing: dict[str, list[Threshold]] = {}
+        for each in troubled:
+            if each.key not in found:
+                # Without a number it does not matter which one the threshold has.
+                threshold = Threshold(each.bound, each.state.value, 0.0)
+                missing.setdefault(each.key, []).append(threshold)
+        for key, thresholds in missing.items():
+            wanted = not self._everything or _is_monitored(self._settings.profile, component, key)
+            found[key] = ValueReport(key, None, tuple(thresholds) if wanted else ())
+        return list(found.values())
+
+    def _most(self, component: Component, rule: ValueRule) -> Verdict:
+        """The worst that a value's conditions let it be."""
+        quiet = self._conditions.find(component, rule.conditions)
+        if quiet is None:
+            return Verdict.BAD
+        return Verdict.WELL if quiet.known else Verdict.HELD
+
+    def _report_checks(self, faults: Faults, now: Instant) -> list[Change]:
+        expected = _expected(self._settings.profile)
+        if not expected:
+            return []
+        robot = self.robot.settings.name
+        changes: list[Change] = []
+        for check, counts in self.robot.components.count_checks():
+            if check in expected:
+                changes += faults.check_changed(robot, check, sum(counts), expected[check], now)
+        return changes
+
+
+def _expected(profile: Profile) -> Mapping[str, int]:
+    return {check.name: check.expect for check in profile.checks if check.expect is not None}
+
+
+def _names(components: Components) -> dict[Component, ComponentName]:
+    """The names of a robot's components as their series have them: no two are the same."""
+    return {each: ComponentName(each.group, each.label) for each in components}
+
+
+def _is_monitored(profile: Profile, component: Component, key: str) -> bool:
+    """Whether the config has a threshold for a value that is not published now."""
+    name = component.identity[0]
+    rules = (value_rule(profile, name, each) for each in (key, _NUMBERED.sub("", key)))
+    return any(rule is not None and rule.thresholds for rule in rules)

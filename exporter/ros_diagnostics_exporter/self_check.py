@@ -1,0 +1,129 @@
+"""What is wrong with the exporter itself: each of its parts with a level, as robots report theirs.
+
+The loop `tick` has them judged, so that Prometheus has to see no more than whether that one turns.
+"""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+
+from ros_diagnostics_exporter.faults.model import OwnReport
+from ros_diagnostics_exporter.fleet.unmatched import GRACE
+from ros_diagnostics_exporter.metrics.self_metrics import Exporter
+from ros_diagnostics_exporter.model import Domain, Instant, Level, place
+
+STALLED = 30.0  # seconds without a look at a ROS graph, which is looked at each second
+HANGS = 120.0  # seconds without a turn of a loop: twice the longest interval
+FULL = 0.9  # of the limit of series
+RECENT = 600.0  # seconds for which it matters that something was rejected
+SLOW = 300.0  # seconds that robots and other programs may take to start
+NAMED = 3  # queries, entries, reasons
+# Loops whose trouble is that of another part; without `tick` nothing is judged at all.
+_OTHERS = ("tick", "storage", "config", "domain-")
+_MATCHED = GRACE + 60.0  # seconds after the start until all that matches nothing is known
+
+
+class SelfCheck:
+    """The parts of one exporter, which starts ``now``."""
+
+    def __init__(self, exporter: Exporter, now: Instant) -> None:
+        self._exporter = exporter
+        self._started = now
+        self._host = socket.gethostname()
+        self._rejected: dict[str, int] = {}
+        self._rejected_at: dict[str, float] = {}  # reason -> when last, monotonic
+
+    def reports(self, now: Instant) -> list[OwnReport]:
+        """All parts as they are now; of what is wrong the message says on which host."""
+        parts = [*self._files(), *self._servers(now), *self._domains(now), *self._loops(now)]
+        parts += [self._unmatched(now), self._robots(now), self._series(), self._rejections(now)]
+        return [
+            each._replace(message=f"{each.message};\non host {self._host}")
+            if each.level in (Level.WARN, Level.ERROR)
+            else each
+            for each in parts
+        ]
+
+    def _files(self) -> Iterator[OwnReport]:
+        reloader, storage = self._exporter.reloader, self._exporter.storage
+        why = "it could not be reloaded: the previous configuration is in force; the log says why"
+        yield _warning("fleet.yml", why, is_wrong=not reloader.successful)
+        if storage is not None:
+            why = "it cannot be written: a restart would lose what changes; the log says why"
+            is_known = not storage.successful or storage.written_at >= self._started.wall
+            yield _warning("database", why, is_wrong=not storage.successful, is_known=is_known)
+
+    def _servers(self, now: Instant) -> Iterator[OwnReport]:
+        alertmanager, outcomes = self._exporter.alertmanager, self._exporter.outcomes()
+        if alertmanager is not None:
+            why = "it does not answer: acknowledgements and downtimes are not followed"
+            is_wrong = not alertmanager.answers(now)
+            yield _warning("Alertmanager", why, is_wrong=is_wrong, confirm_after=SLOW)
+        if outcomes:
+            failed = [f"{each.query.name}: {each.error}" for each in outcomes if each.error]
+            why = f"{len(failed)} of {len(outcomes)} have no answer: {_named(failed)}"
+            is_known = bool(failed) or all(each.error is not None for each in outcomes)
+            yield _warning("queries", why, is_wrong=bool(failed), is_known=is_known)
+
+    def _domains(self, now: Instant) -> Iterator[OwnReport]:
+        for domain in self._exporter.state.fleet.domain_ids:
+            why = self._why_not_received(domain, now)
+            yield OwnReport(place(domain), Level.ERROR if why else Level.OK, why)
+
+    def _why_not_received(self, domain: Domain, now: Instant) -> str:
+        listener = self._exporter.listener
+        if domain not in listener.domain_ids:
+            return f"it is not joined: {listener.errors.get(domain, 'it is still being joined')}"
+        if now.wall - listener.last_looks.get(domain, 0.0) > STALLED:
+            return f"its ROS graph was not looked at for more than {STALLED:.0f} s"
+        return ""
+
+    def _loops(self, now: Instant) -> Iterator[OwnReport]:
+        for loop in self._exporter.loops():
+            if not loop.name.startswith(_OTHERS):
+                hangs = now.wall - max(loop.last_turn, self._started.wall) > HANGS
+                why = f"it has finished no turn for {HANGS:.0f} s: it hangs, or fails each time"
+                yield OwnReport(f"loop {loop.name}", Level.ERROR if hangs else Level.OK, why)
+
+    def _unmatched(self, now: Instant) -> OwnReport:
+        found = [str(each) for each in self._exporter.state.unmatched.entries]
+        is_known = bool(found) or now.mono - self._started.mono > _MATCHED
+        why = f"{len(found)} match nothing, and are not in force: {_named(found)}"
+        return _warning("entries of fleet.yml", why, is_wrong=bool(found), is_known=is_known)
+
+    def _robots(self, now: Instant) -> OwnReport:
+        state = self._exporter.state
+        is_known = bool(state.robots) or state.settled(now)
+        why = "none is known: fleet.yml declares none, and none is discovered"
+        is_wrong = not state.robots
+        return _warning("robots", why, is_wrong=is_wrong, is_known=is_known, confirm_after=SLOW)
+
+    def _series(self) -> OwnReport:
+        served, limit = self._exporter.exposition.series, self._exporter.state.fleet.limits.series
+        number = sum(served.values())
+        why = f"{number:,} are served, and beyond {limit:,} they are rejected"
+        return _warning("series", why, is_wrong=number > FULL * limit, is_known=bool(served))
+
+    def _rejections(self, now: Instant) -> OwnReport:
+        for reason, count in self._exporter.state.rejected.items():
+            if count > self._rejected.get(reason, 0):
+                self._rejected[reason], self._rejected_at[reason] = count, now.mono
+        recent = [each for each, at in self._rejected_at.items() if now.mono - at < RECENT]
+        why = f"messages of no robot that the fleet may have ({', '.join(sorted(recent))})"
+        is_known = bool(recent) or now.mono - self._started.mono > RECENT
+        wrong = bool(recent)
+        return _warning("rejections", why, is_wrong=wrong, is_known=is_known, confirm_after=0.0)
+
+
+def _warning(
+    part: str, why: str, *, is_wrong: bool, is_known: bool = True, confirm_after: float = 60.0
+) -> OwnReport:
+    level = Level.WARN if is_wrong else Level.OK
+    return OwnReport(part, level if is_known else Level.STALE, why, confirm_after)
+
+
+def _named(texts: list[str]) -> str:
+    """The first few of them."""
+    more = len(texts) - NAMED
+    return "; ".join(texts[:NAMED]) + (f" and {more} more" if more > 0 else "")
