@@ -350,7 +350,8 @@ class Service:
 
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""
-        return snapshot.faults(self.state, read_clocks(), self._care())
+        lasting = snapshot.faults(self.state, read_clocks(), self._care())
+        return {**lasting, "events_since": self._events_since()}
 
     def _care(self) -> snapshot.Care:
         has = None if self._capsules is None else self._capsules.has
