@@ -23,7 +23,6 @@ from typing_extensions import override
 
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status
-from ros_diagnostics_exporter.sources.dds_watch import Watcher
 from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, US, Mismatch, Peer, TopicView
 from ros_diagnostics_exporter.sources.link import Link
 from ros_diagnostics_exporter.sources.reception import (
@@ -78,6 +77,8 @@ try:
     from rclpy.serialization import deserialize_message
     from rclpy.subscription import Subscription
     from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+    from ros_diagnostics_exporter.sources.dds_watch import Watcher
 except ImportError as error:  # raised by check_ros before anything is started
     _IMPORT_ERROR: ImportError | None = error
 else:
