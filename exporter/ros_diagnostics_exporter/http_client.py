@@ -114,6 +114,14 @@ class Client:
         """
         return self._request(path, None, limit)
 
+    def download(self, path: str, *, limit: int = LIMIT) -> bytes:
+        """The bytes at ``path``.
+
+        Raises:
+            UnreachableError: No response, an HTTP error, or more than ``limit`` bytes.
+        """
+        return self._bytes(path, None, limit)
+
     def post(self, path: str, body: Any) -> Any:
         """Post ``body`` as JSON; the JSON of the response, None for an empty one.
 
@@ -131,6 +139,13 @@ class Client:
         return self._request(path, None, LIMIT, method="DELETE")
 
     def _request(self, path: str, body: Any, limit: int, method: str | None = None) -> Any:
+        try:
+            text = self._bytes(path, body, limit, method)
+            return json.loads(text) if text else None
+        except (ValueError, RecursionError) as error:  # deeply nested JSON is the latter
+            raise UnreachableError(f"{self.url.rstrip('/')}{path}: {error}") from error
+
+    def _bytes(self, path: str, body: Any, limit: int, method: str | None = None) -> bytes:
         url = self.url.rstrip("/") + path
         content = None if body is None else json.dumps(body).encode()
         try:
@@ -142,14 +157,13 @@ class Client:
             for name, login in self._login().items():
                 request.add_unredirected_header(name, login)  # a redirect may lead anywhere
             with opener.open(request, timeout=self._timeout) as response:
-                text = _read(response, limit, time.monotonic() + self._timeout)
-                return json.loads(text) if text else None
+                return _read(response, limit, time.monotonic() + self._timeout)
         except urllib.error.HTTPError as error:
             said = _beginning(error, time.monotonic() + self._timeout)
             what = f"{url} answered {error.code} {error.reason}"
             raise AnsweredError(what, error.code, said) from error
-        except (OSError, ValueError, RecursionError, http.client.HTTPException) as error:
-            # URLError is an OSError, bad JSON a ValueError, deeply nested JSON a RecursionError.
+        except (OSError, ValueError, http.client.HTTPException) as error:
+            # URLError is an OSError, a bad URL a ValueError.
             raise UnreachableError(f"{url}: {getattr(error, 'reason', None) or error}") from error
 
     def _handlers(self) -> list[urllib.request.BaseHandler]:

@@ -103,9 +103,10 @@ class Service:
         self._tick_loop = Loop("tick", self.TICK, self.tick, vital=True)
         self._storage_loop = Loop("storage", self.SAVE, self._save)
         self._join_loop = Loop("domains", self.FOLLOW, self._follow_domains)
+        self._capsules_loop = Loop("capsules", self.CAPSULES, self._keep_capsules)
         self._others = [Loop("unmatched", self.UNMATCHED, self._find_unmatched)]
         if self._capsules is not None:
-            self._others.append(Loop("capsules", self.CAPSULES, self._keep_capsules))
+            self._others.append(self._capsules_loop)
         if alertmanager is not None:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
@@ -265,6 +266,7 @@ class Service:
             fleet = self.state.fleet
             fault = fault_id(fleet.name, fleet.exporter, identity_of(asdict(event)))
             self._capsules.note(fault, event, read_clocks())
+            self._capsules_loop.wake()
 
     def _restore_notifications(
         self, find: Callable[[Wanted], Iterable[Numbered]], wall: float
@@ -348,18 +350,30 @@ class Service:
 
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""
-        return snapshot.faults(self.state, read_clocks(), self._care())
+        lasting = snapshot.faults(self.state, read_clocks(), self._care())
+        return {**lasting, "events_since": self._events_since()}
 
     def _care(self) -> snapshot.Care:
         has = None if self._capsules is None else self._capsules.has
         return snapshot.Care(self._notifications.lasting(), self._acknowledged(), has)
 
-    def capsule(self, fault: str) -> bytes:
-        """The newest capsule of a fault; LookupError if there is none."""
+    def capsule(self, fault: str, so_far: bool = False) -> bytes:
+        """The newest capsule of a fault; LookupError if there is none.
+
+        ``so_far``: of the fault that lasts, also while its capsule is not complete.
+        """
         if self._capsules is None:
             raise LookupError("no capsules are kept: the exporter runs with --storage.path=none")
         self._record_events()
-        return self._capsules.read(fault, read_clocks())
+        now, fleet = read_clocks(), self.state.fleet
+        if not so_far:
+            return self._capsules.read(fault, now)
+        since = (
+            each.since
+            for each in self.state.faults()
+            if fault_id(fleet.name, fleet.exporter, each.identity) == fault
+        )
+        return self._capsules.read_so_far(fault, next(since, None), now)
 
     def find_events(self, wanted: Wanted) -> Iterable[dict[str, Any]]:
         """The events that match the filter, newest first."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from email import message_from_bytes, policy
 from email.message import EmailMessage
 
@@ -23,6 +24,7 @@ class Mail:
     text: str  # the plain text part, or the HTML source where there is none
     thread: str  # the Message-ID that it answers, or its own
     html: str = ""  # the HTML part, where there is one
+    files: Mapping[str, bytes] = field(default_factory=dict)  # what is attached, by name
 
 
 def _read(envelope: Envelope) -> Mail:
@@ -39,6 +41,9 @@ def _read(envelope: Envelope) -> Mail:
         text=body.get_content().replace("\r\n", "\n") if body else "",
         thread=references.split(maxsplit=1)[0] if references else "",
         html=html.get_content().replace("\r\n", "\n") if html else "",
+        files={
+            each.get_filename() or "": each.get_content() for each in message.iter_attachments()
+        },
     )
 
 

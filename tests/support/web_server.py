@@ -153,7 +153,7 @@ def no_story(robot: str) -> dict[str, Any]:
     return {**of, "sentences": [{"about": "", "text": "No fault in the last 7 days."}]}
 
 
-def no_capsule(fault: str) -> bytes:
+def no_capsule(fault: str, so_far: bool) -> bytes:
     raise LookupError(f"no capsule of fault {fault!r}")
 
 
@@ -192,7 +192,7 @@ class FakeBackend:
     fleet_snapshot: Callable[[], dict[str, Any]] = fleet
     faults: Callable[[], dict[str, Any]] = no_faults
     fault_history: Callable[[str], dict[str, Any]] = no_history
-    capsule: Callable[[str], bytes] = no_capsule
+    capsule: Callable[[str, bool], bytes] = no_capsule
     story: Callable[[str], dict[str, Any]] = no_story
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
     why: Callable[..., dict[str, Any]] = no_ledger

@@ -75,6 +75,7 @@ class Capsules:
         self._settings = CapsuleSettings()
         self.configure(settings or self._settings)
         self._newest: dict[str, float] | None = None  # when its fault began, by id; None: not known
+        self._so_far: dict[str, bytes] = {}  # of those that are not complete, by id
 
     def configure(self, settings: CapsuleSettings) -> None:
         """Follow the config; a capsule that is under way ends as it began."""
@@ -102,7 +103,11 @@ class Capsules:
                 self._write(each, now)
             finally:
                 self._waiting.remove(each)  # one that cannot be written is not tried again
+                self._so_far.pop(each.fault, None)
             written = True
+        for each in list(self._waiting):
+            if each.fault not in self._so_far and (content := self._content(each, now)):
+                self._so_far[each.fault] = content
         if written:
             self._prune(now)
         if written or self._newest is None:
@@ -126,6 +131,21 @@ class Capsules:
             "storm of faults, before the exporter was started or too long ago"
         )
 
+    def read_so_far(self, fault: str, since: float | None, now: Instant) -> bytes:
+        """The capsule of a fault whose trouble began then (None: it is over), complete or not.
+
+        One that is not has what was received up to the begin.
+
+        Raises:
+            LookupError: there is none; the text says why.
+        """
+        content = self._so_far.get(fault)
+        if content is not None:
+            return content
+        if since is None or not self.has(fault, since):
+            raise LookupError(f"no capsule of fault {fault!r} as it lasts now")
+        return self.read(fault, now)
+
     def has(self, fault: str, since: float) -> bool:
         """Whether a fault whose trouble began then (Unix time) has a capsule; no disk is asked."""
         return (self._newest or {}).get(fault, -math.inf) >= int(since)
@@ -142,6 +162,17 @@ class Capsules:
         return found
 
     def _write(self, waiting: Waiting, now: Instant) -> None:
+        content = self._content(waiting, now)
+        if content is None:
+            return
+        self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        path = self._folder / f"{waiting.fault}-{waiting.event.time:.0f}.mcap"
+        unfinished = path.with_suffix(".part")
+        unfinished.write_bytes(content)
+        unfinished.replace(path)
+
+    def _content(self, waiting: Waiting, now: Instant) -> bytes | None:
+        """What was received until now; None of a robot of which nothing was."""
         event, settings = waiting.event, waiting.settings
         begin, end = event.time - settings.before, event.time + settings.after
         topics: dict[int, str] = {}
@@ -152,13 +183,8 @@ class Capsules:
                 topics[ring.channel] = topic.name
                 chunks += ring.chunks(int(begin * 1e9), int(end * 1e9), settings.before)
         if not chunks:
-            return  # a robot of which nothing was received
-        content = write(topics, chunks, _metadata(waiting), self._attached(waiting), _ns(now.wall))
-        self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        path = self._folder / f"{waiting.fault}-{event.time:.0f}.mcap"
-        unfinished = path.with_suffix(".part")
-        unfinished.write_bytes(content)
-        unfinished.replace(path)
+            return None
+        return write(topics, chunks, _metadata(waiting), self._attached(waiting), _ns(now.wall))
 
     def _attached(self, waiting: Waiting) -> Iterable[Attachment]:
         described = {

@@ -69,6 +69,19 @@ class ComponentRule(Conditional, Entry, title="Component"):
         example={"ERROR": "WARN"},
         default_factory=nothing,
     )
+    reports: Literal["always", "on_change"] = described(
+        "`on_change`: they are published only when something changes, as rosserial does. They are "
+        "not STALE for want of an update as long as their robot is received, and keep the level "
+        "that was published last.",
+        example="on_change",
+        default="always",
+    )
+    ends_after: PositiveDuration | None = described(
+        "With `reports: on_change`: time after which trouble that is not published again is over. "
+        "Without it, it lasts until they are published as OK, or forgotten by a person.",
+        example="10m",
+        default=None,
+    )
     planned_stale: bool = described(
         "Their STALE is planned (a sensor that is switched off): no notification is sent.",
         example=True,
@@ -91,6 +104,12 @@ class ComponentRule(Conditional, Entry, title="Component"):
         if self.ignore and self.conditions:
             what = "ignores these components and gives them conditions"
             raise WrongValueError(what, "remove ignore, or when and unless")
+        if self.ends_after is not None and self.reports != "on_change":
+            what = "has ends_after, and reports always"
+            raise WrongValueError(what, "add reports: on_change, or remove ends_after")
+        if self.stale_after is not None and self.reports == "on_change":
+            what = "has stale_after, and reports on_change"
+            raise WrongValueError(what, "remove one of them; ends_after ends what is not repeated")
         return self
 
 

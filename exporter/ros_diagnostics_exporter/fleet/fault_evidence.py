@@ -7,6 +7,7 @@ on one line, too.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import datetime, timezone
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.faults.model import (
@@ -20,8 +21,8 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component
-from ros_diagnostics_exporter.robots.component_values import ExportedValue
 from ros_diagnostics_exporter.robots.robot import RobotState
+from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_exporter.severity import SILENT
 from ros_diagnostics_exporter.texts import one_line
 
@@ -59,6 +60,8 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> Evidence:
         fields = _of_component(identity, found[1], found[0])
     else:
         fields = _of_robot(identity, found[0])
+    if found is not None:
+        fields |= _first("logged", map(_text, found[0].network.logs))
     return _written(fields)
 
 
@@ -111,6 +114,7 @@ def _of_component(identity: Identity, component: Component, robot: RobotState) -
         "level_since": component.since,
         "message": _text(component.message),
         "reports": component.reports,
+        **_on_change(component),
         "hardware_id": _text(component.hardware_id),
         "profile": profile.name,
         "confirm_after": profile.confirm_after if own is None else own,
@@ -121,6 +125,13 @@ def _of_component(identity: Identity, component: Component, robot: RobotState) -
         fields |= _first("values", _values(component))
     others = (each for each in _troubled(robot) if each is not component)
     return fields | _first("also_faulty", map(_with_level, others))
+
+
+def _on_change(component: Component) -> Fields:
+    if not component.is_on_change:
+        return {}
+    once = {"reported_once": component.since} if component.is_reported_once else {}
+    return {"reports_on_change": True, **once}
 
 
 def _monitored(identity: Identity, component: Component) -> Fields:
@@ -196,6 +207,11 @@ def _lines(fields: Fields) -> Iterator[str]:
         yield _value_line(fields["value"])
     if "reports" in fields:
         yield _account(fields)
+    if "reported_once" in fields:
+        at = datetime.fromtimestamp(fields["reported_once"], timezone.utc)
+        yield f"reported once, at {at:%Y-%m-%d %H:%M:%S} UTC; it reports only changes"
+    elif "reports_on_change" in fields:
+        yield "it reports only changes"
     if "found" in fields:
         yield f"{fields['found']} of {fields['expected']} components report"
     if "clock_offset" in fields:
@@ -207,6 +223,7 @@ def _lines(fields: Fields) -> Iterator[str]:
     yield _list_line("robots", fields, "robots", str)
     yield _list_line("components", fields, "components", _component_text)
     yield _list_line("values", fields, "values", lambda each: f"{each['key']}: {each['text']}")
+    yield _list_line("logged", fields, "logged", str)
     yield _list_line("also faulty", fields, "also_faulty", _component_text)
 
 

@@ -78,8 +78,9 @@ class FaultReports:
 
     def update(self, robot: RobotState, now: Instant) -> None:
         """Report what changed of a robot; cheap where nothing did."""
-        reports = self._robots[robot.settings.name]
-        if reports.needs_update(now):
+        reports, at = self._robots[robot.settings.name], robot.marks.at
+        has_news = max(at[Mark.NAMES], at[Mark.LEVEL], at[Mark.VALUE]) > reports.read
+        if has_news or (not (robot.up and reports.is_up) and reports.is_due(now)):
             self._record(reports.update(self._faults, self._time(now)))
 
     def configure(self, fleet: Fleet, now: Instant) -> None:

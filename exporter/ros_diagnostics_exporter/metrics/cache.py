@@ -12,9 +12,9 @@ from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component
-from ros_diagnostics_exporter.robots.component_values import ExportedValue
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.robot import RobotState
+from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_exporter.texts import escape
 
 _VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_MONITORED_VALUE.name}
@@ -241,6 +241,7 @@ class RobotText:
         link = robot.network.link
         shown: tuple[tuple[Family, float | None], ...] = (
             (metrics.ROBOT_EXPECTED_NODES, robot.network.expected_nodes),
+            (metrics.ROBOT_WATCHED, robot.network.watched),
             (metrics.ROBOT_LINK_LOST, link and link.loss),
             (metrics.ROBOT_LINK_DELAY, link and link.delay),
             (metrics.ROBOT_LINK_JITTER, link and link.jitter),

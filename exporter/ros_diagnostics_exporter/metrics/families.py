@@ -126,6 +126,13 @@ ROBOT_LINK_CLOCK = _family(
     "is ahead at least: the least of receive minus send time of the last minute's messages.",
     ROBOT,
 )
+ROBOT_WATCHED = _family(
+    "robot_watch_bytes_per_second",
+    "gauge",
+    "Bytes of messages per second that are received beside diagnostics, by `watch` of fleet.yml, "
+    "over the last minute; its share of what all robots of a domain have.",
+    ROBOT,
+)
 ROBOT_EXPECTED_NODES = _family(
     "robot_expected_nodes",
     "gauge",
@@ -282,6 +289,7 @@ FLEET_FAMILIES = (
     ROBOT_LINK_DELAY,
     ROBOT_LINK_JITTER,
     ROBOT_LINK_CLOCK,
+    ROBOT_WATCHED,
     ROBOT_EXPECTED_NODES,
     ROBOT_REJECTED,
     CHECK_COMPONENTS,

@@ -6,12 +6,13 @@ A level changes only here, so that since, changes and the level before stale alw
 from __future__ import annotations
 
 import re
+from math import inf
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
-from ros_diagnostics_exporter.robots.component_values import ComponentValues
 from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
 from ros_diagnostics_exporter.robots.persisted import PersistedComponent
+from ros_diagnostics_exporter.robots.values import ComponentValues
 
 OK, WARN, ERROR, STALE = (int(level) for level in Level)
 
@@ -115,6 +116,30 @@ class Component:
     def is_stale(self) -> bool:
         """Whether nothing fresh is known, whatever the config makes of that."""
         return self.reported == STALE
+
+    @property
+    def is_on_change(self) -> bool:
+        """Whether it is published only when something changes: then it is not late."""
+        return self.rule is not None and self.rule.reports == "on_change" and self.feed is None
+
+    @property
+    def is_reported_once(self) -> bool:
+        """Whether a driver published it once since it is known."""
+        return self.raw_received is not None and not self.gaps
+
+    @property
+    def level_before_silence(self) -> int | None:
+        """The level that it had before its robot was silent, or before a start; None: not known."""
+        return self.before_stale if self.resumes is None else self.resumes[0]
+
+    @property
+    def ends_at(self) -> float:
+        """When trouble that is published only on a change is over, monotonic."""
+        after = None if self.rule is None else self.rule.ends_after
+        times = [each for each in (self.received, self.raw_received) if each is not None]
+        if after is None or self.level == OK or not self.reports or not times:
+            return inf
+        return after + max(times)
 
     @property
     def reports(self) -> bool:
@@ -230,6 +255,8 @@ class Component:
 
     def stale_after(self, default: float, *, raw: bool) -> float:
         """Seconds without a fresh status after which the component is STALE."""
+        if self.rule is not None and self.is_on_change:
+            return inf
         if self.rule is not None and self.rule.stale_after is not None:
             return self.rule.stale_after
         if self.feed is not None:
@@ -239,3 +266,9 @@ class Component:
         if len(self.gaps) < GAPS_KEPT and sum(self.gaps) < LEAST_STALE_AFTER:
             return max(STALE_AFTER_FIRST, default)
         return max(LEAST_STALE_AFTER, GAP_FACTOR * max(self.gaps))
+
+
+def full_name(identity: Identity) -> str:
+    """The name of a component before it is truncated."""
+    name, _group, hardware_id = identity
+    return f"{name} [{hardware_id}]" if hardware_id else name or "(unnamed)"

@@ -8,10 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from math import inf
 
+from ros_diagnostics_exporter import durations
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.model import Feed, Instant, Status
-from ros_diagnostics_exporter.robots.component import ERROR, OK, STALE, Component, Identity
-from ros_diagnostics_exporter.robots.component_values import ComponentValues
+from ros_diagnostics_exporter.robots.component import (
+    ERROR,
+    OK,
+    STALE,
+    Component,
+    Identity,
+    full_name,
+)
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.robots.marks import Mark, Marks
 from ros_diagnostics_exporter.robots.rejections import Reject
@@ -21,6 +28,7 @@ from ros_diagnostics_exporter.robots.rules import (
     selects_component,
     value_rule,
 )
+from ros_diagnostics_exporter.robots.values import ComponentValues
 
 # How many series a component has at least: level, since, changes, info, problem since, message.
 SERIES_OF_COMPONENT = 6
@@ -105,9 +113,7 @@ class Components:
         )
 
     def _name(self, identity: Identity) -> str:
-        name, _group, hardware_id = identity
-        label = f"{name} [{hardware_id}]" if hardware_id else name
-        return truncate(label or "(unnamed)", self._limits.label_length)
+        return truncate(full_name(identity), self._limits.label_length)
 
     def regroup(self, component: Component, group: str) -> None:
         """Move a component into another group."""
@@ -205,6 +211,8 @@ class Components:
         component.set_message(status.message, always=changed)
         self._record(component, before, now)  # after the message was set, which the event shows
         self._update_values(component, status, now)
+        if component.rule is not None and component.is_on_change:
+            self._expect(component, now)
 
     def _update_values(self, component: Component, status: Status, now: Instant) -> None:
         """Take the key-values of a status whose level and message are taken already."""
@@ -264,6 +272,15 @@ class Components:
         component.missing = True
         self._set_level(component, STALE, now)
 
+    def resume(self, now: Instant) -> None:
+        """Give what is published only on a change its level again: its robot is back."""
+        for component in self.by_identity.values():
+            level = component.level_before_silence if component.is_on_change else None
+            if component.is_stale and level is not None and level != STALE:
+                if component.received is None:  # since the start
+                    component.received = component.listed
+                self._set_level(component, level, now)
+
     def mark_all_stale(self, now: Instant) -> None:
         """Make all that the robot publishes STALE, because it is silent."""
         for component in self.by_identity.values():
@@ -296,13 +313,28 @@ class Components:
             return
         self.next_late = inf
         for component in self.by_identity.values():
-            if component.is_stale or component.received is None:
-                continue
-            due = component.received + self._stale_after(component)
+            due = self._due(component)
             if now.mono > due:
-                self._set_level(component, STALE, now)
+                self._lapse(component, now)
             else:
                 self.next_late = min(self.next_late, due)
+
+    def _due(self, component: Component) -> float:
+        """When it is late, or what is published only on a change is over, monotonic."""
+        if component.rule is not None and component.is_on_change:
+            return component.ends_at
+        if component.is_stale or component.received is None:
+            return inf
+        return component.received + self._stale_after(component)
+
+    def _lapse(self, component: Component, now: Instant) -> None:
+        rule = component.rule
+        if rule is None or not component.is_on_change:
+            self._set_level(component, STALE, now)
+        elif rule.ends_after is not None:
+            after = durations.written(rule.ends_after)
+            component.set_message(f"not reported again for {after}", always=True)
+            self._set_level(component, OK, now)
 
     def _stale_after(self, component: Component) -> float:
         raw = component.raw_received is not None
@@ -310,7 +342,10 @@ class Components:
 
     def _expect(self, component: Component, now: Instant) -> None:
         """Check for late ones no later than when this one, received now, would be late."""
-        self.next_late = min(self.next_late, now.mono + self._stale_after(component))
+        if component.rule is not None and component.is_on_change:
+            self.next_late = min(self.next_late, component.ends_at)
+        else:
+            self.next_late = min(self.next_late, now.mono + self._stale_after(component))
 
     def forgettable(self, now: Instant) -> Iterable[Component]:
         """Components long absent that were OK when last received: absence never ends a problem."""

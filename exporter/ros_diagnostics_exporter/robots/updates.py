@@ -112,7 +112,11 @@ class AggregatedUpdates:
             status = statuses[rows[0]]
             if len(rows) > 1:
                 status = max((statuses[row] for row in rows), key=_level)
-            if component.raw_received is not None and status.level != STALE:
+            if status.level == STALE:
+                is_old = component.is_on_change and not component.is_stale  # for want of an update
+            else:
+                is_old = component.raw_received is not None
+            if is_old:
                 component.listed = now.mono  # received at its source: this is an older copy
             else:
                 self._components.update(component, status, now)

@@ -116,10 +116,11 @@ class Api:
 
     async def capsule(self, request: Request) -> Response:
         """What was received around the begin of a fault."""
-        _allow_only(request)
+        _allow_only(request, "so_far")
         fault = request.path_params["fault"]
+        so_far = _choice(request.query_params, "so_far", ("true", "false")) == "true"
         try:
-            content = await self._workers.run(self._backend.capsule, fault)
+            content = await self._workers.run(self._backend.capsule, fault, so_far)
         except LookupError as error:
             raise ApiError(404, _text(error)) from error
         name = {"Content-Disposition": f'attachment; filename="{fault}.mcap"'}

@@ -25,7 +25,8 @@ class Comparison:
 
     ``covered`` are those of ``fewer`` for whose component or robot something else is notified, such
     as its flapping; ``missed`` those of the others whose trouble lasted as long as the other
-    configuration's own confirm_after and more: a fault of which nobody would have known.
+    configuration's own confirm_after and more: a fault of which nobody would have known. The
+    recording ends before it is known of those of ``unknown``.
     """
 
     settings: list[str]
@@ -34,6 +35,7 @@ class Comparison:
     fewer: list[Notification] = field(default_factory=list)
     covered: list[Notification] = field(default_factory=list)
     missed: list[Notification] = field(default_factory=list)
+    unknown: list[Notification] = field(default_factory=list)
     more: list[Notification] = field(default_factory=list)
     pairs: list[tuple[Notification, Notification]] = field(default_factory=list)
 
@@ -69,12 +71,13 @@ def compare(first: Result, second: Result, confirm_after: Callable[[Event], floa
         old, new = _pair(old, new, key, found.pairs)
     found.fewer, found.more = old, new
     found.covered = [each for each in old if any(_covers(o, each) for o in second.notifications)]
-    found.missed = [
-        each
-        for each in old
-        if each not in found.covered
-        and (each.ended is None or each.duration(first.end) >= confirm_after(each.began))
-    ]
+    for each in old:
+        if each in found.covered:
+            continue
+        if each.duration(first.end) >= confirm_after(each.began):
+            found.missed.append(each)
+        elif each.ended is None:
+            found.unknown.append(each)
     return found
 
 
@@ -148,12 +151,13 @@ def in_words(found: Comparison) -> list[str]:
     lines += _named("only with the other configuration", found.more)
     lines += _named("no longer notified, recovered by themselves", _others(found))
     lines += _named("covered by another notification", found.covered)
+    lines += _named("not known: the recording ends before their confirm_after", found.unknown)
     lines += _named("MISSED: lasted longer than their confirm_after", found.missed)
-    return lines if found.missed else [*lines, "none missed"]
+    return lines if found.missed or found.unknown else [*lines, "none missed"]
 
 
 def _others(found: Comparison) -> list[Notification]:
-    explained = (*found.missed, *found.covered)
+    explained = (*found.missed, *found.covered, *found.unknown)
     return [each for each in found.fewer if each not in explained]
 
 
@@ -236,6 +240,7 @@ def as_json(found: Comparison, until: float, one: Callable[..., dict[str, Any]])
         "fewer": listed(found.fewer),
         "covered": listed(found.covered),
         "missed": listed(found.missed),
+        "unknown": listed(found.unknown),
         "more": listed(found.more),
         "later": [{**one(each, until), "by": seconds} for each, seconds in found.later],
         "earlier": [{**one(each, until), "by": seconds} for each, seconds in found.earlier],

@@ -11,6 +11,7 @@ from ros_diagnostics_exporter.model import Array, Status
 from ros_diagnostics_tools.backtest.formats import RecordingError, Row, shortened
 
 RAW, AGGREGATED = "/diagnostics", "/diagnostics_agg"
+_LEVELS = {"OK": 0, "WARN": 1, "ERROR": 2, "STALE": 3}  # as the second version writes them
 
 
 class JsonFile:
@@ -131,18 +132,20 @@ def _levels(content: Any, path: tuple[str, ...]) -> Iterator[Status]:
         for each in content:
             yield from _levels(each, path)
     elif isinstance(content, dict):
-        if isinstance(content.get("Level"), int):
-            yield _level(content, path)
+        level = content.get("Level")
+        level = _LEVELS.get(level) if isinstance(level, str) else level
+        if isinstance(level, int):
+            yield _level(content, level, path)
             return
         for key, each in content.items():
             yield from _levels(each, path if key == "Info" else (*path, str(key)))
 
 
-def _level(content: dict[str, Any], path: tuple[str, ...]) -> Status:
+def _level(content: dict[str, Any], level: int, path: tuple[str, ...]) -> Status:
     name = ": ".join(filter(None, (*path, str(content.get("Name", "")))))
     values = (
         (key, str(value))
         for key, value in content.items()
         if key not in {"Name", "Level"} and isinstance(value, (str, int, float))
     )
-    return Status(content["Level"], name, "", "", tuple(values))
+    return Status(level, name, "", "", tuple(values))

@@ -23,8 +23,8 @@ from ros_diagnostics_exporter.durations import written
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component
-from ros_diagnostics_exporter.robots.component_values import ExportedValue
 from ros_diagnostics_exporter.robots.robot import RobotState
+from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_tools.backtest import words
 from ros_diagnostics_tools.backtest.ledger import confirm_after
 from ros_diagnostics_tools.backtest.replay import Result
@@ -35,6 +35,8 @@ STEP = 3.0  # times by which what did not recover by itself lasted longer than w
 LONGEST = 300.0  # seconds that a proposal waits at most
 MARGIN = 1.2  # times the longest that was seen
 ORDINARY = 10.0  # times the median gap: a longer one is no pause between two messages
+QUIET = 300.0  # seconds for which a robot goes on after what reported trouble and then nothing
+ENDS_AFTER = 600.0  # seconds, where no two reports show how often it repeats itself
 NUMBERS = 100  # gaps, or values while OK, without which nothing is proposed
 APART = 0.2  # share of the OK range by which values in trouble have to be away from it
 _SPECIAL = re.compile(r"[\\^$.|?*+()\[\]{}]")
@@ -90,6 +92,7 @@ class Statistics:
         self.robot_gaps: dict[str, array[float]] = defaultdict(lambda: array("d"))
         self.component_gaps: dict[tuple[str, str], array[float]] = defaultdict(lambda: array("d"))
         self.values: dict[tuple[str, str, str], _Range] = defaultdict(_Range)
+        self.ok: set[tuple[str, str]] = set()  # components that were ever OK
         self._robots: dict[str, float] = {}
         self._components: dict[tuple[str, Component], float] = {}
 
@@ -112,9 +115,18 @@ class Statistics:
                 self.component_gaps[profile, component.name].append(now - self._components[key])
             self._components[key] = now
             ok = component.level == Level.OK
+            if ok:
+                self.ok.add((profile, component.name))
             for value in component.values.all:
                 if _is_free(value):
                     self.values[profile, component.name, value.key].add(value.number, ok=ok)
+
+    def quiet(self, profile: str) -> Iterator[tuple[str, float]]:
+        """Components that drivers published and that were never OK: (name, seconds since)."""
+        for (robot, component), last in self._components.items():
+            name = component.name
+            if component.raw_received is not None and (profile, name) not in self.ok:
+                yield name, self._robots[robot] - last
 
 
 def _is_free(value: ExportedValue) -> bool:
@@ -135,6 +147,7 @@ def suggest(result: Result, statistics: Statistics, state: FleetState) -> list[S
         found += _stale_after(result, statistics, profile, robots)
         found += _confirm_after(result, state, profile, robots)
         found += _component_stale_after(statistics, profile)
+        found += _on_change(state, statistics, profile, robots)
         found += _thresholds(statistics, profile)
     return found
 
@@ -257,6 +270,33 @@ def _component_stale_after(statistics: Statistics, profile: Profile) -> Iterator
         times = profile.stale_after, nice(longest * MARGIN)
         if times[1] > times[0]:
             yield _component(profile, component, "stale_after", times, reason)
+
+
+def _on_change(
+    state: FleetState, statistics: Statistics, profile: Profile, robots: Sequence[str]
+) -> Iterator[Suggestion]:
+    """Drivers that report trouble and then nothing, while their robot goes on."""
+    known = {
+        each.name for name in robots for each in state.robots[name].components if each.is_on_change
+    }
+    for component, seconds in sorted(statistics.quiet(profile.name)):
+        gaps = statistics.component_gaps.get((profile.name, component), ())
+        longest = max(gaps, default=0.0)
+        if component in known or seconds < max(QUIET, STEP * longest):
+            continue
+        times = "once" if not gaps else f"{len(gaps) + 1} times"
+        reason = (
+            f"reported {times}, never OK, and nothing for the {words.duration(seconds)} in which "
+            "its robot was received after that"
+        )
+        after = written(max(ENDS_AFTER, nice(STEP * longest)))
+        entry = {
+            "match": {"regex": _exactly(component)},
+            "reports": "on_change",
+            "ends_after": after,
+        }
+        texts = "always", f"on_change, ends_after {after}", reason
+        yield Suggestion(profile.name, "components", component, "reports", *texts, entry)
 
 
 def _robot(profile: Profile, setting: str, times: tuple[float, float], reason: str) -> Suggestion:

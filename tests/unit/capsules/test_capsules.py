@@ -145,6 +145,37 @@ def test_one_that_is_not_complete_says_when_it_is(capsules):
         capsules.read(FAULT, at(103))
 
 
+def count(content):
+    """How many messages are in a capsule."""
+    (statistics,) = records(content, 0x0B)
+    return struct.unpack_from("<Q", statistics)[0]
+
+
+def test_what_was_received_up_to_the_begin_is_there_at_once(capsules):
+    receive(capsules.rings, TOPICS[0], range(100))
+    with pytest.raises(LookupError, match="as it lasts now"):
+        capsules.read_so_far(FAULT, BEGAN.since, at(100))
+    capsules.note(FAULT, BEGAN, at(100))
+    capsules.turn(at(101))
+    so_far = capsules.read_so_far(FAULT, BEGAN.since, at(101))
+
+    receive(capsules.rings, TOPICS[0], range(101, 111))
+    capsules.turn(at(105))
+    assert capsules.read_so_far(FAULT, BEGAN.since, at(105)) == so_far
+    capsules.turn(at(110))
+    complete = capsules.read_so_far(FAULT, BEGAN.since, at(110))
+    assert complete == capsules.read(FAULT, at(110))
+    assert count(complete) == count(so_far) + 10
+
+
+def test_the_capsule_of_an_earlier_begin_is_not_that_of_the_fault_that_lasts(capsules):
+    receive(capsules.rings, TOPICS[0], range(111))
+    capsule(capsules)
+    for since in (BEGAN.since + 1_000, None):
+        with pytest.raises(LookupError, match="as it lasts now"):
+            capsules.read_so_far(FAULT, since, at(1_200))
+
+
 def test_before_and_after_are_those_of_the_config(tmp_path, config):
     settings = CapsuleSettings(before=200.0, after=30.0)
     capsules = Capsules(tmp_path / "kept", config, lambda _robot: TOPICS, settings=settings)

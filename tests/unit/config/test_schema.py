@@ -95,6 +95,7 @@ WHOLE = {
         "faults": {"warning_hours": {"weekly": ["daily 06:00-18:00"], **entry}}
     },
     "Graph": lambda entry: {"profiles": {"default": {"graph": entry}}},
+    "Watched": lambda entry: {"profiles": {"default": {"graph": {"watch": entry}}}},
     "Limits": lambda entry: {"limits": entry},
     "Query": lambda entry: {"queries": [{"expr": "up", "component": "c", **entry}]},
     "Zenoh": lambda entry: {

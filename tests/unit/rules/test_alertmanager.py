@@ -248,6 +248,15 @@ def test_no_subject_has_the_name_of_its_alert(name: str, tmp_path: Path):
     assert own not in render("ros_diagnostics.email.subject", data("firing", labels), tmp_path)
 
 
+def test_the_header_of_a_mail_has_its_faults_that_fire(tmp_path: Path):
+    alert = {"alertname": "RosDiagnosticsComponentCritical"}
+    labels = {**alert, **MOTOR_FAULT, "fault": "0123456789ab"}
+    name = "ros_diagnostics.email.faults"
+    assert render(name, data("firing", labels), tmp_path).split() == ["0123456789ab"]
+    assert render(name, data("resolved", labels), tmp_path).split() == []
+    assert render(name, data("firing", {"alertname": "Other"}), tmp_path).split() == []
+
+
 @pytest.mark.parametrize("part", ["text", "html"])
 def test_mail_has_fault_evidence_links_and_commands(part: str, tmp_path: Path):
     labels = {"alertname": "RosDiagnosticsComponentCritical", **MOTOR_FAULT}

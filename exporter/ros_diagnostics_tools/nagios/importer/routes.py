@@ -48,6 +48,7 @@ EMAIL = {
     "headers": {
         "Subject": '{{ template "ros_diagnostics.email.subject" . }}',
         "References": '{{ template "ros_diagnostics.email.thread" . }}',
+        "X-ROS-Diagnostics-Faults": '{{ template "ros_diagnostics.email.faults" . }}',
     },
     "text": '{{ template "ros_diagnostics.email.text" . }}',
     "html": '{{ template "ros_diagnostics.email.html" . }}',

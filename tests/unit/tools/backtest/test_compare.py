@@ -49,6 +49,17 @@ def test_a_fault_that_lasts_and_is_ignored_is_missed(tmp_path):
     assert "none missed" not in words
 
 
+def test_of_a_fault_at_the_end_it_is_not_known_whether_it_is_missed(tmp_path):
+    patient = fleet(confirm_after=60.0)
+
+    words = words_of(
+        tmp_path, fleet(), patient, confirm_after=60.0, outages={"motor": range(470, 500)}
+    )
+
+    assert "1 fault not known: the recording ends before their confirm_after:" in words
+    assert not any("MISSED" in line or line == "none missed" for line in words)
+
+
 def test_the_same_configuration_changes_nothing(tmp_path):
     assert words_of(tmp_path, fleet(), fleet()) == [
         "the configurations differ in nothing that judges faults",

@@ -220,6 +220,20 @@ def test_messages_as_ros_prints_them_are_read(tmp_path, level, separator):
     assert warning.startswith(f"{path}: is damaged after 1 messages: ")
 
 
+def test_results_of_its_second_version_have_levels_in_words(tmp_path):
+    path = tmp_path / "result.json"
+    info = {"TotalPassed": 3, "Level": "WARN"}
+    frame = {"validator: collision": {"Result": {"Total": "Fail"}, "Info": info}}
+    entry = {"Stamp": {"System": 1.0, "ROS": BEGIN + 3}, "Frame": frame}
+    odd = {"Stamp": {"ROS": BEGIN + 4}, "Frame": {"x": {"Info": {"Level": "odd"}}}}
+    path.write_text(json.dumps([entry, odd]))
+
+    seconds, statuses, _warnings = read(path)
+
+    assert seconds == [3]
+    assert statuses == (Status(1, "validator: collision", "", "", (("TotalPassed", "3"),)),)
+
+
 def test_results_of_driving_log_replayer_are_read(tmp_path):
     path = tmp_path / "result.json"
     info = {"Name": "front", "Level": 2, "GroundBlockageRatio": "0.4"}

@@ -103,6 +103,31 @@ def test_a_stale_after_that_is_needlessly_long_becomes_shorter(tmp_path):
     assert "no gap between two messages of 1 robot was longer than 1s" in found.reason
 
 
+def test_a_driver_that_reports_trouble_once_is_one_that_reports_on_change(tmp_path):
+    rows = every_second(range(400), {"motor": []})
+    serial = Status(2, "rosserial (arm)", "lost sync", "", ())
+    at, topic, statuses = rows[50]
+    rows[50] = (at, topic, (*statuses, serial))
+
+    found = suggestions(tmp_path, rows)
+    (found,) = [each for each in found if each.setting == "reports"]
+    assert (found.about, found.proposed) == ("rosserial (arm)", "on_change, ends_after 10m")
+    assert found.reason == (
+        "reported once, never OK, and nothing for the 5m49s in which its robot was received after "
+        "that"
+    )
+    path = tmp_path / "fleet.yml"
+    path.write_text(f"fleet: f\nrobots: [{{name: r}}]\n{as_yaml([found])}")
+    (rule,) = load(path).robots[0].profile.components
+    assert (rule.reports, rule.ends_after) == ("on_change", 600.0)
+    assert rule.pattern.search("rosserial (arm)")
+
+    rows[40] = (40.0, topic, (*statuses, serial._replace(level=0)))
+    (tmp_path / "ok").mkdir()
+    others = suggestions(tmp_path / "ok", rows)
+    assert not [each for each in others if each.setting == "reports"]
+
+
 def test_values_that_are_apart_in_trouble_make_a_threshold(tmp_path):
     random = Random(1)
     hot = set(outages(20, 20, 20, 20, 20, 20, every=100))

@@ -1,0 +1,121 @@
+"""``ros-diagnostics mail-relay``: between Alertmanager and the mail server, attaching capsules."""
+
+from __future__ import annotations
+
+import logging
+import re
+import signal
+import threading
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ros_diagnostics_tools.errors import NotDoneError
+from ros_diagnostics_tools.mail_relay import Relay, Smarthost, from_exporter
+from ros_diagnostics_tools.servers import Servers, with_servers
+
+_UNITS = {"kB": 1_000, "MB": 1_000_000}
+_PORTS = 65_535
+
+
+class Size(click.ParamType[int]):
+    """A size as 100kB; its value in bytes."""
+
+    name = "size"
+
+    def convert(
+        self, value: str | int, param: click.Parameter | None, ctx: click.Context | None
+    ) -> int:
+        """The bytes."""
+        if not isinstance(value, str):
+            return value
+        found = re.fullmatch(r"([0-9]{1,6}) ?(kB|MB)", value)
+        if found is None:
+            self.fail(f"{value!r} is not a size such as 100kB or 2MB", param, ctx)
+        return int(found[1]) * _UNITS[found[2]]
+
+
+class Address(click.ParamType[tuple[str, int]]):
+    """A host and a port; its value is both."""
+
+    name = "host:port"
+
+    def convert(
+        self, value: str | tuple[str, int], param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, int]:
+        """Both of them."""
+        if not isinstance(value, str):
+            return value
+        host, _, port = value.rpartition(":")
+        if not host or not port.isdecimal() or not 0 < int(port) <= _PORTS:
+            self.fail(f"{value!r} is not an address such as localhost:25", param, ctx)
+        return host.removeprefix("[").removesuffix("]"), int(port)
+
+
+@click.command(
+    epilog="""\b
+In alertmanager.yml:
+  global: {smtp_smarthost: "localhost:2525", smtp_require_tls: false}
+
+\b
+Example: ros-diagnostics mail-relay --smarthost mail.example.org:587 --starttls
+"""
+)
+@click.option(
+    "--listen",
+    type=Address(),
+    default="127.0.0.1:2525",
+    show_default=True,
+    help="Where Alertmanager delivers; whoever reaches it can send mail.",
+)
+@click.option(
+    "--smarthost",
+    type=Address(),
+    default="localhost:25",
+    show_default=True,
+    help="The mail server.",
+)
+@click.option("--starttls", is_flag=True, help="Encrypt the connection to the mail server.")
+@click.option("--smarthost-user", metavar="NAME", help="Log in at the mail server.")
+@click.option(
+    "--smarthost-password-file",
+    type=click.Path(path_type=Path),
+    help="The password at the mail server, in one line.",
+)
+@click.option(
+    "--attach-below",
+    type=Size(),
+    default="100kB",
+    show_default=True,
+    help="Attach the capsules of a mail as long as they have no more bytes together.",
+)
+@with_servers
+def command(servers: Servers, **given: Any) -> None:
+    """Hand mails of Alertmanager on to the mail server, each with the capsules of its faults.
+
+    A capsule has all that the robot published in a minute, and the mail takes it wherever it is
+    sent and forwarded to.
+    """
+    try:
+        from aiosmtpd.controller import Controller  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        what = 'needs aiosmtpd: pip install "ros-diagnostics-exporter[mail]"'
+        raise NotDoneError(f"mail-relay {what}") from error
+    user, password_file = given["smarthost_user"], given["smarthost_password_file"]
+    if (user is None) != (password_file is None):
+        raise click.UsageError("--smarthost-user and --smarthost-password-file need each other")
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
+    host, port = given["smarthost"]
+    smarthost = Smarthost(host, port, given["starttls"], user, password_file)
+    most = given["attach_below"]
+    relay = Relay(smarthost, from_exporter(servers.exporter, most), most)
+    host, port = given["listen"]
+    controller = Controller(relay, hostname=host, port=port, ready_timeout=30)
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    controller.start()
+    logging.getLogger(__name__).info("listening on %s:%d", host, port)
+    stop.wait()
+    controller.stop()

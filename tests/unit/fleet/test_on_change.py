@@ -1,0 +1,140 @@
+"""What is published only when something changes: it is not late, and ends as fleet.yml says."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
+from ros_diagnostics_exporter.config.fleet import ComponentRule, Source
+from ros_diagnostics_exporter.faults.model import Row
+from ros_diagnostics_exporter.model import Status
+from support.state_driver import ERROR, OK, STALE, WALL, StateDriver, tree
+
+SERIAL, MOTOR = Status(ERROR, "rosserial", "lost sync"), Status(OK, "Motor")
+RULE = ComponentRule(re.compile("rosserial"), reports="on_change")
+ENDS = replace(RULE, ends_after=600.0)
+CRITICAL = [("component", "critical", "rosserial")]
+
+
+def faults(driver):
+    return [
+        (each.identity.scope.value, each.identity.state.value, each.identity.component)
+        for each in driver.state.faults()
+    ]
+
+
+def level(driver):
+    """The level and the message of the reporter."""
+    (robot,) = fleet_snapshot(driver.state, driver.now)["robots"]
+    (found,) = [each for each in robot["components"] if each["component"] == "rosserial"]
+    return found["level"], found["message"]
+
+
+def once(*rules, status=SERIAL, source=Source.RAW):
+    """A robot that is received for a minute, and then also this status, once."""
+    driver = StateDriver(source, components=rules)
+    driver.raw_every(1, 60, MOTOR)
+    driver.raw(MOTOR, status)
+    return driver
+
+
+def stand(driver, seconds):
+    driver.raw_every(1, driver.now.mono + seconds, MOTOR)
+
+
+def test_without_the_rule_it_becomes_stale_and_is_so_until_forgotten():
+    driver = once()
+    stand(driver, 3_600)
+    assert level(driver) == ("STALE", "lost sync")
+    assert ("component", "stale", "rosserial") in faults(driver)
+
+
+def test_it_lasts_as_it_was_reported_until_it_is_reported_ok():
+    driver = once(RULE)
+    stand(driver, 3 * 86_400 // 100)
+    assert level(driver) == ("ERROR", "lost sync")
+    assert faults(driver) == CRITICAL
+    driver.raw(MOTOR, SERIAL._replace(level=OK))
+    assert faults(driver) == []
+
+
+def test_the_evidence_says_that_it_was_reported_once_and_when():
+    driver = once(RULE)
+    stand(driver, 12)
+    (fault,) = driver.state.faults()
+    assert fault.evidence.split(";\n")[0] == "lost sync"
+    assert "reported once, at 2023-11-14 22:14:20 UTC" in fault.evidence
+    assert fault.details["reported_once"] == pytest.approx(WALL + 60, abs=1)
+    often = once(RULE, status=SERIAL._replace(level=OK))
+    often.raw_every(1, often.now.mono + 3, MOTOR, SERIAL)
+    stand(often, 12)
+    (fault,) = often.state.faults()
+    assert "it reports only changes" in fault.evidence
+    assert "reported_once" not in fault.details
+
+
+@pytest.mark.parametrize("status", [SERIAL, SERIAL._replace(level=STALE)], ids=["error", "stale"])
+def test_it_is_over_when_it_was_not_reported_again_for_ends_after(status):
+    driver = once(ENDS, status=status)
+    stand(driver, 595)
+    assert len(faults(driver)) == 1
+    stand(driver, 10)
+    assert faults(driver) == []
+    assert level(driver) == ("OK", "not reported again for 10m")
+    (end,) = driver.state.served()[1]
+    assert (end.reason, end.message) == ("recovered", "OK: not reported again for 10m")
+
+    driver.raw(MOTOR, status)
+    stand(driver, 12)
+    assert len(faults(driver)) == 1
+
+
+def test_each_report_begins_the_time_anew():
+    driver = once(ENDS)
+    stand(driver, 500)
+    driver.raw(MOTOR, SERIAL)
+    stand(driver, 500)
+    assert faults(driver) == CRITICAL
+    stand(driver, 110)
+    assert faults(driver) == []
+
+
+@pytest.mark.parametrize("reported", [ERROR, OK])
+def test_silence_of_its_robot_changes_nothing(reported):
+    driver = once(RULE, status=SERIAL._replace(level=reported))
+    stand(driver, 12)
+    before, shown = faults(driver), level(driver)
+    driver.at(driver.now.mono + 120)
+    assert level(driver)[0] == "STALE"
+    stand(driver, 120)
+    assert (faults(driver), level(driver)) == (before, shown)
+    assert [each.reason for each in driver.state.served()[1]] == ["recovered"]  # of the silence
+
+
+def test_a_restart_changes_nothing_and_it_ends_after_as_long():
+    driver = once(ENDS)
+    stand(driver, 100)
+    again = StateDriver(fleet=driver.state.fleet)
+    again.now = driver.now
+    again.state.restore({"r": driver.state.robots["r"].persist(driver.now)}, again.now)
+    again.restore_faults([Row(*each) for each in driver.fault_rows()])
+    stand(again, 450)
+    assert (faults(again), level(again)[0]) == (CRITICAL, "ERROR")
+    stand(again, 100)
+    assert faults(again) == []
+
+
+def test_an_aggregator_that_says_stale_for_want_of_an_update_changes_nothing():
+    driver = StateDriver(Source.AGG, components=(ENDS,))
+    for second in range(1_200):
+        driver.at(second)
+        reported = SERIAL if 60 <= second < 65 else SERIAL._replace(level=STALE)
+        reported = SERIAL._replace(level=OK, message="") if second < 60 else reported
+        driver.agg(*tree(Parts=[MOTOR, reported]))
+        if second in (100, 600):
+            assert [each[1:] for each in faults(driver)] == [("critical", "rosserial")]
+    assert faults(driver) == []
+    assert level(driver) == ("OK", "not reported again for 10m")
