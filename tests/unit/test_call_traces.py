@@ -10,7 +10,7 @@ import call_traces
 LIMITS = {
     "unchanged": (25, 11),
     "breaking": (153, 26),
-    "scrape": (335, 32),
+    "scrape": (338, 32),  # two families of what the fleet can do are three of these
     "restart": (677, 67),  # what an object has first is a call for each attribute that is marked
 }
 
