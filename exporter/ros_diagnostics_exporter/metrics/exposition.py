@@ -26,6 +26,11 @@ from ros_diagnostics_exporter.robots.rejections import OVER_LIMIT
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.texts import escape, one_line
 
+_NO_FLEET_CAPABILITIES = {
+    metrics.FLEET_CAPABILITY_STATE.name: b"",
+    metrics.FLEET_CAPABILITY_ROBOTS.name: b"",
+}
+
 
 class _Gathered(NamedTuple):
     """One family of all robots: its chunks, and how many samples they have."""
@@ -116,7 +121,7 @@ class Exposition:
                 parts=parts,
             ),
             metrics.SITE_RECEIVED.name: self._received(),
-            **self._fleet_capabilities(),
+            **(self._fleet_capabilities() if fleet.capabilities else _NO_FLEET_CAPABILITIES),
             metrics.DOWNTIME_ROBOTS.name: self._downtimes(),
         }
 

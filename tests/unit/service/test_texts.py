@@ -54,7 +54,7 @@ def fleet(name: str, text: str) -> dict:
                 "capability": text,
                 "state": "lost",
                 "parts": [
-                    {"group": text, "component": text, "key": text, "check": "", "state": "lost"},
+                    {"robot": "", **{"group": text, "component": text, "key": text, "check": "", "state": "lost"}},
                     {"group": "", "component": "", "key": "", "check": text, "state": "lost"},
                 ],
             }
