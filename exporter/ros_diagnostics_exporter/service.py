@@ -350,7 +350,8 @@ class Service:
 
     def faults(self) -> dict[str, Any]:
         """The faults that last as /api/v1/faults returns them."""
-        return snapshot.faults(self.state, read_clocks(), self._care())
+        lasting = snapshot.faults(self.state, read_clocks(), self._care())
+        return {**lasting, "events_since": self._events_since()}
 
     def _care(self) -> snapshot.Care:
         has = None if self._capsules is None else self._capsules.has
@@ -437,8 +438,8 @@ class Service:
         ]
         return {**found, "now": sentences + (self._explain(robot, component) if ask else [])}
 
-    def capabilities(self, robot: str) -> dict[str, Any]:
-        """What a robot can do as /api/v1/capabilities returns it; LookupError if there is none."""
+    def capabilities(self, robot: str | None) -> dict[str, Any]:
+        """What a robot or the fleet can do, as /api/v1/capabilities; LookupError if none."""
         return capability_tree(self.state, robot, read_clocks())
 
     def story(self, robot: str) -> dict[str, Any]:

@@ -30,10 +30,11 @@ _KEYS = (*_URLS, "user", *_PATHS)
 
 
 class Servers(NamedTuple):
-    """The clients of one site."""
+    """The clients of one site; ``options`` are those of a client of another server."""
 
     exporter: Client
     alertmanager: Client
+    options: dict[str, Any]
 
 
 def with_servers(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -84,6 +85,7 @@ def _servers(flags: dict[str, Any]) -> Servers:
     return Servers(
         Client(known.get("url", EXPORTER_URL), **options),
         Client(known.get("alertmanager", ALERTMANAGER_URL), **options),
+        options,
     )
 
 

@@ -6,7 +6,9 @@ the participant's user data, and on the topic ros_discovery_info which endpoints
 
 # No future annotations: Cyclone reads the types of fields.
 
-from collections.abc import Sequence
+import gc
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from cyclonedds.core import Policy, Qos
@@ -151,10 +153,27 @@ class CycloneRobot:
         ]
         self._writers[topic].write(DiagnosticArray(Header(Time()), found))
 
+    def close(self) -> None:
+        """Leave the domain: Cyclone's entities end with their last reference."""
+        self._writers.clear()
+        self._readers.clear()
+        del self._entities, self._participant
+        gc.collect()
+
     def _announce(self) -> None:
         """Say which endpoints the node has, as the rmw does after each change."""
         node = NodeEntities(self._namespace, self._node, _gids(self._readers), _gids(self._writers))
         self._entities.write(ParticipantEntities(_gid(self._participant), [node]))
+
+
+@contextmanager
+def cyclone_robot(domain_id: int, namespace: str, node: str) -> Iterator[CycloneRobot]:
+    """A robot that is gone at the end."""
+    made = CycloneRobot(domain_id, namespace, node)
+    try:
+        yield made
+    finally:
+        made.close()
 
 
 def _gid(entity) -> Gid:

@@ -58,7 +58,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     TOOLS: (
         ("capability_losses", "connection_flags", "errors", "pairs", "terminal", "times"),
         ("servers",),
-        ("autoware", "backtest", "mail_relay", "nagios", "oncall"),
+        ("autoware", "backtest", "mail_relay", "nagios", "oncall", "report"),
         ("check_nagios", "commands"),
         ("main",),
     ),
@@ -95,6 +95,7 @@ WEB_KNOWS = {
 WEB_READS_BY = f"{EXPORTER}.config.yaml_file"
 KNOW_ROS = {
     f"{EXPORTER}.sources.dds",
+    f"{EXPORTER}.sources.dds_watch",
     "virtual_robots.ros.contexts",
     "virtual_robots.ros.transport",
     "virtual_robots.ros.control",
@@ -103,7 +104,7 @@ KNOW_ROS = {
 ROS_PACKAGES = {"rclpy", "rcl_interfaces", "diagnostic_msgs", "builtin_interfaces", "std_msgs"}
 NO_CLOCK = {
     EXPORTER: {"model", "config", "robots", "fleet", "faults", "api", "canary", "notifications"},
-    TOOLS: {"autoware", "backtest", "nagios", "oncall"},
+    TOOLS: {"autoware", "backtest", "nagios", "oncall", "report"},
 }
 READS_CLOCK = {f"{EXPORTER}.config.reloader", f"{EXPORTER}.storage.storage"}
 CLOCKS = {"time.time", "time.monotonic", "time.perf_counter", "datetime.now", "datetime.utcnow"}

@@ -24,6 +24,42 @@ NodeName = Annotated[str, Value(_node_name, "name of a node", type="string", pat
 Loss = Annotated[float, Field(gt=0, le=1)]
 
 
+class Watched(Entry):
+    """What is subscribed of a robot beside its diagnostics. All of it costs bytes of its link."""
+
+    logs: bool = described(
+        "Subscribe `/rosout`: what the robot's nodes log from ERROR on is in the evidence of its "
+        "faults. Once for all robots of a domain; messages of lower levels are received, too.",
+        example=True,
+        default=False,
+    )
+    log_faults: Wildcards = described(
+        "With `logs`: messages from ERROR on that are faults themselves; `*` stands for anything.",
+        example=["*out of memory*"],
+        default=(),
+    )
+    log_ends_after: PositiveDuration = described(
+        "How long after the last such message the fault has ended.", example="1h", default=600.0
+    )
+    transitions: bool = described(
+        "Subscribe `~/transition_event` of the robot's nodes: one that is stuck between two states "
+        "of its life cycle, or fell out of them by an error, is a fault.",
+        example=True,
+        default=False,
+    )
+    parameters: bool = described(
+        "Subscribe `/parameter_events`: what is set is an event of the robot.",
+        example=True,
+        default=False,
+    )
+    bytes_per_second: Annotated[int, Field(ge=1, le=1_000_000_000)] = described(
+        "How much all this may be for each robot, over a minute. Beyond it the largest topic is "
+        "given up for an hour, and the component `watch` in `ROS graph` names it.",
+        example=5000,
+        default=20_000,
+    )
+
+
 class Graph(Entry):
     """What is seen of a robot without its doing: its nodes, its topics' QoS, lost messages."""
 
@@ -55,4 +91,9 @@ class Graph(Entry):
         "no STALE component of the robot is a fault.",
         example=0.3,
         default=0.2,
+    )
+    watch: Watched = described(
+        "What is subscribed of the robot beside its diagnostics: nothing, unless it is named here.",
+        example={"logs": True},
+        default=Watched(),
     )

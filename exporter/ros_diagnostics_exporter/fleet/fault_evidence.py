@@ -21,8 +21,8 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component
-from ros_diagnostics_exporter.robots.component_values import ExportedValue
 from ros_diagnostics_exporter.robots.robot import RobotState
+from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_exporter.severity import SILENT
 from ros_diagnostics_exporter.texts import one_line
 
@@ -60,6 +60,8 @@ def evidence(identity: Identity, find: Find, robots: Iterable[str]) -> Evidence:
         fields = _of_component(identity, found[1], found[0])
     else:
         fields = _of_robot(identity, found[0])
+    if found is not None:
+        fields |= _first("logged", map(_text, found[0].network.logs))
     return _written(fields)
 
 
@@ -221,6 +223,7 @@ def _lines(fields: Fields) -> Iterator[str]:
     yield _list_line("robots", fields, "robots", str)
     yield _list_line("components", fields, "components", _component_text)
     yield _list_line("values", fields, "values", lambda each: f"{each['key']}: {each['text']}")
+    yield _list_line("logged", fields, "logged", str)
     yield _list_line("also faulty", fields, "also_faulty", _component_text)
 
 

@@ -126,6 +126,13 @@ ROBOT_LINK_CLOCK = _family(
     "is ahead at least: the least of receive minus send time of the last minute's messages.",
     ROBOT,
 )
+ROBOT_WATCHED = _family(
+    "robot_watch_bytes_per_second",
+    "gauge",
+    "Bytes of messages per second that are received beside diagnostics, by `watch` of fleet.yml, "
+    "over the last minute; its share of what all robots of a domain have.",
+    ROBOT,
+)
 ROBOT_EXPECTED_NODES = _family(
     "robot_expected_nodes",
     "gauge",
@@ -244,6 +251,21 @@ SITE_RECEIVED = _family(
     (*EXPORTER, "site"),
     part=Part.FAULTS,
 )
+FLEET_CAPABILITY_STATE = _family(
+    "fleet_capability_state",
+    "gauge",
+    "What the fleet can do, by fleet.yml: 0 OK, 1 no reserve, 2 degraded, 3 lost, 4 unknown.",
+    (*EXPORTER, "capability"),
+    part=Part.FAULTS,
+)
+FLEET_CAPABILITY_ROBOTS = _family(
+    "fleet_capability_robots",
+    "gauge",
+    "Robots on which it rests that can do their part (ok), or not: degraded, lost, unknown, or in "
+    "maintenance.",
+    (*EXPORTER, "capability", "state"),
+    part=Part.FAULTS,
+)
 DOWNTIME_ROBOTS = _family(
     "downtime_robots",
     "gauge",
@@ -267,6 +289,7 @@ FLEET_FAMILIES = (
     ROBOT_LINK_DELAY,
     ROBOT_LINK_JITTER,
     ROBOT_LINK_CLOCK,
+    ROBOT_WATCHED,
     ROBOT_EXPECTED_NODES,
     ROBOT_REJECTED,
     CHECK_COMPONENTS,
@@ -345,6 +368,8 @@ FAULT_FAMILIES = (
     FAULT_INFO,
     FAULT_END,
     SITE_RECEIVED,
+    FLEET_CAPABILITY_STATE,
+    FLEET_CAPABILITY_ROBOTS,
     DOWNTIME_ROBOTS,
     FAULT_ACKNOWLEDGED,
     FAULT_NOTIFIED,

@@ -1,1 +1,1 @@
-"""Where arrays of statuses come from. Only ``dds`` imports rclpy."""
+"""Where arrays of statuses come from. Only ``dds`` and ``dds_watch`` import rclpy."""

@@ -1,4 +1,4 @@
-"""The only file that knows ROS: contexts, subscriptions, the graph; bytes -> Array.
+"""What knows ROS: contexts, subscriptions, the graph; bytes -> Array.
 
 One rclpy context and node for each DDS domain. Arrays are received as bytes; once a second each
 domain looks at its graph and asks which topics are wanted.
@@ -23,6 +23,7 @@ from typing_extensions import override
 
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status
+from ros_diagnostics_exporter.sources.dds_watch import Watcher
 from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, US, Mismatch, Peer, TopicView
 from ros_diagnostics_exporter.sources.link import Link
 from ros_diagnostics_exporter.sources.reception import (
@@ -101,6 +102,7 @@ MAX_READ = 100  # topics of one look
 MAX_ENDPOINTS = 50  # publishers, or subscribers, of a topic; more are every robot's, as of /tf
 MAX_MISMATCHES = 10  # of one topic that are named
 NO_NODE = "_NODE_NAME_UNKNOWN_"  # of rmw: of an endpoint whose participant has named no node of it
+ASKED_BEFORE = 3  # times that a subscription matches too few, before the middleware is asked why
 MAX_MATCHES = 1000  # of two QoS that are kept
 GLOBAL = ("/rosout", "/parameter_events")  # topics of every node
 LINKS = 5.0  # seconds between two looks at how messages arrive
@@ -243,6 +245,7 @@ class DdsDomain(Reception):
         self._read: OrderedDict[str, float] = OrderedDict()  # endpoints, when; the oldest first
         self._read_at = self._links_at = 0.0  # next, monotonic
         self._matches: dict[tuple[Any, ...], str] = {}  # why two QoS cannot match; "": they do
+        self._watcher = Watcher(domain, receiver)
         self._context: Context | None = None
         self._node: Node | None = None
 
@@ -321,6 +324,7 @@ class DdsDomain(Reception):
         self._report_links(topics, now)
         nodes = node.get_node_names_and_namespaces()
         if self.receiver.update_nodes(self._domain, nodes, now):
+            yield from self._watcher.look(node, dict(found), now)
             yield from self._read_endpoints(node, [name for name, _types in found], now)
 
     def _to_be_asked(self, types: Mapping[str, tuple[str, ...]]) -> list[str]:
@@ -530,11 +534,8 @@ class _Subscribed:
 
     def __init__(self, subscription: Subscription) -> None:
         self._subscription = subscription
-        with subscription.handle:
-            self._event = rclpy_implementation.EventHandle(
-                subscription.handle,
-                QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
-            )
+        self._event: Any = None
+        self._asked = 0
 
     @property
     def matched(self) -> int:
@@ -544,6 +545,16 @@ class _Subscribed:
     @property
     def refused(self) -> str:
         """The policy because of which it last did not match a publisher; "" where there is none."""
+        # Not at once, while publishers are matched: what arrives while it is made may be lost.
+        self._asked += 1
+        if self._event is None and self._asked < ASKED_BEFORE:
+            return ""
+        if self._event is None:
+            with self._subscription.handle:
+                self._event = rclpy_implementation.EventHandle(
+                    self._subscription.handle,
+                    QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
+                )
         with self._event:
             status = self._event.take_event()
         if status is None or not status.total_count:
@@ -555,7 +566,8 @@ class _Subscribed:
 
     def close(self) -> None:
         """Ask no more."""
-        self._event.destroy_when_not_in_use()
+        if self._event is not None:
+            self._event.destroy_when_not_in_use()
 
 
 def _full_name(endpoint: TopicEndpointInfo) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import inf
 from typing import Annotated, Any, NamedTuple
 
@@ -17,6 +17,15 @@ from pydantic import Field
 from ros_diagnostics_exporter.config.fleet import Robot
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.model import Domain, Feed, Instant, Level, Status
+from ros_diagnostics_exporter.sources.graph_messages import (
+    LOGS,
+    PARAMETERS,
+    Message,
+    Messages,
+    is_wanted,
+    node_of,
+    over_budget,
+)
 from ros_diagnostics_exporter.sources.graph_nodes import Nodes
 from ros_diagnostics_exporter.sources.graph_topics import (
     Mismatch,
@@ -40,12 +49,14 @@ WRITTEN = 3600.0  # ... between two writes of what was learned
 LINK = "link"
 LEAST_MESSAGES = 20  # that are expected, until a loss is judged
 MOST_KNOWN = 1000  # nodes, or topics, of one robot
+TRY_AGAIN = 3600.0  # seconds after which what was given up is subscribed again
 
 # Tools and helpers, and names that have the number of a process or something random in them.
 IGNORED = re.compile(
     r".*/((_|rviz|rqt|launch_ros_|ros2cli|rosbag2|transform_listener_impl_)[^/]*"
     r"|ros_diagnostics_exporter|[^/]*[0-9]{4,}[^/]*|[^/]*_(?=[0-9a-f]*[0-9])[0-9a-f]{6,})"
 )
+GLOBAL = (LOGS, PARAMETERS)  # topics of every node
 _NO_TOPIC = re.compile(r".*/(rosout|parameter_events|_action/.*)")  # every node's, an action's
 _Name = Annotated[str, Field(max_length=256)]
 _Accepted = tuple[_Name, tuple[_Name, _Name, Annotated[str, Field(max_length=1000)]]]
@@ -69,7 +80,8 @@ class Report(NamedTuple):
     """All statuses of one robot, and what happened.
 
     ``held`` are components of an earlier process of which nothing is known yet; so many nodes are
-    ``expected``; ``lossy``: too many messages are lost.
+    ``expected``; ``lossy``: too many messages are lost. ``logs`` are those of the last minute, and
+    ``watched`` the bytes per second of what is subscribed beside diagnostics, None: nothing is.
     """
 
     robot: str
@@ -79,6 +91,8 @@ class Report(NamedTuple):
     expected: int
     lossy: bool
     events: tuple[str, ...]
+    logs: tuple[str, ...] = ()
+    watched: float | None = None
 
 
 class RobotGraph:
@@ -93,6 +107,8 @@ class RobotGraph:
         self.met = False  # whether any of its nodes was ever there
         self._nodes = Nodes()
         self._topics = Topics()
+        self.messages = Messages()
+        self.watched: float | None = None
         self._link: LinkReading | None = None
         self._problems: dict[str, tuple[int, str]] = {}
         self._well: dict[str, float] = {}  # since when what had trouble has none, monotonic
@@ -126,6 +142,12 @@ class RobotGraph:
             if own := self._own(each.node):
                 yield own, each.process
 
+    def see_message(self, node: str, message: Message, now: Instant) -> None:
+        """Take a message of one of its nodes, by its full name."""
+        if own := self._own(node):
+            self.messages.note(own, message, self.settings.watch, now)
+            self.report_at = now.mono
+
     def see_link(self, reading: LinkReading | None, now: Instant) -> None:
         """Take what arrived of late."""
         self._link = reading
@@ -152,7 +174,7 @@ class RobotGraph:
         problems = {name: each for name, each in self._problems.items() if name != LINK}
         if self._nodes.there and not self.lossy:
             problems = self._judge(now)
-            self.report_at = min(self.report_at, self._nodes.due)
+            self.report_at = min(self.report_at, self._nodes.due, self.messages.due(now))
         if self.lossy and self._link is not None:
             lost = f"{100 * self._link.loss:.0f} % of its messages are lost"
             problems[LINK] = int(Level.ERROR), lost
@@ -160,10 +182,13 @@ class RobotGraph:
         self._release(now)
         for name in [name for name, since in self._well.items() if now.mono - since > KEPT]:
             del self._well[name]
-        events = (*self._nodes.take_events(), *self._topics.take_events())
+        parts = (self._nodes, self._topics, self.messages)
+        events = tuple(each for part in parts for each in part.take_events())
         statuses, held = tuple(self._statuses()), frozenset(self._held)
         expected = self._nodes.expected
-        return Report(robot, self._feed(now), statuses, held, expected, self.lossy, events)
+        logs = self.messages.recent(now)
+        feed, watched = self._feed(now), self.watched
+        return Report(robot, feed, statuses, held, expected, self.lossy, events, logs, watched)
 
     def _release(self, now: Instant) -> None:
         """Once what it is about is known again, what is held and is no problem is well."""
@@ -179,6 +204,7 @@ class RobotGraph:
         learn_after = self.settings.learn_after
         expected = filter(None, map(self._own, self.settings.expect))
         problems = self._nodes.judge(learn_after, expected, now)
+        problems |= self.messages.judge(self.settings.watch, now)
         return problems | self._topics.judge(learn_after, self._is_there)
 
     def _is_there(self, node: str) -> bool:
@@ -262,6 +288,8 @@ class GraphWatch:
         self._restored: dict[str, Learned] = {}
         self._owners: dict[Domain, _Owners] = {}
         self._nodes: dict[Domain, list[tuple[str, str]]] = {}
+        self._wanted: dict[Domain, dict[str, str]] = {}  # topics beside diagnostics -> type
+        self._given_up: dict[tuple[Domain, str], float] = {}  # topics, until when
         self._gone: set[str] = set()  # robots whose rows are to be deleted
 
     def follow(self, domain: Domain, robots: Iterable[Robot], now: Instant) -> None:
@@ -308,6 +336,62 @@ class GraphWatch:
         for name, view in topics.items():
             if (robot := self._owners[domain].of(name)) is not None:
                 self._robots[robot].see_topic(name, view, now)
+
+    # -- messages that fleet.yml asks for ------------------------------------------------------
+
+    def wanted(
+        self, domain: Domain, types: Mapping[str, Sequence[str]], now: Instant
+    ) -> dict[str, str]:
+        """The topics of a domain to be subscribed beside diagnostics, with their types."""
+        for key, until in list(self._given_up.items()):
+            if now.mono >= until:
+                del self._given_up[key]
+                for robot in self._robots.values():
+                    robot.messages.given_up.pop(key[1], None)
+        wanted = self._wanted[domain] = {
+            name: kind
+            for name, kinds in types.items()
+            for kind in kinds
+            if (domain, name) not in self._given_up and any(self._asking(domain, name, kind))
+        }
+        return wanted
+
+    def _asking(self, domain: Domain, name: str, kind: str) -> Iterator[str]:
+        """The robots that ask for a topic of this type."""
+        owners = self._owners[domain]
+        own = owners.of(name)
+        for robot in owners.by_name if name in GLOBAL else [own] if own else ():
+            if is_wanted(name, kind, self._robots[robot].settings.watch):
+                yield robot
+
+    def see_message(self, domain: Domain, topic: str, message: Message, now: Instant) -> None:
+        """Take a message of such a topic."""
+        node = node_of(topic, message)
+        robot = self._owners[domain].of(node)
+        if robot is not None:
+            self._robots[robot].see_message(node, message, now)
+
+    def note_watched(self, domain: Domain, rates: Mapping[str, float], now: Instant) -> None:
+        """Take how many bytes per second such topics are; give up what is beyond the budget."""
+        asking = {
+            topic: [*self._asking(domain, topic, kind)]
+            for topic, kind in self._wanted.get(domain, {}).items()
+        }
+        shares: dict[str, dict[str, float]] = {}
+        for topic, robots in asking.items():
+            for name in robots:
+                shares.setdefault(name, {})[topic] = rates.get(topic, 0.0) / len(robots)
+        for name in self._owners[domain].by_name:
+            robot, own = self._robots[name], shares.get(name, {})
+            if not own and robot.watched is None:
+                continue
+            robot.watched, robot.report_at = sum(own.values()), now.mono
+            most = robot.settings.watch.bytes_per_second
+            for topic in over_budget(own, most):
+                self._given_up[domain, topic] = now.mono + TRY_AGAIN
+                why = f"{topic} is given up: {own[topic]:.0f} B/s of at most {most}"
+                for each in asking[topic]:
+                    self._robots[each].messages.given_up[topic] = why
 
     def see_links(self, readings: Mapping[str, LinkReading | None], now: Instant) -> None:
         """Take what arrived of late of some robots, by name."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Protocol
@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.decode.cdr import Decoder, is_cdr
 from ros_diagnostics_exporter.decode.topic_queue import SHARE, SHARED, TopicQueue
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.model import Array, Domain, Endpoint, Instant, Topic, place
+from ros_diagnostics_exporter.sources.graph_messages import Message
 from ros_diagnostics_exporter.sources.graph_topics import TopicView
 from ros_diagnostics_exporter.sources.link import Link, LinkReading
 from ros_diagnostics_exporter.texts import one_line
@@ -69,6 +70,17 @@ class Receiver(Protocol):
         self, domain: Domain, topics: Mapping[str, TopicView], now: Instant
     ) -> None:
         """Take all endpoints of some topics of a domain, by name."""
+
+    def watched_topics(
+        self, domain: Domain, types: Mapping[str, Sequence[str]], now: Instant
+    ) -> Mapping[str, str]:
+        """Of the topics of a domain those to be subscribed beside diagnostics, with their types."""
+
+    def receive_watched(self, domain: Domain, topic: str, message: Message, now: Instant) -> None:
+        """Take a message of such a topic."""
+
+    def note_watched(self, domain: Domain, rates: Mapping[str, float], now: Instant) -> None:
+        """Take how many bytes per second such topics were in the last minute."""
 
     def update_links(
         self, domain: Domain, links: Mapping[str, LinkReading | None], now: Instant

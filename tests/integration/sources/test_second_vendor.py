@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -17,6 +18,7 @@ from support.cyclone_robot import (
     CycloneRobot,
     DiagnosticArray,
     Text,
+    cyclone_robot,
 )
 from support.ros_publisher import repeating
 from testbed.polling import until
@@ -40,10 +42,10 @@ def _on_this_machine(monkeypatch) -> None:
 
 
 @pytest.fixture
-def robot(ros_domain) -> CycloneRobot:
-    made = CycloneRobot(ros_domain, "/r", "driver")
-    made.publish(TOPIC, DiagnosticArray)
-    return made
+def robot(ros_domain) -> Iterator[CycloneRobot]:
+    with cyclone_robot(ros_domain, "/r", "driver") as made:
+        made.publish(TOPIC, DiagnosticArray)
+        yield made
 
 
 def messages(running) -> dict[str, str]:
@@ -62,8 +64,6 @@ def test_its_diagnostics_are_received_and_its_link_is_measured(ros_domain, robot
 @pytest.mark.slow
 def test_its_node_and_its_qos_are_judged(ros_domain, robot, run_exporter):
     running = run_exporter(fleet(ros_domain, expect=("driver", "amcl")))
-    other = CycloneRobot(ros_domain, "/r", "other")
-    other.subscribe("/r/unsafe", Text)
     robot.publish("/r/unsafe", Text, reliable=False)
     text = "/r/other receives nothing from /r/driver: Best effort publisher and reliable"
     expected = {
@@ -75,7 +75,9 @@ def test_its_node_and_its_qos_are_judged(ros_domain, robot, run_exporter):
     def found() -> dict[str, str]:
         return {name: each.rstrip(";") for name, each in messages(running).items()}
 
-    with repeating(lambda _turn: robot.send(TOPIC, HOT), 0.2):
+    send = repeating(lambda _turn: robot.send(TOPIC, HOT), 0.2)
+    with cyclone_robot(ros_domain, "/r", "other") as other, send:
+        other.subscribe("/r/unsafe", Text)
         until(lambda: found() == expected, lambda: f"{found()}", SEEN)
         robot.withdraw("/r/unsafe")
         del expected["topic unsafe"]
@@ -84,11 +86,10 @@ def test_its_node_and_its_qos_are_judged(ros_domain, robot, run_exporter):
 
 def test_a_policy_that_ros_cannot_set_and_we_cannot_match_is_named(ros_domain, run_exporter):
     running = run_exporter(fleet(ros_domain))
-    robot = CycloneRobot(ros_domain, "/r", "driver")
-    robot.publish(TOPIC, DiagnosticArray, Policy.Ownership.Exclusive)
-    with repeating(lambda _turn: robot.send(TOPIC, HOT), 0.2):
+    with cyclone_robot(ros_domain, "/r", "driver") as robot:
+        robot.publish(TOPIC, DiagnosticArray, Policy.Ownership.Exclusive)
         running.wait_for("robot_silent_reason", 1, reason="incompatible_qos")
-    assert robot.matched(TOPIC) == 0
+        assert robot.matched(TOPIC) == 0
 
 
 def test_the_exporter_writes_nothing_but_what_names_its_node(ros_domain, robot, run_exporter):

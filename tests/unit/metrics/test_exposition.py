@@ -186,6 +186,7 @@ def test_every_family_but_those_of_absent_things_is_served_with_its_labels():
     driver = full_scenario()
     samples = driver.samples()
     absent = {"check_expected_components", "robot_clock_offset_seconds", "robot_silent_reason"}
+    absent.add("robot_watch_bytes_per_second")
     for family in metrics.FLEET_FAMILIES:
         name = family.name.removeprefix(metrics.PREFIX)
         if name in absent:

@@ -51,7 +51,7 @@ def test_there_is_one_command_with_these_subcommands():
     assert {" ".join(each) for each in PATHS} == {
         *("status", "why", "history", "faults", "ack", "downtime", "forget", "backtest"),
         "capabilities",
-        "story",
+        *("story", "report"),
         *("oncall build", "oncall check", "oncall who", "oncall icalendar"),
         *("watch accept", "mail-relay"),
         *("import autoware", "nagios import", "nagios compare", "check-config", "test-page"),

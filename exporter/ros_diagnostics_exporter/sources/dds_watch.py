@@ -1,0 +1,118 @@
+"""Topics beside diagnostics that fleet.yml asks for: subscribed, taken, counted; by rclpy."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from ros_diagnostics_exporter.model import Domain, Instant
+from ros_diagnostics_exporter.sources.graph_messages import (
+    LOG_TYPE,
+    PARAMETERS_TYPE,
+    TRANSITION_TYPE,
+    Log,
+    Message,
+    Parameters,
+    Transition,
+)
+from ros_diagnostics_exporter.sources.reception import Receiver
+
+try:
+    from lifecycle_msgs.msg import TransitionEvent
+    from rcl_interfaces.msg import Log as RosLog
+    from rcl_interfaces.msg import ParameterEvent
+    from rclpy.event_handler import SubscriptionEventCallbacks
+    from rclpy.parameter import parameter_value_to_python
+    from rclpy.qos import QoSProfile
+    from rclpy.serialization import deserialize_message
+except ImportError:  # `dds` has said it
+    pass
+else:
+    KINDS = {
+        LOG_TYPE: RosLog,
+        PARAMETERS_TYPE: ParameterEvent,
+        TRANSITION_TYPE: TransitionEvent,
+    }
+
+log = logging.getLogger(__name__)
+
+DEPTH = 200  # messages of one topic that the middleware holds between two looks
+LEVEL_AT, ERROR = 12, 40  # of a Log in CDR: behind 4 bytes of header and the stamp; the least
+COUNTED = 60.0  # seconds over which bytes are counted
+MAX_VALUE = 80  # characters of a parameter
+
+
+class Watcher:
+    """What is subscribed in one domain; looked at about once a second."""
+
+    def __init__(self, domain: Domain, receiver: Receiver) -> None:
+        self._domain, self._receiver = domain, receiver
+        self._topics: dict[str, tuple[str, Any]] = {}  # name -> type, subscription
+        self._bytes: dict[str, int] = {}
+        self._counted_at: float | None = None
+
+    def look(self, node: Any, types: Mapping[str, Sequence[str]], now: Instant) -> Iterator[None]:
+        """Follow what is wanted, and take what has arrived; in small pieces."""
+        wanted = self._receiver.watched_topics(self._domain, types, now)
+        for name in self._topics.keys() - wanted.keys():
+            node.destroy_subscription(self._topics.pop(name)[1])
+        for name in wanted.keys() - self._topics.keys():
+            self._topics[name] = wanted[name], _subscribe(node, name, KINDS[wanted[name]])
+            yield
+        for name, (kind, subscription) in self._topics.items():
+            self._take(name, kind, subscription, now)
+            yield
+        self._count(now)
+
+    def _take(self, name: str, kind: str, subscription: Any, now: Instant) -> None:
+        for _ in range(DEPTH):
+            taken = subscription.handle.take_message(KINDS[kind], True)
+            if taken is None:
+                return
+            data = taken[0]
+            self._bytes[name] = self._bytes.get(name, 0) + len(data)
+            if kind == LOG_TYPE and (len(data) <= LEVEL_AT or data[LEVEL_AT] < ERROR):
+                continue
+            try:
+                message = _read(deserialize_message(data, KINDS[kind]))
+            except Exception as error:  # noqa: BLE001 - rclpy raises RMWError, which it does not export
+                log.debug("%s: undecodable: %s", name, error)
+                continue
+            self._receiver.receive_watched(self._domain, name, message, now)
+
+    def _count(self, now: Instant) -> None:
+        """Report once a minute how much is received."""
+        if self._counted_at is None:
+            self._counted_at = now.mono
+        seconds = now.mono - self._counted_at
+        if seconds >= COUNTED:
+            rates = {name: count / seconds for name, count in self._bytes.items()}
+            self._receiver.note_watched(self._domain, rates, now)
+            self._bytes.clear()
+            self._counted_at = now.mono
+
+
+def _subscribe(node: Any, name: str, kind: Any) -> Any:
+    events = SubscriptionEventCallbacks(use_default_callbacks=False)
+    return node.create_subscription(
+        kind, name, _never_called, QoSProfile(depth=DEPTH), raw=True, event_callbacks=events
+    )
+
+
+def _read(message: Any) -> Message:
+    """What of a message of ROS is of interest."""
+    if isinstance(message, RosLog):
+        return Log(message.name, message.msg)
+    if isinstance(message, TransitionEvent):
+        return Transition(message.start_state.label, message.goal_state.label)
+    changed = [
+        (each.name, str(parameter_value_to_python(each.value))[:MAX_VALUE])
+        for each in message.changed_parameters
+    ]
+    deleted = [(each.name, None) for each in message.deleted_parameters]
+    return Parameters(message.node, (*changed, *deleted))
+
+
+def _never_called(_data: object) -> None:
+    """Stand in for a subscription's callback: messages are taken, not delivered."""

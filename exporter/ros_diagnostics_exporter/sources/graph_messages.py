@@ -1,0 +1,140 @@
+"""What nodes of one robot log, and say of their life cycle and parameters. Pure.
+
+Only where fleet.yml asks: these topics are subscribed for it, and cost bytes of the robot's link.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from math import inf
+from typing import NamedTuple
+
+from ros_diagnostics_exporter.config.graph import Watched
+from ros_diagnostics_exporter.model import Instant, Level
+
+LOGS, PARAMETERS = "/rosout", "/parameter_events"  # of all nodes of a domain
+TRANSITIONS = "/transition_event"  # of one node, behind its name
+LOG_TYPE = "rcl_interfaces/msg/Log"
+PARAMETERS_TYPE = "rcl_interfaces/msg/ParameterEvent"
+TRANSITION_TYPE = "lifecycle_msgs/msg/TransitionEvent"
+RECENT = 60.0  # seconds for which a log message is beside the robot's faults
+STUCK = 30.0  # ... for which a node may be between two states of its life cycle
+MOST = 20  # log messages that are kept, and nodes of which one is a fault
+MOST_NODES = 1000
+GIVEN_UP = "watch"  # the component that names what is read no more
+
+Problems = dict[str, tuple[int, str]]
+
+
+class Log(NamedTuple):
+    """A message of /rosout from ERROR on; ``logger`` is a node's name with dots."""
+
+    logger: str
+    text: str
+
+
+class Transition(NamedTuple):
+    """A step in the life cycle of a node."""
+
+    start: str
+    goal: str
+
+
+class Parameters(NamedTuple):
+    """What was set of a node: names and values as text; deleted ones have none."""
+
+    node: str
+    changed: tuple[tuple[str, str | None], ...]
+
+
+Message = Log | Transition | Parameters
+
+
+def node_of(topic: str, message: Message) -> str:
+    """The full name of the node that a message is about."""
+    if isinstance(message, Log):
+        return f"/{message.logger.replace('.', '/')}"
+    return message.node if isinstance(message, Parameters) else topic.removesuffix(TRANSITIONS)
+
+
+def is_wanted(topic: str, kind: str, watch: Watched) -> bool:
+    """Whether a robot's config asks for a topic of this type."""
+    if kind == TRANSITION_TYPE:
+        return watch.transitions and topic.endswith(TRANSITIONS)
+    wanted = {(LOGS, LOG_TYPE): watch.logs, (PARAMETERS, PARAMETERS_TYPE): watch.parameters}
+    return wanted.get((topic, kind), False)
+
+
+class Messages:
+    """What was received of one robot's nodes, by their names in its namespace."""
+
+    def __init__(self) -> None:
+        self._logs: deque[tuple[float, str]] = deque(maxlen=MOST)
+        self._matches: dict[str, tuple[float, str]] = {}  # node -> when, text
+        self._states: dict[str, tuple[float, Transition]] = {}
+        self._events: deque[str] = deque(maxlen=MOST)
+        self.given_up: dict[str, str] = {}  # topic -> why
+
+    def note(self, node: str, message: Message, watch: Watched, now: Instant) -> None:
+        """Take a message of a node."""
+        if isinstance(message, Parameters):
+            for name, value in message.changed:
+                what = "was deleted" if value is None else f"is now {value}"
+                self._events.append(f"parameter {name} of {node} {what}")
+        elif isinstance(message, Transition):
+            if node in self._states or len(self._states) < MOST_NODES:
+                self._states[node] = now.mono, message
+        else:
+            self._logs.append((now.mono, f"{node}: {message.text}"))
+            is_fault = any(each.fullmatch(message.text) for each in watch.log_faults)
+            if is_fault and (node in self._matches or len(self._matches) < MOST):
+                self._matches[node] = now.mono, message.text
+
+    def recent(self, now: Instant) -> tuple[str, ...]:
+        """The log messages of the last minute, the newest first."""
+        while self._logs and now.mono - self._logs[0][0] >= RECENT:
+            self._logs.popleft()
+        return tuple(text for _at, text in reversed(self._logs))
+
+    def judge(self, watch: Watched, now: Instant) -> Problems:
+        """(level, text) of each problem, by component."""
+        problems = dict(self._judge_states(now))
+        for node, (at, text) in list(self._matches.items()):
+            if now.mono - at < watch.log_ends_after:
+                problems[f"log {node}"] = int(Level.ERROR), text
+            else:
+                del self._matches[node]
+        if self.given_up:
+            problems[GIVEN_UP] = int(Level.WARN), "; ".join(sorted(self.given_up.values()))
+        return problems
+
+    def _judge_states(self, now: Instant) -> Iterator[tuple[str, tuple[int, str]]]:
+        for node, (at, (start, goal)) in self._states.items():
+            if goal.endswith("ing") and now.mono - at >= STUCK:
+                yield f"lifecycle {node}", (int(Level.ERROR), f"stuck in {goal}")
+            elif start == "errorprocessing" and goal in ("unconfigured", "finalized"):
+                yield f"lifecycle {node}", (int(Level.ERROR), f"fell to {goal} after an error")
+
+    def due(self, now: Instant) -> float:
+        """When time makes a problem of what was received, or ends a recent message; monotonic."""
+        stuck = (at + STUCK for at, each in self._states.values() if each.goal.endswith("ing"))
+        recent = (at + RECENT for at, _text in self._logs)
+        return min((each for each in (*stuck, *recent) if each > now.mono), default=inf)
+
+    def take_events(self) -> list[str]:
+        """What happened since the last call."""
+        events = list(self._events)
+        self._events.clear()
+        return events
+
+
+def over_budget(rates: Mapping[str, float], most: float) -> list[str]:
+    """Which topics to give up, the largest first, so that the others stay within ``most``."""
+    given_up, left = [], sum(rates.values())
+    for topic in sorted(rates, key=lambda each: (-rates[each], each)):
+        if left <= most:
+            break
+        given_up.append(topic)
+        left -= rates[topic]
+    return given_up

@@ -1,0 +1,119 @@
+"""``ros-diagnostics report``: the weekly report of a fleet, as HTML to print or by mail."""
+
+from __future__ import annotations
+
+import smtplib
+import sys
+from datetime import datetime
+from email.message import EmailMessage
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ros_diagnostics_exporter.http_client import Client, UnreachableError
+from ros_diagnostics_tools.report.availability import DAY, Recorded
+from ros_diagnostics_tools.report.faults import known
+from ros_diagnostics_tools.report.numbers import DAYS, numbers
+from ros_diagnostics_tools.report.page import page, subject_line, text
+from ros_diagnostics_tools.servers import Servers, with_servers
+from ros_diagnostics_tools.terminal import print_json
+from ros_diagnostics_tools.times import Moment
+
+PROMETHEUS_URL = "http://127.0.0.1:9090"
+KINDS = ("fault_began", "fault_ended", "acknowledged", "notified")
+BEFORE = 14 * DAY  # that are asked for before both weeks, where faults of them may have begun
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  ros-diagnostics report --week --file report.html
+  ros-diagnostics report --week --mail-to shift@example.org --mail-from portal@example.org
+"""
+)
+@click.option(
+    "--week", is_flag=True, help="The seven days until --until; there is no other period."
+)
+@click.option(
+    "--until",
+    type=Moment(),
+    default="0s",
+    metavar="TIME",
+    help="The end of the week: 10m (ago), 06:00, 2027-02-01.  [default: now]",
+)
+@click.option(
+    "--target",
+    type=click.FloatRange(0, 100),
+    default=99.0,
+    show_default=True,
+    help="The availability that is aimed at, in percent.",
+)
+@click.option("--prometheus", metavar="URL", default=PROMETHEUS_URL, show_default=True)
+@click.option("--file", type=click.Path(path_type=Path), help="Write it there.  [default: stdout]")
+@click.option("--mail-to", multiple=True, metavar="ADDRESS", help="Mail it; repeatable.")
+@click.option("--mail-from", metavar="ADDRESS", help="The sender, with --mail-to.")
+@click.option(
+    "--smtp", default="127.0.0.1:25", show_default=True, metavar="HOST:PORT", help="Mail server."
+)
+@click.option("--output", type=click.Choice(("html", "json")), default="html", show_default=True)
+@with_servers
+def command(
+    *,
+    servers: Servers,
+    week: bool,
+    until: datetime,
+    target: float,
+    prometheus: str,
+    file: Path | None,
+    mail_to: tuple[str, ...],
+    mail_from: str | None,
+    smtp: str,
+    output: str,
+) -> None:
+    """Report a week of the fleet beside the week before: availability, faults, notifications.
+
+    Availability is what Prometheus recorded; all else is of the exporter's event log.
+    """
+    if not week:
+        raise click.UsageError("say which period: --week")
+    if mail_to and not mail_from:
+        raise click.UsageError("--mail-to needs --mail-from")
+    host, colon, port = smtp.rpartition(":")
+    if not (colon and port.isascii() and port.isdigit()):
+        raise click.UsageError(f"--smtp {smtp}: write HOST:PORT")
+    found = _ask(servers, Client(prometheus, **servers.options), until, target / 100)
+    if output == "json":
+        print_json(found)
+    elif file is not None:
+        file.write_text(page(found), "utf-8")
+    elif not mail_to:
+        sys.stdout.write(page(found))
+    if mail_to:
+        message = EmailMessage()
+        message["Subject"], message["From"] = subject_line(found), mail_from
+        message["To"] = ", ".join(mail_to)
+        message.set_content(text(found))
+        message.add_alternative(page(found), subtype="html")
+        with smtplib.SMTP(host, int(port), timeout=30) as server:
+            server.send_message(message)
+
+
+def _ask(servers: Servers, prometheus: Client, until: datetime, target: float) -> dict[str, Any]:
+    """The numbers of the week.
+
+    Raises:
+        UnreachableError: The exporter or Prometheus does not answer.
+    """
+    exporter, end = servers.exporter, until.timestamp()
+    lasting = exporter.get("/api/v1/faults")
+    if not isinstance(lasting, dict) or "faults" not in lasting:
+        raise UnreachableError(f"{exporter.url} is not a ROS diagnostics exporter")
+    since = str(end - 2 * DAYS * DAY - BEFORE)
+    events = [each for kind in KINDS for each in exporter.events(since, kind=kind)]
+    recorded = Recorded(prometheus, lasting["fleet"])
+    faults = known(events, lasting["faults"])
+    zone = until.astimezone().tzinfo
+    if zone is None:
+        raise TypeError("a time of the command line has a zone")
+    return numbers(recorded, faults, (end, lasting["events_since"]), target, zone)

@@ -1,0 +1,1 @@
+"""The weekly report: numbers from Prometheus' recorded series and the event log, as HTML."""

@@ -1,0 +1,183 @@
+"""The weekly report on a real Prometheus: availability as dashboards have it, mailed by SMTP."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from ros_diagnostics_tools.main import main
+from support.prometheus_site import Site
+from support.web_server import serve
+from testbed import servers
+from testbed.mail import Inbox, MailServer
+from testbed.ports import free_port
+
+__all__ = ["serve"]  # a fixture
+CHECKOUT = Path(__file__).parents[2]
+SLOT = 300
+DAY = 86_400
+END = int(time.time()) // SLOT * SLOT
+# Robot -> part -> its seconds of each slot; b is down for the last two days.
+PARTS = {
+    "a": lambda _at: {"ok": 240, "warning": 30, "critical": 30},
+    "b": lambda at: {"unknown": 300} if at > END - 2 * DAY else {"ok": 200, "maintenance": 100},
+    "new": lambda at: {"ok": 300} if at > END - DAY else {},
+}
+LABELS = {"scope": "component", "state": "critical", "severity": "critical", "robot": "a"}
+
+
+def samples() -> str:
+    """Both records of two weeks as OpenMetrics, each fifteen days a series."""
+    robot, fleet = list[str](), dict[str, dict[int, int]]()
+    for name, of in PARTS.items():
+        for part in ("ok", "warning", "critical", "unknown", "maintenance"):
+            for at in range(END - 15 * DAY + SLOT, END + 1, SLOT):
+                seconds = of(at).get(part, 0)
+                if seconds:
+                    robot.append(
+                        f'robot:ros_diagnostics_part_seconds:sum5m{{fleet="hall",robot="{name}",'
+                        f'part="{part}"}} {seconds} {at}'
+                    )
+                    of_part = fleet.setdefault(part, {})
+                    of_part[at] = of_part.get(at, 0) + seconds
+    lines = [
+        f'fleet:ros_diagnostics_part_seconds:sum5m{{fleet="hall",part="{part}"}} {seconds} {at}'
+        for part, by_time in fleet.items()
+        for at, seconds in sorted(by_time.items())
+    ]
+    types = "# TYPE {}:ros_diagnostics_part_seconds:sum5m gauge"
+    return "\n".join([types.format("robot"), *robot, types.format("fleet"), *lines, "# EOF\n"])
+
+
+@pytest.fixture
+def prometheus(tmp_path: Path):
+    """A Prometheus that has the records of two weeks."""
+    (tmp_path / "weeks.om").write_text(samples())
+    command = ["promtool", "tsdb", "create-blocks-from", "openmetrics", "--quiet"]
+    command += ["--max-block-duration", "480h"]  # as few blocks as possible
+    subprocess.run([*command, tmp_path / "weeks.om", tmp_path / "tsdb"], check=True)
+    (tmp_path / "prometheus.yml").write_text("scrape_configs: []\n")
+    address = f"127.0.0.1:{free_port()}"
+    retention = "--storage.tsdb.retention.time=50y"
+    server = servers.prometheus(tmp_path, tmp_path / "prometheus.yml", address, retention)
+    with servers.running(server):
+        yield Site(address, "")
+
+
+@pytest.fixture
+def exporter(serve):
+    """One with two faults in the week: of one the begin, of the other the end and who has it."""
+    of = {**LABELS, "group": "/Motor", "component": "Motor 1", "robot": "a"}
+    times = [END - 3 * DAY, END - 2 * DAY]
+    events = []
+    for number, at in enumerate(times):
+        since = {"since": at - 60.0, **of}
+        events += [
+            {"time": float(at), "kind": "fault_began", **since},
+            {"time": at + 5.0, "kind": "notified", "after": "firing", "receiver": "x", **since},
+            {"time": at + 120.0 * (number + 1), "kind": "acknowledged", "author": "n", **since},
+            {"time": at + 600.0, "kind": "fault_ended", "reason": "recovered", **since},
+        ]
+    numbered = [{"id": number, **each} for number, each in enumerate(events, 1)]
+    return serve(
+        faults=lambda: {"fleet": "hall", "time": 0.0, "faults": [], "events_since": 1.0},
+        find_events=lambda wanted: [each for each in numbered if each["kind"] == wanted.kind][::-1],
+    )
+
+
+def panel(title: str) -> str:
+    """The query of a panel of the shipped dashboard, over seven days."""
+    dashboard = (CHECKOUT / "grafana/dashboards/ros-diagnostics-alerts.json").read_text()
+    todo = json.loads(dashboard)["panels"]
+    while todo:
+        each = todo.pop()
+        todo += each.get("panels", [])
+        if each.get("title") == title:
+            expr = str(each["targets"][0]["expr"])
+            return expr.replace("$__range", "7d").replace('=~"$fleet"', '="hall"')
+    raise LookupError(title)
+
+
+def test_the_report_has_the_numbers_of_the_dashboards_and_is_mailed(
+    prometheus, exporter, tmp_path, capsys
+):
+    flags = ["--url", f"http://{exporter.addresses[0]}", "--until", f"{_iso(END)}"]
+    flags += ["--prometheus", f"http://{prometheus.prometheus}", "--target", "95"]
+    assert main(["report", "--week", "--output", "json", *flags]) == 0
+    found = json.loads(capsys.readouterr().out)
+
+    for title, names in (
+        ("Availability of the robots", "robot"),
+        ("Availability of the fleets", ""),
+    ):
+        shown = {
+            each["metric"].get(names, ""): float(each["value"][1])
+            for each in prometheus.query(panel(title), END)
+            if each["metric"]["part"] == "available"
+        }
+        reported = {each["robot"]: each["availability"] for each in found["robots"]}
+        mine = reported if names else {"": found["week"]["availability"]}
+        assert mine == pytest.approx(shown)
+    assert found["robots"][0]["robot"] == "b"
+    assert found["robots"][0]["availability"] == nearly(5 * 200 / (5 * 200 + 2 * 300))
+    days = {each["robot"]: each["days"] for each in found["robots"]}
+    assert days["b"] == nearly([1.0] * 5 + [0.0] * 2)
+    assert days["new"] == [None] * 6 + [1.0]
+    assert days["a"] == pytest.approx([0.9] * 7)
+
+    slots = DAY / SLOT
+    counted = slots * (7 * 300 + 5 * 200 + 2 * 300 + 300)
+    lost = slots * (7 * 30 + 2 * 300)
+    assert found["week"]["budget_minutes"] == pytest.approx(
+        (0.05 * counted - lost) / 60, abs=2 * SLOT / 60
+    )
+    assert found["week_before"]["availability"] == nearly((270 + 200) / 500)
+    assert found["week"]["to_acknowledge"] == {"number": 2, "median": 180.0, "longest": 240.0}
+    assert found["week"]["to_recover"] == {"number": 2, "median": 660.0, "longest": 660.0}
+    assert (found["week"]["faults"], found["week"]["notifications"]) == (2, 2)
+    assert found["week_before"]["faults"] == 0
+    [part] = found["worst_parts"]
+    assert (part["robot"], part["times"], part["seconds"]) == ("a", 2, 1_320.0)
+
+    inbox = Inbox()
+    mail = MailServer(f"127.0.0.1:{free_port()}", inbox)
+    mail.start()
+    to = ["--mail-to", "shift@example.org", "--mail-from", "portal@example.org"]
+    assert main(["report", "--week", *flags, *to, "--smtp", mail.address]) == 0
+    mail.stop()
+    [sent] = inbox.mails()
+    assert sent.recipients == ("shift@example.org",)
+    assert sent.subject.startswith("hall: robots, week until ")
+    share = f"{found['week']['availability'] * 100:.2f} %"
+    assert f"Availability: {share}" in sent.text
+    assert f"<td>{share}</td>" in sent.html
+    file = tmp_path / "report.html"
+    assert main(["report", "--week", *flags, "--file", str(file)]) == 0
+    assert file.read_text().split() == sent.html.split()
+
+
+def nearly(expected: object) -> object:
+    """Before Prometheus 3 both ends of a range belong to it: a slot of a day more."""
+    return pytest.approx(expected, abs=SLOT / DAY)
+
+
+def _iso(unix: int) -> str:
+    return time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime(unix))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [[], ["--week", "--mail-to", "a@b"], ["--week", "--smtp", "x"], ["--week", "--target", "101"]],
+)
+def test_wrong_arguments_are_said(wrong):
+    assert main(["report", *wrong]) == 2
+
+
+def test_what_is_no_prometheus_is_said(exporter, capsys):
+    url = f"http://{exporter.addresses[0]}"
+    assert main(["report", "--week", "--url", url, "--prometheus", url]) == 1
+    assert "404" in capsys.readouterr().err

@@ -1,0 +1,78 @@
+"""What nodes log, and say of their life cycle and parameters, over real DDS."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
+from ros_diagnostics_exporter.config.graph import Graph, Watched
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.model import Status
+from support.ros_publisher import repeating
+from testbed.polling import until
+
+pytestmark = pytest.mark.integration
+
+ALL = Watched(logs=True, log_faults=(re.compile(".*overrun.*"),), transitions=True, parameters=True)
+OK, HOT = Status(0, "Motor", "OK"), Status(2, "Motor", "Hot")
+NODE = """
+import rclpy
+from lifecycle_msgs.msg import State, TransitionEvent
+from rclpy.parameter import Parameter
+
+rclpy.init()
+node = rclpy.create_node("amcl", namespace="/r")
+node.declare_parameter("max_range", 5.0)
+life = node.create_publisher(TransitionEvent, "~/transition_event", 10)
+states = State(label="errorprocessing"), State(label="unconfigured")
+
+def work():
+    node.get_logger().info("Nothing of interest")
+    node.get_logger().error("Sensor overrun")
+    node.set_parameters([Parameter("max_range", value=10.0)])
+    life.publish(TransitionEvent(start_state=states[0], goal_state=states[1]))
+
+node.create_timer(1.0, work)
+rclpy.spin(node)
+"""
+
+
+def noted(events: list[Event], texts: Counter[str]) -> list[Event]:
+    """The events, whose messages are counted."""
+    texts.update(each.message for each in events if each.kind == "graph")
+    return events
+
+
+def test_what_the_config_names_is_received_and_nothing_else(
+    robots, run_exporter, start_process, dds_environment, monkeypatch
+):
+    domain_id = int(dds_environment["ROS_DOMAIN_ID"])
+    profile = Profile(confirm_after=5.0, graph=Graph(mode="on", watch=ALL))
+    robot = Robot("r", domain_id, profile=profile, namespace="/r", source=Source.RAW)
+    running = run_exporter(Fleet("f", (replace(robot, topic_raw="/r/diagnostics"),)))
+    robots.offer("/r/diagnostics")
+    start_process("amcl", [sys.executable, "-c", NODE], dds_environment)
+    events = Counter[str]()
+    take = running.service.state.take_events
+    monkeypatch.setattr(running.service.state, "take_events", lambda: noted(take(), events))
+    motor = [OK]
+
+    def faults() -> dict[str, str]:
+        found = running.service.state.faults()
+        return {each.identity.component: each.evidence for each in found}
+
+    with repeating(lambda _turn: robots.send("/r/diagnostics", *motor), 0.2):
+        of_graph = {"log amcl", "lifecycle amcl"}
+        until(lambda: faults().keys() == of_graph, lambda: f"{faults()}", 60)
+        motor[:] = [HOT]
+        until(lambda: "Motor" in faults(), lambda: f"{faults()}", 60)
+    found = faults()
+    assert "logged: amcl: Sensor overrun" in found["Motor"]
+    assert "Nothing of interest" not in f"{found}"
+    assert "fell to unconfigured after an error" in found["lifecycle amcl"]
+    assert events["parameter max_range of amcl is now 10.0"]

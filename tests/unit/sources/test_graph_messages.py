@@ -1,0 +1,158 @@
+"""What nodes log, and say of their life cycle and parameters; time is given."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import Profile, Robot
+from ros_diagnostics_exporter.config.graph import Graph, Watched
+from ros_diagnostics_exporter.model import Instant
+from ros_diagnostics_exporter.sources.graph import TRY_AGAIN, GraphWatch, Report
+from ros_diagnostics_exporter.sources.graph_messages import (
+    LOG_TYPE,
+    PARAMETERS_TYPE,
+    STUCK,
+    TRANSITION_TYPE,
+    Log,
+    Parameters,
+    Transition,
+)
+
+ALL = Watched(
+    logs=True, log_faults=(re.compile(".*out of memory.*"),), transitions=True, parameters=True
+)
+TYPES = {
+    "/rosout": [LOG_TYPE],
+    "/parameter_events": [PARAMETERS_TYPE],
+    "/r/amcl/transition_event": [TRANSITION_TYPE],
+    "/other/amcl/transition_event": [TRANSITION_TYPE],
+    "/r/scan": ["sensor_msgs/msg/LaserScan"],
+}
+LIFE = "/r/amcl/transition_event"
+
+
+class Site:
+    """Two robots, of which the first is watched in this way."""
+
+    def __init__(self, watch: Watched = ALL) -> None:
+        self.now = Instant(0.0, 1_700_000_000.0)
+        self.watch = GraphWatch()
+        profile = Profile(graph=Graph(mode="on", watch=watch))
+        self.robots = [Robot("r", namespace="/r", profile=profile), Robot("s", namespace="/s")]
+        self.report: Report | None = None
+        self.events: list[str] = []
+        self.go_on(1)
+
+    def go_on(self, seconds: float) -> None:
+        for _ in range(int(seconds)):
+            self.now = Instant(self.now.mono + 1, self.now.wall + 1)
+            self.watch.follow(0, self.robots, self.now)
+            self.watch.see_nodes(0, [("amcl", "/r"), ("amcl", "/s")], self.now)
+            for each in self.watch.reports(0, self.now):
+                if each.robot == "r":
+                    self.report = each
+                    self.events += each.events
+
+    def send(self, topic: str, message) -> None:
+        self.watch.see_message(0, topic, message, self.now)
+        self.go_on(1)
+
+    def wanted(self) -> set[str]:
+        return set(self.watch.wanted(0, TYPES, self.now))
+
+    @property
+    def problems(self) -> dict[str, str]:
+        return {each.name: each.message for each in self.report.statuses if each.level}
+
+
+@pytest.fixture
+def site() -> Site:
+    return Site()
+
+
+@pytest.mark.parametrize(
+    ("watch", "wanted"),
+    [
+        (Watched(), set()),
+        (Watched(logs=True), {"/rosout"}),
+        (Watched(parameters=True), {"/parameter_events"}),
+        (Watched(transitions=True), {LIFE}),
+    ],
+)
+def test_nothing_is_subscribed_but_what_the_config_names(watch, wanted):
+    assert Site(watch).wanted() == wanted
+
+
+def test_what_a_node_logs_is_beside_the_faults_for_a_minute_and_is_none_itself(site):
+    site.send("/rosout", Log("r.amcl", "No laser scan"))
+    site.send("/rosout", Log("s.amcl", "Of another"))
+    site.send("/rosout", Log("r.amcl.map", "No map"))
+    assert site.report.logs == ("amcl/map: No map", "amcl: No laser scan")
+    assert site.problems == {}
+    site.go_on(70)
+    assert site.report.logs == ()
+
+
+def test_a_log_message_that_the_config_names_is_a_fault_for_a_time(site):
+    site.send("/rosout", Log("r.amcl", "std::bad_alloc, out of memory"))
+    assert site.problems == {"log amcl": "std::bad_alloc, out of memory"}
+    site.go_on(500)
+    site.send("/rosout", Log("r.amcl", "out of memory again"))
+    site.go_on(590)
+    assert site.problems == {"log amcl": "out of memory again"}
+    site.go_on(60)
+    assert site.problems == {}
+
+
+def test_a_node_that_is_stuck_or_fell_is_a_problem_until_it_is_in_a_state_again(site):
+    site.send(LIFE, Transition("inactive", "activating"))
+    site.go_on(STUCK - 5)
+    assert site.problems == {}
+    site.go_on(10)
+    assert site.problems == {"lifecycle amcl": "stuck in activating"}
+    site.send(LIFE, Transition("activating", "active"))
+    assert site.problems == {}
+    site.send(LIFE, Transition("active", "errorprocessing"))
+    site.send(LIFE, Transition("errorprocessing", "unconfigured"))
+    assert site.problems == {"lifecycle amcl": "fell to unconfigured after an error"}
+    site.send(LIFE, Transition("unconfigured", "configuring"))
+    site.send(LIFE, Transition("configuring", "inactive"))
+    assert site.problems == {}
+    site.send(LIFE, Transition("cleaningup", "unconfigured"))  # as somebody asked for
+    assert site.problems == {}
+
+
+def test_a_parameter_that_is_set_is_an_event(site):
+    changed = (("max_range", "10.0"), ("old", None))
+    site.send("/parameter_events", Parameters("/r/amcl", changed))
+    expected = ["parameter max_range of amcl is now 10.0", "parameter old of amcl was deleted"]
+    assert site.events == expected
+
+
+def test_what_is_beyond_the_budget_is_given_up_named_and_tried_again(site):
+    assert LIFE in site.wanted()
+    site.watch.note_watched(0, {"/rosout": 15_000.0, LIFE: 100.0}, site.now)
+    site.go_on(1)
+    assert (site.report.watched, site.problems) == (15_100.0, {})
+    site.watch.note_watched(0, {"/rosout": 30_000.0, LIFE: 100.0}, site.now)
+    site.go_on(1)
+    assert site.problems == {"watch": "/rosout is given up: 30000 B/s of at most 20000"}
+    assert site.wanted() == {"/parameter_events", LIFE}
+    site.watch.note_watched(0, {LIFE: 100.0}, site.now)
+    site.go_on(1)
+    assert (site.report.watched, list(site.problems)) == (100.0, ["watch"])
+    site.go_on(TRY_AGAIN)
+    assert "/rosout" in site.wanted()
+    site.go_on(31)
+    assert site.problems == {}
+
+
+def test_what_all_robots_of_a_domain_ask_for_is_shared_among_them(site):
+    site.robots[1] = Robot("s", namespace="/s", profile=site.robots[0].profile)
+    site.go_on(1)
+    site.wanted()
+    site.watch.note_watched(0, {"/rosout": 30_000.0}, site.now)
+    site.go_on(1)
+    assert (site.report.watched, site.problems) == (15_000.0, {})

@@ -1,0 +1,63 @@
+"""Events of faults are found without reading those of levels, in older databases too."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+from ros_diagnostics_exporter.events import Event, Wanted
+from ros_diagnostics_exporter.storage import database
+from ros_diagnostics_exporter.storage.database import (
+    Changes,
+    Database,
+    find_events,
+    first_event,
+)
+
+EVENTS = [
+    Event(10.0, "level", "r", "/Motor", "Motor 1", "OK", "ERROR"),
+    Event(20.0, "fault_began", "r", "/Motor", "Motor 1", since=10.0),
+    Event(30.0, "notified", "s", since=10.0),
+    Event(40.0, "fault_began", "s", since=30.0),
+]
+
+
+def written(path: Path) -> Path:
+    found = Database(path)
+    changes = Changes(True, [], [], [], {}, enumerate(EVENTS, 1))
+    found.write(changes, oldest=0.0, newest=100.0, most=1 << 30)
+    found.close()
+    return path
+
+
+def test_they_are_found_by_kind_robot_and_time(tmp_path):
+    path = written(tmp_path / "db")
+
+    def times(**wanted):
+        return [event.time for _number, event in find_events(path, Wanted(**wanted))]
+
+    assert times(kind="fault_began") == [40.0, 20.0]
+    assert times(kind="fault_began", robot="r") == [20.0]
+    assert times(kind="fault_began", until=40.0) == [20.0]
+    assert times(kind="fault_ended") == []
+    assert times(kind="level") == [10.0]
+    assert first_event(path) == 10.0
+
+
+def test_a_database_of_an_earlier_exporter_gets_the_index_and_keeps_its_events(tmp_path):
+    path = written(tmp_path / "db")
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("DROP INDEX events_of_faults")
+    Database(path).close()
+    assert [event.time for _n, event in find_events(path, Wanted(kind="notified"))] == [30.0]
+
+
+def test_an_empty_database_has_no_first_event(tmp_path):
+    Database(tmp_path / "db").close()
+    assert first_event(tmp_path / "db") is None
+
+
+def test_the_kinds_with_an_index_are_those_of_faults():
+    assert {"fault_began", "fault_ended", "notified", "acknowledged"} <= database.OF_FAULTS
+    assert "level" not in database.OF_FAULTS

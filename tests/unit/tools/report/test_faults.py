@@ -1,0 +1,107 @@
+"""The numbers of a week from the event log, recounted second by second."""
+
+from __future__ import annotations
+
+from datetime import timezone
+from statistics import median
+from typing import Any
+from zoneinfo import ZoneInfo
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ros_diagnostics_tools.report import faults as report
+from support.web_server import occurrence
+
+BEGIN, END = 100_000.0, 200_000.0
+MOTOR = {"robot": "r", "group": "/Motor", "component": "Motor 1"}
+
+
+def fault(since: float, until: float | None, **more: Any) -> dict[str, Any]:
+    of = MOTOR | {"since": since, "confirmed": since + 10, "until": until}
+    of |= {"reason": None if until is None else "recovered"}
+    return occurrence("component", "critical", **(of | more))
+
+
+def test_times_are_of_critical_faults_of_the_week_with_their_number():
+    found = [
+        fault(BEGIN, BEGIN + 100, acknowledged=[{"at": BEGIN + 40}, {"at": BEGIN + 30}]),
+        fault(BEGIN + 500, BEGIN + 1_500, acknowledged=[{"at": BEGIN + 610}]),
+        fault(BEGIN + 2_000, BEGIN + 9_000, reason="removed"),
+        fault(BEGIN - 600, BEGIN + 5, acknowledged=[{"at": BEGIN + 1}]),  # begun before
+        fault(END - 5, None),  # confirmed after
+        fault(BEGIN, BEGIN + 7_000, severity="warning", acknowledged=[{"at": BEGIN + 9}]),
+    ]
+    assert len(report.begun(found, BEGIN, END)) == 3
+    assert report.to_acknowledge(found, BEGIN, END) == (2, 60.0, 100.0)
+    assert report.to_recover(found, BEGIN, END) == (3, 605.0, 1_000.0)
+    assert report.to_recover([], BEGIN, END) == (0, None, None)
+
+
+STEP = 10
+moments = st.integers(-20, 120).map(lambda each: each * STEP)
+made = st.lists(st.tuples(st.sampled_from("ab"), moments, st.integers(1, 60), st.booleans()))
+
+
+@given(made)
+def test_worst_parts_have_the_seconds_of_the_week_in_which_any_fault_lasted(given_faults):
+    begin, end = 0.0, 100.0 * STEP
+    found, covered = [], dict[str, set[int]]()
+    for name, since, lasted, goes_on in given_faults:
+        until = None if goes_on else float(since + lasted * STEP)
+        found.append(fault(float(since), until, component=name))
+        last = int(end) if until is None else int(min(end, until))
+        covered.setdefault(name, set()).update(range(max(0, since), last))
+    parts = report.worst_parts(found, begin, end)
+
+    assert {each.part.removeprefix("/Motor/"): each.seconds for each in parts} == {
+        name: len(seconds) for name, seconds in covered.items() if seconds
+    }
+    assert [each.seconds for each in parts] == sorted(
+        (each.seconds for each in parts), reverse=True
+    )
+    for each in parts:
+        assert 1 <= each.times <= len(given_faults)
+
+
+def test_parts_of_two_robots_are_two_and_ten_are_shown():
+    found = [fault(BEGIN, BEGIN + 10 + number, robot=f"r{number}") for number in range(12)]
+    found += [fault(BEGIN, BEGIN + 5, robot="r3"), fault(BEGIN + 50, BEGIN + 60, robot="r11")]
+    parts = report.worst_parts(found, BEGIN, END)
+    assert len(parts) == 10
+    assert parts[0] == ("r11", "/Motor/Motor 1", 2, 31.0)
+
+
+def test_a_fault_whose_end_was_lost_counts_only_while_it_lasts():
+    labels = {"scope": "component", "state": "critical", "severity": "critical", **MOTOR}
+    began = {"id": 1, "time": 110.0, "kind": "fault_began", "since": 100.0, **labels}
+    lasting = fault(100.0, None)
+    assert report.known([began], []) == []
+    [known] = report.known([began], [lasting])
+    assert (known["since"], known["until"]) == (100.0, None)
+    [gone] = report.known([], [lasting])
+    assert (gone["since"], gone["notified"]) == (100.0, [])
+
+
+@pytest.mark.parametrize("zone", [timezone.utc, ZoneInfo("Asia/Tokyo")])
+def test_notifications_are_counted_in_the_night_of_their_evening(zone):
+    offset = 0 if zone is timezone.utc else 9 * 3_600
+    midnight = 20_000 * 86_400.0 - offset  # 2024-10-04
+    hours = [-3, -2, 0, 5.9, 6, 12, 21.9, 22]
+    sent = [
+        {"at": midnight + hour * 3_600, "receiver": "a", "step": "", "after": "firing"}
+        for hour in hours
+    ]
+    over = {**sent[2], "after": "resolved"}
+    found = report.notified([fault(1, None, notified=[*sent, over])], midnight - 86_400, 2e9)
+    assert found == [each["at"] for each in sent]
+    nights = report.by_night(found, midnight - 86_400, midnight + 86_400, zone)
+    assert nights == {"2024-10-03": 3, "2024-10-04": 1}
+
+
+@given(st.lists(st.floats(1, 1e6), min_size=1))
+def test_the_median_and_the_longest_are_those_of_all(lengths):
+    found = [fault(BEGIN - each, BEGIN) for each in lengths]
+    exact = [BEGIN - (BEGIN - each) for each in lengths]
+    assert report.to_recover(found, BEGIN, END) == (len(exact), median(exact), max(exact))

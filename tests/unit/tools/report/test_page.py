@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import pytest
+
+from ros_diagnostics_tools.report.availability import Availability, availability
+from ros_diagnostics_tools.report.page import page, percent, summary, text
+
+WEEK = {
+    "availability": 0.98765,
+    "budget_minutes": -12.6,
+    "faults": 4,
+    "to_acknowledge": {"number": 2, "median": 60.0, "longest": 120.0},
+    "to_recover": {"number": 0, "median": None, "longest": None},
+    "notifications": 9,
+}
+EVIL = "<script>alert(1)</script>"
+REPORT = {
+    "fleet": "hall",
+    "begin": 0.0,
+    "end": 604_800.0,
+    "time_zone": "UTC (UTC+0000)",
+    "events_since": 3_600.0,
+    "day_begins": "00:00",
+    "target": 0.99,
+    "week": WEEK,
+    "week_before": WEEK | {"availability": None, "budget_minutes": None, "faults": 5},
+    "days": [f"day {n}" for n in range(7)],
+    "robots": [{"robot": EVIL, "availability": 0.5, "days": [None, 1.0, 0.99999, 0.0, 1, 1, 1]}],
+    "worst_parts": [{"robot": "r", "part": EVIL, "times": 3, "seconds": 7_200.0}],
+    "nights": {"1970-01-01": 2},
+}
+
+
+def test_the_summary_has_both_weeks_and_each_time_its_count():
+    assert summary(REPORT) == [
+        ("Availability", "98.77 %", "-"),
+        ("Budget left for 99 % (robot minutes)", "-13", "-"),
+        ("Critical faults", "4", "5"),
+        *[("Time to acknowledge", *["1 min, at most 2 min (of 2)"] * 2)],
+        ("Time to recover", "- (of 0)", "- (of 0)"),
+        ("Notifications", "9", "9"),
+    ]
+    assert "Critical faults: 4 (week before: 5)" in text(REPORT)
+
+
+def test_the_page_has_the_summary_and_escapes_what_robots_are_named():
+    html = page(REPORT)
+    for _name, now, before in summary(REPORT):
+        assert f"<td>{now}</td><td>{before}</td>" in html
+    assert html.count("&lt;script&gt;") == 2
+    assert "<script" not in html
+    assert "<td>2 h</td>" in html
+    assert "1970-01-08 00:00 UTC" in html
+    assert "http" not in html  # it loads nothing
+    assert page(REPORT | {"robots": [], "worst_parts": []}).count("<h2>") == 3
+
+
+@pytest.mark.parametrize(
+    ("share", "shown"),
+    [(None, "-"), (1.0, "100 %"), (0.999999, "99.99 %"), (0.99, "99.00 %"), (0.0, "0.00 %")],
+)
+def test_what_is_not_100_percent_is_not_rounded_to_it(share, shown):
+    assert percent(share) == shown
+
+
+def test_planned_and_unknown_time_does_not_count():
+    seconds = {"ok": 600.0, "warning": 200.0, "critical": 100.0, "unknown": 100.0}
+    uncounted = {"maintenance": 1e6, "pending": 1e6, "undetermined": 1e6}
+    found = availability(seconds | uncounted)
+    assert found == Availability(1_000.0, 800.0)
+    assert found.share == 0.8
+    assert found.budget(0.75) == pytest.approx(50.0)
+    assert found.budget(0.99) == pytest.approx(-190.0)
+    assert availability(uncounted).share is None
