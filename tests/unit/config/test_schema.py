@@ -30,7 +30,17 @@ WHOLE = {
     "Profile": lambda entry: {"profiles": {**PROFILE, "x": entry}},
     "Check": lambda entry: {"profiles": {"default": {"checks": {"x": entry}}}},
     "ComponentRule": lambda entry: {
-        "profiles": {"default": {"components": [{"match": "x", **entry}]}}
+        "profiles": {
+            "default": {
+                "components": [
+                    {
+                        "match": "x",
+                        **({"reports": "on_change"} if "ends_after" in entry else {}),
+                        **entry,
+                    }
+                ]
+            }
+        }
     },
     "Condition": lambda entry: {
         "profiles": {
