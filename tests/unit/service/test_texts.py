@@ -54,8 +54,9 @@ def fleet(name: str, text: str) -> dict:
                 "capability": text,
                 "state": "lost",
                 "parts": [
-                    {"robot": "", **{"group": text, "component": text, "key": text, "check": "", "state": "lost"}},
-                    {"group": "", "component": "", "key": "", "check": text, "state": "lost"},
+                    _part(group=text, component=text, key=text),
+                    _part(check=text),
+                    _part(robot=text, check=text),
                 ],
             }
         ],
@@ -66,6 +67,11 @@ def fleet(name: str, text: str) -> dict:
     others = [{**given, "robot": other} for other in (f"{name}1", f"1{name}", "robot_2")]
     common = problem("common", "critical", component=text, evidence=text)
     return {**fleet_of(given, *others, problems=[common]), "fleet": text}
+
+
+def _part(**named: str) -> dict[str, str]:
+    unnamed = dict.fromkeys(("robot", "group", "component", "key", "check"), "")
+    return {**unnamed, **named, "state": "lost"}
 
 
 @given(TEXTS, TEXTS)

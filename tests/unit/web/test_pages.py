@@ -135,7 +135,7 @@ CAPSULE = f"/api/v1/faults/{FAULT}/capsule.mcap"
 def test_a_fault_has_a_page_and_links_what_was_received(serve):
     recorded = broken("Motor 1", fault=FAULT, capsule=CAPSULE, evidence="over current")
     given = fleet(robot("a", component("Motor 1", "ERROR"), problems=[recorded]))
-    server = serve(fleet_snapshot=lambda: given, capsule=lambda _fault: b"mcap")
+    server = serve(fleet_snapshot=lambda: given, capsule=lambda *_: b"mcap")
     for path in ("/", "/robots/a", f"/faults/{FAULT}"):
         answer = ask(server, path)
         assert answer.status == 200
