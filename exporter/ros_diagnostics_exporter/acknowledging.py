@@ -67,6 +67,8 @@ class Acknowledgeable:
             return f"site {labels.get('site', '')}"
         if self.since and labels["scope"] == "common":
             return f"{labels.get('component', '')} on many robots"
+        if self.since and labels["scope"] == "capability" and not labels.get("robot"):
+            return f"{labels['check']} of the fleet"
         if self.since and labels["scope"] == "exporter":
             name = f"exporter {labels.get('exporter', '')}".rstrip()
             return f"{labels.get('component', '')} of the {name}"

@@ -424,8 +424,8 @@ class Service:
         ]
         return {**found, "now": sentences + (self._explain(robot, component) if ask else [])}
 
-    def capabilities(self, robot: str) -> dict[str, Any]:
-        """What a robot can do as /api/v1/capabilities returns it; LookupError if there is none."""
+    def capabilities(self, robot: str | None) -> dict[str, Any]:
+        """What a robot or the fleet can do, as /api/v1/capabilities; LookupError if none."""
         return capability_tree(self.state, robot, read_clocks())
 
     def story(self, robot: str) -> dict[str, Any]:

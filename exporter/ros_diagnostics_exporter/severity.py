@@ -254,7 +254,9 @@ def component_path(component: dict[str, Any]) -> str:
 
 
 def part_path(part: dict[str, Any]) -> str:
-    """A part of a capability: a component, with the key of a value, or a check."""
+    """A part of a capability: a component, with the key of a value, or a check; or a robot."""
+    if part["robot"]:
+        return f"{part['check']} of {part['robot']}"
     if part["check"]:
         return f"check {part['check']}"
     return f"{component_path(part)}{part['key'] and ': '}{part['key']}"

@@ -8,11 +8,12 @@ time, as docs/capabilities.md says it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
 from ros_diagnostics_exporter.events import Event
-from simulation.can import CAN, leaves
+from simulation.can import CAN, EACH, NEEDED, leaves
 from simulation.story import COMPONENTS, ERROR, OK, WARN
-from simulation.world import CALM, LATE, Delivered, Part, World
+from simulation.world import CALM, LATE, STALE_AFTER, Delivered, Part, World
 
 FINE, NO_RESERVE, DEGRADED, LOST = range(4)
 _STATES = {"no_reserve": NO_RESERVE, "degraded": DEGRADED, "lost": LOST}
@@ -37,6 +38,10 @@ def judge(name: str, look: Callable[[str], int]) -> tuple[int, set[str]]:
 Wrong = tuple[str, object]
 
 
+def _level(known: Delivered, name: str) -> int:
+    return _state(known.parts[name])
+
+
 class Abilities:
     """Reads the faults after each tick and yields what is wrong: a text, and of what."""
 
@@ -51,7 +56,9 @@ class Abilities:
             if each.scope == "capability":
                 lasting.setdefault((each.robot, each.check), set()).add(each.state)
         for event in begun:
-            if event.scope == "capability":
+            if event.scope == "capability" and not event.robot:
+                yield from self._wrong_begin_of_fleet(event)
+            elif event.scope == "capability":
                 yield from self._wrong_begin(event)
             elif event.component and event.robot:
                 yield from self._under(event, lasting)
@@ -62,6 +69,17 @@ class Abilities:
         worst, _ = judge(event.check, lambda name: self._worst(known, name))
         if worst < _STATES[event.state]:
             yield "a capability is in trouble whose parts are well", event
+
+    def _wrong_begin_of_fleet(self, event: Event) -> Iterator[Wrong]:
+        able = [each.name for each in self._world.declared() if self._is_surely_able(each)]
+        if len(able) >= NEEDED + (event.state == "no_reserve"):
+            yield "the fleet is in trouble although enough robots can", (event, able)
+
+    def _is_surely_able(self, known: Delivered) -> bool:
+        """Whether it is received, in use and well in all that it needs for the fleet's."""
+        now = self._world.now.mono
+        used = now - max(known.quiet, known.gap, self._world.started) > LATE
+        return used and judge(EACH, lambda name: self._worst(known, name))[0] == FINE
 
     def _worst(self, known: Delivered, name: str) -> int:
         """The worst that a component may count as: one that changed may flap."""
@@ -93,10 +111,44 @@ class Abilities:
         of: dict[str, list[Event]] = {}
         for each in faults.values():
             of.setdefault(each.robot, []).append(each)
+        yield from self._missing_of_fleet(of.get("", []))
         common = {each.component for each in of.get("", ()) if each.scope == "common"}
         for known in self._world.declared():
             for name in CAN:
                 yield from self._wrong(known, name, of.get(known.name, []), common)
+
+    def _missing_of_fleet(self, lasting: list[Event]) -> Iterator[Wrong]:
+        """Whether the fleet has the fault that its robots say, by those that are known."""
+        now, parts, robots = self._world.now.mono, leaves(EACH), self._world.declared()
+        found = []
+        for known in robots:
+            quiet = now - max(known.gap, known.quiet, self._world.started)
+            is_known = quiet >= CALM and parts <= known.parts.keys()
+            if is_known and not self._is_changing(known, parts):
+                found.append(judge(EACH, partial(_level, known))[0])
+        own = {each.state for each in lasting if each.scope == "capability"}
+        if sum(each < DEGRADED for each in found) > NEEDED and own:
+            yield "a fleet that is well has a fault", own
+        if len(robots) >= NEEDED > len(robots) - found.count(LOST) and "lost" not in own:
+            yield "a fleet can do less than its faults say", (own, found)
+
+    def ended(self, event: Event) -> Iterator[Wrong]:
+        """What is wrong with the end of a fault of the fleet: that no message is evidence of it."""
+        if event.scope != "capability" or event.robot or event.reason != "recovered":
+            return
+        robots = self._world.declared()
+        able = [each.name for each in robots if self._is_perhaps_able(each)]
+        has_more = event.state == "no_reserve" and len(robots) > NEEDED
+        if len(able) < NEEDED + has_more <= len(robots):
+            yield "the fleet's fault ended although too few robots can", (event, able)
+
+    def _is_perhaps_able(self, known: Delivered) -> bool:
+        """Whether it is received, and no part that it needs is known to have failed."""
+        if known.last is None or known.last < self._world.started:
+            return False
+        parts = known.parts
+        state, _ = judge(EACH, lambda name: _state(parts[name]) if name in parts else FINE)
+        return state < LOST and self._world.now.mono - known.last <= STALE_AFTER + LATE
 
     def _wrong(
         self, known: Delivered, name: str, lasting: list[Event], common: set[str]

@@ -10,6 +10,8 @@ from ros_diagnostics_exporter.config.capabilities import (
     CapabilityOf,
     ComponentsOf,
     Expression,
+    FleetCapability,
+    RobotsOf,
 )
 from ros_diagnostics_exporter.regex import Pattern
 from simulation.story import COMPONENTS
@@ -47,6 +49,16 @@ def capabilities() -> Mapping[str, Capability]:
         )
         for name, each in CAN.items()
     }
+
+
+# Of the fleet: so many robots have to be able to do this.
+TOGETHER, NEEDED, EACH = "transport", 5, "driving"
+
+
+def of_fleet() -> Mapping[str, FleetCapability]:
+    """What the fleet can do while enough of its robots can."""
+    need = Expression(NEEDED, (RobotsOf(EACH, {}),))
+    return {TOGETHER: FleetCapability(TOGETHER, need)}
 
 
 def leaves(name: str) -> set[str]:

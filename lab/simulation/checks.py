@@ -89,6 +89,7 @@ class Judge:
                     begun.append(event)
                 elif event.kind == "fault_ended":
                     self._ended(event)
+                    self._fail_first(self._abilities.ended(event))
                     ended = True
             self._fail_first(self._larger.began(begun, self._faults))
             self._fail_first(self._abilities.began(begun, self._faults))

@@ -25,7 +25,7 @@ from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_tools.backtest.replay import Restarts
-from simulation.can import capabilities
+from simulation.can import capabilities, of_fleet
 from simulation.story import (
     COMPONENTS,
     ERROR,
@@ -180,7 +180,13 @@ class World:
             for name in self.robots
             if name not in self._undeclared
         )
-        return Fleet("f", robots, maintenance=tuple(self._maintenance), faults=SETTINGS)
+        return Fleet(
+            "f",
+            robots,
+            maintenance=tuple(self._maintenance),
+            faults=SETTINGS,
+            capabilities=of_fleet() if self.story.able else {},
+        )
 
     def _configure(self) -> None:
         self.fleet = self._fleet()

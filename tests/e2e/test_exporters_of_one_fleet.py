@@ -125,7 +125,8 @@ def test_each_exporter_judges_its_robots_and_holds_their_faults_alone(site: Site
         found = site.servers.query(expr)
         return float(found[0]["value"][1]) if found else 0
 
-    until(lambda: robots('sum(fleet:ros_diagnostics_robots:count{fleet="hall"})') == 4, "4", 60)
+    count = 'sum(site_robot_group:ros_diagnostics_robots:count{fleet="hall"})'
+    until(lambda: robots(count) == 4, "4", 60)
     site.north.motor("error")
     site.south.motor("error")
     site.becomes(NORTH, SOUTH)
@@ -135,7 +136,7 @@ def test_each_exporter_judges_its_robots_and_holds_their_faults_alone(site: Site
     # What south serves and what it no longer serves is nothing that ends a fault of north's robots.
     site.south.motor("ok")
     site.becomes(NORTH, ("ExporterDown", "north", ""), keeps=NORTH)
-    well = 'fleet:ros_diagnostics_robots:count{state="ok"}'
+    well = 'sum(site_robot_group:ros_diagnostics_robots:count{state="ok"})'
     until(lambda: robots(well) == 2, lambda: f"2 robots are OK, not {robots(well)}", 30)
     site.north.exporter.start()
     site.becomes(NORTH, keeps=NORTH)

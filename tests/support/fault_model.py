@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.model import Level
 OK, WARN, ERROR, STALE = Level
 STATE_OF = {WARN: "warning", ERROR: "critical", STALE: "stale"}
 LOW = ("warning", "critical")
+OWN_CONFIRM = 60  # seconds: as before an exporter has first looked at itself
 Key = tuple[str, ...]  # scope, state, site, robot, group, component, check, key, bound, severity
 
 
@@ -120,6 +121,14 @@ class RobotModel:
 
 
 @dataclass
+class OwnModel:
+    """One thing that may be wrong with a part of the exporter."""
+
+    since: int | None = None
+    fresh: bool = False
+
+
+@dataclass
 class CauseModel:
     active: int | None = None
     ended: int = -(10**9)
@@ -138,6 +147,7 @@ class Model:
         self.robots: dict[str, RobotModel] = {}
         self.faults: dict[Key, dict[str, Any]] = {}
         self.causes: dict[tuple[str, str], CauseModel] = {}
+        self.own: dict[tuple[str, Level], OwnModel] = {}  # part of the exporter, what is wrong
         self.settled_at = -(10**9)
         self.changes: list[tuple[int, str, Key, int, tuple[tuple[str, str], ...]]] = []
 
@@ -388,8 +398,26 @@ class Model:
 
     # -- computation -------------------------------------------------------------------------
 
+    def report_own(self, levels: dict[str, Level], now: int) -> None:
+        for part, bad in [each for each in self.own if each[0] not in levels]:
+            self._end(key_of("exporter", STATE_OF[bad], component=part), "removed", now)
+            del self.own[part, bad]
+        for part, level in levels.items():
+            for bad in (WARN, ERROR):
+                known = self.own.setdefault((part, bad), OwnModel())
+                known.fresh = level != STALE
+                if level == bad:
+                    known.since = now if known.since is None else known.since
+                elif known.fresh:
+                    known.since = None
+
     def step(self, now: int) -> None:
         """Compute all causes and faults at this second."""
+        for (part, bad), known in self.own.items():
+            key, since = key_of("exporter", STATE_OF[bad], component=part), known.since
+            begins = since is not None and known.fresh and now >= since + OWN_CONFIRM
+            well = known.fresh and since is None
+            self._update(key, since, begins, well=well, labels={}, now=now)
         for robot in self.robots.values():
             self._flap(robot, now)
             self._sample(robot, now)

@@ -114,6 +114,7 @@ def fleet(*robots: dict[str, Any], problems: Iterable[dict[str, Any]] = ()) -> d
         "time": 1_060.0,
         "version": "1",
         "problems": list(problems),
+        "capabilities": [],
         "robots": list(robots),
     }
 
@@ -170,7 +171,7 @@ def no_ledger(
     }
 
 
-def no_capabilities(robot: str) -> dict[str, Any]:
+def no_capabilities(robot: str | None) -> dict[str, Any]:
     return {"fleet": "hall", "robot": robot, "time": 1_060.0, "capabilities": []}
 
 
@@ -195,7 +196,7 @@ class FakeBackend:
     story: Callable[[str], dict[str, Any]] = no_story
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
     why: Callable[..., dict[str, Any]] = no_ledger
-    capabilities: Callable[[str], dict[str, Any]] = no_capabilities
+    capabilities: Callable[[str | None], dict[str, Any]] = no_capabilities
     notified: Callable[[bytes], tuple[int, int]] = lambda _body: (1, 0)
     targets: Callable[[str, int | None], list[dict[str, Any]]] = no_targets
     hanging_reason: Callable[[], str | None] = lambda: None

@@ -6,16 +6,18 @@ from typing import Any
 
 from ros_diagnostics_exporter.faults.model import PartName
 from ros_diagnostics_exporter.faults.needs import AtLeast, Missing, Need, NeedView
+from ros_diagnostics_exporter.fleet.fleet_capabilities import counts
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant
 
 
-def capability_tree(state: FleetState, robot: str, now: Instant) -> dict[str, Any]:
-    """What a robot can do, each capability after those that it needs, and what for.
+def capability_tree(state: FleetState, robot: str | None, now: Instant) -> dict[str, Any]:
+    """What a robot, or None the fleet, can do, each after those that it needs, and what for.
 
     Raises:
         LookupError: there is no such robot.
     """
+    views = state.fleet_needs() if robot is None else state.needs(robot)
     return {
         "fleet": state.fleet.name,
         "robot": robot,
@@ -27,9 +29,17 @@ def capability_tree(state: FleetState, robot: str, now: Instant) -> dict[str, An
                 "needed": view.wanted.applies,
                 "need": _need(view.wanted.need, view),
             }
-            for name, view in state.needs(robot).items()
+            for name, view in views.items()
         ],
     }
+
+
+def fleet_capabilities(state: FleetState) -> list[dict[str, Any]]:
+    """What the fleet can do, with the number of robots by what they can."""
+    return [
+        {"capability": name, "state": view.ability.name.lower(), "robots": counts(view)}
+        for name, view in state.fleet_needs().items()
+    ]
 
 
 def _need(need: Need, view: NeedView) -> dict[str, Any]:

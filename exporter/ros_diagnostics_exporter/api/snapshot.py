@@ -8,6 +8,7 @@ from typing import Any
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.alertmanager import Acknowledgement
+from ros_diagnostics_exporter.api.capabilities import fleet_capabilities
 from ros_diagnostics_exporter.config.fleet import Fleet, Source, ValueRule
 from ros_diagnostics_exporter.config.fleet import Robot as Settings
 from ros_diagnostics_exporter.faults.model import (
@@ -103,6 +104,7 @@ def fleet_snapshot(state: FleetState, now: Instant, care: Care = NOBODY) -> dict
         "time": now.wall,
         "version": __version__,
         "problems": problems.get("", []),
+        "capabilities": fleet_capabilities(state),
         "unmatched": [asdict(each) for each in state.unmatched.entries],
         "robots": [
             {

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 from typing_extensions import override
@@ -44,6 +45,21 @@ class CapabilityOf:
 
 
 @dataclass(frozen=True)
+class RobotsOf:
+    """The robots with these labels that have the capability of this name: of a fleet's."""
+
+    capability: str
+    selector: Mapping[str, tuple[Pattern, ...]]
+
+    def selects(self, labels: Mapping[str, str]) -> bool:
+        """Whether it is a robot with these labels, `robot` and `fleet` among them."""
+        return all(
+            any(pattern.fullmatch(labels.get(label, "")) for pattern in patterns)
+            for label, patterns in self.selector.items()
+        )
+
+
+@dataclass(frozen=True)
 class Expression:
     """At least ``k`` of what follows; None: all of it.
 
@@ -55,7 +71,7 @@ class Expression:
     degraded: Literal["degraded", "ok", "lost"] = "degraded"
 
 
-Need = ComponentsOf | CheckOf | CapabilityOf | Expression
+Need = ComponentsOf | CheckOf | CapabilityOf | RobotsOf | Expression
 
 
 def _need(value: Any, depth: int = 0) -> Need:
@@ -66,6 +82,8 @@ def _need(value: Any, depth: int = 0) -> Need:
         return ComponentsOf((word(value),))
     if "component" in value:
         return _components(value)
+    if "can" in value:
+        return _robots(value)
     if len(value) != 1 or not value.keys() <= _MADE.keys():
         raise WrongValueError(f"{quoted(value)} is not one of {_FORMS}", "write {any: [...]}")
     (form,) = value
@@ -97,6 +115,25 @@ def _components(value: dict[str, Any]) -> ComponentsOf:
     return ComponentsOf(found, patterns("key", wildcard) if "key" in value else ())
 
 
+def _robots(value: dict[str, Any]) -> RobotsOf:
+    unknown = sorted(value.keys() - {"can", "robots"})
+    labels = value.get("robots", {})
+    if unknown or not isinstance(labels, dict):
+        what = f"has can and {unknown[0]}" if unknown else f"{quoted(labels)} is no mapping"
+        raise WrongValueError(what, "write {can: lifting, robots: {site: hall}}")
+
+    def patterns(label: str) -> tuple[Pattern, ...]:
+        items = labels[label] if isinstance(labels[label], list) else [labels[label]]
+        if not items:
+            raise WrongValueError("is an empty list", "remove it or fill it in", (label,))
+        return tuple(_below(label, lambda each=each: wildcard(each)) for each in items)
+
+    selector = {
+        text(label): _below("robots", lambda each=label: patterns(each)) for label in labels
+    }
+    return RobotsOf(_below("can", lambda: text(value["can"])), MappingProxyType(selector))
+
+
 def _needs(value: Any, depth: int = 0) -> tuple[Need, ...]:
     """The elements of a list, or the only one of it without a list."""
     items = value if isinstance(value, list) else [value]
@@ -125,7 +162,7 @@ def _at_least(value: Any, depth: int = 0) -> Expression:
         remedy = f"use a whole number from 1 to {MOST_PARTS}"
         raise WrongValueError(f"{quoted(k)} is not how many", remedy, ("k",))
     of = _below("of", lambda: _needs(value["of"], depth))
-    is_counted = not any(isinstance(each, ComponentsOf) for each in of)
+    is_counted = not any(isinstance(each, ComponentsOf | RobotsOf) for each in of)
     if is_counted and k > len(of):
         remedy = f"use at most {len(of)}"
         raise WrongValueError(f"{k} is more than the {len(of)} of the list", remedy, ("k",))
@@ -154,7 +191,9 @@ _PART: dict[str, Any] = {
         {"type": "string", "minLength": 1, "maxLength": MAX_PATTERN},
         {
             "type": "object",
-            "properties": {each: {} for each in (*_MADE, "component", "key", "regex")},
+            "properties": {
+                each: {} for each in (*_MADE, "component", "key", "regex", "can", "robots")
+            },
             "additionalProperties": False,
             "minProperties": 1,
         },
@@ -205,17 +244,68 @@ class Capability(Entry):
 
     @override
     def completed(self, given: Mapping[str, Any]) -> Capability:
-        forms = [each for each in ("all", "any", "at_least") if getattr(self, each) is not None]
-        if len(forms) != 1:
-            what = f"has {' and '.join(forms) or 'none of all, any and at_least'}"
-            raise WrongValueError(what, "give one of them, and put the others into it")
+        need = _only_form(self)
+        for each in parts_of(need):
+            if isinstance(each, RobotsOf):
+                what = f"{{can: {each.capability}}} is about robots, and this is of one"
+                raise WrongValueError(what, "put it into the fleet's capabilities")
         for at, condition in enumerate(self.when):
             if not condition.component:
                 what = "is about the component itself, and a capability is none"
                 is_list = isinstance(given.get("when"), list)
                 below = ("when", at) if is_list else ("when",)
                 raise WrongValueError(what, "name the component: {component: Mode, ...}", below)
-        need: Expression = getattr(self, forms[0])
+        return replace(self, need=need)
+
+
+def _only_form(capability: Capability | FleetCapability) -> Expression:
+    forms = [each for each in ("all", "any", "at_least") if getattr(capability, each) is not None]
+    if len(forms) != 1:
+        what = f"has {' and '.join(forms) or 'none of all, any and at_least'}"
+        raise WrongValueError(what, "give one of them, and put the others into it")
+    need: Expression = getattr(capability, forms[0])
+    return need
+
+
+class FleetCapability(Entry):
+    """Something that the fleet can do, while enough of its robots can."""
+
+    name: str = ""
+    need: Expression = Expression(None, ())
+    all: Annotated[Expression | None, Value(_all, "parts", **_PARTS)] = described(
+        "It needs all of these: robots that can do something, `{can: lifting, robots: {site: "
+        "hall}}`, other capabilities of the fleet, or [expressions](capabilities.md#of-a-fleet).",
+        example=[{"can": "lifting", "robots": {"site": "hall"}}],
+        default=None,
+    )
+    any: Annotated[Expression | None, Value(_any, "parts", **_PARTS)] = described(
+        "It needs one of these. In place of `all`.",
+        example=[{"can": "lifting"}],
+        default=None,
+    )
+    at_least: Annotated[
+        Expression | None,
+        Value(
+            _at_least,
+            "`{k: number, of: parts}`",
+            type="object",
+            properties={"k": _K, "of": _PARTS},
+            required=["k", "of"],
+            additionalProperties=False,
+        ),
+    ] = described(
+        "It needs so many of these. In place of `all`.",
+        example={"k": 3, "of": [{"can": "lifting", "robots": {"site": "hall"}}]},
+        default=None,
+    )
+
+    @override
+    def completed(self, given: Mapping[str, Any]) -> FleetCapability:
+        need = _only_form(self)
+        for each in parts_of(need):
+            if isinstance(each, ComponentsOf | CheckOf):
+                what = "names a component or a check, and a fleet has none"
+                raise WrongValueError(what, "name what its robots can do: {can: lifting}")
         return replace(self, need=need)
 
 
@@ -235,12 +325,12 @@ def parts_of(need: Need) -> Iterator[Need]:
         yield from parts_of(each)
 
 
-def named_by(capability: Capability) -> list[str]:
+def named_by(capability: Capability | FleetCapability) -> list[str]:
     """The other capabilities that one needs."""
     return [each.name for each in parts_of(capability.need) if isinstance(each, CapabilityOf)]
 
 
-def in_order(capabilities: Mapping[str, Capability]) -> list[str]:
+def in_order(capabilities: Mapping[str, Capability] | Mapping[str, FleetCapability]) -> list[str]:
     """Their names, each after those that it needs; there are no circles, see `wrong_names`."""
     ordered: dict[str, None] = {}
 
@@ -256,28 +346,40 @@ def in_order(capabilities: Mapping[str, Capability]) -> list[str]:
 
 
 def wrong_names(
-    capabilities: Mapping[str, Capability], checks: list[str]
+    capabilities: Mapping[str, Capability] | Mapping[str, FleetCapability],
+    checks: Iterable[str] = (),
+    of_robots: Iterable[str] = (),
 ) -> Iterator[tuple[str, str, str]]:
-    """(capability, what is wrong, remedy) of names that are not there, of circles, of too many."""
+    """(capability, what is wrong, remedy) of names that are not there, of circles, of too many.
+
+    ``of_robots`` are what any profile's robots can do, for a fleet's.
+    """
     if len(capabilities) > MOST:
         what = f"is one of {len(capabilities)}"
         yield next(iter(capabilities)), what, f"have at most {MOST} in a profile"
         return
-    known = {CheckOf: ("check", checks), CapabilityOf: ("capability", sorted(capabilities))}
+    known = {
+        CheckOf: ("check", list(checks)),
+        CapabilityOf: ("capability", sorted(capabilities)),
+        RobotsOf: ("capability of any profile", sorted(of_robots)),
+    }
     for name, capability in capabilities.items():
         for each in parts_of(capability.need):
-            if isinstance(each, CheckOf | CapabilityOf):
+            if isinstance(each, CheckOf | CapabilityOf | RobotsOf):
                 kind, names = known[type(each)]
-                if each.name not in names:
-                    what = f"there is no {kind} {quoted(each.name)}"
-                    yield name, what, suggestion(each.name, names)
+                wanted = each.capability if isinstance(each, RobotsOf) else each.name
+                if wanted not in names:
+                    what = f"there is no {kind} {quoted(wanted)}"
+                    yield name, what, suggestion(wanted, names)
         circle = _circle(name, capabilities)
         if circle:
             what = f"needs itself: {' -> '.join(map(quoted, circle))}"
             yield name, what, "remove one of them"
 
 
-def _circle(name: str, capabilities: Mapping[str, Capability]) -> list[str]:
+def _circle(
+    name: str, capabilities: Mapping[str, Capability] | Mapping[str, FleetCapability]
+) -> list[str]:
     """A way from a capability to itself; [] for none."""
     ways = [[name]]
     seen = set()

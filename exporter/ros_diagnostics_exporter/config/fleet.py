@@ -15,6 +15,7 @@ from zoneinfo import ZoneInfo
 from pydantic import Field
 from typing_extensions import override
 
+from ros_diagnostics_exporter.config.capabilities import FleetCapability
 from ros_diagnostics_exporter.config.errors import WrongValueError
 from ros_diagnostics_exporter.config.faults import (
     CapsuleSettings,
@@ -55,6 +56,7 @@ from ros_diagnostics_exporter.config.robots import (
 )
 from ros_diagnostics_exporter.config.scalars import (
     CanaryInterval,
+    CapabilityName,
     Count,
     Folder,
     LabelValue,
@@ -225,6 +227,24 @@ class Fleet(Entry, title="FleetFile"):
         "list.",
         example="fleet/maintenance",
         default="maintenance.d",
+    )
+    capabilities: Annotated[
+        Mapping[str, FleetCapability],
+        Written(
+            dict[CapabilityName, FleetCapability],
+            lambda found: MappingProxyType(
+                {name: replace(each, name=name) for name, each in found.items()}
+            ),
+        ),
+    ] = described(
+        "What the fleet can do while enough of its robots can: a fault says so before too few "
+        "can ([capabilities](capabilities.md#of-a-fleet)).",
+        example={
+            "lifting in hall 2": {
+                "at_least": {"k": 3, "of": {"can": "lifting", "robots": {"site": "hall_2"}}}
+            }
+        },
+        default_factory=nothing,
     )
     queries: Annotated[tuple[Query, ...], Written(list[Query], tuple)] = described(
         "What Prometheus measures of the robots (`--prometheus.url`), as components of them.",

@@ -113,6 +113,9 @@ def _fleet(document: Document, sources_read: list[Path], problems: list[Finding]
     problems.extend(find_conflicts(checked, top.limits if top else Limits()))
     if top is None:
         return None
+    of_robots = {name for each in profiles.values() for name in each.capabilities}
+    for name, what, remedy in wrong_names(top.capabilities, of_robots=of_robots):
+        problems.append(document.problem(("capabilities", name), what, remedy))
     if top.zenoh is None:
         problems.extend(find_unreached(checked))
     fleet = replace(

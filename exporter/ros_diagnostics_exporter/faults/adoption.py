@@ -37,7 +37,8 @@ def adopt(book: Book, fault: Fault, now: Instant) -> Change | None:
         return None
     since = Instant(now.mono - max(0.0, now.wall - fault.since), fault.since)
     robot = book.robots.get(identity.robot)
-    if identity.scope is Scope.EXPORTER:
+    of_fleet = robot is None and identity.scope is Scope.CAPABILITY
+    if identity.scope is Scope.EXPORTER or of_fleet:
         pass  # of no robot, and nothing follows from it
     elif robot is None or identity.state is State.MANY:
         _prepare_cause(book, identity, since, now)

@@ -14,6 +14,7 @@ from ros_diagnostics_exporter.faults.records import (
     Cause,
     ComponentRecord,
     Ended,
+    FleetCapabilityRecord,
     Presence,
     Problem,
     RobotRecord,
@@ -26,6 +27,7 @@ from ros_diagnostics_exporter.model import Instant
 TimerKind = Literal[
     "confirm",
     "cover",
+    "fleet",
     "returned",
     "reachable",
     "presence",
@@ -63,6 +65,7 @@ class Book:
         self.touched_causes: dict[Cause, None] = {}
         self.touched_robots: dict[RobotRecord, None] = {}  # whose capabilities are to be judged
         self.written: dict[RowKey, None] = {}  # rows that differ from what was last taken
+        self.fleet_capabilities: dict[str, FleetCapabilityRecord] = {}  # each after those it needs
         self.followed: dict[str, None] = {}  # robots of which `Faults.followed` changed
 
     # -- notes -------------------------------------------------------------------------------

@@ -37,7 +37,8 @@ from ros_diagnostics_exporter.faults.records import (
 )
 from ros_diagnostics_exporter.model import Instant, Level
 
-_STATES = {
+FLEET_DELAY = 0.5  # seconds: what changes at once of many robots is judged together
+STATES = {
     State.NO_RESERVE: Ability.NO_RESERVE,
     State.DEGRADED: Ability.DEGRADED,
     State.LOST: Ability.LOST,
@@ -81,6 +82,8 @@ def update_touched(book: Book, now: Instant) -> None:
     """Judge the capabilities of robots whose parts were touched."""
     for robot in book.touched_robots:
         _update(book, robot, now)
+    if book.touched_robots and book.fleet_capabilities:
+        book.timers.set_at_latest(("fleet", None), now.mono + FLEET_DELAY)
     book.touched_robots.clear()
 
 
@@ -178,10 +181,11 @@ def _judge(
     if actual.ability is not capability.ability:
         capability.ability = actual.ability
         book.followed[capability.robot.name] = None
+    capability.due = actual.due
     if actual.ability is not Ability.UNKNOWN:
         _cover(book, capability, actual, in_use, now)
-    for state, ability in _STATES.items():
-        verdict = _verdict(ability, actual, in_use)
+    for state, ability in STATES.items():
+        verdict = verdict_on(ability, actual, in_use)
         problem = capability.problems.get(state)
         if problem is None and verdict >= Verdict.ABSENT:
             identity = Identity(Scope.CAPABILITY, state, "", capability.robot.name)
@@ -204,7 +208,8 @@ def _judge(
         book.touched[problem] = None
 
 
-def _verdict(ability: Ability, actual: Standing, in_use: Standing) -> Verdict:
+def verdict_on(ability: Ability, actual: Standing, in_use: Standing) -> Verdict:
+    """Whether it is just as good as this, by how good it is without what is in maintenance."""
     if in_use.ability is ability:
         return Verdict.ABSENT if in_use.absent else Verdict.BAD
     # One goes on under a worse, which is no recovery; that nothing is known is none, either.
@@ -279,7 +284,7 @@ def explains(problem: Problem, now: Instant) -> bool:
     robot = problem.robot
     if robot is None or not robot.capabilities:
         return False
-    if problem.capability is not None:
+    if isinstance(problem.capability, CapabilityRecord):
         return any(
             _is_larger(each, problem.capability, now) for each in robot.capabilities.values()
         )

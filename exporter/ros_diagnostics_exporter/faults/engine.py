@@ -7,7 +7,7 @@ check that expects something, as they are after the robot's first array; then wh
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import inf
 from typing import Any
 
@@ -19,6 +19,7 @@ from ros_diagnostics_exporter.faults import (
     clocks,
     components,
     ends,
+    fleet_capabilities,
     hours,
     judge,
     own,
@@ -56,6 +57,14 @@ from ros_diagnostics_exporter.faults.records import (
 )
 from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant
+
+# What is done by a timer that is of no record.
+_OF_ALL: Mapping[str, Callable[[Book, Instant], None]] = {
+    "ends": ends.drop_old,
+    "hours": hours.follow,
+    "fleet": fleet_capabilities.judge,
+    "settled": presence.settle,
+}
 
 
 class Faults:
@@ -118,12 +127,8 @@ class Faults:
             _end_cover(book, record)
         elif isinstance(record, ComponentRecord):
             components.decay(book, record, at)
-        elif kind == "ends":
-            ends.drop_old(book, at)
-        elif kind == "hours":
-            hours.follow(book, at)
         elif not isinstance(record, RobotRecord):
-            presence.settle(book, at)
+            _OF_ALL[kind](book, at)
         elif kind == "presence":
             presence.decay(book, record, at)
         elif kind == "trends":
@@ -180,6 +185,13 @@ class Faults:
         gone = capabilities.configure(self._book, self._robot(robot), wanted)
         changes += judge.end_all(self._book, gone, now)
         return changes + judge.settle(self._book, now)
+
+    def configure_fleet(self, wanted: Iterable[WantedCapability], now: Instant) -> list[Change]:
+        """Set what the fleet can do, each after those that it needs; all others are removed."""
+        changes = self.advance(now)
+        gone = fleet_capabilities.configure(self._book, wanted, now)
+        changes += judge.end_all(self._book, gone, now)
+        return changes + self.advance(now)
 
     def maintenance(self, planned: Mapping[str, bool], now: Instant) -> list[Change]:
         """Begin (True) or end the planned downtimes of robots, of all that change at one time.
@@ -395,6 +407,10 @@ class Faults:
     def needs(self, robot: str) -> dict[str, NeedView]:
         """What a robot can do, each after those that it needs, with how good all its parts are."""
         return capabilities.views(self._book, self._robot(robot))
+
+    def fleet_needs(self) -> dict[str, NeedView]:
+        """What the fleet can do, each after those that it needs, with how good all robots are."""
+        return fleet_capabilities.views(self._book)
 
     def identities(self, robot: str) -> Iterator[Identity]:
         """Which problems a robot and its parts have."""

@@ -24,7 +24,7 @@ class Scope(str, Enum):
     FLAPPING = "flapping"  # of a component, or intermittent
     SITE = "site"
     COMMON = "common"
-    CAPABILITY = "capability"  # of a robot; its name is the identity's ``check``
+    CAPABILITY = "capability"  # of a robot or of the fleet; its name is the identity's ``check``
     EXPORTER = "exporter"  # the exporter itself; ``component`` is which part of it
 
 
@@ -211,12 +211,16 @@ ABILITIES = (  # as they are shown: what is not known last
 
 
 class PartName(NamedTuple):
-    """What an expression rests on: a component, one value of it, or a check."""
+    """What an expression rests on: a component, one value of it, or a check.
+
+    Of a fleet's: a ``robot``, and in ``check`` which of its capabilities.
+    """
 
     group: str = ""
     component: str = ""
     key: str = ""
     check: str = ""
+    robot: str = ""
 
 
 class AbilityView(NamedTuple):

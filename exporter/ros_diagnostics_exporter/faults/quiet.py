@@ -109,7 +109,7 @@ def _of_larger(book: Book, problem: Problem, now: Instant) -> Reason | None:
     reason = None
     if problem.component is not None:
         reason = _of_component(book, problem, problem.component, now)
-    elif problem.capability is not None:
+    elif isinstance(problem.capability, CapabilityRecord):
         reason = _of_parts(book, problem.capability, now)
     if reason is None and capabilities.explains(problem, now):
         return Reason.CAPABILITY

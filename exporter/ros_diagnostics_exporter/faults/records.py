@@ -72,7 +72,7 @@ class Problem:
         robot: RobotRecord | None = None,
         component: ComponentRecord | None = None,
         cause: Cause | None = None,
-        capability: CapabilityRecord | None = None,
+        capability: CapabilityRecord | FleetCapabilityRecord | None = None,
     ) -> None:
         self.identity = identity
         self.row: RowKey = ("problem", (identity[0].value, identity[1].value, *identity[2:]))
@@ -320,9 +320,10 @@ class Cause:
 class CapabilityRecord:
     """Something that a robot can do; ``wanted`` is None until it is configured.
 
-    ``ability`` is how good it is. While ``active``, and until ``covers_until`` (monotonic) after
-    it, the ``parts`` that keep it from being OK are quiet; ``worst`` is how bad it was when last
-    known. ``adopted``: it was a fault before the start, and its parts then are not known.
+    ``ability`` is how good it is, and ``due`` (monotonic) when its parts have been so for their
+    confirm_after. While ``active``, and until ``covers_until`` (monotonic) after it, the ``parts``
+    that keep it from being OK are quiet; ``worst`` is how bad it was when last known. ``adopted``:
+    it was a fault before the start, and its parts then are not known.
     """
 
     __slots__ = (
@@ -330,6 +331,7 @@ class CapabilityRecord:
         "active",
         "adopted",
         "covers_until",
+        "due",
         "name",
         "parts",
         "problems",
@@ -345,6 +347,7 @@ class CapabilityRecord:
         self.row: RowKey = ("capability", (robot.name, name))
         self.wanted: WantedCapability | None = None
         self.ability = self.worst = Ability.UNKNOWN
+        self.due = -inf
         self.active: Instant | None = None
         self.adopted = False
         self.covers_until = -inf
@@ -359,6 +362,24 @@ class CapabilityRecord:
     def is_fault(self) -> bool:
         """Whether it is confirmed that it is in trouble."""
         return any(each.fault is not None and each.in_trouble for each in self.problems.values())
+
+
+class FleetCapabilityRecord:
+    """Something that the fleet can do; ``wanted`` is None until it is configured.
+
+    ``parts`` are the robots that kept it from being OK when that was last known. ``adopted``: it
+    was a fault before the start, and what its robots can do is not known yet.
+    """
+
+    __slots__ = ("ability", "adopted", "name", "parts", "problems", "wanted")
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.wanted: WantedCapability | None = None
+        self.ability = Ability.UNKNOWN
+        self.adopted = False
+        self.parts: dict[PartName, Bad] = {}
+        self.problems: dict[State, Problem] = {}
 
 
 class Ended:

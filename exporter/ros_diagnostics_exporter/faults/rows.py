@@ -14,7 +14,13 @@ from math import inf
 from types import MappingProxyType
 from typing import Any
 
-from ros_diagnostics_exporter.faults import capabilities, causes, components, hours
+from ros_diagnostics_exporter.faults import (
+    capabilities,
+    causes,
+    components,
+    fleet_capabilities,
+    hours,
+)
 from ros_diagnostics_exporter.faults.book import CLOCK_TIME, Book
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
 from ros_diagnostics_exporter.faults.model import (
@@ -354,7 +360,10 @@ def give_to_owner(book: Book, problem: Problem) -> None:
     if identity.scope is Scope.EXPORTER:
         book.own.setdefault(identity.component, CLOCK_TIME)
         return
-    if robot is None or identity.state is State.MANY:
+    if robot is None and identity.scope is Scope.CAPABILITY:
+        problem.capability = fleet_capabilities.adopt(book, identity.check)
+        problem.capability.problems[identity.state] = problem
+    elif robot is None or identity.state is State.MANY:
         of = identity.site if identity.scope is Scope.SITE else identity.component
         cause = book.cause(identity.scope, of) if robot is None else robot.many
         problem.cause = cause

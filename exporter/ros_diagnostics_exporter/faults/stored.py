@@ -94,7 +94,7 @@ class OfCapability(NamedTuple):
     active: Moment | None
     covers_until: Moment | None
     worst: Annotated[int, Field(ge=0, le=4)]
-    parts: list[tuple[Text, Text, Text, Text, Annotated[int, Field(ge=0, le=4)], Moment]]
+    parts: list[tuple[Text, Text, Text, Text, Text, Annotated[int, Field(ge=0, le=4)], Moment]]
 
 
 class OfProblem(NamedTuple):

@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from ros_diagnostics_exporter.config import capabilities as config
-from ros_diagnostics_exporter.config.capabilities import CapabilityOf, CheckOf, in_order
+from ros_diagnostics_exporter.config.capabilities import (
+    CapabilityOf,
+    CheckOf,
+    ComponentsOf,
+    in_order,
+)
 from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.faults.model import Ability, AbilityView, ComponentName, PartName
 from ros_diagnostics_exporter.faults.needs import MISSING, AtLeast, Need, Other, WantedCapability
@@ -104,7 +109,7 @@ def _elements(need: config.Need, profile: Profile, names: _Names) -> Iterator[Ne
         check = next(each for each in profile.checks if each.name == need.name)
         own = (PartName(*of) for of in names.values() if check_matches(check, *of))
         yield AtLeast(None, (PartName(check=check.name), *own))
-    else:
+    elif isinstance(need, ComponentsOf):
         for component in _named(names, need.patterns):
             part = PartName(*names[component])
             if not need.keys:

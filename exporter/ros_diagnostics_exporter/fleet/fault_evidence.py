@@ -20,8 +20,8 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component
-from ros_diagnostics_exporter.robots.component_values import ExportedValue
 from ros_diagnostics_exporter.robots.robot import RobotState
+from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_exporter.severity import SILENT
 from ros_diagnostics_exporter.texts import one_line
 

@@ -7,9 +7,11 @@ which compares the robot with what was reported of it; every call is made under 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
+from ros_diagnostics_exporter.config.capabilities import FleetCapability
 from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.config.fleet import Robot as Settings
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.clocks import LIMIT
 from ros_diagnostics_exporter.faults.engine import Faults
@@ -28,6 +30,7 @@ from ros_diagnostics_exporter.faults.model import (
     as_texts,
 )
 from ros_diagnostics_exporter.faults.needs import NeedView
+from ros_diagnostics_exporter.fleet import fleet_capabilities
 from ros_diagnostics_exporter.fleet.capabilities import work
 from ros_diagnostics_exporter.fleet.fault_evidence import (
     Evidence,
@@ -56,6 +59,7 @@ class FaultReports:
         self._now = now
         self._events = events
         self._robots: dict[str, RobotReports] = {}
+        self._fleet_source: tuple[Mapping[str, FleetCapability], list[Settings]] | None = None
         self._own: dict[str, str] = {}  # part of the exporter -> what is wrong with it
         self._faults = Faults(fleet.faults)
         self._faults.started(now, fleet.longest_confirm_after)
@@ -74,8 +78,9 @@ class FaultReports:
 
     def update(self, robot: RobotState, now: Instant) -> None:
         """Report what changed of a robot; cheap where nothing did."""
-        reports = self._robots[robot.settings.name]
-        if reports.needs_update(now):
+        reports, at = self._robots[robot.settings.name], robot.marks.at
+        has_news = max(at[Mark.NAMES], at[Mark.LEVEL], at[Mark.VALUE]) > reports.read
+        if has_news or (not (robot.up and reports.is_up) and reports.is_due(now)):
             self._record(reports.update(self._faults, self._time(now)))
 
     def configure(self, fleet: Fleet, now: Instant) -> None:
@@ -128,6 +133,15 @@ class FaultReports:
             if robot.up and robot.clock_behind is not None
         }
 
+    def _report_fleet(self, now: Instant) -> None:
+        """Report what the fleet can do, where it has other robots, or other settings of them."""
+        every = self._robots.values() if self._fleet.capabilities else ()
+        source = self._fleet.capabilities, [each.robot.settings for each in every]
+        if source != self._fleet_source:
+            self._fleet_source = source
+            found = fleet_capabilities.wanted(self._fleet, source[1])
+            self._record(self._faults.configure_fleet(found, now))
+
     def own(self, reports: Iterable[OwnReport], now: Instant) -> None:
         """Report all parts of the exporter itself."""
         reports = list(reports)
@@ -141,6 +155,7 @@ class FaultReports:
             self._report_maintenance(now)
             self._report_unreachable(now)
             self._record(self._faults.clocks(self._clocks(), now))
+            self._report_fleet(now)
         self._record(self._faults.advance(now))
 
     def restore(self, rows: Iterable[Row], now: Instant) -> None:
@@ -154,7 +169,7 @@ class FaultReports:
         faults = Faults(self._fleet.faults)
         faults.restore(rows, now)
         faults.started(now, self._fleet.longest_confirm_after)
-        self._faults = faults
+        self._faults, self._fleet_source = faults, None
         for kind, key, fields in rows:
             if kind == "robot" and fields is not None and key[0] not in self._robots:
                 self._record(faults.forget_robot(key[0], now))
@@ -195,6 +210,9 @@ class FaultReports:
         if identity.scope is Scope.EXPORTER and identity.component in self._own:
             return of_exporter(self._own[identity.component])
         reports = self._robots.get(identity.robot)
+        if identity.scope is Scope.CAPABILITY and not identity.robot:
+            view = self._faults.fleet_needs().get(identity.check)
+            return Evidence("" if view is None else fleet_capabilities.evidence(view), {})
         if identity.scope is not Scope.CAPABILITY or reports is None:
             return evidence(identity, self._find, self._troubled(identity))
         of = self._faults.abilities(identity.robot).get(identity.check)
@@ -280,6 +298,10 @@ class FaultReports:
     def abilities(self, robot: RobotState) -> dict[str, AbilityView]:
         """What a robot can do, each after those that it needs."""
         return self._faults.abilities(robot.settings.name)
+
+    def fleet_needs(self) -> dict[str, NeedView]:
+        """What the fleet can do, with its expressions and how good all robots are."""
+        return self._faults.fleet_needs()
 
     def needs(self, robot: str) -> dict[str, NeedView]:
         """What a robot can do, with its expressions and how good all parts are.

@@ -26,9 +26,10 @@ from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSet
 from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
 from ros_diagnostics_exporter.model import Instant, Level
-from ros_diagnostics_exporter.robots.component import Component
+from ros_diagnostics_exporter.robots.component import Component, full_name
 from ros_diagnostics_exporter.robots.components import SHADOWED, Components
 from ros_diagnostics_exporter.robots.conditions import Quiet, RobotConditions
+from ros_diagnostics_exporter.robots.limits import truncate
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.rules import component_rule, value_rule
@@ -60,7 +61,8 @@ class RobotReports:
         self._presence: _Presence | None = None
         self._announced: float | None = None  # when a publisher of it was first seen, monotonic
         self._names: dict[Component, ComponentName] = {}
-        self._read = -1  # the last change that was reported
+        self.read = -1  # the last change that was reported
+        self.is_up = False  # was reported, with all of its components
         self._everything = True  # is to be reported, because none of it was, or by other settings
         self._awaited: dict[Component, float] = {}
         self._conditions = RobotConditions(robot)
@@ -105,13 +107,13 @@ class RobotReports:
 
     def start_over(self, faults: Faults, now: Instant) -> list[Change]:
         """Report all of it to another engine, but its downtime."""
-        self._presence, self.maintenance = None, self.robot.maintenance
+        self._presence, self.is_up, self.maintenance = None, False, self.robot.maintenance
         self.maintained, self.unreachable = frozenset(), False
-        self._names, self._read = _names(self.robot.components), self.robot.marks.count
-        return self.configure(faults, now) + self._forget_ignored(faults, now)
+        self._names, self.read = _names(self.robot.components), self.robot.marks.count
+        return self.configure(faults, now) + self._follow_config(faults, now)
 
-    def _forget_ignored(self, faults: Faults, now: Instant) -> list[Change]:
-        """End what is wrong with components that the config of before the start did not ignore."""
+    def _follow_config(self, faults: Faults, now: Instant) -> list[Change]:
+        """Follow what the config of before the start did not: ignored components, other names."""
         robot, changes = self.robot.settings, list[Change]()
         known = {
             ComponentName(identity.group, identity.component)
@@ -122,14 +124,16 @@ class RobotReports:
             rule = component_rule(robot.profile, name.component)
             if rule is not None and rule.ignore:
                 changes += faults.forget_component(robot.name, name, now)
+                continue
+            for component, new in self._names.items():
+                if _had_name(component, name):
+                    changes += faults.component_moved(robot.name, name, new, now)
         return changes
 
     # -- what changed ------------------------------------------------------------------------
 
-    def needs_update(self, now: Instant) -> bool:
-        """Whether there is anything to report."""
-        if self.robot.marks.last(Mark.NAMES, Mark.LEVEL, Mark.VALUE) > self._read:
-            return True
+    def is_due(self, now: Instant) -> bool:
+        """Whether there is anything to report that no mark shows: it is back, silent or late."""
         if self._awaited and self.robot.up and self._has_found_awaited:
             return True
         return self._presence_at(now) != self._presence
@@ -138,7 +142,7 @@ class RobotReports:
         """Report it."""
         changes = self._report_presence(faults, now)
         marks, profile = self.robot.marks, self.robot.settings.profile
-        renamed = marks.at[Mark.NAMES] > self._read
+        renamed = marks.at[Mark.NAMES] > self.read
         if renamed:
             changes += self._follow_names(faults, now)
         if profile.has_conditions or self._everything:
@@ -152,12 +156,13 @@ class RobotReports:
             if renamed or self._everything:
                 changes += self._report_checks(faults, now)
             self._everything = False
-        self._read = marks.count
+        self.read = marks.count
+        self.is_up = self._presence == "up" and not self._awaited
         return changes
 
-    def _changed(self, mark: Mark) -> list[Component]:
+    def _changed(self, mark: int) -> list[Component]:
         """The components of which this was noted since the last report."""
-        return self.robot.marks.components(mark, self._read)
+        return self.robot.marks.components(mark, self.read)
 
     def _apply_conditions(self, now: Instant) -> None:
         """Have what depends on what changed reported, where its conditions say something else."""
@@ -453,3 +458,9 @@ def _is_monitored(profile: Profile, component: Component, key: str) -> bool:
     name = component.identity[0]
     rules = (value_rule(profile, name, each) for each in (key, _NUMBERED.sub("", key)))
     return any(rule is not None and rule.thresholds for rule in rules)
+
+
+def _had_name(component: Component, name: ComponentName) -> bool:
+    """Whether a component had this name by another limit of the length of labels."""
+    is_own = truncate(full_name(component.identity), len(name.component)) == name.component
+    return is_own and truncate(name.group, len(component.group)) == component.group

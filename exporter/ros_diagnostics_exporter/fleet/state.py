@@ -8,6 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
+from math import inf
 from typing import Any, TypeVar
 
 from ros_diagnostics_exporter.config import fleet as config
@@ -107,7 +108,7 @@ class FleetState:
             self._registry.mark_publishing(robot)
         robot.receive(array, now, raw=raw)
         self._faults.update(robot, now)
-        self._ticks.set_at_latest(robot, robot.next_tick)
+        self._look_at_latest(robot, robot.next_tick)
 
     def _receive_shared(
         self, topic: Topic, shared: SharedTopic, array: Array, now: Instant
@@ -236,7 +237,7 @@ class FleetState:
             for text in report.events:
                 self._events.append(Event(now.wall, "graph", report.robot, message=text))
             self._faults.update(robot, now)
-            self._ticks.set_at_latest(robot, robot.next_tick)
+            self._look_at_latest(robot, robot.next_tick)
 
     def wanted_topics(self, domain_id: Domain) -> dict[str, bool]:
         """The topics to be subscribed in a domain: name -> whether robots share it."""
@@ -279,7 +280,7 @@ class FleetState:
                     continue
                 robot.measure(feed, truncate_array(Array(0.0, tuple(own))).statuses, now)
                 self._faults.update(robot, now)
-                self._ticks.set_at_latest(robot, robot.next_tick)
+                self._look_at_latest(robot, robot.next_tick)
 
     def addresses(self) -> dict[str, str]:
         """The robots' addresses by name, "" where a robot has none."""
@@ -309,7 +310,7 @@ class FleetState:
                 if not self._is_known(robot):
                     continue  # dropped: it is not silent
                 robot.tick(now)
-                self._ticks.set_at_latest(robot, robot.next_tick)
+                self._look_at_latest(robot, robot.next_tick)
                 self._faults.update(robot, now)
         slow = now.mono - self._slow_tick_at >= SLOW_TICK
         if slow:
@@ -323,7 +324,15 @@ class FleetState:
         with self._lock:
             while self._ticks.next < now.mono:
                 due += self._ticks.pop()
+            for robot in due:
+                robot.look_at = inf
         return due
+
+    def _look_at_latest(self, robot: RobotState, due: float) -> None:
+        """Have a robot looked at by then, monotonic."""
+        if due < robot.look_at:
+            robot.look_at = due
+            self._ticks.set(robot, due)
 
     def _tick_slowly(self, now: Instant) -> None:
         """Look at what changes slowly: maintenance, publishers of silent robots, absence."""
@@ -373,7 +382,7 @@ class FleetState:
             if robot is not None:
                 robot.follow_feeds(self._feeds, now)
                 self._faults.configure_robot(robot, now)
-                self._ticks.set_at_latest(robot, robot.next_tick)
+                self._look_at_latest(robot, robot.next_tick)
             yield
         self._slow_tick_at = float("-inf")
         self._holding = None
@@ -458,7 +467,7 @@ class FleetState:
                     robot.restore(known, now)
                     robot.follow_feeds(self._feeds, now)
                     if robot.up:  # without ROS: nothing else would have its faults know
-                        self._ticks.set_at_latest(robot, now.mono)
+                        self._look_at_latest(robot, now.mono)
 
     def restore_faults(self, rows: Iterable[Row], now: Instant) -> None:
         """Go on from the rows of an earlier process; to be called after `restore`.
@@ -537,6 +546,11 @@ class FleetState:
     def abilities(self, robot: RobotState) -> dict[str, AbilityView]:
         """What a robot that is visited can do, each after those that it needs."""
         return self._faults.abilities(robot)
+
+    def fleet_needs(self) -> dict[str, NeedView]:
+        """What the fleet can do, with its expressions and how good all robots are."""
+        with self._lock:
+            return self._faults.fleet_needs()
 
     def needs(self, robot: str) -> dict[str, NeedView]:
         """What a robot can do, with its expressions and how good all parts are.

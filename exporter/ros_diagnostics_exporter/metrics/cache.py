@@ -12,14 +12,14 @@ from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.robots.component import Component
-from ros_diagnostics_exporter.robots.component_values import ExportedValue
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.robot import RobotState
+from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_exporter.texts import escape
 
 _VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_MONITORED_VALUE.name}
 _NAMED = Mark.NAMES, Mark.SERIES, Mark.CONFIG  # what the labels of components and values have
-_STATES = {ability: number for number, ability in enumerate(ABILITIES)}
+STATES = {ability: number for number, ability in enumerate(ABILITIES)}
 _WORDS = tuple(level.name.lower() for level in Level)
 
 
@@ -307,7 +307,7 @@ class RobotText:
         self._set(
             family,
             (
-                self._one(family, _STATES[each.ability], f',capability="{escape(capability)}"')
+                self._one(family, STATES[each.ability], f',capability="{escape(capability)}"')
                 for capability, each in self._abilities(self.robot).items()
             ),
         )

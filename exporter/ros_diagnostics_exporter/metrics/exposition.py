@@ -14,9 +14,10 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement
+from ros_diagnostics_exporter.fleet.fleet_capabilities import counts
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics import families as metrics
-from ros_diagnostics_exporter.metrics.cache import RobotText
+from ros_diagnostics_exporter.metrics.cache import STATES, RobotText
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.metrics.fault_text import FaultText, label_pairs
 from ros_diagnostics_exporter.model import ALL_PARTS, Part
@@ -115,7 +116,26 @@ class Exposition:
                 parts=parts,
             ),
             metrics.SITE_RECEIVED.name: self._received(),
+            **self._fleet_capabilities(),
             metrics.DOWNTIME_ROBOTS.name: self._downtimes(),
+        }
+
+    def _fleet_capabilities(self) -> dict[str, bytes]:
+        """What the fleet can do, and how many robots of each capability can."""
+        fleet = self._state.fleet
+        own = {"fleet": fleet.name, "exporter": fleet.exporter}
+        states, robots = [], []
+        for name, view in self._state.fleet_needs().items():
+            labels = label_pairs({**own, "capability": name})
+            states.append(f"{{{labels}}} {STATES[view.ability]}")
+            numbers = counts(view)
+            robots += [
+                f'{{{labels},state="{state}"}} {number}' for state, number in numbers.items()
+            ]
+        found = {metrics.FLEET_CAPABILITY_STATE: states, metrics.FLEET_CAPABILITY_ROBOTS: robots}
+        return {
+            family.name: "".join(f"{family.name}{each}\n" for each in samples).encode()
+            for family, samples in found.items()
         }
 
     def _received(self) -> bytes:

@@ -251,6 +251,21 @@ SITE_RECEIVED = _family(
     (*EXPORTER, "site"),
     part=Part.FAULTS,
 )
+FLEET_CAPABILITY_STATE = _family(
+    "fleet_capability_state",
+    "gauge",
+    "What the fleet can do, by fleet.yml: 0 OK, 1 no reserve, 2 degraded, 3 lost, 4 unknown.",
+    (*EXPORTER, "capability"),
+    part=Part.FAULTS,
+)
+FLEET_CAPABILITY_ROBOTS = _family(
+    "fleet_capability_robots",
+    "gauge",
+    "Robots on which it rests that can do their part (ok), or not: degraded, lost, unknown, or in "
+    "maintenance.",
+    (*EXPORTER, "capability", "state"),
+    part=Part.FAULTS,
+)
 DOWNTIME_ROBOTS = _family(
     "downtime_robots",
     "gauge",
@@ -353,6 +368,8 @@ FAULT_FAMILIES = (
     FAULT_INFO,
     FAULT_END,
     SITE_RECEIVED,
+    FLEET_CAPABILITY_STATE,
+    FLEET_CAPABILITY_ROBOTS,
     DOWNTIME_ROBOTS,
     FAULT_ACKNOWLEDGED,
     FAULT_NOTIFIED,

@@ -9,9 +9,9 @@ import re
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status
-from ros_diagnostics_exporter.robots.component_values import ComponentValues
 from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
 from ros_diagnostics_exporter.robots.persisted import PersistedComponent
+from ros_diagnostics_exporter.robots.values import ComponentValues
 
 OK, WARN, ERROR, STALE = (int(level) for level in Level)
 
@@ -239,3 +239,9 @@ class Component:
         if len(self.gaps) < GAPS_KEPT and sum(self.gaps) < LEAST_STALE_AFTER:
             return max(STALE_AFTER_FIRST, default)
         return max(LEAST_STALE_AFTER, GAP_FACTOR * max(self.gaps))
+
+
+def full_name(identity: Identity) -> str:
+    """The name of a component before it is truncated."""
+    name, _group, hardware_id = identity
+    return f"{name} [{hardware_id}]" if hardware_id else name or "(unnamed)"

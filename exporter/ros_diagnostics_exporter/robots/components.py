@@ -10,8 +10,14 @@ from math import inf
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.model import Feed, Instant, Status
-from ros_diagnostics_exporter.robots.component import ERROR, OK, STALE, Component, Identity
-from ros_diagnostics_exporter.robots.component_values import ComponentValues
+from ros_diagnostics_exporter.robots.component import (
+    ERROR,
+    OK,
+    STALE,
+    Component,
+    Identity,
+    full_name,
+)
 from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
 from ros_diagnostics_exporter.robots.marks import Mark, Marks
 from ros_diagnostics_exporter.robots.rejections import Reject
@@ -21,6 +27,7 @@ from ros_diagnostics_exporter.robots.rules import (
     selects_component,
     value_rule,
 )
+from ros_diagnostics_exporter.robots.values import ComponentValues
 
 # How many series a component has at least: level, since, changes, info, problem since, message.
 SERIES_OF_COMPONENT = 6
@@ -105,9 +112,7 @@ class Components:
         )
 
     def _name(self, identity: Identity) -> str:
-        name, _group, hardware_id = identity
-        label = f"{name} [{hardware_id}]" if hardware_id else name
-        return truncate(label or "(unnamed)", self._limits.label_length)
+        return truncate(full_name(identity), self._limits.label_length)
 
     def regroup(self, component: Component, group: str) -> None:
         """Move a component into another group."""

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import IntEnum
 from operator import attrgetter
 from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
 
 
-class Mark(IntEnum):
-    """What of a robot changed."""
+class Mark:
+    """What of a robot changed; plain numbers, because an enum's members cost more to look up."""
 
     NAMES = 0  # a component was added, removed or has another name
     SERIES = 1  # which values are exported, or a hardware_id
@@ -26,6 +25,9 @@ class Mark(IntEnum):
     DOWNTIME = 10
 
 
+MARKS = 11  # how many there are
+
+
 class Marks(Generic[T]):
     """One robot's marks, some of a component (T), each with the number of its last change.
 
@@ -37,11 +39,11 @@ class Marks(Generic[T]):
 
     def __init__(self) -> None:
         self.count = 0
-        self.at = [0] * len(Mark)
+        self.at = [0] * MARKS
         # Of each component when it was noted last, the latest last.
-        self._of: dict[Mark, dict[T, int]] = {Mark.LEVEL: {}, Mark.VALUE: {}}
+        self._of: dict[int, dict[T, int]] = {Mark.LEVEL: {}, Mark.VALUE: {}}
 
-    def note(self, mark: Mark, component: T | None = None) -> None:
+    def note(self, mark: int, component: T | None = None) -> None:
         """Note a change; LEVEL and VALUE with the component of which it is."""
         self.count += 1
         self.at[mark] = self.count
@@ -50,11 +52,11 @@ class Marks(Generic[T]):
             of.pop(component, None)
             of[component] = self.count
 
-    def last(self, *marks: Mark) -> int:
+    def last(self, *marks: int) -> int:
         """The number of the last change of any of these."""
         return max([self.at[mark] for mark in marks])
 
-    def components(self, mark: Mark, since: int) -> list[T]:
+    def components(self, mark: int, since: int) -> list[T]:
         """The components of which LEVEL or VALUE was noted after ``since``, the latest last."""
         found = []
         for component, number in reversed(self._of[mark].items()):
@@ -69,7 +71,7 @@ class Marks(Generic[T]):
             of.pop(component, None)
 
 
-def marking(**marks: Mark) -> Callable[[type[T]], type[T]]:
+def marking(**marks: int) -> Callable[[type[T]], type[T]]:
     """Have attributes of a class note these in the ``marks`` of its objects when they change.
 
     What an object has first is no change.
@@ -83,7 +85,7 @@ def marking(**marks: Mark) -> Callable[[type[T]], type[T]]:
     return wrapped
 
 
-def _marked(of: type, name: str, mark: Mark) -> property:
+def _marked(of: type, name: str, mark: int) -> property:
     slot = vars(of).get(name)
     read: Callable[[Any], object] = attrgetter(f"_{name}") if slot is None else slot.__get__
 

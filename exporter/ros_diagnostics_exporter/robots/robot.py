@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
+from math import inf
+from typing import Any
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
@@ -27,7 +29,6 @@ from ros_diagnostics_exporter.robots.maintenance import (
     lasting,
 )
 from ros_diagnostics_exporter.robots.marks import Mark, Marks, marking
-from ros_diagnostics_exporter.robots.network import Network
 from ros_diagnostics_exporter.robots.persisted import Origin, PersistedRobot
 from ros_diagnostics_exporter.robots.rejections import (
     LOG_TEXTS,
@@ -51,6 +52,70 @@ ROWS_OF_COMPONENT = 4
 _LEVEL_NAMES = tuple(level.name for level in Level)
 TIME_TO_RETURN = 600.0  # seconds after a start in which nothing is forgotten for its absence
 AUTO_WAIT = 5.0  # seconds that a raw array waits for an aggregated one before raw is the source
+_NO_PUBLISHER = Endpoint(0)
+
+
+@marking(
+    domain_up=Mark.RECEIPT,
+    uplink_up=Mark.RECEIPT,
+    link=Mark.RECEIPT,
+    expected_nodes=Mark.RECEIPT,
+    watched=Mark.RECEIPT,
+)
+class Network:
+    """The endpoints of one robot's topics as the ROS graph last showed them."""
+
+    __slots__ = (
+        *("_endpoints", "domain_up", "expected_nodes", "link", "logs", "lossy", "marks"),
+        *("uplink_up", "watched"),
+    )
+
+    def __init__(
+        self, marks: Marks[Any], *, domain_up: bool = True, uplink_up: bool = True
+    ) -> None:
+        self.marks = marks
+        self.domain_up = domain_up
+        self.uplink_up = uplink_up
+        self.link: LinkReading | None = None  # how messages arrive, where that is known
+        self.expected_nodes: int | None = None  # None: nothing of the graph is known
+        self.lossy = False  # so many are lost that what is not received says nothing
+        self.logs: tuple[str, ...] = ()  # of the last minute from ERROR on, the newest first
+        self.watched: float | None = None  # bytes per second beside diagnostics; None: nothing is
+        self._endpoints: dict[str, Endpoint] = {}
+
+    def update(self, topic: str, endpoint: Endpoint | None) -> bool:
+        """Set a topic's endpoint; True if more than its reliability changed."""
+        endpoint = (endpoint or _NO_PUBLISHER)._replace(reliable=True)
+        if self._endpoints.get(topic, _NO_PUBLISHER) == endpoint:
+            return False
+        self._endpoints[topic] = endpoint
+        self.marks.note(Mark.RECEIPT)
+        return True
+
+    @property
+    def publishers(self) -> int:
+        """Matched publishers on all of the robot's topics."""
+        return sum(endpoint.publishers for endpoint in self._endpoints.values())
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether nothing that the robot is behind is known to fail."""
+        return self.domain_up and self.uplink_up
+
+    @property
+    def obstacle(self) -> SilentReason | None:
+        """The reason, if the graph shows why nothing can be received."""
+        if not self.domain_up:
+            return "domain_unreachable"
+        if not self.uplink_up:
+            return "uplink_down"
+        if any(endpoint.wrong_type for endpoint in self._endpoints.values()):
+            return "wrong_type"
+        if any(endpoint.refused for endpoint in self._endpoints.values()):
+            return "incompatible_qos"
+        if not self.publishers and any(each.is_cut_off for each in self._endpoints.values()):
+            return "unreachable"
+        return None
 
 
 @marking(
@@ -93,6 +158,7 @@ class RobotState:
         self.up = False
         self.source = settings.source
         self._has_no_ros = settings.source is config.Source.QUERIES  # and is never silent
+        self.look_at = inf  # when its State looks at it again, monotonic
         self.last_mono: float | None = None
         self.last_wall = 0.0
         self.messages = 0

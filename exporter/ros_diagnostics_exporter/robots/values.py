@@ -1,4 +1,4 @@
-"""Key-value strings -> numbers with units.
+"""Key-value strings -> numbers with units, as one component exports them and they are judged.
 
 Owns the one question "is this string a number, and in which unit?". All strings come from drivers,
 so whatever could be something else than a measurement (a date, an address, a version, a serial
@@ -9,9 +9,15 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from ros_diagnostics_exporter.config.fleet import Threshold, ValueRule
+from ros_diagnostics_exporter.robots.limits import SeriesLimit, truncate, unique_name
+from ros_diagnostics_exporter.robots.marks import Mark, Marks
+from ros_diagnostics_exporter.robots.rejections import Reject, RejectionReason
 from ros_diagnostics_exporter.robots.units import canonical_unit, unit_in_name
 
 MAX_ELEMENTS = 32  # of one list; a longer one is a dump, not a measurement
@@ -140,3 +146,305 @@ def _is_misleading(digits: str) -> bool:
     if whole[:1] == "0" and whole[1:2].isdigit():
         return True
     return math.isinf(float(digits))
+
+
+# -- of one component -------------------------------------------------------------------------
+
+Pairs = Sequence[tuple[str, str]]
+FindRule = Callable[[str], "ValueRule | None"]  # key -> the config's rule for it
+
+
+@dataclass(slots=True)
+class ExportedValue:
+    """One number as it is exported; ``metric`` is the name that the config gives it, or None.
+
+    ``rejected``: it has another unit than at first and is not exported.
+    """
+
+    key: str
+    unit: str
+    number: float
+    metric: str | None = None
+    rule: ValueRule | None = None
+    rejected: bool = False
+
+    @property
+    def series(self) -> int:
+        """How many series it has, with those of its thresholds and the copy that the rules read."""
+        if self.rule is None or not self.rule.thresholds:
+            return 1
+        return (self.metric is not None) + 2 + len(self.rule.thresholds)
+
+    @property
+    def beyond(self) -> list[Threshold]:
+        """Its thresholds that it is beyond."""
+        return [
+            each
+            for each in (() if self.rule is None else self.rule.thresholds)
+            if (self.number < each.value if each.bound == "low" else self.number > each.value)
+        ]
+
+
+class ComponentValues:
+    """The numbers in the key-values of one component.
+
+    As long as the keys, and how many numbers each has, stay, an update only sets numbers. Numbers
+    that the config judges are parsed at once, all others when they are read: a robot sends ten
+    times and more before it is scraped again.
+    """
+
+    __slots__ = (
+        "_all",
+        "_find_rule",
+        "_judged",
+        "_keys",
+        "_limits",
+        "_marks",
+        "_pairs",
+        "_parsed",
+        "_plain",
+        "_reject",
+        "_rows",
+        "_rules",
+        "_series",
+        "_series_limit",
+        "_units",
+    )
+
+    def __init__(
+        self,
+        find_rule: FindRule | None,
+        limits: tuple[int, int],
+        series_limit: SeriesLimit,
+        reject: Reject,
+        marks: Marks[Any],
+        *,
+        judged: bool,
+    ) -> None:
+        """``limits`` are the values of a component and the characters of a key.
+
+        ``find_rule`` is None where the config has no rule for any value of this component,
+        ``judged`` whether it may ask at any moment what they are.
+        """
+        self._all: list[ExportedValue] = []
+        # for each key-value the number that a text without a unit sets; None where more is to do
+        self._plain: list[ExportedValue | None] = []
+        # for each of the other key-values its numbers; None for one that a limit rejects
+        self._rows: dict[int, list[ExportedValue | None]] = {}
+        self._series = 0  # series
+        self._pairs: Pairs = ()  # of the last status
+        self._keys: tuple[str, ...] = ()  # of those that were parsed last
+        self._parsed = True
+        self._units: dict[str, str] = {}
+        self._find_rule = find_rule
+        self._rules: dict[str, ValueRule | None] = {}
+        self._limits = limits
+        self._series_limit = series_limit
+        self._reject = reject
+        self._marks = marks
+        self._judged = judged
+
+    @property
+    def all(self) -> list[ExportedValue]:
+        """The numbers, in their order; those with another unit than at first among them."""
+        self.parse()
+        return self._all
+
+    @property
+    def beyond(self) -> bool:
+        """Whether a number is beyond a threshold."""
+        return self._find_rule is not None and any(value.beyond for value in self.all)
+
+    def update(self, pairs: Pairs) -> bool:
+        """Take the key-values of a new status; True if a number changed that may be judged."""
+        if self._judged:
+            old, self._pairs = self._pairs, tuple(pairs)
+            return self._set(self._pairs, old)
+        self._pairs, self._parsed = pairs, False
+        self._marks.note(Mark.NUMBER)
+        return False
+
+    def parse(self) -> None:
+        """Set the numbers of the last status, unless they are set already."""
+        if not self._parsed:
+            self._parsed = True
+            self._set(tuple(self._pairs))
+
+    def clear(self) -> None:
+        """Remove the numbers and their series, but not their units."""
+        self._series_limit.remove(self._series)
+        self._series = 0
+        self._all, self._plain, self._rows = [], [], {}
+        self._pairs, self._keys, self._parsed = (), (), True
+
+    def _set(self, pairs: Pairs, old: Pairs = ()) -> bool:
+        """Set the numbers; True if one changed.
+
+        ``old`` are the key-values that are parsed, which need not be again; () where not known.
+        """
+        changed = False
+        if len(self._keys) == len(pairs):
+            for row, (key, pair, plain) in enumerate(
+                zip(self._keys, pairs, self._plain, strict=True)
+            ):
+                if old and old[row] == pair:
+                    continue
+                if key != pair[0]:
+                    break
+                if plain is not None and (number := parse_plain(pair[1])) is not None:
+                    plain.number = number
+                elif not self._update_row(row, pair):
+                    break
+                changed = True
+            else:
+                return changed
+        self._rebuild(pairs)
+        self._marks.note(Mark.SERIES)
+        return True
+
+    def exported(self, pairs: Pairs) -> list[list[ExportedValue]]:
+        """For each of the key-values its numbers that are exported.
+
+        None at all where these are not the key-values of the last update.
+        """
+        if pairs != self._pairs:
+            return [[] for _pair in pairs]
+        self.parse()
+        return [
+            [value for value in self._numbers(row) if value is not None and not value.rejected]
+            for row in range(len(pairs))
+        ]
+
+    def _numbers(self, row: int) -> list[ExportedValue | None]:
+        plain = self._plain[row]
+        return self._rows[row] if plain is None else [plain]
+
+    def _update_row(self, row: int, pair: tuple[str, str]) -> bool:
+        """Set the numbers of one key-value; False if how many, or a unit, changed."""
+        slots = self._numbers(row)
+        if slots == [None] and self._is_list_beyond(pair):
+            return True
+        found = self._read(*pair)
+        if len(found) != len(slots):
+            return False
+        for value, number in zip(slots, found, strict=True):
+            if value is None or value.rejected:
+                if not self._stays_rejected(value, number):
+                    return False
+            elif number.unit != value.unit and math.isfinite(number.value):
+                return False
+            else:
+                value.number = number.value
+        return True
+
+    def _stays_rejected(self, value: ExportedValue | None, number: Number) -> bool:
+        """Count a rejected number; False if it would be accepted now.
+
+        So what is beyond a limit does not cause a rebuild at each array.
+        """
+        if value is None:
+            reason = self._limit()
+        else:
+            reason = "unit_changed" if number.unit != value.unit else None
+        if reason is not None:
+            self._reject(reason, number.key)
+        return reason is not None
+
+    def _rebuild(self, pairs: Pairs) -> None:
+        kept = self._pairs
+        self.clear()
+        self._pairs = kept
+        self._keys = tuple([key for key, _text in pairs])
+        taken: dict[str, int] = {}
+        for row, pair in enumerate(pairs):
+            numbers = self._add_all(pair, taken)
+            plain = self._plain_value(pair[0], numbers)
+            self._plain.append(plain)
+            if plain is None:
+                self._rows[row] = numbers
+
+    def _add_all(self, pair: tuple[str, str], taken: dict[str, int]) -> list[ExportedValue | None]:
+        if self._is_list_beyond(pair):
+            return [None]
+        found = self._read(*pair)
+        rule = self._rules.get(pair[0])
+        return [self._add(number, rule, taken) for number in found]
+
+    def _plain_value(self, key: str, numbers: list[ExportedValue | None]) -> ExportedValue | None:
+        """The number of a key-value of which a text without a unit changes nothing else."""
+        value = numbers[0] if len(numbers) == 1 else None
+        if value is None or value.rejected or self._rules.get(key) is not None:
+            return None
+        return value if [each.unit for each in parse_numbers(key, "1")] == [value.unit] else None
+
+    def _is_list_beyond(self, pair: tuple[str, str]) -> bool:
+        """Count a list that a limit rejects: parsing it would cost as much as 32 numbers."""
+        key, text = pair
+        reason = self._limit() if text.lstrip()[:1] in ("[", "(") else None
+        if reason is not None:
+            self._reject(reason, key)
+        return reason is not None
+
+    def _limit(self) -> RejectionReason | None:
+        """The limit that rejects one more number, if there is one."""
+        if len(self._all) >= self._limits[0]:
+            return "value_limit"
+        return self._series_limit.exceeded_by(1)
+
+    def _read(self, key: str, text: str) -> tuple[Number, ...]:
+        rule = None if self._find_rule is None else self._rule(key)
+        if rule is None:
+            return parse_numbers(key, text)
+        if not rule.keep:
+            return ()
+        if rule.enum is not None and (number := rule.enum.get(text.strip().lower())) is not None:
+            found: tuple[Number, ...] = (Number(key.strip(), "", number),)
+        else:
+            found = parse_numbers(key, text)
+        return tuple(_apply(rule, number) for number in found)
+
+    def _rule(self, key: str) -> ValueRule | None:
+        if key not in self._rules and self._find_rule is not None:
+            if len(self._rules) >= 2 * self._limits[0]:
+                self._rules.clear()  # a robot that invents keys without end
+            self._rules[key] = self._find_rule(key)
+        return self._rules.get(key)
+
+    def _add(
+        self, number: Number, rule: ValueRule | None, taken: dict[str, int]
+    ) -> ExportedValue | None:
+        """A number with a unique key and the unit that the key had at first.
+
+        None where a limit rejects it. ``taken`` are the keys before it, see `unique_name`.
+        """
+        reason = self._limit()
+        if reason is not None:
+            self._reject(reason, number.key)
+            return None
+        key = unique_name(truncate(number.key, self._limits[1]), taken, "#")
+        unit = self._unit(key, number)
+        value = ExportedValue(key, unit, number.value, rule.metric if rule else None, rule)
+        if unit != number.unit and math.isfinite(number.value):
+            value.rejected = True
+            self._reject("unit_changed", key)
+            return value
+        reason = self._series_limit.add(value.series)
+        if reason is not None:
+            self._reject(reason, key)
+            return None
+        self._series += value.series
+        self._all.append(value)
+        return value
+
+    def _unit(self, key: str, number: Number) -> str:
+        """The unit that the key had at first; "nan" and "inf" have none."""
+        if not math.isfinite(number.value):
+            return self._units.get(key, number.unit)
+        if key not in self._units and len(self._units) >= 2 * self._limits[0]:
+            self._units.clear()  # a robot that invents keys without end
+        return self._units.setdefault(key, number.unit)
+
+
+def _apply(rule: ValueRule, number: Number) -> Number:
+    unit = number.unit if rule.unit is None else rule.unit
+    return Number(number.key, unit, number.value * rule.scale + rule.offset)

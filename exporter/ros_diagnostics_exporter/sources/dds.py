@@ -23,7 +23,6 @@ from typing_extensions import override
 
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status
-from ros_diagnostics_exporter.sources.dds_watch import Watcher
 from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, US, Mismatch, Peer, TopicView
 from ros_diagnostics_exporter.sources.link import Link
 from ros_diagnostics_exporter.sources.reception import (
@@ -78,6 +77,8 @@ try:
     from rclpy.serialization import deserialize_message
     from rclpy.subscription import Subscription
     from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+    from ros_diagnostics_exporter.sources.dds_watch import Watcher
 except ImportError as error:  # raised by check_ros before anything is started
     _IMPORT_ERROR: ImportError | None = error
 else:
@@ -102,6 +103,7 @@ MAX_READ = 100  # topics of one look
 MAX_ENDPOINTS = 50  # publishers, or subscribers, of a topic; more are every robot's, as of /tf
 MAX_MISMATCHES = 10  # of one topic that are named
 NO_NODE = "_NODE_NAME_UNKNOWN_"  # of rmw: of an endpoint whose participant has named no node of it
+ASKED_BEFORE = 3  # times that a subscription matches too few, before the middleware is asked why
 MAX_MATCHES = 1000  # of two QoS that are kept
 GLOBAL = ("/rosout", "/parameter_events")  # topics of every node
 LINKS = 5.0  # seconds between two looks at how messages arrive
@@ -533,11 +535,8 @@ class _Subscribed:
 
     def __init__(self, subscription: Subscription) -> None:
         self._subscription = subscription
-        with subscription.handle:
-            self._event = rclpy_implementation.EventHandle(
-                subscription.handle,
-                QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
-            )
+        self._event: Any = None
+        self._asked = 0
 
     @property
     def matched(self) -> int:
@@ -547,6 +546,16 @@ class _Subscribed:
     @property
     def refused(self) -> str:
         """The policy because of which it last did not match a publisher; "" where there is none."""
+        # Not at once, while publishers are matched: what arrives while it is made may be lost.
+        self._asked += 1
+        if self._event is None and self._asked < ASKED_BEFORE:
+            return ""
+        if self._event is None:
+            with self._subscription.handle:
+                self._event = rclpy_implementation.EventHandle(
+                    self._subscription.handle,
+                    QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
+                )
         with self._event:
             status = self._event.take_event()
         if status is None or not status.total_count:
@@ -558,7 +567,8 @@ class _Subscribed:
 
     def close(self) -> None:
         """Ask no more."""
-        self._event.destroy_when_not_in_use()
+        if self._event is not None:
+            self._event.destroy_when_not_in_use()
 
 
 def _full_name(endpoint: TopicEndpointInfo) -> str:

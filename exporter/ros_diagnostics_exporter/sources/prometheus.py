@@ -29,7 +29,6 @@ TIMEOUT = 5.0  # seconds for one answer
 MAX_BYTES = 8 << 20  # of one answer
 MAX_ROWS = 10_000  # elements of one answer
 MAX_ERROR = 300  # characters of why a query has no answer
-STOP_TIME = 1.0  # seconds that questions under way are waited for, all of them together
 OWN_PREFIX = "ros_diagnostics_"
 _SEVERITY = {"warning": Level.WARN, "critical": Level.ERROR}
 NO_URL = "the exporter runs without --prometheus.url"

@@ -206,11 +206,9 @@ class Api:
             raise ApiError(404, _text(error)) from error
 
     async def capabilities(self, request: Request) -> Response:
-        """What a robot can do: the expressions of fleet.yml with their states."""
+        """What a robot or the fleet can do: the expressions of fleet.yml with their states."""
         _allow_only(request, "robot")
         robot = request.query_params.get("robot")
-        if not robot:
-            raise ApiError(400, "the query must name a robot: /api/v1/capabilities?robot=NAME")
         try:
             return _json(await self._workers.run(self._backend.capabilities, robot))
         except LookupError as error:

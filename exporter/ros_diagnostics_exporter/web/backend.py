@@ -51,8 +51,8 @@ class Backend(Protocol):
             LookupError: There is no such robot.
         """
 
-    def capabilities(self, robot: str, /) -> dict[str, Any]:
-        """What a robot can do as /api/v1/capabilities returns it.
+    def capabilities(self, robot: str | None, /) -> dict[str, Any]:
+        """What a robot, or None the fleet, can do as /api/v1/capabilities returns it.
 
         Raises:
             LookupError: There is no such robot.

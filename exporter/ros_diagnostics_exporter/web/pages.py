@@ -70,6 +70,7 @@ def landing(fleet: dict[str, Any], telemetry_path: str, query: str = "") -> str:
         telemetry_path=telemetry_path,
         counts={each: count[each] for each in SEVERITIES if count[each] or each == "OK"},
         queries=[query_text(each) for each in fleet.get("queries", ()) if each["error"]],
+        capabilities=[] if query else _of_fleet(fleet),
         common=common,
         common_number=common_number,
         troubled=[_troubled(state, robot, now) for state, robot in troubled[:MAX_ROBOTS]],
@@ -303,6 +304,17 @@ def _capabilities(robot: dict[str, Any]) -> list[_Capability]:
         for each in robot["capabilities"]
         for state, text in [OF_ABILITY[each["state"]]]
     ]
+    return sorted(found, key=lambda each: -SEVERITIES[each.state])
+
+
+def _of_fleet(fleet: dict[str, Any]) -> list[_Capability]:
+    found = []
+    for each in fleet["capabilities"]:
+        (state, text), robots = OF_ABILITY[each["state"]], each["robots"]
+        can = f"{robots['ok'] + robots['degraded']} of {sum(robots.values())} robots can"
+        others = [f"{robots[key]} {key}" for key in ("lost", "unknown") if robots[key]]
+        others += [f"{robots['maintenance']} in maintenance"] if robots["maintenance"] else []
+        found.append(_Capability(state, each["capability"], text, [can, *others]))
     return sorted(found, key=lambda each: -SEVERITIES[each.state])
 
 

@@ -23,8 +23,8 @@ from ros_diagnostics_exporter.durations import written
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.robots.component import Component
-from ros_diagnostics_exporter.robots.component_values import ExportedValue
 from ros_diagnostics_exporter.robots.robot import RobotState
+from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_tools.backtest import words
 from ros_diagnostics_tools.backtest.ledger import confirm_after
 from ros_diagnostics_tools.backtest.replay import Result

@@ -45,6 +45,7 @@ class WantedProblem(NamedTuple):
     component: str | None
     site: str | None
     common: str | None
+    capability: str | None
     part: str | None
     alert: str | None
 
@@ -62,6 +63,7 @@ class WantedProblem(NamedTuple):
     "--site", help="That many robots of this site are silent; '' where robots have no site."
 )
 @click.option("--common", metavar="COMPONENT", help="That it failed on many robots.")
+@click.option("--capability", metavar="NAME", help="That the fleet can no longer do it well.")
 @click.option("--part", help="That this part of the exporter has a fault, such as database.")
 @click.option("--alert", metavar="NAME", help="Alerts about the monitoring, such as ExporterDown.")
 @click.option("--fleet", help="Only this fleet's alerts.")
@@ -111,11 +113,12 @@ def command(
 
 
 def _check(wanted: WantedProblem) -> None:
-    named = [wanted.robot, wanted.site, wanted.common, wanted.part, wanted.alert]
+    named = [wanted.robot, wanted.site, wanted.common, wanted.capability, wanted.part, wanted.alert]
+    names = "--site, --common, --capability, --part"
     if named.count(None) == len(named):
-        raise click.UsageError("give a ROBOT, --site, --common, --part or --alert; or --list")
+        raise click.UsageError(f"give a ROBOT, {names} or --alert; or --list")
     if named.count(None) < len(named) - 1:
-        raise click.UsageError("ROBOT, --site, --common, --part and --alert exclude one another")
+        raise click.UsageError(f"ROBOT, {names} and --alert exclude one another")
 
 
 def is_wanted(problem: Acknowledgeable, wanted: WantedProblem) -> bool:
@@ -125,6 +128,9 @@ def is_wanted(problem: Acknowledgeable, wanted: WantedProblem) -> bool:
         return labels.get("scope") == "site" and labels.get("site", "") == wanted.site
     if wanted.common is not None:
         return (labels.get("scope"), labels.get("component")) == ("common", wanted.common)
+    if wanted.capability is not None:
+        of_fleet = labels.get("scope") == "capability" and not labels.get("robot")
+        return of_fleet and labels.get("check") == wanted.capability
     if wanted.alert is not None:
         return not problem.since and problem.alert == PREFIX + wanted.alert.removeprefix(PREFIX)
     if wanted.part is not None:

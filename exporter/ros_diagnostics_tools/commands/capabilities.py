@@ -21,12 +21,13 @@ _INDENT = "  "
 
 
 @click.command(epilog="Example: ros-diagnostics capabilities robot_3")
-@click.argument("robot")
+@click.argument("robot", required=False)
 @with_output()
 @with_servers
-def command(servers: Servers, output: str, robot: str) -> None:
-    """Show what ROBOT can do, by which parts, and which part that fails would lose what."""
-    path = f"/api/v1/capabilities?{urlencode({'robot': robot})}"
+def command(servers: Servers, output: str, robot: str | None) -> None:
+    """Show what ROBOT, or the fleet, can do, and which part that fails would lose what."""
+    query = "" if robot is None else f"?{urlencode({'robot': robot})}"
+    path = f"/api/v1/capabilities{query}"
     found = servers.exporter.get(path)
     try:
         known = Known.of(found["capabilities"])
@@ -43,7 +44,9 @@ def command(servers: Servers, output: str, robot: str) -> None:
 def _print(found: dict[str, Any], losses: list[Loss]) -> None:
     console = make_console()
     if not found["capabilities"]:
-        console.print(Text(f"fleet.yml has no capabilities for {one_line(found['robot'])}."))
+        console.print(
+            Text(f"fleet.yml has no capabilities for {one_line(found['robot'] or 'the fleet')}.")
+        )
         return
     needed = {
         inner["capability"]

@@ -43,14 +43,14 @@ def other_domain():
 @pytest.fixture
 def hang(monkeypatch, other_domain):
     """Joining the other domain hangs until this event is set."""
-    event, create = threading.Event(), ros.rclpy.create_node
+    event, create = threading.Event(), ros._make_node
 
     def create_node(*arguments, context, **more):
         if context.get_domain_id() == other_domain:
             event.wait(120)
         return create(*arguments, context=context, **more)
 
-    monkeypatch.setattr(ros.rclpy, "create_node", create_node)
+    monkeypatch.setattr(ros, "_make_node", create_node)
     yield event
     event.set()
 
@@ -103,7 +103,7 @@ def test_sigterm_ends_a_program_whose_join_hangs(
         "def hang(*_arguments, **_more):\n"
         "    print('hanging', flush=True)\n"
         "    threading.Event().wait()\n"
-        "ros.rclpy.create_node = hang\n"
+        "ros._make_node = hang\n"
         "sys.exit(cli.main(sys.argv[1:]))\n"
     )
     exporter = start_process(
@@ -127,7 +127,7 @@ def test_sigterm_ends_a_program_whose_join_hangs(
 def test_a_domain_whose_node_cannot_be_made_leaves_no_context_behind(
     ros_domain, run_exporter, monkeypatch
 ):
-    contexts, create = [], ros.rclpy.create_node
+    contexts, create = [], ros._make_node
 
     def create_node(*arguments, context, **more):
         contexts.append(context)
@@ -135,7 +135,7 @@ def test_a_domain_whose_node_cannot_be_made_leaves_no_context_behind(
             raise RuntimeError("no node today")
         return create(*arguments, context=context, **more)
 
-    monkeypatch.setattr(ros.rclpy, "create_node", create_node)
+    monkeypatch.setattr(ros, "_make_node", create_node)
     running = run_exporter(Fleet("f", (robot("r", ros_domain),)))
     running.wait_for("robot_silent_reason", 1, robot="r", reason="domain_unreachable")
     assert not contexts[0].ok()

@@ -21,6 +21,7 @@ VALIDATOR = Draft7Validator(FLEET)
 # The required keys of each kind of entry, and its place in fleet.yml.
 PROFILE = {"default": {}, "turtlebot4": {}, "wheeled": {}, "arm": {}}
 LEVEL = {"level": "OK"}
+LIFTING = {"default": {"capabilities": {"lifting": ["Lift"]}}}
 WHOLE = {
     "Fleet": lambda entry: entry,
     "Robot": lambda entry: {"robots": [{"name": "r", **entry}]},
@@ -71,6 +72,15 @@ WHOLE = {
             }
         }
     },
+    "FleetCapability": lambda entry: {
+        "profiles": LIFTING,
+        "capabilities": {
+            "x": {
+                **({} if {"all", "any", "at_least"} & {*entry} else {"all": [{"can": "lifting"}]}),
+                **entry,
+            },
+        },
+    },
     "Thresholds": lambda entry: {"profiles": {"default": {"values": [{"thresholds": entry}]}}},
     "Bound": lambda entry: {"profiles": {"default": {"values": [{"thresholds": {"low": entry}}]}}},
     "FaultSettings": lambda entry: {"faults": entry},
@@ -120,6 +130,8 @@ def whole(name, entry):
     if name == "Discovery" and "type" not in entry:
         entry = {"topic": "/x" if "zenoh" in entry else "/{robot}/diagnostics", **entry}
     made = {"fleet": "x", **WHOLE[name](entry)}
+    if name == "Fleet" and "capabilities" in entry and "profiles" not in entry:
+        made["profiles"] = LIFTING
     if name in {"Robot", "Discovery", "Shared"} and "zenoh" in entry:
         made["zenoh"] = {"routers": ["tcp/a:7447"]}
     if "profiles" not in made:
@@ -166,6 +178,7 @@ def test_default_in_the_schema_applies_to_a_missing_key(load_data, name):
 # Wrong only together with the rest of the file.
 BETWEEN_ENTRIES = {
     *("one-topic", "duplicate-robots", "profiles", "limits", "faults-order", "uplinks"),
+    "fleet-capability-names",
 }
 
 

@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.faults.model import (
     ComponentName,
     ComponentReport,
+    OwnReport,
     State,
     ValueReport,
 )
@@ -41,10 +42,11 @@ from support.fault_histories import (
     restart,
     silent,
 )
-from support.fault_model import Model
+from support.fault_model import OWN_CONFIRM, Model
 
 ROBOTS = ("r1", "r2", "r3", "r4")
 COMPONENTS = ("a", "b", "planned", "strict")
+PARTS = ("database", "domain 7")  # of the exporter
 JUDGED = {
     "a": ComponentSettings(3),
     "b": ComponentSettings(5),
@@ -105,6 +107,7 @@ events = st.one_of(
     st.tuples(st.just("check"), robots, st.sampled_from([(1, 2), (2, 2), (1, 2), (0, None)])),
     st.tuples(st.just("maintenance"), st.sets(robots, min_size=1), st.booleans()),
     st.tuples(st.just("restart")),
+    st.tuples(st.just("own"), st.dictionaries(st.sampled_from(PARTS), any_level)),
     st.tuples(st.just("configure"), robots, st.sampled_from(ROBOT_SETTINGS), st.booleans()),
     st.tuples(st.just("fleet"), st.sampled_from(FLEETS)),
     st.tuples(st.just("forget"), robots, components | st.none()),
@@ -246,6 +249,11 @@ class Both:
         for robot in known:
             self.model.robots[robot].maintenance = planned
 
+    def own(self, levels):
+        reports = [OwnReport(part, to, "", OWN_CONFIRM) for part, to in levels.items()]
+        self.engine(lambda faults, now: faults.own(reports, now))
+        self.model.report_own(levels, self.second)
+
     def restart(self):
         self.engine(restart())
         self.model.started(self.second)
@@ -367,4 +375,4 @@ def test_timers_and_rows_are_bounded_by_what_is_in_trouble(history):
     records = len(book.problems) + sum(2 + len(each.components) for each in book.robots.values())
     assert len(book.timers) <= records + 2 * len(book.causes) + 1
     assert book.timers.entries <= 2 * len(book.timers) + 64
-    assert len(both.player.rows) <= records + len(book.causes) + 1
+    assert len(both.player.rows) <= records + len(book.causes) + len(book.ended) + 1

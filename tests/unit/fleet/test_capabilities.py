@@ -7,6 +7,7 @@ import pytest
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.severity import state_of
 from ros_diagnostics_exporter.web.pages import robot_page
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver
 
@@ -124,6 +125,14 @@ def test_what_is_lost_has_a_fault_and_its_parts_have_none(driver, changed, expec
     publish(driver, *changed)
     assert states(driver) == expected
     assert faults(driver) == found
+
+
+def test_a_robots_state_is_that_of_its_worst_component_whatever_it_can_do(tmp_path):
+    driver = started(tmp_path, PROFILES.replace("drive: [Motor, Laser]", "drive: Motor"))
+    publish(driver, Status(ERROR, "Laser 1"))
+    (robot,) = fleet_snapshot(driver.state, driver.now)["robots"]
+    assert states(driver)["view"] == "no_reserve"
+    assert state_of(robot) == "CRITICAL"
 
 
 WORK = "has lost drive and lift and tour, has no reserve for view, still has charge and dock"

@@ -495,10 +495,11 @@ def compare_written(played: History, folder: Path) -> None:
     assert fault_texts(steps) == fault_texts(played.state)
 
 
-quick = settings(suppress_health_check=[HealthCheck.too_slow])
+quick = settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 
 
 OTHER_TOPIC = 3  # the fleet in which r1 has others
+SHORT_LABELS = 4  # ... in which labels have six characters
 OTHER_QUERY = 5  # ... in which what LOAD measures is judged otherwise, and r3 is declared
 GONE = (Status(ERROR, "node a", "gone"),)
 
@@ -537,6 +538,17 @@ def report(feed: Feed, statuses: tuple[Status, ...], *, lossy: bool = False) -> 
 @example([(("again", ("level", OK)), "none"), (("configure", OTHER_TOPIC), "all")])
 @example(  # a problem that is scraped before, and after, the faults of before are restored
     [(("again", ("level", OK)), "all"), (("restart", ERROR), "all")]
+)
+@example(  # a fault of before the start, whose component has a shorter label since
+    [
+        (("raw", "/r1/d", (Status(ERROR, "Arm: left"),)), "all"),
+        (("configure", SHORT_LABELS), "all"),
+        (("restart", None), "all"),
+        (("wait", 7.0), "all"),
+        (("again", ("level", ERROR)), "all"),
+        (("wait", 7.0), "all"),
+        (("again", ("level", ERROR)), "all"),
+    ]
 )
 @example(  # what is STALE may be well while messages are lost
     [

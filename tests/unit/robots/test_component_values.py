@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.fleet import ValueRule
 from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_exporter.robots import component_values
-from ros_diagnostics_exporter.robots.component_values import ComponentValues
+from ros_diagnostics_exporter.robots import values as values_of_robots
 from ros_diagnostics_exporter.robots.limits import SeriesLimit
 from ros_diagnostics_exporter.robots.marks import Marks
+from ros_diagnostics_exporter.robots.values import ComponentValues
 from support.state_driver import OK, StateDriver
 
 keys = st.sampled_from(["Voltage (V)", "Voltage", "Serial number", "Scaled", "Mode"])
@@ -61,7 +61,7 @@ def values_after_each(history, *, judged=True) -> list[object]:
 def test_a_plain_number_changes_the_same_as_any_other(history):
     found = values_after_each(history)
 
-    with mock.patch.object(component_values, "parse_plain", return_value=None):
+    with mock.patch.object(values_of_robots, "parse_plain", return_value=None):
         assert found == values_after_each(history)
 
 

@@ -524,6 +524,20 @@ def test_what_a_person_removed_of_a_capability_is_no_recovery(tmp_path: Path):
     assert subject == "** REMOVED ** f/r1 front view is no longer monitored"
 
 
+def test_mail_about_what_the_fleet_can_do(tmp_path: Path):
+    labels = {**OF_STATE["no_reserve"], "fleet": "f", "scope": "capability", "state": "no_reserve"}
+    group = data("firing", {**labels, "check": "lifting at hall"}, evidence="3 of 5 robots can")
+    subject = render("ros_diagnostics.email.subject", group, tmp_path)
+    assert subject == "** PROBLEM ** f lifting at hall is WITHOUT RESERVE"
+    mail = render("ros_diagnostics.email.text", group, tmp_path)
+    assert mail.startswith("lifting at hall (fleet f) is WITHOUT RESERVE since ")
+    assert "  3 of 5 robots can\n" in mail
+    assert "Repair the robots that are named" in mail
+    assert "--fleet 'f' --capability 'lifting at hall'" in mail
+    group["status"] = group["alerts"][0]["status"] = "resolved"
+    assert "What ended it: more robots can" in render("ros_diagnostics.email.text", group, tmp_path)
+
+
 def test_several_capabilities_in_one_mail_are_a_list(tmp_path: Path):
     group = view(lost="firing", no_reserve="firing")
     group["commonLabels"] = {"fleet": "f", "robot": "r1", "scope": "capability"}

@@ -47,6 +47,15 @@ INPUT = {
     f"ros_diagnostics_fault_start_timestamp_seconds{{{SILENT}}}": "_x300 3000x120",
     f'ros_diagnostics_fault_info{{{SILENT}, evidence="silent"}}': "_x300 1x120",
 }
+# Of r1 lost from 10 to 30 minutes, not known in the last ten. Of the fleet lost in the second half.
+INPUT |= {
+    'ros_diagnostics_capability_state{fleet="f", robot="r1", capability="lifting"}': (
+        "0x59 3x119 1x179 4x60"
+    ),
+    'ros_diagnostics_fleet_capability_state{fleet="f", capability="lifting at hall"}': (
+        "2x209 3x210"
+    ),
+}
 # What availability.yml records of two hours: it is asked for as it is, because promtool evaluates
 # all rules at one interval, and these have one of their own.
 SUM = "ros_diagnostics_part_seconds:sum5m"
@@ -61,7 +70,6 @@ RECORDED = {
 }
 R1, R2 = '{fleet="f", robot="r1"}', '{fleet="f", robot="r2"}'
 HELD = "fleet:ros_diagnostics_fault_start:held"
-COUNT = "fleet:ros_diagnostics_robots:count"
 # The first words of each recipe, and its result.
 EXPECTED: dict[str, dict[str, float]] = {
     "Usable share of each robot": {R1: 0.5, R2: 1},
@@ -73,6 +81,8 @@ EXPECTED: dict[str, dict[str, float]] = {
         '{fleet="f", robot="r2", part="maintenance"}': 0.5,
     },
     "The ten robots": {R1: 1},
+    "Could it lift?": {'{fleet="f", robot="r1", capability="lifting"}': 8 / 12},
+    "The same of what the fleet": {'{fleet="f", capability="lifting at hall"}': 7 / 15},
     "How often each component": {'{fleet="f", robot="r1", component="Motor 1"}': 2},
     "For how many hours": {'{fleet="f", robot="r1", component="Motor 1"}': 41 / 60},
     "All faults that lasted": {f'{HELD}{{{FAULT}, evidence="hot"}}': 600},
@@ -81,8 +91,8 @@ EXPECTED: dict[str, dict[str, float]] = {
         f'{{{SILENT}, evidence="silent"}}': 20,
     },
     "How many robots": {
-        f'{COUNT}{{fleet="f", state="critical"}}': 1,
-        f'{COUNT}{{fleet="f", state="ok"}}': 1,
+        '{fleet="f", state="critical"}': 1,
+        '{fleet="f", state="ok"}': 1,
     },
     "Components in ERROR": {
         f'ros_diagnostics_component_message_info{{{MOTOR}, message="hot"}}': 1,

@@ -33,6 +33,7 @@ SILENT = alert("RobotSilent", scope="robot", state="silent", **ROBOT)
 CHECK = alert("CheckShort", scope="check", state="critical", check="motors", **ROBOT)
 SITE = alert("FleetPartDown", scope="site", state="silent", site="hall", **CRITICAL)
 FLEET = alert("FleetPartDown", scope="site", state="silent", **CRITICAL)  # a fleet without sites
+OF_FLEET = alert("CapabilityLost", scope="capability", state="lost", check="lifting", **CRITICAL)
 COMMON = alert("CommonCause", scope="common", state="critical", component="Motor 1", **CRITICAL)
 EXPORTER = alert("ExporterDown", None, **CRITICAL)
 OFFSET = alert("ClockOffset", None, fleet="f", robot="r1", severity="warning")
@@ -48,6 +49,7 @@ STALLED = alert("ExporterStalled", "2026", fleet="f", instance="e:1", severity="
 INFO = alert("Watchdog", None, severity="info")
 FOREIGN = {"labels": {"alertname": "DiskFull", "robot": "r1"}, "annotations": {"since": SINCE}}
 ALL = (
+    OF_FLEET,
     COMPONENT,
     VALUE,
     SILENT,
@@ -130,6 +132,7 @@ def of(problem: dict[str, Any]) -> dict[str, str]:
         (["--site", "hall"], [escalation(SITE)]),
         (["--site", ""], [escalation(FLEET)]),
         (["--common", "Motor 1"], [escalation(COMMON)]),
+        (["--capability", "lifting"], [escalation(OF_FLEET)]),
         (["--alert", "ExporterDown"], [of(EXPORTER)]),
         (["--part", "database"], [escalation(DATABASE)]),
         (["--alert", "RosDiagnosticsExporterStalled"], [of(STALLED)]),
@@ -286,6 +289,7 @@ def test_the_list_shows_everything_that_can_be_acknowledged(server, capsys):
         f"f r1 motors CRITICAL {SINCE} nobody",
         f"f site hall SILENT {SINCE} nobody",
         f"f site SILENT {SINCE} nobody",
+        f"f lifting of the fleet LOST {SINCE} nobody",
         f"f Motor 1 on many robots CRITICAL {SINCE} nobody",
         "f berlin ExporterDown nobody",
         "f r1 ClockOffset nobody",
@@ -312,7 +316,7 @@ def test_what_is_not_firing_cannot_be_acknowledged(server, capsys, arguments):
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [
-        ([], "give a ROBOT, --site, --common, --part or --alert"),
+        ([], "give a ROBOT, --site, --common, --capability, --part or --alert"),
         (["r1", "--site", "hall"], "exclude one another"),
         (["--common", "Motor 1", "--alert", "ExporterDown"], "exclude one another"),
     ],

@@ -45,8 +45,8 @@ def _targets(job: str, port: int | None) -> list[dict]:
     return [{"targets": ["10.0.0.1"], "labels": {"robot": "a"}}]
 
 
-def _capabilities(robot: str) -> dict:
-    part = dict.fromkeys(("group", "component", "key", "check"), "")
+def _capabilities(robot: str | None) -> dict:
+    part = dict.fromkeys(("group", "component", "key", "check", "robot"), "")
     need = {
         "k": None,
         "of": [
@@ -83,6 +83,7 @@ def server():
                                 "component": "Motor 1",
                                 "key": "",
                                 "check": "",
+                                "robot": "",
                                 "state": "lost",
                             },
                             {
@@ -90,6 +91,7 @@ def server():
                                 "component": "",
                                 "key": "",
                                 "check": "c",
+                                "robot": "",
                                 "state": "lost",
                             },
                         ],
