@@ -1,10 +1,21 @@
-"""Topics beside diagnostics that fleet.yml asks for: subscribed, taken, counted; by rclpy."""
+"""Topics beside diagnostics that fleet.yml asks for: subscribed, taken, counted; by rclpy.
+
+Imported by `dds` alone, once it knows that there is ROS.
+"""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+from lifecycle_msgs.msg import TransitionEvent
+from rcl_interfaces.msg import Log as RosLog
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
 
 from ros_diagnostics_exporter.model import Domain, Instant
 from ros_diagnostics_exporter.sources.graph_messages import (
@@ -18,22 +29,7 @@ from ros_diagnostics_exporter.sources.graph_messages import (
 )
 from ros_diagnostics_exporter.sources.reception import Receiver
 
-try:
-    from lifecycle_msgs.msg import TransitionEvent
-    from rcl_interfaces.msg import Log as RosLog
-    from rcl_interfaces.msg import ParameterEvent
-    from rclpy.event_handler import SubscriptionEventCallbacks
-    from rclpy.parameter import parameter_value_to_python
-    from rclpy.qos import QoSProfile
-    from rclpy.serialization import deserialize_message
-except ImportError:  # `dds` has said it
-    pass
-else:
-    KINDS = {
-        LOG_TYPE: RosLog,
-        PARAMETERS_TYPE: ParameterEvent,
-        TRANSITION_TYPE: TransitionEvent,
-    }
+KINDS = {LOG_TYPE: RosLog, PARAMETERS_TYPE: ParameterEvent, TRANSITION_TYPE: TransitionEvent}
 
 log = logging.getLogger(__name__)
 
