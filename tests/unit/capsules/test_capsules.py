@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import struct
 from contextlib import closing
@@ -9,10 +10,11 @@ from dataclasses import replace
 
 import pytest
 import yaml
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from ros_diagnostics_exporter.capsules import rings as rings_module
-from ros_diagnostics_exporter.capsules.capsules import FIRST, MOST, Capsules, Kept
+from ros_diagnostics_exporter.capsules.capsules import Capsules, Kept
 from ros_diagnostics_exporter.capsules.config_lines import config_lines
 from ros_diagnostics_exporter.capsules.rings import RING, Rings
 from ros_diagnostics_exporter.config.fleet import CapsuleSettings
@@ -119,6 +121,28 @@ def test_it_names_its_robot_the_fault_and_what_judged_it(capsules):
     assert b"site: b" not in fleet
 
 
+def test_it_is_what_foxglove_asks_for(capsules):
+    """By its own reader, with all checksums: profile, encodings, names, index, who the robot is."""
+    receive(capsules.rings, TOPICS[0], range(111))
+    reader = make_reader(io.BytesIO(capsule(capsules)), validate_crcs=True)
+    assert reader.get_header().profile == "ros2"
+    summary = reader.get_summary()
+    (schema,) = summary.schemas.values()
+    assert (schema.name, schema.encoding) == ("diagnostic_msgs/msg/DiagnosticArray", "ros2msg")
+    (channel,) = summary.channels.values()
+    assert (channel.topic, channel.message_encoding) == (TOPICS[0].name, "cdr")
+    assert channel.schema_id == schema.id != 0
+    found = [(each.name, each.metadata) for each in reader.iter_metadata()]
+    assert found == [("foxglove", {"deviceName": "r"})]
+    attached = {each.name: each.media_type for each in reader.iter_attachments()}
+    assert attached == {"fault.json": "application/json", "fleet.yml": "application/yaml"}
+    counts = summary.statistics
+    assert counts.message_count == len(list(reader.iter_messages())) > 60
+    assert (counts.schema_count, counts.channel_count) == (1, 1)
+    assert (counts.attachment_count, counts.metadata_count) == (2, 1)
+    assert counts.chunk_count == len(summary.chunk_indexes)
+
+
 def test_a_silent_robots_has_its_last_messages(capsules):
     receive(capsules.rings, TOPICS[0], range(10))
     content = capsule(capsules, second=5_000)
@@ -217,10 +241,12 @@ def test_a_storm_keeps_the_first_and_worst(capsules, tmp_path):
     capsules.turn(at(110))
 
     kept = sorted(int(path.name[:12], 16) for path in (tmp_path / "kept").iterdir())
-    assert kept == [*range(FIRST), *range(500, 500 + MOST - FIRST)]
-    assert capsules.skipped == 1_000 - MOST
+    assert kept == [*range(50), *range(500, 550)]
+    assert capsules.skipped == 900
+    capsules.note(FAULT, BEGAN, at(100 + 599))
+    assert capsules.skipped == 901
     capsules.note(FAULT, BEGAN, at(100 + 601))
-    assert capsules.skipped == 1_000 - MOST
+    assert capsules.skipped == 901
 
 
 @pytest.mark.parametrize(
