@@ -1,12 +1,18 @@
-"""Memory that a subscribed topic takes before anything arrives, and that of the sockets."""
+"""Memory of a subscribed topic before anything arrives, of the sockets, and what is freed."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
+from ros_diagnostics_exporter.config.fleet import Fleet, Robot
+from ros_diagnostics_exporter.loops import read_clocks
+from ros_diagnostics_exporter.model import Stream, Topic
+from ros_diagnostics_exporter.service import Service
 from ros_diagnostics_exporter.sources.dds import use_profiles
+from ros_diagnostics_exporter.storage.storage import Storage
 from testbed import domains
 
 TOPICS = 200
@@ -74,3 +80,17 @@ def test_the_socket_has_room_for_the_bursts_of_a_large_fleet(tmp_path):
         use_profiles(ours, tmp_path)
 
         assert printed(ours, JOIN) == 2 * min(8 << 20, most)  # the kernel doubles what is asked for
+
+
+def test_what_was_received_of_a_robot_that_is_gone_is_freed(tmp_path, ros_domain):
+    fleet = Fleet("f", (Robot("r", ros_domain, topic_raw="/r/diagnostics"),))
+    with closing(Storage(tmp_path / "exporter.db")) as storage:
+        service = Service(fleet, tmp_path / "fleet.yml", storage)
+        rings, stream = service._capsules.rings, Stream(Topic(ros_domain, "/r/diagnostics"))
+        rings.receive(stream, b"\0\1\0\0", read_clocks())
+        service._keep_capsules()
+        assert rings.get(stream) is not None
+        service.state.configure(Fleet("f", ()), read_clocks())
+        service._forget_at = 0.0
+        service._keep_capsules()
+        assert rings.get(stream) is None
