@@ -124,6 +124,9 @@ def pivot(
     """
     titles = {column.field: column.title for column in columns}
     selected = _selected(titles) if others is None else [_first(titles)]
+    order = [_order(sort, descending=others is not None)]
+    if others is not None:
+        order.append(_order(columns[0].title, descending=False))
     return (
         _table(title, description, columns, others)
         .targets([at_end(expr)])
@@ -134,10 +137,7 @@ def pivot(
                 *selected,
             ]
         )
-        .sort_by(
-            [_order(sort, descending=others is not None)]
-            + ([_order(columns[0].title, descending=False)] if others is not None else [])
-        )
+        .sort_by(list(order))
     )
 
 
