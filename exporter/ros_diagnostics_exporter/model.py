@@ -124,6 +124,17 @@ class Topic(NamedTuple):
     name: str
 
 
+class Stream(NamedTuple):
+    """What is kept together of what is received: messages of one topic and type.
+
+    ``robot`` is whose they are on a topic of all nodes, and "" where a topic's are kept as one.
+    """
+
+    topic: Topic
+    kind: str = "diagnostic_msgs/msg/DiagnosticArray"
+    robot: str = ""
+
+
 class Endpoint(NamedTuple):
     """What the ROS graph shows of one topic.
 

@@ -58,6 +58,7 @@ class Service:
     SAVE = 0.1  # ... of the one that saves, which writes less often
     FOLLOW = 1.0  # ... of the one that joins domains
     CAPSULES = 1.0  # ... of the one that compresses what was received
+    FORGET = 60.0  # ... between two looks of that loop what is not received any more
     UNMATCHED = 60.0  # ... of the one that looks for entries of fleet.yml that match nothing
     ADOPT = 60.0  # ... between two looks at which alerts fire, once it has settled
     HANGING = 30.0  # seconds after which a turn of a vital loop hangs
@@ -111,7 +112,7 @@ class Service:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
         self._watched: list[Loop] = []  # that others made
-        self._join_at = self._adopt_at = now.mono
+        self._join_at = self._adopt_at = self._forget_at = now.mono
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = Listener(self.state, ros_arguments=ros_arguments)
         self._prometheus = Prometheus(self.state, prometheus, read_clocks)
@@ -196,8 +197,13 @@ class Service:
         return capsules
 
     def _keep_capsules(self) -> None:
-        if self._capsules is not None:
-            self._capsules.turn(read_clocks())
+        if self._capsules is None:
+            return
+        now = read_clocks()
+        if now.mono >= self._forget_at:
+            self._forget_at = now.mono + self.FORGET
+            self._capsules.follow(*self.state.received())
+        self._capsules.turn(now)
 
     def _find_unmatched(self) -> None:
         self.state.find_unmatched(read_clocks())

@@ -7,7 +7,9 @@ Prometheus does, and another share of components whose values change: none, a qu
 The yardstick of the same run is a process that takes the same messages with rclpy, ten times a
 second as the exporter does, and does nothing with them. CPU is user and system time of the whole
 process with the middleware's threads; "DDS" is these threads' part. Messages are counted from the
-first to the last: those sent against `robot_messages_total`.
+first to the last: those sent against `robot_messages_total`. "ms" is the time of a scrape on
+average, "most" that of the slowest. With `--no-capsules` each case is measured a second time, by an
+exporter that keeps no capsules.
 """
 
 from __future__ import annotations
@@ -18,10 +20,11 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
+from statistics import mean
 from typing import NamedTuple
 
 from bench.hostile import peak_megabytes
@@ -32,7 +35,8 @@ from testbed.polling import until
 from testbed.ports import free_port
 from testbed.processes import Process
 
-EXPORTER = Path(sys.executable).with_name("ros-diagnostics-exporter")
+EXPORTER = (Path(sys.executable).with_name("ros-diagnostics-exporter"),)
+WITHOUT_CAPSULES = (sys.executable, "-m", "bench.without_capsules")
 CONFIG = """\
 fleet: bench
 discovery:
@@ -51,7 +55,8 @@ SCRAPES = (("/metrics?collect[]=faults", 2.0), ("/metrics?exclude[]=faults", 15.
 class Cost(NamedTuple):
     """Of one process: cores, those of the middleware's threads, MB at the end and at most.
 
-    ``received`` are all messages, ``rate`` those in a second of the measurement.
+    ``received`` are all messages, ``rate`` those in a second of the measurement, ``scrapes`` the
+    seconds that each scrape took.
     """
 
     cpu: float
@@ -60,6 +65,7 @@ class Cost(NamedTuple):
     peak: float
     received: int
     rate: float
+    scrapes: tuple[float, ...] = ()
 
 
 class Fleet:
@@ -115,13 +121,13 @@ class Site:
             self._config = routers + CONFIG.format(found="zenoh: /")
             self.start_actor("router", seconds=2 * BEGIN + options.seconds).wait_for_output("ready")
 
-    def start_exporter(self, address: str) -> Process:
+    def start_exporter(self, address: str, program: Sequence[str | Path] = EXPORTER) -> Process:
         """Start the exporter, which finds the fleet."""
         config = self._folder / "fleet.yml"
         config.write_text(self._config)
         arguments: list[str | Path] = ["--config.file", config, "--web.listen-address", address]
         arguments += ["--storage.path", self._folder / "exporter.db"]
-        return self._start("exporter", [EXPORTER, *arguments])
+        return self._start("exporter", [*program, *arguments])
 
     def start_actor(self, kind: str, *arguments: str, seconds: float) -> Process:
         """Start one of `bench.actors` in this domain, or at this router."""
@@ -184,16 +190,20 @@ def taking(options: argparse.Namespace) -> Cost:
 
 
 def exporting(
-    options: argparse.Namespace, changing: int, *, zenoh: bool = False
+    options: argparse.Namespace,
+    changing: int,
+    *,
+    zenoh: bool = False,
+    program: Sequence[str | Path] = EXPORTER,
 ) -> tuple[Cost, Fleet]:
     """What the exporter costs with the same messages."""
     with site_for(options, zenoh=zenoh) as site:
         address = f"127.0.0.1:{free_port()}"
-        exporter = site.start_exporter(address)
+        exporter = site.start_exporter(address, program)
         until(lambda: http.answers(address, "/-/ready"), exporter.describe, BEGIN)
         fleet = Fleet(site, changing, options.seconds)
         fleet.wait_until_all_publish()
-        with scraping(address):
+        with scraping(address) as scrapes:
             time.sleep(SETTLE)
             begin, before = time.monotonic(), count_received(address)
             cpu, middleware = measure(exporter, options.seconds)
@@ -203,7 +213,7 @@ def exporting(
         received = count_received(address)
         while received < fleet.sent and (more := count_after(address, CALM)) > received:
             received = more
-        return Cost(cpu, middleware, resident, peak, received, rate), fleet
+        return Cost(cpu, middleware, resident, peak, received, rate, tuple(scrapes)), fleet
 
 
 def count_after(address: str, seconds: float) -> int:
@@ -218,19 +228,22 @@ def count_received(address: str) -> int:
 
 
 @contextmanager
-def scraping(address: str) -> Iterator[None]:
-    """Scrape as the shipped Prometheus does."""
+def scraping(address: str) -> Iterator[list[float]]:
+    """Scrape as the shipped Prometheus does; the seconds that each scrape took."""
     stop = threading.Event()
+    took: list[float] = []
 
     def scrape(path: str, interval: float) -> None:
         while not stop.wait(interval):
+            begin = time.monotonic()
             http.get(address, path, seconds=60)
+            took.append(time.monotonic() - begin)
 
     threads = [threading.Thread(target=scrape, args=each) for each in SCRAPES]
     for each in threads:
         each.start()
     try:
-        yield
+        yield took
     finally:
         stop.set()
         for each in threads:
@@ -258,24 +271,33 @@ def main() -> None:
     parser.add_argument(
         "--changing", type=re.compile, default=re.compile(""), help="only cases that match this"
     )
+    parser.add_argument(
+        "--no-capsules", action="store_true", help="measure each case without capsules, too"
+    )
     options = parser.parse_args()
     processes = f"in {options.processes} processes"
     print(f"{options.robots} robots at 1 Hz {processes}, {options.seconds:g} s a case")
-    print(f"{'':<28}{'CPU':>6}{'of taking':>11}{'DDS':>6}{'MB':>6}{'peak':>6}{'lost':>6}")
+    columns = "".join(f"{each:>6}" for each in ("DDS", "MB", "peak", "lost", "ms", "most"))
+    print(f"{'':<28}{'CPU':>6}{'of taking':>11}{columns}")
     yardstick = taking(options)
     print_row("taking alone", yardstick, yardstick, 0)
     for what, changing in CHANGING.items():
         if options.changing.search(what):
             cost, fleet = exporting(options, changing)
             print_row(what, cost, yardstick, fleet.sent - cost.received)
+            if options.no_capsules:
+                cost, fleet = exporting(options, changing, program=WITHOUT_CAPSULES)
+                print_row("  without capsules", cost, yardstick, fleet.sent - cost.received)
 
 
 def print_row(what: str, cost: Cost, yardstick: Cost, lost: int) -> None:
     """One case."""
     ratio = cost.cpu / yardstick.cpu
+    scrapes = [1000 * each for each in cost.scrapes]
+    times = f"{mean(scrapes):>6.0f}{max(scrapes):>6.0f}" if scrapes else ""
     print(
         f"{what:<28}{cost.cpu:>6.1%}{ratio:>11.2f}{cost.middleware:>6.1%}"
-        f"{cost.resident:>6.0f}{cost.peak:>6.0f}{lost:>6}",
+        f"{cost.resident:>6.0f}{cost.peak:>6.0f}{lost:>6}{times}",
         flush=True,
     )
 

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.capsules.config_lines import config_lines
-from ros_diagnostics_exporter.capsules.mcap import Attachment, Chunk, write
+from ros_diagnostics_exporter.capsules.mcap import Attachment, Channel, Chunk, write
 from ros_diagnostics_exporter.capsules.rings import Rings
 from ros_diagnostics_exporter.config.fleet import CapsuleSettings
 from ros_diagnostics_exporter.events import Event, filled
-from ros_diagnostics_exporter.model import Instant, Topic
+from ros_diagnostics_exporter.model import Instant, Stream, Topic
 
 ID = re.compile(r"[0-9a-f]{12}")
 # Of a storm: in so many seconds so many faults have a capsule, beyond that only critical ones.
@@ -93,6 +93,15 @@ class Capsules:
         topics = self._topics(event.robot)
         due = now.mono + self._settings.after
         self._waiting.append(Waiting(fault, event, self._settings, topics, due))
+
+    def follow(self, topics: set[Topic], robots: set[str]) -> None:
+        """Forget what was received that is neither of these topics nor of these robots.
+
+        A capsule that is under way has what it began with.
+        """
+        waiting = list(self._waiting)
+        topics = topics | {topic for each in waiting for topic in each.topics}
+        self.rings.follow(topics, robots | {each.event.robot for each in waiting})
 
     def turn(self, now: Instant) -> None:
         """Compress what was received, and write the capsules that are complete."""
@@ -174,17 +183,23 @@ class Capsules:
     def _content(self, waiting: Waiting, now: Instant) -> bytes | None:
         """What was received until now; None of a robot of which nothing was."""
         event, settings = waiting.event, waiting.settings
-        begin, end = event.time - settings.before, event.time + settings.after
-        topics: dict[int, str] = {}
+        begin, end = _ns(event.time - settings.before), _ns(event.time + settings.after)
+        channels: dict[int, Channel] = {}
         chunks: list[Chunk] = []
         for topic in waiting.topics:
-            ring = self.rings.get(topic)
+            ring = self.rings.get(Stream(topic))
             if ring is not None:
-                topics[ring.channel] = topic.name
-                chunks += ring.chunks(int(begin * 1e9), int(end * 1e9), settings.before)
+                channels[ring.channel] = Channel(topic.name, Stream(topic).kind)
+                chunks += ring.chunks(begin, end, _ns(settings.before))
+        if chunks:  # of a robot that is silent what it said last
+            begin = min(begin, max(each.end for each in chunks) - _ns(settings.before))
+        for (topic, kind, _robot), ring in self.rings.beside(event.robot).items():
+            if found := ring.chunks(begin, end):
+                channels[ring.channel] = Channel(topic.name, kind)
+                chunks += found
         if not chunks:
             return None
-        return write(topics, chunks, _metadata(waiting), self._attached(waiting), _ns(now.wall))
+        return write(channels, chunks, _metadata(waiting), self._attached(waiting), _ns(now.wall))
 
     def _attached(self, waiting: Waiting) -> Iterable[Attachment]:
         described = {

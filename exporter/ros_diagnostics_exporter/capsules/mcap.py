@@ -8,43 +8,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from ros_diagnostics_exporter import __version__, zstd
+from ros_diagnostics_exporter.capsules.schemas import SCHEMAS
 
 MAGIC = b"\x89MCAP0\r\n"
-SCHEMA_ID = 1
 LEVEL = 3  # of the compression
-RULE = "=" * 80
-# As `ros2 bag record` writes it: the type, then all that it uses.
-SCHEMA = f"""std_msgs/Header header
-DiagnosticStatus[] status
-{RULE}
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-{RULE}
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-{RULE}
-MSG: diagnostic_msgs/DiagnosticStatus
-byte OK=0
-byte WARN=1
-byte ERROR=2
-byte STALE=3
-byte level
-string name
-string message
-string hardware_id
-KeyValue[] values
-{RULE}
-MSG: diagnostic_msgs/KeyValue
-string key
-string value
-"""
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX = range(1, 9)
 _ATTACHMENT, _ATTACHMENT_INDEX, _STATISTICS, _METADATA, _METADATA_INDEX = range(9, 14)
 _DATA_END = 15
 _message = struct.Struct("<BQHIQQ")
 _pair = struct.Struct("<QQ")
+
+
+class Channel(NamedTuple):
+    """A topic of one type."""
+
+    topic: str
+    kind: str
 
 
 class Chunk(NamedTuple):
@@ -113,16 +92,19 @@ class _Writer:
 
 
 def write(
-    topics: Mapping[int, str],
+    channels: Mapping[int, Channel],
     chunks: Iterable[Chunk],
     metadata: Mapping[str, Mapping[str, str]],
     attachments: Iterable[Attachment],
     time: int,
 ) -> bytes:
-    """One file; ``topics`` are names by channel, ``time`` (ns) is when it is written."""
+    """One file; ``channels`` are by number, ``time`` (ns) is when it is written."""
     out = _Writer()
     out.add(_record(_HEADER, _text("ros2"), _text(f"ros-diagnostics-exporter {__version__}")))
-    described = [_schema(), *(_channel(number, name) for number, name in topics.items())]
+    kinds = list(dict.fromkeys(each.kind for each in channels.values()))
+    described = [_schema(number, kind) for number, kind in enumerate(kinds, 1)]
+    for number, (topic, kind) in channels.items():
+        described.append(_channel(number, topic, 1 + kinds.index(kind)))
     for record in described:
         out.add(record)
     listed = sorted(chunks, key=lambda each: each.begin)
@@ -136,20 +118,20 @@ def write(
         out.summary.append(_record(_METADATA_INDEX, _pair.pack(*place), _text(name)))
     out.add(_record(_DATA_END, struct.pack("<I", 0)))
     start = out.size
-    statistics = _statistics(topics, listed, len(files), len(metadata))
+    statistics = _statistics(channels, listed, len(kinds), len(files), len(metadata))
     for record in (*described, statistics, *out.summary):
         out.add(record)
     out.add(_record(_FOOTER, struct.pack("<QQI", start, 0, 0)))
     return b"".join((*out.parts, MAGIC))
 
 
-def _schema() -> bytes:
-    fields = _text("diagnostic_msgs/msg/DiagnosticArray"), _text("ros2msg"), _text(SCHEMA)
-    return _record(_SCHEMA, struct.pack("<H", SCHEMA_ID), *fields)
+def _schema(number: int, kind: str) -> bytes:
+    fields = _text(kind), _text("ros2msg"), _text(SCHEMAS[kind])
+    return _record(_SCHEMA, struct.pack("<H", number), *fields)
 
 
-def _channel(number: int, topic: str) -> bytes:
-    ids = struct.pack("<HH", number, SCHEMA_ID)
+def _channel(number: int, topic: str, schema: int) -> bytes:
+    ids = struct.pack("<HH", number, schema)
     return _record(_CHANNEL, ids, _text(topic), _text("cdr"), _map({}))
 
 
@@ -175,13 +157,13 @@ def _add_attachment(out: _Writer, file: Attachment, time: int) -> None:
 
 
 def _statistics(
-    topics: Mapping[int, str], chunks: Sequence[Chunk], attachments: int, metadata: int
+    channels: Iterable[int], chunks: Sequence[Chunk], schemas: int, attachments: int, metadata: int
 ) -> bytes:
-    counts = dict.fromkeys(topics, 0)
+    counts = dict.fromkeys(channels, 0)
     for each in chunks:
         counts[each.channel] += len(each.entries) // _pair.size
     begin, end = min(each.begin for each in chunks), max(each.end for each in chunks)
-    numbers = sum(counts.values()), 1, len(topics), attachments, metadata, len(chunks)
+    numbers = sum(counts.values()), schemas, len(counts), attachments, metadata, len(chunks)
     fields = struct.pack("<QHIIII", *numbers), _pair.pack(begin, end)
     pairs = b"".join(struct.pack("<HQ", *each) for each in counts.items())
     return _record(_STATISTICS, *fields, struct.pack("<I", len(pairs)), pairs)

@@ -1,4 +1,4 @@
-"""The last messages of each topic as they were received, compressed, in limited memory.
+"""The last messages of each stream as they were received, compressed, in limited memory.
 
 A message is appended as it comes; `compress` does the rest in a thread of its own.
 """
@@ -11,12 +11,13 @@ from itertools import count
 
 from ros_diagnostics_exporter.capsules.mcap import Chunk, OpenChunk
 from ros_diagnostics_exporter.decode.cdr import is_cdr
-from ros_diagnostics_exporter.model import Array, Instant, Topic
+from ros_diagnostics_exporter.model import Instant, Stream, Topic
 
 CHUNK = 16 << 10  # bytes of a chunk before it is compressed
 WAITING = 16 << 20  # bytes that wait for `compress`; what is beyond is dropped
 RING = 40 << 10  # compressed bytes of one topic for ``PER`` seconds; the oldest are dropped beyond
 PER = 70.0
+SPAN = 10 * 10**9  # ns from the first message of a chunk to the last, where few are received
 
 
 class Ring:
@@ -31,11 +32,16 @@ class Ring:
 
     def append(self, time: int, data: bytes, keep: float) -> None:
         """Append a message, and compress what a chunk is full of; ``keep`` is in seconds."""
+        if self._open.index and not 0 <= time - self._open.begin < SPAN:
+            self._close(time, keep)
         self._open.append(time, data)
         if len(self._open.content) >= CHUNK:
-            self._chunks.append(self._open.compressed())
-            self._open = OpenChunk(self.channel)
-            self._drop(time - int(keep * 1e9), RING * max(1.0, keep / PER))
+            self._close(time, keep)
+
+    def _close(self, time: int, keep: float) -> None:
+        self._chunks.append(self._open.compressed())
+        self._open = OpenChunk(self.channel)
+        self._drop(time - int(keep * 1e9), RING * max(1.0, keep / PER))
 
     def _drop(self, oldest: int, most: float) -> None:
         size = sum(len(each.data) for each in self._chunks)
@@ -47,35 +53,34 @@ class Ring:
         """Bytes in memory."""
         return len(self._open.content) + sum(len(each.data) for each in self._chunks)
 
-    def chunks(self, begin: int, end: int, before: float) -> list[Chunk]:
+    def chunks(self, begin: int, end: int, before: int | None = None) -> list[Chunk]:
         """The chunks with what was received from ``begin`` to ``end`` (ns), and some before.
 
-        Of a topic on which nothing was received of late, its last ``before`` seconds.
+        With ``before``, of a stream of which nothing was received of late its last so many ns.
         """
         found = [*self._chunks, *([self._open.compressed()] if self._open.index else [])]
-        if not found:
-            return []
-        begin = min(begin, found[-1].end - int(before * 1e9))
+        if found and before is not None:
+            begin = min(begin, found[-1].end - before)
         return [each for each in found if each.end >= begin and each.begin <= end]
 
 
 class Rings:
-    """One for each topic. `receive` may be called from any thread, all else from one."""
+    """One for each stream. `receive` may be called from any thread, all else from one."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._waiting: list[tuple[Topic, float, bytes]] = []
+        self._waiting: list[tuple[Stream, float, bytes]] = []
         self._waiting_bytes = 0
-        self._rings: dict[Topic, Ring] = {}
+        self._rings: dict[Stream, Ring] = {}
         self._numbers = count()  # not how many there are: that of one forgotten would come again
         self.dropped = 0  # messages, because `compress` was late
-        self.keep = PER  # seconds that are kept of each topic
+        self.keep = PER  # seconds that are kept of each stream
 
-    def receive(self, topic: Topic, array: Array, now: Instant) -> None:
+    def receive(self, stream: Stream, data: bytes, now: Instant) -> None:
         """Append a message."""
         with self._lock:
-            self._waiting.append((topic, now.wall, array.raw))
-            self._waiting_bytes += len(array.raw)
+            self._waiting.append((stream, now.wall, data))
+            self._waiting_bytes += len(data)
             if self._waiting_bytes > WAITING:
                 self.dropped += len(self._waiting)
                 self._waiting, self._waiting_bytes = [], 0
@@ -84,22 +89,27 @@ class Rings:
         """Take what waits into the rings."""
         with self._lock:
             waiting, self._waiting, self._waiting_bytes = self._waiting, [], 0
-        for topic, wall, data in waiting:
+        for stream, wall, data in waiting:
             if not is_cdr(data):
                 continue  # rclpy decoded it; the channels say CDR
-            ring = self._rings.get(topic)
+            ring = self._rings.get(stream)
             if ring is None:
-                ring = self._rings[topic] = Ring(next(self._numbers) % 65_535 + 1)
+                ring = self._rings[stream] = Ring(next(self._numbers) % 65_535 + 1)
             ring.append(int(wall * 1e9), data, self.keep)
 
-    def get(self, topic: Topic) -> Ring | None:
-        """A topic's ring; None if nothing was received on it."""
-        return self._rings.get(topic)
+    def get(self, stream: Stream) -> Ring | None:
+        """A stream's ring; None if nothing was received of it."""
+        return self._rings.get(stream)
 
-    def follow(self, topics: set[Topic]) -> None:
-        """Forget the topics that no robot has any more."""
-        for topic in self._rings.keys() - topics:
-            del self._rings[topic]
+    def beside(self, robot: str) -> dict[Stream, Ring]:
+        """What was received of a robot beside its diagnostics."""
+        return {each: ring for each, ring in self._rings.items() if each.robot == robot}
+
+    def follow(self, topics: set[Topic], robots: set[str]) -> None:
+        """Forget what is neither of these topics of diagnostics nor of these robots."""
+        for each in list(self._rings):
+            if each.robot not in robots if each.robot else each.topic not in topics:
+                del self._rings[each]
 
     @property
     def size(self) -> int:

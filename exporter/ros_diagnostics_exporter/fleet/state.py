@@ -39,6 +39,7 @@ from ros_diagnostics_exporter.model import (
     Feed,
     Instant,
     Status,
+    Stream,
     Topic,
     place,
 )
@@ -78,7 +79,7 @@ class FleetState:
         self._feeds = _feeds(fleet)
         self._watch = GraphWatch()
         self._watching = threading.Lock()  # of the watch; taken before the other, or alone
-        self.recorder: Callable[[Topic, Array, Instant], None] | None = None  # of what is received
+        self.recorder: Callable[[Stream, bytes, Instant], None] | None = None  # of messages
         self.unmatched = UnmatchedWatch()  # entries of the config that match nothing
         self._faults = FaultReports(fleet, now, self._events)
         self._registry = RobotRegistry(fleet, now, self._events, self._faults)
@@ -88,7 +89,7 @@ class FleetState:
     def receive(self, topic: Topic, array: Array, now: Instant) -> None:
         """Update the robots whose array this is; ``topic`` is one of `wanted_topics`."""
         if self.recorder is not None:
-            self.recorder(topic, array, now)
+            self.recorder(Stream(topic), array.raw, now)
         original = array
         if array.size > MAX_TEXT:  # else no text of it is longer than that
             array = truncate_array(array)  # without the lock: it looks at every text
@@ -190,6 +191,17 @@ class FleetState:
         """Of the topics of a domain those to be subscribed beside diagnostics, with their types."""
         with self._watching:
             return self._watch.wanted(domain_id, types, now)
+
+    def record_watched(
+        self, domain_id: Domain, topic: str, kind: str, data: bytes, now: Instant
+    ) -> None:
+        """Keep a message of such a topic as it was received, where its robot asks for it."""
+        if self.recorder is None:
+            return
+        with self._watching:
+            robot = self._watch.owner(domain_id, topic, kind, data)
+        if robot is not None:
+            self.recorder(Stream(Topic(domain_id, topic), kind, robot), data, now)
 
     def receive_watched(
         self, domain_id: Domain, topic: str, message: Message, now: Instant
@@ -514,6 +526,13 @@ class FleetState:
             settings, shared = robot.settings, self._registry.shared_topics if robot.shared else ()
             own = (each for each in (settings.topic_agg, settings.topic_raw) if each)
             return (*(Topic(settings.domain_id, each) for each in own), *shared)
+
+    def received(self) -> tuple[set[Topic], set[str]]:
+        """The topics of diagnostics to be subscribed in all domains, and the robots."""
+        with self._lock:
+            domains = self.fleet.domain_ids
+            wanted = {Topic(each, name) for each in domains for name in self.wanted_topics(each)}
+            return wanted, set(self._registry.robots)
 
     def faults(self) -> list[Fault]:
         """All faults that last."""

@@ -68,6 +68,7 @@ class Watcher:
                 return
             data = taken[0]
             self._bytes[name] = self._bytes.get(name, 0) + len(data)
+            self._receiver.record_watched(self._domain, name, kind, data, now)
             if kind == LOG_TYPE and (len(data) <= LEVEL_AT or data[LEVEL_AT] < ERROR):
                 continue
             try:

@@ -23,6 +23,7 @@ from ros_diagnostics_exporter.sources.graph_messages import (
     Message,
     Messages,
     is_wanted,
+    node_in,
     node_of,
     over_budget,
 )
@@ -363,6 +364,13 @@ class GraphWatch:
         for robot in owners.by_name if name in GLOBAL else [own] if own else ():
             if is_wanted(name, kind, self._robots[robot].settings.watch):
                 yield robot
+
+    def owner(self, domain: Domain, topic: str, kind: str, data: bytes) -> str | None:
+        """The robot that a serialized message of such a topic is of, if it asks for such."""
+        robot = self._owners[domain].of(node_in(topic, kind, data))
+        if robot is not None and is_wanted(topic, kind, self._robots[robot].settings.watch):
+            return robot
+        return None
 
     def see_message(self, domain: Domain, topic: str, message: Message, now: Instant) -> None:
         """Take a message of such a topic."""

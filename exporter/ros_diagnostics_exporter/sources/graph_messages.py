@@ -5,6 +5,7 @@ Only where fleet.yml asks: these topics are subscribed for it, and cost bytes of
 
 from __future__ import annotations
 
+import struct
 from collections import deque
 from collections.abc import Iterator, Mapping
 from math import inf
@@ -22,6 +23,7 @@ RECENT = 60.0  # seconds for which a log message is beside the robot's faults
 STUCK = 30.0  # ... for which a node may be between two states of its life cycle
 MOST = 20  # log messages that are kept, and nodes of which one is a fault
 MOST_NODES = 1000
+LOGGER_AT, NODE_AT = 16, 12  # of a Log's and of a ParameterEvent's in CDR: where a text begins
 GIVEN_UP = "watch"  # the component that names what is read no more
 
 Problems = dict[str, tuple[int, str]]
@@ -56,6 +58,19 @@ def node_of(topic: str, message: Message) -> str:
     if isinstance(message, Log):
         return f"/{message.logger.replace('.', '/')}"
     return message.node if isinstance(message, Parameters) else topic.removesuffix(TRANSITIONS)
+
+
+def node_in(topic: str, kind: str, data: bytes) -> str:
+    """The full name of the node that a serialized message is about; "" where it names none."""
+    if kind == TRANSITION_TYPE:
+        return topic.removesuffix(TRANSITIONS)
+    at = LOGGER_AT if kind == LOG_TYPE else NODE_AT
+    try:
+        (size,) = struct.unpack_from("<I" if data[1] else ">I", data, at)
+    except (IndexError, struct.error):
+        return ""
+    name = data[at + 4 : at + 3 + size].decode(errors="replace")
+    return f"/{name.replace('.', '/')}" if kind == LOG_TYPE else name
 
 
 def is_wanted(topic: str, kind: str, watch: Watched) -> bool:

@@ -76,6 +76,11 @@ class Receiver(Protocol):
     ) -> Mapping[str, str]:
         """Of the topics of a domain those to be subscribed beside diagnostics, with their types."""
 
+    def record_watched(
+        self, domain: Domain, topic: str, kind: str, data: bytes, now: Instant
+    ) -> None:
+        """Take a message of such a topic and type as it was received."""
+
     def receive_watched(self, domain: Domain, topic: str, message: Message, now: Instant) -> None:
         """Take a message of such a topic."""
 

@@ -21,6 +21,7 @@ class Running:
     """An exporter that listens on real DDS and is asked for its texts."""
 
     def __init__(self, fleet: Fleet, tmp_path: Path) -> None:
+        self.folder = tmp_path
         self.service = Service(fleet, tmp_path / "fleet.yml", None)
         self.service.start()
 

@@ -6,12 +6,16 @@ import re
 import sys
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from rosbags.highlevel import AnyReader
 
+from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.config.graph import Graph, Watched
 from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Status
 from support.ros_publisher import repeating
 from testbed.polling import until
@@ -48,6 +52,31 @@ def noted(events: list[Event], texts: Counter[str]) -> list[Event]:
     return events
 
 
+TEXTS = {
+    "/r/diagnostics": lambda message: message.status[0].message,
+    "/rosout": lambda message: message.msg,
+    "/parameter_events": lambda message: "".join(each.name for each in message.changed_parameters),
+    "/r/amcl/transition_event": lambda message: message.goal_state.label,
+}
+
+
+def recorded(capsules: Capsules, folder: Path) -> set[tuple[str, str, str]]:
+    """(topic, type, text) of what is in a capsule of a fault that began now."""
+    now = read_clocks()
+    began = Event(now.wall, "fault_began", "r", severity="critical", since=now.wall)
+    capsules.note("0123456789ab", began, now)
+    capsules.turn(now)
+    path = folder / "r.mcap"
+    path.write_bytes(capsules.read_so_far("0123456789ab", now.wall, now))
+    with AnyReader([path]) as reader:
+        found = [
+            (each.topic, each.msgtype, reader.deserialize(data, each.msgtype))
+            for each, _time, data in reader.messages()
+        ]
+    assert {topic for topic, _kind, _message in found} == TEXTS.keys()
+    return {(topic, kind, TEXTS[topic](message)) for topic, kind, message in found}
+
+
 def test_what_the_config_names_is_received_and_nothing_else(
     robots, run_exporter, start_process, dds_environment, monkeypatch
 ):
@@ -55,6 +84,9 @@ def test_what_the_config_names_is_received_and_nothing_else(
     profile = Profile(confirm_after=5.0, graph=Graph(mode="on", watch=ALL))
     robot = Robot("r", domain_id, profile=profile, namespace="/r", source=Source.RAW)
     running = run_exporter(Fleet("f", (replace(robot, topic_raw="/r/diagnostics"),)))
+    state = running.service.state
+    capsules = Capsules(running.folder, running.folder / "fleet.yml", state.topics_of)
+    state.recorder = capsules.rings.receive
     robots.offer("/r/diagnostics")
     start_process("amcl", [sys.executable, "-c", NODE], dds_environment)
     events = Counter[str]()
@@ -76,3 +108,10 @@ def test_what_the_config_names_is_received_and_nothing_else(
     assert "Nothing of interest" not in f"{found}"
     assert "fell to unconfigured after an error" in found["lifecycle amcl"]
     assert events["parameter max_range of amcl is now 10.0"]
+    assert recorded(capsules, running.folder) >= {
+        ("/r/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "Hot"),
+        ("/rosout", "rcl_interfaces/msg/Log", "Sensor overrun"),
+        ("/rosout", "rcl_interfaces/msg/Log", "Nothing of interest"),
+        ("/parameter_events", "rcl_interfaces/msg/ParameterEvent", "max_range"),
+        ("/r/amcl/transition_event", "lifecycle_msgs/msg/TransitionEvent", "unconfigured"),
+    }

@@ -23,7 +23,7 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.events import filled
 from ros_diagnostics_exporter.faults.model import State
 from ros_diagnostics_exporter.fleet.registry import TIME_TO_PUBLISH
-from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Status, Topic
+from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Status, Stream, Topic
 from ros_diagnostics_exporter.severity import event_text
 from support.recordings import CASES, aggregated, raw
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
@@ -771,6 +771,6 @@ def test_what_is_received_is_recorded_as_it_came():
     topic, array = Topic(0, "/r/diagnostics"), Array(0.0, (HOT,), 3, b"raw")
     driver.state.receive(topic, array, driver.now)
 
-    assert recorded == [(topic, array, driver.now)]
+    assert recorded == [(Stream(topic), b"raw", driver.now)]
     assert set(driver.state.topics_of("r")) == {topic, Topic(0, "/r/diagnostics_agg")}
     assert driver.state.topics_of("nobody") == ()

@@ -795,6 +795,27 @@ def test_a_mail_has_the_colours_of_the_state_that_the_pages_have(status, labels,
     assert f"color: {text}; background: {background}".lower() in mail
 
 
+@pytest.mark.parametrize("part", ["text", "html"])
+@pytest.mark.parametrize("ends_after", ["10m", "1h30m", "3d"])
+def test_the_end_by_ends_after_says_that_nobody_knows_whether_it_works(part, ends_after, tmp_path):
+    ended = data("resolved", MOTOR_FAULT | {"alertname": "RosDiagnosticsComponentCritical"})
+    ended["alerts"][0]["annotations"] = ended["commonAnnotations"] = {
+        "end": "recovered",
+        "evidence": f"OK: not reported again for {ends_after}",
+        "summary": "Motor 1 of r1 is CRITICAL.",
+    }
+    text = html.unescape(render(f"ros_diagnostics.email.{part}", ended, tmp_path))
+    assert (
+        "What ended it: it was not reported again for as long as `ends_after` in fleet.yml says; "
+        "whether it works is not known." in text
+    )
+    assert "a fresh message with a better level" not in text
+    for of_driver in (f"OK: not reported again for {ends_after}, it says", "OK: running"):
+        ended["alerts"][0]["annotations"]["evidence"] = of_driver
+        text = html.unescape(render(f"ros_diagnostics.email.{part}", ended, tmp_path))
+        assert f"a fresh message with a better level ({of_driver})." in text
+
+
 def test_what_a_person_removed_is_no_recovery_and_a_recovery_says_what_ended_it(tmp_path):
     ended = data("resolved", MOTOR_FAULT | {"alertname": "RosDiagnosticsComponentCritical"})
     ended["alerts"][0]["annotations"] = ended["commonAnnotations"] = {

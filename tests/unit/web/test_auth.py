@@ -63,6 +63,27 @@ def test_every_path_needs_a_valid_login(protected, header):
         assert answer.body == b"Unauthorized\n"
 
 
+@pytest.mark.parametrize("query", ["", "?so_far=true", "?so_far=false"])
+def test_a_capsule_needs_the_login_of_the_api(serve, web_config, query):
+    asked = []
+
+    def capsule(fault, so_far):
+        asked.append((fault, so_far))
+        return b"\x89MCAP0\r\n"
+
+    server = serve(web_config=web_config, capsule=capsule)
+    for path in (f"/api/v1/faults/0123456789ab/capsule.mcap{query}", "/api/v1/faults"):
+        for header in ("", basic("alice", "wrong"), basic("bob", PASSWORD)):
+            answer = ask(server, path, Authorization=header)
+            assert (answer.status, answer.body) == (401, b"Unauthorized\n")
+        assert asked == []
+        assert ask(server, "/api/v1/faults", Authorization=basic("alice", PASSWORD)).status == 200
+    path = f"/api/v1/faults/0123456789ab/capsule.mcap{query}"
+    answer = ask(server, path, Authorization=basic("alice", PASSWORD))
+    assert (answer.status, answer.body) == (200, b"\x89MCAP0\r\n")
+    assert asked == [("0123456789ab", query == "?so_far=true")]
+
+
 def test_a_valid_login_is_computed_once(serve, web_config, monkeypatch):
     computed = []
     real = bcrypt.checkpw
