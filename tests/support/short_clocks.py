@@ -21,7 +21,10 @@ DURATION = re.compile(r"(?:(?<=\[)|(?<=\d[smhd]:)|(?<=offset ))(\d+)(ms|s|m|h|d)
 SECONDS = (("availability.yml", "robot:ros_diagnostics_part_seconds:sum5m", "300", "30"),)
 FILES = ("faults", "states", "availability", "monitoring")
 SCALED = tuple(f"{name}.yml" for name in FILES)
-SLOT = "robot:ros_diagnostics_part_seconds:sum5m"  # counts the evaluations of states.yml
+SLOTS = (  # they count the evaluations of states.yml
+    "robot:ros_diagnostics_part_seconds:sum5m",
+    "capability:ros_diagnostics_part_seconds:sum5m",
+)
 
 
 def scale(rules: Path) -> None:
@@ -39,10 +42,11 @@ def set_interval(prometheus: Path, seconds: int) -> None:
     edit(prometheus / "prometheus.yml", lambda config: _set_scrapes(config, f"{seconds}s"))
     for path in (prometheus / "rules").glob("*.yml"):
         edit(path, lambda document: _set_intervals(document, seconds))
-    edit(
-        prometheus / "rules" / "availability.yml",
-        lambda document: _set_number(document, SLOT, "10", str(seconds)),
-    )
+    for slot in SLOTS:
+        edit(
+            prometheus / "rules" / "availability.yml",
+            lambda document, slot=slot: _set_number(document, slot, "10", str(seconds)),
+        )
 
 
 def set_escalation(rules: Path, after: Mapping[str, str]) -> None:

@@ -6,6 +6,7 @@ from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.builders import stat, table, timeseries
 from grafana_foundation_sdk.models import common
 
+from fleet_dashboards.dashboards.capabilities import availability
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
 from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY
@@ -70,6 +71,7 @@ def build() -> builders.Dashboard:
                 flapping(),
                 "Availability in the time range",
                 availability_of_robots(),
+                availability(_FLEET),
                 availability_of_groups(),
                 availability_of_fleets(),
                 availability_over_time(),
@@ -336,7 +338,6 @@ def _by_integration(title: str, description: str, expr: str) -> stat.Panel:
 
 def flapping() -> table.Panel:
     """List the flapping components."""
-    by = "by (fleet, robot, group, component)"
     return tables.joined(
         "Flapping",
         "Which components change their level so often that no alert fires for single changes? The "
@@ -344,10 +345,10 @@ def flapping() -> table.Panel:
         "the exporter started.",
         {
             # It begins above one ratio and ends below another: the fault, not a ratio, says so.
-            "B": f'max {by} ({HELD}{{{_FLEET}, scope="flapping", state="flapping"}}) * 1000',
-            "A": f"max {by} (ros_diagnostics_component_flap_ratio{{{_FLEET}}})",
+            "B": f'max {_COMPONENT} ({HELD}{{{_FLEET},scope="flapping", state="flapping"}}) * 1000',
+            "A": f"max {_COMPONENT} (ros_diagnostics_component_flap_ratio{{{_FLEET}}})",
             # Not increase() over the range: that would read the range of every component.
-            "C": f"max {by} (ros_diagnostics_component_changes_total{{{_FLEET}}})",
+            "C": f"max {_COMPONENT} (ros_diagnostics_component_changes_total{{{_FLEET}}})",
         },
         [
             Column("A", "Flap ratio", unit="percentunit", width=110),

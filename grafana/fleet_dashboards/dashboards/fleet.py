@@ -9,6 +9,7 @@ from grafana_foundation_sdk.builders import stat, statetimeline, table, timeseri
 from grafana_foundation_sdk.models import common
 from grafana_foundation_sdk.models.prometheus import PromQueryFormat
 
+from fleet_dashboards.dashboards import capabilities
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
 from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY, problem_rows, problem_table
@@ -28,6 +29,7 @@ _MATCHERS = 'fleet=~"$fleet", site=~"$site", robot_group=~"$robot_group"'
 _SELECTED = f"robot:ros_diagnostics:info{{{_MATCHERS}}}"
 _COUNT = "site_robot_group:ros_diagnostics_robots:count"
 _RANK = 'robot:ros_diagnostics_state:rank{fleet=~"$fleet"}'
+_CHOSEN = f"({_RANK} ${{state:raw}}) and on (fleet, robot) {_SELECTED}"
 
 
 def build() -> builders.Dashboard:
@@ -50,6 +52,8 @@ def build() -> builders.Dashboard:
             problems(),
             wall(),
             states_of_robots(),
+            capabilities.of_robots(_CHOSEN, _PROOF),
+            capabilities.of_fleet(_STATES, _PROOF),
             health(),
             share_working(),
             components_by_state(),

@@ -7,6 +7,7 @@ import re
 from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.builders import stat, statetimeline, table, timeseries
 
+from fleet_dashboards.dashboards import capabilities
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.annotations import Annotation
 from fleet_dashboards.lib.dashboard import new_dashboard
@@ -44,6 +45,7 @@ def build() -> builders.Dashboard:
             message_age_now(),
             clock_offset(),
             maintenance(),
+            capabilities.of_robot(),
             problems(),
             states_of_components(),
             batteries(),
@@ -180,7 +182,7 @@ def maintenance() -> stat.Panel:
 def problems() -> table.Panel:
     """List what is wrong with the robot."""
     received = f"ros_diagnostics_robot_up{{{_ROBOT}}} == 1"
-    return problem_table(
+    listed = problem_table(
         "Problems",
         "What is wrong with the robot, since when, and who takes care of it? Errors, warnings, "
         "stale components, values beyond their thresholds, checks that find too little. The "
@@ -191,7 +193,8 @@ def problems() -> table.Panel:
         of_states=_ROBOT,
         proof=f"{settled(variables.FLEET, of='fleet')} and on (fleet) {received}",
         hidden=("Robot",),
-    ).height(7)
+    )
+    return listed.height(7).span(15)
 
 
 _MESSAGES = f"""

@@ -115,6 +115,19 @@ def state_mappings() -> list[dashboard.ValueMapping]:
     return words({str(state.rank): (state.word, state.colour) for state in STATES})
 
 
+def able_mappings() -> list[dashboard.ValueMapping]:
+    """Show what a capability's state is: its number of OK, NO RESERVE, DEGRADED, LOST, UNKNOWN."""
+    return words(
+        {
+            "0": (OK.word, OK.colour),
+            "1": ("NO RESERVE", WARNING.colour),
+            "2": ("DEGRADED", WARNING.colour),
+            "3": ("LOST", CRITICAL.colour),
+            "4": (UNKNOWN.word, UNKNOWN.colour),
+        }
+    )
+
+
 def yes(word: str, colour: str, *, otherwise: str = "") -> list[dashboard.ValueMapping]:
     """Show 1 as ``word``, and 0 or nothing as ``otherwise``."""
     return [

@@ -26,6 +26,7 @@ class _Kind(NamedTuple):
     text: str = ""  # $1 is the label `named_by`
     named_by: str = ""
     of_many: bool = False  # robots
+    under: str = "critical|stale|lost"  # worse states: a warning goes on under them
 
 
 _KINDS = (
@@ -35,6 +36,15 @@ _KINDS = (
     _Kind('scope="value", state="critical"', palette.CRITICAL, text="$1", named_by="key"),
     _Kind('scope="value", severity="warning"', palette.WARNING, text="$1", named_by="key"),
     _Kind('scope="check"', palette.CRITICAL, text="$1", named_by="check"),
+    _Kind('scope="capability", state="lost"', palette.CRITICAL, "$1 is lost", "check"),
+    _Kind('scope="capability", state="degraded"', palette.WARNING, "$1 is degraded", "check"),
+    _Kind(
+        'scope="capability", state="no_reserve"',
+        palette.WARNING,
+        "$1 has no reserve",
+        "check",
+        under="lost|degraded",
+    ),
     _Kind('scope="robot", state="silent"', palette.UNKNOWN),
     _Kind('scope="robot", state="pending"', palette.PENDING),
     _Kind('scope="robot", state="flapping"', palette.WARNING, "comes and goes"),
@@ -73,7 +83,7 @@ def _ranked(kind: _Kind, matchers: str, members: str) -> str:
         found = f"({found} and on (fault) {HELD_OF_ROBOT}{{{members}}})"
     found = f"{found} * 0 + {kind.state.rank}"
     if kind.state is palette.WARNING:
-        worse = f'{HELD}{{{matchers}, state=~"critical|stale"}}'
+        worse = f'{HELD}{{{matchers}, state=~"{kind.under}"}}'
         found = f"({found} unless on ({_NESTED}) {worse})"
     if kind.state is palette.STALE:
         found = f'({found} unless on ({_NESTED}) {HELD}{{{matchers}, state="critical"}})'

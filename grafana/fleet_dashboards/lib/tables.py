@@ -115,19 +115,29 @@ def pivot(
     *,
     label: str,
     sort: str,
+    others: list[dashboard.ValueMapping] | None = None,
 ) -> table.Panel:
-    """Return a table from one instant query whose ``label`` is the column of a value."""
+    """Return a table from one instant query whose ``label`` is the column of a value.
+
+    With ``others`` each other value of the label is a column, too, with these words and colours;
+    rows are then sorted descending, and by the first column.
+    """
+    titles = {column.field: column.title for column in columns}
+    selected = _selected(titles) if others is None else [_first(titles)]
+    order = [_order(sort, descending=others is not None)]
+    if others is not None:
+        order.append(_order(columns[0].title, descending=False))
     return (
-        _table(title, description, columns)
+        _table(title, description, columns, others)
         .targets([at_end(expr)])
         .transformations(
             [
                 step("labelsToFields", mode="columns", valueLabel=label),
                 step("merge"),
-                *_selected({column.field: column.title for column in columns}),
+                *selected,
             ]
         )
-        .sort_by([_order(sort, descending=False)])
+        .sort_by(list(order))
     )
 
 
@@ -135,7 +145,12 @@ def _order(title: str, descending: bool) -> common_builders.TableSortByFieldStat
     return common_builders.TableSortByFieldState().display_name(title).desc(descending)
 
 
-def _table(title: str, description: str, columns: Sequence[Column]) -> table.Panel:
+def _table(
+    title: str,
+    description: str,
+    columns: Sequence[Column],
+    numbers: list[dashboard.ValueMapping] | None = None,
+) -> table.Panel:
     panel = (
         table.Panel()
         .title(title)
@@ -148,6 +163,12 @@ def _table(title: str, description: str, columns: Sequence[Column]) -> table.Pan
         .height(10)
         .span(WIDTH)
     )
+    if numbers is not None:
+        nothing = palette.special(dashboard.SpecialValueMatch.NULL_AND_NAN, "")
+        look = BACKGROUND | {"mappings": [*numbers, nothing], "custom.minWidth": 115}
+        panel = panel.override_by_field_type(
+            "number", [dashboard.DynamicConfigValue(key, value) for key, value in look.items()]
+        )
     for column in columns:
         panel = panel.override_by_name(column.title, _look(column))
     return panel
@@ -178,6 +199,12 @@ def _selected(titles: dict[str, str]) -> list[dashboard.DataTransformerConfig]:
         step("filterFieldsByName", include={"names": list(titles)}),
         step("organize", excludeByName={}, indexByName=order, renameByName=titles),
     ]
+
+
+def _first(titles: dict[str, str]) -> dashboard.DataTransformerConfig:
+    """Put these fields first, in this order, with these titles; the others follow."""
+    order = {field: index for index, field in enumerate(titles)}
+    return step("organize", excludeByName={"Time": True}, indexByName=order, renameByName=titles)
 
 
 def step(identity: str, **options: object) -> dashboard.DataTransformerConfig:

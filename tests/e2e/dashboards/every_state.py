@@ -31,16 +31,24 @@ profiles:
       - {key: Temperature, thresholds: {high: {warning: 80}}}
       - {key: Voltage (V), thresholds: {low: {warning: 22}}}
       - {key: Cycles, thresholds: {high: {warning: 1000}}}
-  slow: {confirm_after: 1h}
+  slow: {confirm_after: 1h, capabilities: {driving: [Motor]}}
+  l: {capabilities: {view: [Laser]}}
+  c:
+    capabilities:
+      power: {any: [Battery, Spare]}
+      driving: [Motor, {capability: power}]
   lasers: {checks: {lasers: {match: [Laser], expect: 2}}}
   loose: {components: [{match: Sensor, confirm_after: 1h}]}
   docked: {components: [{match: Arm, planned_stale: true}]}
 robots:
-  - {name: well, namespace: /well, labels: {site: north, robot_group: carriers, kind: cart}}
+  - name: well
+    namespace: /well
+    profile: c
+    labels: {site: north, robot_group: carriers, kind: cart}
   - {name: warned, namespace: /warned, labels: {site: north, robot_group: carriers}}
-  - {name: broken, namespace: /broken, labels: {site: north, robot_group: carriers}}
+  - {name: broken, namespace: /broken, profile: l, labels: {site: north, robot_group: carriers}}
   - {name: stale, namespace: /stale, labels: {site: south, robot_group: carriers}}
-  - {name: silent, namespace: /silent, labels: {site: south, robot_group: carriers}}
+  - {name: silent, namespace: /silent, profile: c, labels: {site: south, robot_group: carriers}}
   - {name: pending, namespace: /pending, labels: {site: south}}
   - {name: maintained, namespace: /maintained, labels: {site: south}}
   - {name: flapping, namespace: /flapping, profile: loose}
@@ -48,6 +56,8 @@ robots:
   - {name: short, namespace: /short, profile: lasers}
   - {name: docked, namespace: /docked, profile: docked}
   - {name: cut_off, namespace: /cut_off, labels: {uplink: short}}
+capabilities:
+  driving in the hall: {any: [{can: driving}]}
 queries:
   - {expr: asked by nobody, component: uplink, group: Network, confirm_after: 1s, uplink: true}
 maintenance:

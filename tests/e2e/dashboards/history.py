@@ -20,6 +20,12 @@ PARTS = {
     "maintained": {"ok": 24, "maintenance": 24},
     "silent": {"ok": 24, "unknown": 12, "undetermined": 12},
 }
+# How many slots of what a robot, or without one the fleet, could do.
+ABLE = {
+    'robot="well",capability="lifting"': {"able": 48},
+    'robot="broken",capability="lifting"': {"able": 36, "lost": 9, "unknown": 3},
+    'capability="lifting in the hall"': {"able": 40, "lost": 8},
+}
 CARRIERS = ("well", "broken", "silent")
 Sample = tuple[str, str, float, float]  # name, labels, value, Unix time
 
@@ -29,7 +35,7 @@ def write(path: Path, start: float) -> float:
     end = float(int(start) - GAP)
     # OpenMetrics wants the samples of a series together, in the order of their times.
     samples = sorted(
-        [*_parts(end), *_faults(end), *_alerts(end)],
+        [*_parts(end), *_able(end), *_faults(end), *_alerts(end)],
         key=lambda sample: (sample[0], sample[1], sample[3]),
     )
     lines: list[str] = []
@@ -63,6 +69,15 @@ def _parts(end: float) -> Iterator[Sample]:
         else:
             labels = f'fleet="hall",robot_group="carriers",part="{part}"'
             yield "robot_group:ros_diagnostics_part_seconds:sum5m", labels, seconds, time
+
+
+def _able(end: float) -> Iterator[Sample]:
+    for able, parts in ABLE.items():
+        slots = [part for part, count in parts.items() for _ in range(count)]
+        for number, part in enumerate(slots, start=1):
+            labels = f'fleet="hall",{able},part="{part}"'
+            time = end - (SLOTS - number) * SLOT
+            yield "capability:ros_diagnostics_part_seconds:sum5m", labels, SLOT, time
 
 
 def _faults(end: float) -> Iterator[Sample]:

@@ -19,7 +19,9 @@ from testbed.ports import free_port
 # Conditions before the first query of a test: each expression must return something.
 READY = {
     "every state": "count(count by (state) (robot:ros_diagnostics_state:info)) == 7",
-    "confirmed faults": 'count(fleet:ros_diagnostics_fault_start:held{scope="component"}) == 7',
+    "confirmed faults": 'count(fleet:ros_diagnostics_fault_start:held{scope="component"}) == 6',
+    "what a robot can do": 'fleet:ros_diagnostics_fault_start:held{scope="capability"}',
+    "what the fleet can do": 'capability:ros_diagnostics_capability_state:max{robot=""}',
     "low values": 'count(fleet:ros_diagnostics_fault_start:held{scope="value"}) == 2',
     "a confirmed silence": (
         'fleet:ros_diagnostics_fault_start:held{scope="robot", robot="silent", state="silent"}'

@@ -47,15 +47,6 @@ INPUT = {
     f"ros_diagnostics_fault_start_timestamp_seconds{{{SILENT}}}": "_x300 3000x120",
     f'ros_diagnostics_fault_info{{{SILENT}, evidence="silent"}}': "_x300 1x120",
 }
-# Of r1 lost from 10 to 30 minutes, not known in the last ten. Of the fleet lost in the second half.
-INPUT |= {
-    'ros_diagnostics_capability_state{fleet="f", robot="r1", capability="lifting"}': (
-        "0x59 3x119 1x179 4x60"
-    ),
-    'ros_diagnostics_fleet_capability_state{fleet="f", capability="lifting at hall"}': (
-        "2x209 3x210"
-    ),
-}
 # What availability.yml records of two hours: it is asked for as it is, because promtool evaluates
 # all rules at one interval, and these have one of their own.
 SUM = "ros_diagnostics_part_seconds:sum5m"
@@ -67,6 +58,9 @@ RECORDED = {
     f'robot_group:{SUM}{{fleet="f", robot_group="red", part="ok"}}': "600x11 300x5 0x5",
     f'robot_group:{SUM}{{fleet="f", robot_group="red", part="critical"}}': "0x11 300x11",
     f'robot_group:{SUM}{{fleet="f", robot_group="red", part="maintenance"}}': "0x17 300x5",
+    f'capability:{SUM}{{fleet="f", robot="r1", capability="lifting", part="able"}}': "300x17 0x5",
+    f'capability:{SUM}{{fleet="f", robot="r1", capability="lifting", part="lost"}}': "0x17 300x5",
+    f'capability:{SUM}{{fleet="f", capability="lifting at hall", part="able"}}': "300x22",
 }
 R1, R2 = '{fleet="f", robot="r1"}', '{fleet="f", robot="r2"}'
 HELD = "fleet:ros_diagnostics_fault_start:held"
@@ -81,8 +75,10 @@ EXPECTED: dict[str, dict[str, float]] = {
         '{fleet="f", robot="r2", part="maintenance"}': 0.5,
     },
     "The ten robots": {R1: 1},
-    "Could it lift?": {'{fleet="f", robot="r1", capability="lifting"}': 8 / 12},
-    "The same of what the fleet": {'{fleet="f", capability="lifting at hall"}': 7 / 15},
+    "Could it lift?": {
+        '{fleet="f", robot="r1", capability="lifting"}': 18 / 24,
+        '{fleet="f", capability="lifting at hall"}': 1,
+    },
     "How often each component": {'{fleet="f", robot="r1", component="Motor 1"}': 2},
     "For how many hours": {'{fleet="f", robot="r1", component="Motor 1"}': 41 / 60},
     "All faults that lasted": {f'{HELD}{{{FAULT}, evidence="hot"}}': 600},
