@@ -938,6 +938,16 @@ def test_any_values_in_the_file_neither_stop_the_start_nor_break_what_is_shown(w
         use(Path(folder))
 
 
+def test_a_component_of_which_the_name_is_damaged_does_not_stop_the_start(whole, tmp_path):
+    shutil.copy(whole / "live", tmp_path / "state")
+    with closing(sqlite3.connect(tmp_path / "state")) as connection, connection:
+        found = "SELECT key FROM faults WHERE kind = 'component'"
+        ((key,), *_) = connection.execute(found)
+        short = json.dumps(json.loads(key)[1:])
+        connection.execute("UPDATE faults SET key = ? WHERE key = ?", (short, key))
+    use(tmp_path)
+
+
 @given(data=st.data())
 @settings(max_examples=60)
 def test_any_bytes_in_the_file_neither_stop_the_start_nor_break_what_is_shown(whole, data):
