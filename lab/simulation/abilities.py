@@ -137,7 +137,13 @@ class Abilities:
         if event.scope != "capability" or event.robot or event.reason != "recovered":
             return
         robots = self._world.declared()
-        able = [each.name for each in robots if self._is_perhaps_able(each)]
+        at = event.time - self._world.now.wall + self._world.now.mono
+        able = [
+            each.name
+            for each in robots
+            # Of one that was received since then it is not known what it said before.
+            if self._is_perhaps_able(each) or (each.last is not None and each.last > at)
+        ]
         has_more = event.state == "no_reserve" and len(robots) > NEEDED
         if len(able) < NEEDED + has_more <= len(robots):
             yield "the fleet's fault ended although too few robots can", (event, able)
