@@ -166,7 +166,8 @@ def test_a_robot_in_maintenance_is_left_out(tmp_path):
 
 
 def test_maintenance_ends_nothing_and_what_is_well_after_it_ends_then(tmp_path):
-    hall = Hall(tmp_path, more=in_maintenance("r2", 100, 200)).work(40).work(50, r1=ERROR, r2=ERROR)
+    hall = Hall(tmp_path, more=in_maintenance("r2", 100, 200), names=IN_HALL[:4]).work(40)
+    hall.work(50, r2=ERROR)
     assert hall.changes == ["began no_reserve"]
     hall.work(60).work(30, r2=OK)
     assert hall.now.mono < 200
