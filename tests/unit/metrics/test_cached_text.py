@@ -389,6 +389,8 @@ def check_problems(text: list[str], state: FleetState, now: Instant) -> None:
 def check_reported(state: FleetState, now: Instant) -> None:
     """To report all of every robot again is to report nothing new."""
     reports, known = state._faults, reported(state)
+    if any(each._presence is None for each in reports._robots.values()):
+        return  # nothing has come since the restore
     for robot in state.robots.values():
         reports._robots[robot.settings.name]._everything = True
         reports._record(reports._robots[robot.settings.name].update(reports._faults, now))
