@@ -26,7 +26,7 @@ from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
-from ros_diagnostics_exporter.faults.model import fault_id, identity_of
+from ros_diagnostics_exporter.faults.model import Fault, fault_id, identity_of
 from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
@@ -371,15 +371,17 @@ class Service:
         if self._capsules is None:
             raise LookupError("no capsules are kept: the exporter runs with --storage.path=none")
         self._record_events()
-        now, fleet = read_clocks(), self.state.fleet
+        now = read_clocks()
         if not so_far:
             return self._capsules.read(fault, now)
-        since = (
-            each.since
-            for each in self.state.faults()
-            if fault_id(fleet.name, fleet.exporter, each.identity) == fault
-        )
-        return self._capsules.read_so_far(fault, next(since, None), now)
+        lasting = self._lasting().get(fault)
+        since = None if lasting is None else lasting.since
+        return self._capsules.read_so_far(fault, since, now)
+
+    def _lasting(self) -> dict[str, Fault]:
+        """The faults that last, by id."""
+        fleet, lasting = self.state.fleet, self.state.faults()
+        return {fault_id(fleet.name, fleet.exporter, each.identity): each for each in lasting}
 
     def find_events(self, wanted: Wanted) -> Iterable[dict[str, Any]]:
         """The events that match the filter, newest first."""
@@ -496,15 +498,11 @@ class Service:
 
     def acknowledge(self, fault: str, person: Person) -> None:
         """Acknowledge a fault that lasts, as Backend says."""
-        fleet = self.state.fleet
-        lasting = {
-            fault_id(fleet.name, fleet.exporter, each.identity): each
-            for each in self.state.faults()
-        }
+        lasting = self._lasting()
         if fault not in lasting:
             raise LookupError("it has ended, or there was never one of this id")
         now = read_clocks().wall
-        self._act(lambda by: acknowledge(by, fleet.name, lasting[fault], person, now))
+        self._act(lambda by: acknowledge(by, self.state.fleet.name, lasting[fault], person, now))
 
     def plan_downtime(self, robot: str, component: str, seconds: float, person: Person) -> None:
         """Plan a downtime from now on, as Backend says."""

@@ -1,7 +1,7 @@
 """Hands Alertmanager's mails on to the mail server, with the capsules of their faults attached.
 
 Alertmanager cannot attach a file. A mail names its faults in the header `FAULTS`; whatever goes
-wrong with a capsule, the mail is handed on as it is. It is accepted once the mail server has it.
+wrong with a capsule, the mail is forwarded as it is. It is accepted once the mail server has it.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ class Relay:
             return _refusal(error)
         for recipient, (code, text) in refused.items():
             log.warning("%s: rejected: %s", one_line(recipient), _line(code, text))
-        log.info("mail handed on, %s", f"with {', '.join(faults)}" if faults else "as it was")
+        log.info("mail forwarded, %s", f"with {', '.join(faults)}" if faults else "as it was")
         return "250 OK"
 
 
@@ -164,7 +164,7 @@ def _refusal(error: Exception) -> str:
         answer = _line(*next(iter(error.recipients.values())))
     else:
         answer = _line(451, f"the mail server: {error}")
-    log.error("mail not handed on: %s", answer)
+    log.error("mail not forwarded: %s", answer)
     return answer
 
 

@@ -20,7 +20,7 @@ from ros_diagnostics_exporter.severity import (
 from ros_diagnostics_exporter.texts import one_line
 
 WEEK = 7 * 86_400.0
-MOST = 10  # parts that are told of
+MOST = 10  # parts that a story names
 AGAIN = 3  # times that something has to precede a fault before it is mentioned
 BEFORE = 900.0  # seconds before a fault in which it does
 AT_ONCE = 1.0  # seconds within which two things happened at the same time
@@ -72,13 +72,13 @@ def story(
     when = in_time(since, now)
     if not parts:
         return [_sentence("", f"No fault {when}.")]
-    told = sorted(parts, key=lambda each: _worst_first(each, now))[:MOST]
+    named = sorted(parts, key=lambda each: _worst_first(each, now))[:MOST]
     found = [
         _sentence(part.name, text)
-        for part in told
+        for part in named
         for text in _of_part(part, recent, robot, now, when)
     ]
-    left = len(parts) - len(told)
+    left = len(parts) - len(named)
     return found + ([_sentence("", f"{left} more parts were faulty {when}.")] if left else [])
 
 

@@ -204,33 +204,38 @@ _PARTS = {"anyOf": [*_PART["anyOf"], _LIST]}
 _K = {"type": "integer", "minimum": 1, "maximum": MOST_PARTS}
 
 
+_AllForm = Annotated[Expression | None, Value(_all, "parts", **_PARTS)]
+_AnyForm = Annotated[Expression | None, Value(_any, "parts", **_PARTS)]
+_AtLeastForm = Annotated[
+    Expression | None,
+    Value(
+        _at_least,
+        "`{k: number, of: parts}`",
+        type="object",
+        properties={"k": _K, "of": _PARTS},
+        required=["k", "of"],
+        additionalProperties=False,
+    ),
+]
+
+
 class Capability(Entry):
     """Something that a robot can do; a list, or a word, is short for `all`."""
 
     name: str = ""
     need: Expression = Expression(None, ())
-    all: Annotated[Expression | None, Value(_all, "parts", **_PARTS)] = described(
+    all: _AllForm = described(
         "It needs all of these: components by words of their names, case ignored, or any of the "
         "[other forms](capabilities.md#expressions).",
         example=["Motor", {"capability": "front view"}],
         default=None,
     )
-    any: Annotated[Expression | None, Value(_any, "parts", **_PARTS)] = described(
+    any: _AnyForm = described(
         "It needs one of these. In place of `all`.",
         example=["lidar front_upper", "lidar front_lower"],
         default=None,
     )
-    at_least: Annotated[
-        Expression | None,
-        Value(
-            _at_least,
-            "`{k: number, of: parts}`",
-            type="object",
-            properties={"k": _K, "of": _PARTS},
-            required=["k", "of"],
-            additionalProperties=False,
-        ),
-    ] = described(
+    at_least: _AtLeastForm = described(
         "It needs so many of these. In place of `all`.",
         example={"k": 6, "of": ["lidar"]},
         default=None,
@@ -272,28 +277,18 @@ class FleetCapability(Entry):
 
     name: str = ""
     need: Expression = Expression(None, ())
-    all: Annotated[Expression | None, Value(_all, "parts", **_PARTS)] = described(
+    all: _AllForm = described(
         "It needs all of these: robots that can do something, `{can: lifting, robots: {site: "
         "hall}}`, other capabilities of the fleet, or [expressions](capabilities.md#of-a-fleet).",
         example=[{"can": "lifting", "robots": {"site": "hall"}}],
         default=None,
     )
-    any: Annotated[Expression | None, Value(_any, "parts", **_PARTS)] = described(
+    any: _AnyForm = described(
         "It needs one of these. In place of `all`.",
         example=[{"can": "lifting"}],
         default=None,
     )
-    at_least: Annotated[
-        Expression | None,
-        Value(
-            _at_least,
-            "`{k: number, of: parts}`",
-            type="object",
-            properties={"k": _K, "of": _PARTS},
-            required=["k", "of"],
-            additionalProperties=False,
-        ),
-    ] = described(
+    at_least: _AtLeastForm = described(
         "It needs so many of these. In place of `all`.",
         example={"k": 3, "of": [{"can": "lifting", "robots": {"site": "hall"}}]},
         default=None,

@@ -32,6 +32,7 @@ from ros_diagnostics_exporter.faults.needs import (
 from ros_diagnostics_exporter.faults.records import (
     CapabilityRecord,
     ComponentRecord,
+    FleetCapabilityRecord,
     Problem,
     RobotRecord,
 )
@@ -184,22 +185,38 @@ def _judge(
     capability.due = actual.due
     if actual.ability is not Ability.UNKNOWN:
         _cover(book, capability, actual, in_use, now)
-    for state, ability in STATES.items():
-        verdict = verdict_on(ability, actual, in_use)
+    verdicts = {state: verdict_on(each, actual, in_use) for state, each in STATES.items()}
+    take_verdicts(book, capability, verdicts, in_use.due, now)
+
+
+def take_verdicts(
+    book: Book,
+    capability: CapabilityRecord | FleetCapabilityRecord,
+    verdicts: Mapping[State, Verdict],
+    due: float,
+    now: Instant,
+) -> None:
+    """Pass the verdict on each state on to its problem, made where there is trouble and none yet.
+
+    Args:
+        book: The records of the fleet.
+        capability: That of a robot or of the fleet.
+        verdicts: On each of `STATES`.
+        due: When (monotonic) the trouble has lasted for its confirm_after.
+        now: The present time.
+    """
+    robot = capability.robot if isinstance(capability, CapabilityRecord) else None
+    for state, verdict in verdicts.items():
         problem = capability.problems.get(state)
         if problem is None and verdict >= Verdict.ABSENT:
-            identity = Identity(Scope.CAPABILITY, state, "", capability.robot.name)
-            problem = Problem(
-                identity._replace(check=capability.name),
-                now,
-                robot=capability.robot,
-                capability=capability,
-            )
+            name = "" if robot is None else robot.name
+            identity = Identity(Scope.CAPABILITY, state, robot=name, check=capability.name)
+            problem = Problem(identity, now, robot=robot, capability=capability)
             capability.problems[state] = book.add_problem(problem)
         if problem is None:
             continue
         if verdict >= Verdict.ABSENT:
-            problem.clock = max(in_use.due, problem.since.mono)
+            problem.clock = max(due, problem.since.mono)
         if verdict is Verdict.BAD:
             problem.restored = False
         if verdict is not problem.verdict:

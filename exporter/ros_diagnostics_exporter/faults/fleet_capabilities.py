@@ -11,10 +11,9 @@ from math import inf
 
 from ros_diagnostics_exporter.faults import needs
 from ros_diagnostics_exporter.faults.book import Book
-from ros_diagnostics_exporter.faults.capabilities import STATES, verdict_on
+from ros_diagnostics_exporter.faults.capabilities import STATES, take_verdicts, verdict_on
 from ros_diagnostics_exporter.faults.model import (
     Ability,
-    Identity,
     PartName,
     Scope,
     State,
@@ -134,25 +133,10 @@ def _judge(
         record.parts = {}
     elif actual.ability is not Ability.UNKNOWN:
         record.parts = {**in_use.parts, **actual.parts}
-    for state, ability in STATES.items():
-        verdict = verdict_on(ability, actual, in_use)
-        if verdict >= Verdict.ABSENT and in_use.due == inf:
-            verdict = Verdict.HELD
-        problem = record.problems.get(state)
-        if problem is None and verdict >= Verdict.ABSENT:
-            identity = Identity(Scope.CAPABILITY, state, check=record.name)
-            problem = Problem(identity, now, capability=record)
-            record.problems[state] = book.add_problem(problem)
-        if problem is None:
-            continue
-        if verdict >= Verdict.ABSENT:
-            problem.clock = max(in_use.due, problem.since.mono)
-        if verdict is Verdict.BAD:
-            problem.restored = False
-        if verdict is not problem.verdict:
-            problem.verdict = verdict
-            book.write(problem)
-        book.touched[problem] = None
+    verdicts = {state: verdict_on(each, actual, in_use) for state, each in STATES.items()}
+    if in_use.due == inf:
+        verdicts = {state: min(each, Verdict.HELD) for state, each in verdicts.items()}
+    take_verdicts(book, record, verdicts, in_use.due, now)
 
 
 def views(book: Book) -> dict[str, NeedView]:
