@@ -33,7 +33,7 @@ class Event:
     fault or planned a downtime by a form of a page), ``robot`` (known, forgotten, silent or back),
     ``graph`` (``message`` says what the ROS graph shows) or ``config`` (read or rejected).
     ``before`` and ``after`` are the words of levels, OK, WARN, ERROR, STALE; ``after`` may also be
-    heard, silent, known, forgotten, read, refused, firing or resolved, of a condition quiet or
+    received, silent, known, forgotten, read, rejected, firing or resolved, of a condition quiet or
     judged, of an action acknowledged or downtime. Of a component that is not OK when first
     received, ``before`` is "". A field that does not apply is "", or None.
 
