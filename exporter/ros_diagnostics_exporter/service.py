@@ -15,12 +15,11 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ros_diagnostics_exporter.acting import acknowledge, plan_downtime
+from ros_diagnostics_exporter.acknowledging import acknowledge, plan_downtime
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.api import ledger, snapshot
 from ros_diagnostics_exporter.api.capabilities import capability_tree
-from ros_diagnostics_exporter.api.occurrences import labels_of, occurrences
-from ros_diagnostics_exporter.api.story import WEEK, story
+from ros_diagnostics_exporter.api.story import WEEK, labels_of, occurrences, story
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet

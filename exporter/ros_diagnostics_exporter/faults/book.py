@@ -7,7 +7,14 @@ from math import inf
 from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings
-from ros_diagnostics_exporter.faults.model import ComponentName, Identity, Scope, State
+from ros_diagnostics_exporter.faults.model import (
+    ComponentName,
+    ComponentSettings,
+    Identity,
+    RobotSettings,
+    Scope,
+    State,
+)
 from ros_diagnostics_exporter.faults.records import (
     TREND_STEPS,
     CapabilityRecord,
@@ -20,7 +27,6 @@ from ros_diagnostics_exporter.faults.records import (
     RobotRecord,
     RowKey,
 )
-from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.model import Instant
 

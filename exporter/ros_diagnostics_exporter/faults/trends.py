@@ -11,11 +11,12 @@ from collections import deque
 from math import isnan
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from ros_diagnostics_exporter.faults import verdicts
+from ros_diagnostics_exporter.faults import components
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.components import give_verdict
 from ros_diagnostics_exporter.faults.model import (
     ComponentName,
+    ComponentSettings,
     Identity,
     Scope,
     State,
@@ -23,7 +24,6 @@ from ros_diagnostics_exporter.faults.model import (
     Verdict,
 )
 from ros_diagnostics_exporter.faults.records import TREND_STEPS, Problem, RobotRecord, Trend
-from ros_diagnostics_exporter.faults.settings import ComponentSettings
 from ros_diagnostics_exporter.model import Instant
 
 
@@ -113,5 +113,5 @@ def _verdict(book: Book, trend: Trend, *, in_trouble: bool) -> Verdict:
         return Verdict.WELL
     steps = book.settings.falling.ahead / _step(book)
     number, hysteresis = forecast(samples, steps), book.settings.value_hysteresis
-    verdict = verdicts.of_value(trend.threshold, number, hysteresis, in_trouble=in_trouble)
+    verdict = components.of_value(trend.threshold, number, hysteresis, in_trouble=in_trouble)
     return min(verdict, trend.most)

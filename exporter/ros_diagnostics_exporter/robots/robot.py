@@ -36,8 +36,8 @@ from ros_diagnostics_exporter.robots.rejections import (
     RejectionReason,
     SilentReason,
 )
+from ros_diagnostics_exporter.robots.tree import AggregatedUpdates
 from ros_diagnostics_exporter.robots.updates import (
-    AggregatedUpdates,
     MeasuredUpdates,
     RawUpdates,
     query_of,

@@ -1,6 +1,6 @@
 """What the event log says of a week: times to acknowledge and to recover, worst parts, nights.
 
-Faults are given as `ros_diagnostics_exporter.api.occurrences` returns them.
+Faults are given as `ros_diagnostics_exporter.api.story` returns them.
 """
 
 from __future__ import annotations
@@ -10,8 +10,7 @@ from datetime import datetime, timedelta, tzinfo
 from statistics import median
 from typing import Any, NamedTuple
 
-from ros_diagnostics_exporter.api.occurrences import LABELS, occurrences
-from ros_diagnostics_exporter.api.story import spells
+from ros_diagnostics_exporter.api.story import LABELS, occurrences, spells
 from ros_diagnostics_exporter.severity import subject
 
 MOST_PARTS = 10
