@@ -296,7 +296,9 @@ def _read_robot(book: Book, key: tuple[str, ...], stored: OfRobot, clock: _Clock
 def _read_component(book: Book, key: tuple[str, ...], stored: OfComponent, clock: _Clock) -> None:
     settings = ComponentSettings(**stored.settings._asdict())
     robot, group, name = key
-    component = book.add_component(book.robots[robot], ComponentName(group, name), settings)
+    component = book.add_component(
+        ComponentRecord(book.robots[robot], ComponentName(group, name), settings)
+    )
     component.level = Level(stored.level)
     since = stored.since
     component.since = None if since is None else clock.instant(since)
