@@ -256,6 +256,7 @@ class Reason(str, Enum):
     SITE = "site"
     COMMON = "common"
     MANY = "many"
+    BEHIND = "behind"  # what fleet.yml says that it depends on fails
     CAPABILITY = "capability"  # one that is in trouble because of it
     FAULT = "fault"  # a worse one of the same is confirmed
     CONDITION = "condition"  # fleet.yml's `when` or `unless`

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Iterator
 from enum import Enum
 from math import inf
+from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import Threshold
 from ros_diagnostics_exporter.faults.flapping import FlapHistory
@@ -30,6 +31,7 @@ from ros_diagnostics_exporter.model import Instant, Level
 
 TREND_STEPS = 15  # intervals between samples in which a value may be seen to fall
 ValueKey = tuple[str, str, str]  # key, bound, severity
+Fails = Literal["stale", "error"] | None
 RowKey = tuple[str, tuple[str, ...]]  # kind, key: the row that a record is written to
 
 
@@ -96,11 +98,13 @@ class ComponentRecord:
     """A component that is or was in trouble.
 
     ``level`` is the latest, STALE while its robot is silent; ``since`` when it left OK;
-    ``counted`` whether it counts towards a common cause until it is received better.
+    ``counted`` whether it counts towards a common cause until it is received better;
+    ``explained_until`` (monotonic) when what it is behind has been well for long enough.
     """
 
     __slots__ = (
         "counted",
+        "explained_until",
         "flaps",
         "level",
         "name",
@@ -126,6 +130,7 @@ class ComponentRecord:
         self.values: dict[ValueKey, Problem] = {}
         self.flaps: FlapHistory | None = None
         self.counted = False
+        self.explained_until = -inf
         # (since, flap ratio) when a change of them was last noted
         self.noted: tuple[Instant | None, float | None] | None = None
 
@@ -134,6 +139,20 @@ class ComponentRecord:
         """Whether it changes too often for anything else to be reported of it."""
         problem = self.problems.get(State.FLAPPING)
         return problem is not None and problem.in_trouble
+
+    @property
+    def fails(self) -> Fails:
+        """Whether it explains that what is behind it is STALE, or any trouble of that."""
+        bad = {state for state, problem in self.problems.items() if problem.in_trouble}
+        if bad & {State.CRITICAL, State.FLAPPING}:
+            return "error"
+        return "stale" if State.STALE in bad else None
+
+    def is_behind(self, *, stale: bool) -> bool:
+        """Whether what it is behind explains its trouble; ``stale``: that it is absent."""
+        found = (self.robot.components.get(ComponentName(*each)) for each in self.settings.behind)
+        explained = ("stale", "error") if stale else ("error",)
+        return any(each is not None and each.fails in explained for each in found)
 
     @property
     def is_intermittent(self) -> bool:
@@ -185,11 +204,13 @@ class RobotRecord:
     ``total`` is how many components it has; ``maintained`` the names of those in a downtime of
     their own; ``returned_until`` (monotonic) when what rests on absence may begin after its return;
     ``unreachable_since`` (monotonic) since when an uplink or a DDS domain explains its absence;
-    ``history`` counts its coming and going; ``trends`` are of values that may fall, by key.
+    ``chained``: a component of it is, or was, behind another; ``history`` counts its coming and
+    going; ``trends`` are of values that may fall, by key.
     """
 
     __slots__ = (
         "capabilities",
+        "chained",
         "checks",
         "components",
         "counted",
@@ -219,6 +240,7 @@ class RobotRecord:
         self.maintained: frozenset[str] = frozenset()  # not written: planned anew after a start
         self.returned_until = -inf
         self.unreachable_since: float | None = None  # not written: reported anew after a start
+        self.chained = False
         self.total = 0
         self.counted = False  # towards its site's silence
         self.history: FlapHistory | None = None
