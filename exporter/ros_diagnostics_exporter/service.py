@@ -16,7 +16,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ros_diagnostics_exporter.acting import acknowledge, plan_downtime
+from ros_diagnostics_exporter.acting import acknowledge, cancel_downtime, plan_downtime
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.api import ledger, snapshot
 from ros_diagnostics_exporter.api import week as of_week
@@ -542,6 +542,11 @@ class Service:
         times = now.wall, now.wall + seconds
         fleet, of = self.state.fleet.name, (robot, component)
         self._act(lambda by: plan_downtime(by, fleet, of, person, times))
+
+    def cancel_downtime(self, robot: str, component: str, until: float, person: Person) -> None:
+        """End a downtime that a person planned, as Backend says."""
+        of, now = (robot, component, until), read_clocks().wall
+        self._act(lambda by: cancel_downtime(by, self.state.fleet.name, of, person, now))
 
     def _act(self, do: Callable[[Alertmanager], Event]) -> None:
         """Do it, record it, and read the silences anew."""

@@ -9,7 +9,7 @@ from grafana_foundation_sdk.models import common
 from fleet_dashboards.dashboards.capabilities import availability
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
-from fleet_dashboards.lib.promql import reached, settled
+from fleet_dashboards.lib.promql import in_order, reached, settled
 from fleet_dashboards.lib.tables import Column
 
 _FLEET = 'fleet=~"$fleet"'
@@ -33,9 +33,9 @@ def build() -> builders.Dashboard:
                 share(),
                 budget(),
                 faults(),
-                notifications(),
                 to_acknowledge(),
                 to_recover(),
+                notifications(),
                 by_day(),
                 worst_parts(),
                 by_night(),
@@ -72,7 +72,7 @@ def _beside(panel: stat.Panel, this: str, before: str) -> stat.Panel:
             ]
         )
         .text_mode(common.BigValueTextMode.VALUE_AND_NAME)
-        .span(6)
+        .span(8)
     )
 
 
@@ -128,7 +128,7 @@ def notifications() -> stat.Panel:
         "vector(0)",
         "none",
     )
-    return _beside(panel, _counted("notifications"), _counted("notifications", _BEFORE))
+    return _beside(panel, _counted("notifications"), _counted("notifications", _BEFORE)).span(6)
 
 
 def to_acknowledge() -> table.Panel:
@@ -161,28 +161,32 @@ def _times(title: str, description: str, what: str) -> table.Panel:
     median = f'{what}_seconds{{, quantile="0.5"'
     longest = f'{what}_seconds{{, quantile="1"'
     number = f"{'acknowledged' if what == 'acknowledge' else 'recovered'}_faults{{"
-    return tables.joined(
-        title,
-        description,
-        {
-            "A": each(number, ""),
-            "B": each(median, ""),
-            "C": each(longest, ""),
-            "D": each(median, _BEFORE),
-            "E": each(number, _BEFORE),
-        },
-        [
-            tables.FLEET,
-            Column("exporter", "Exporter", min_width=80),
-            Column("B", "Median", unit=tables.DURATION, min_width=90),
-            Column("C", "Longest", unit=tables.DURATION, min_width=90),
-            Column("A", "Faults", width=70),
-            Column("D", "Median before", unit=tables.DURATION, min_width=120),
-            Column("E", "Faults before", width=110),
-        ],
-        by=by,
-        sort=("Fleet",),
-        ascending=("Fleet",),
+    return (
+        tables.joined(
+            title,
+            description,
+            {
+                "A": each(number, ""),
+                "B": each(median, ""),
+                "C": each(longest, ""),
+                "D": each(median, _BEFORE),
+                "E": each(number, _BEFORE),
+            },
+            [
+                tables.FLEET,
+                Column("exporter", "Exporter", width=90),
+                Column("B", "Median", unit=tables.DURATION, width=85),
+                Column("C", "Longest", unit=tables.DURATION, width=85),
+                Column("A", "Faults", width=70),
+                Column("D", "Median before", unit=tables.DURATION, width=120),
+                Column("E", "Faults before", width=110),
+            ],
+            by=by,
+            sort=("Fleet",),
+            ascending=("Fleet",),
+        )
+        .span(9)
+        .height(4)
     )
 
 
@@ -199,12 +203,13 @@ def by_day() -> table.Panel:
         "Availability by day",
         "On which days was which robot available? The worst first; the last of seven days ends "
         "with the time range.",
-        {"A": _share(robot, "robot"), **days},
+        {"A": in_order(_share(robot, "robot")), **days},
         [
-            tables.ROBOT,
+            tables.ROBOT_IN_ORDER,
             _availability("A", "Week"),
             *(_availability(ref, title) for ref, title in zip(days, titles, strict=True)),
             tables.FLEET,
+            tables.NAME,
         ],
         by=robot,
         sort=("Week", "Robot"),
@@ -214,7 +219,7 @@ def by_day() -> table.Panel:
 
 def _availability(ref: str, title: str) -> Column:
     mappings = palette.share_mappings()
-    return Column(ref, title, unit="percentunit", mappings=mappings, width=95, background=True)
+    return Column(ref, title, "percentunit", mappings, width=95, decimals=2, background=True)
 
 
 def worst_parts() -> table.Panel:
