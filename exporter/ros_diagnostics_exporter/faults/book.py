@@ -45,6 +45,7 @@ _Timed = Problem | Cause | CapabilityRecord | RobotRecord | ComponentRecord | No
 Timer = tuple[TimerKind, _Timed]
 CLOCK_TIME = 60.0  # seconds for which a clock has to be wrong: longer than arrays are buffered
 FLEET_ROW: RowKey = ("fleet", ())
+TIME_TO_RETURN = 60.0  # seconds at most for what is behind something to be well after it
 UPLINK_TIME = 15.0  # seconds in which a query has noticed that an uplink does not answer
 
 
@@ -176,13 +177,19 @@ class Book:
             settings = component.settings
             if settings.measured:
                 clock = max(clock, component.robot.returned_until)  # it was not reached before
+            clock = max(clock, component.explained_until)
             return clock + settings.confirm_after
         robot = problem.robot
         clock += self.settings.confirm_after if robot is None else robot.settings.confirm_after
         return clock + UPLINK_TIME if self._may_be_behind(problem) else clock
 
     def _may_be_behind(self, problem: Problem) -> bool:
-        """Whether it may turn out that an uplink explains what is common to robots, or silence."""
+        """Whether it may turn out that an uplink explains what is common to robots, or silence.
+
+        Or what is measured of a robot, that many of its components failed.
+        """
+        if problem.identity.state is State.MANY and problem.robot is not None:
+            return any(each.settings.behind for each in problem.robot.components.values())
         robots = [problem.robot] if problem.robot and problem.identity.state is State.SILENT else []
         if problem.cause is not None and problem.robot is None:
             robots = [self.robots[name] for name in problem.cause.counted if name in self.robots]

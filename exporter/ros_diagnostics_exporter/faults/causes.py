@@ -26,9 +26,11 @@ def count_component(book: Book, component: ComponentRecord) -> None:
     """Count a component, or not, towards what many robots have in common.
 
     It counts from when it is CRITICAL, out of maintenance, until it is received better, or, where
-    it is measured, until what the robot is behind explains it.
+    it is measured, until what the robot is behind explains it, or what the component is behind.
     """
     explained = component.settings.measured and component.robot.unreachable
+    if component.settings.behind:
+        explained = explained or component.is_behind(stale=component.level is Level.STALE)
     fresh = component.level is Level.ERROR and not (component.maintenance or explained)
     lasts = component.counted and component.level not in (Level.OK, Level.WARN)
     if not (fresh or lasts or component.counted):
@@ -175,7 +177,9 @@ def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, i
     troubled = [
         each
         for each in robot.components.values()
-        if each.since is not None and each.name.component not in robot.maintained
+        if each.since is not None
+        and each.name.component not in robot.maintained
+        and not (each.settings.behind and each.is_behind(stale=each.level is Level.STALE))
     ]
     is_quiet = robot.maintenance or robot.unreachable_since is not None
     nothing_known = not robot.up or is_quiet or now.mono < robot.returned_until

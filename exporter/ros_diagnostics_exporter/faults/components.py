@@ -7,7 +7,7 @@ from math import inf, isnan
 from types import MappingProxyType
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from ros_diagnostics_exporter.faults import capabilities, causes
+from ros_diagnostics_exporter.faults import behind, capabilities, causes
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import (
@@ -91,6 +91,8 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
             return
         component = book.add_component(ComponentRecord(robot, report.name, report.settings))
     component.settings, component.level = report.settings, report.level
+    robot.chained = robot.chained or bool(report.settings.behind)
+    before = (component.fails, component.since) if robot.chained else None
     if not planned:
         _note_change(book, component, report.level, now)
     _judge_intermittent(book, component, now)
@@ -99,6 +101,8 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
     elif component.since is None and not planned:
         component.since = now
     _judge_level(book, component, now)
+    if before is not None:
+        behind.follow(book, component, before, now)
     causes.count_component(book, component)
     book.touched_causes[robot.many] = None
     book.write(component)
@@ -183,8 +187,11 @@ def decay(book: Book, component: ComponentRecord, now: Instant) -> None:
     within = book.settings.intermittent.within
     # Computed as the timer is: else rounding keeps what is due, and the timer is due for ever.
     flaps.changed = tuple(mono for mono in flaps.changed if mono + within > now.mono)
+    failed = component.fails if component.robot.chained else None
     _judge_intermittent(book, component, now)
     _judge_flapping(book, component, flaps, now)
+    if failed is not None:
+        behind.follow(book, component, (failed, component.since), now)
     book.write(component)
     if component.is_usual:
         book.drop_component(component)

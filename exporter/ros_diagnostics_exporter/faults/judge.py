@@ -162,8 +162,11 @@ def _is_reported(book: Book, flaps: Problem | None, now: Instant) -> bool:
 def _of_larger(book: Book, problem: Problem, now: Instant) -> Reason | None:
     """Why what it is about, or what that is a part of, keeps it quiet."""
     reason = None
-    if problem.component is not None:
-        reason = _of_component(book, problem, problem.component, now)
+    component, absent = problem.component, problem.verdict is Verdict.ABSENT
+    if component is not None:
+        if component.settings.behind and component.is_behind(stale=absent):
+            return Reason.BEHIND
+        reason = _of_component(book, problem, component, now)
     elif isinstance(problem.capability, CapabilityRecord):
         reason = _of_parts(book, problem.capability, now)
     if reason is None and capabilities.explains(problem, now):

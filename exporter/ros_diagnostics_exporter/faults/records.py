@@ -14,6 +14,7 @@ from enum import Enum
 from itertools import compress
 from math import inf
 from operator import ne
+from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import Threshold
 from ros_diagnostics_exporter.faults.model import (
@@ -95,6 +96,7 @@ class FlapHistory:
 
 TREND_STEPS = 15  # intervals between samples in which a value may be seen to fall
 ValueKey = tuple[str, str, str]  # key, bound, severity
+Fails = Literal["stale", "error"] | None
 RowKey = tuple[str, tuple[str, ...]]  # kind, key: the row that a record is written to
 
 
@@ -145,7 +147,8 @@ class ComponentRecord:
     """A component that is or was in trouble.
 
     ``level`` is the latest, STALE while its robot is silent; ``since`` when it left OK;
-    ``counted`` whether it counts towards a common cause until it is received better.
+    ``counted`` whether it counts towards a common cause until it is received better;
+    ``explained_until`` (monotonic) when what it is behind has been well for long enough.
     """
 
     robot: RobotRecord
@@ -157,6 +160,7 @@ class ComponentRecord:
     values: dict[ValueKey, Problem] = field(default_factory=dict)
     flaps: FlapHistory | None = None
     counted: bool = False
+    explained_until: float = -inf
     # (since, flap ratio) when a change of them was last noted
     noted: tuple[Instant | None, float | None] | None = None
     row: RowKey = field(init=False)
@@ -169,6 +173,20 @@ class ComponentRecord:
         """Whether it changes too often for anything else to be reported of it."""
         problem = self.problems.get(State.FLAPPING)
         return problem is not None and problem.in_trouble
+
+    @property
+    def fails(self) -> Fails:
+        """Whether it explains that what is behind it is STALE, or any trouble of that."""
+        bad = {state for state, problem in self.problems.items() if problem.in_trouble}
+        if bad & {State.CRITICAL, State.FLAPPING}:
+            return "error"
+        return "stale" if State.STALE in bad else None
+
+    def is_behind(self, *, stale: bool) -> bool:
+        """Whether what it is behind explains its trouble; ``stale``: that it is absent."""
+        found = (self.robot.components.get(ComponentName(*each)) for each in self.settings.behind)
+        explained = ("stale", "error") if stale else ("error",)
+        return any(each is not None and each.fails in explained for each in found)
 
     @property
     def is_intermittent(self) -> bool:
@@ -219,7 +237,8 @@ class RobotRecord:
     ``total`` is how many components it has; ``maintained`` the names of those in a downtime of
     their own; ``returned_until`` (monotonic) when what rests on absence may begin after its return;
     ``unreachable_since`` (monotonic) since when an uplink or a DDS domain explains its absence;
-    ``history`` counts its coming and going; ``trends`` are of values that may fall, by key.
+    ``chained``: a component of it is, or was, behind another; ``history`` counts its coming and
+    going; ``trends`` are of values that may fall, by key.
     """
 
     name: str
@@ -230,6 +249,7 @@ class RobotRecord:
     maintained: frozenset[str] = frozenset()  # not written: planned anew after a start
     returned_until: float = -inf
     unreachable_since: float | None = None  # not written: reported anew after a start
+    chained: bool = False
     total: int = 0
     counted: bool = False  # towards its site's silence
     history: FlapHistory | None = None

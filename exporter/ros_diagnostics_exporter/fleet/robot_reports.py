@@ -11,6 +11,7 @@ from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import Profile, Source, Threshold, ValueRule
 from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.faults.book import UPLINK_TIME
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import (
     Change,
@@ -24,6 +25,7 @@ from ros_diagnostics_exporter.faults.model import (
     ValueReport,
     Verdict,
 )
+from ros_diagnostics_exporter.fleet import behind
 from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
 from ros_diagnostics_exporter.model import Instant, Level
@@ -62,6 +64,7 @@ class RobotReports:
         self._presence: _Presence | None = None
         self._announced: float | None = None  # when a publisher of it was first seen, monotonic
         self._names: dict[Component, ComponentName] = {}
+        self._behind: behind.Found = {}
         self.read = -1  # the last change that was reported
         self.is_up = False  # was reported, with all of its components
         self._everything = True  # is to be reported, because none of it was, or by other settings
@@ -150,6 +153,8 @@ class RobotReports:
         renamed = marks.at[Mark.NAMES] > self.read
         if renamed:
             changes += self._follow_names(faults, now)
+        if renamed or self._everything:
+            self._follow_behind()
         if profile.has_conditions or self._everything:
             self._apply_conditions(now)
         if profile.capabilities:
@@ -342,6 +347,13 @@ class RobotReports:
         self._names = names
         return changes
 
+    def _follow_behind(self) -> None:
+        """Have those reported that are behind others than before."""
+        former, self._behind = self._behind, behind.find(self._names)
+        for component in former.keys() | self._behind.keys():
+            if former.get(component) != self._behind.get(component) and component in self._names:
+                self.robot.components.report_again(component)
+
     def _report_levels(
         self, faults: Faults, changed: list[Component], now: Instant, *, renamed: bool
     ) -> list[Change]:
@@ -382,11 +394,14 @@ class RobotReports:
         if component.feed is not None:
             own = component.feed.confirm_after if own is None else own
             planned = planned or component.feed.planned_stale
+        confirm_after = profile.confirm_after if own is None else own
+        of = self._behind.get(component, frozenset())
+        if of:
+            measured = {name for each, name in self._names.items() if each.feed is not None}
+            confirm_after += 0.0 if measured.isdisjoint(of) else UPLINK_TIME
+        is_measured, is_critical = component.feed is not None, profile.stale_is_critical
         return ComponentSettings(
-            profile.confirm_after if own is None else own,
-            planned,
-            profile.stale_is_critical and not planned,
-            component.feed is not None,
+            confirm_after, planned, is_critical and not planned, is_measured, of
         )
 
     # -- values and checks -------------------------------------------------------------------
