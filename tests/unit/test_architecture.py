@@ -216,6 +216,16 @@ def test_a_reader_can_hold_a_function_in_the_head():
     assert sizes[-1] <= 70
 
 
+def test_no_file_of_the_service_is_too_long_to_be_one_idea():
+    lines = {
+        module: len(path.read_text().splitlines())
+        for module, path in FILES
+        if module.startswith(f"{EXPORTER}.")
+    }
+
+    assert {module: number for module, number in lines.items() if number > 500} == {}
+
+
 @pytest.mark.parametrize("tree", [EXPORTER, TOOLS])
 def test_no_two_classes_have_one_name(tree):
     counted = Counter(

@@ -393,7 +393,7 @@ def check_reported(state: FleetState, now: Instant) -> None:
         return  # nothing has come since the restore
     for robot in state.robots.values():
         reports._robots[robot.settings.name]._everything = True
-        reports._record(reports._robots[robot.settings.name].update(reports._faults, now))
+        reports._record(reports._robots[robot.settings.name].update(reports.engine, now))
     assert reported(state) == known
 
 
@@ -401,7 +401,7 @@ def reported(state: FleetState) -> object:
     """What is known of each problem, and how its component is judged."""
     return {
         each: (problem.verdict, problem.component and problem.component.settings)
-        for each, problem in state._faults._faults._book.problems.items()
+        for each, problem in state._faults.engine._book.problems.items()
     }
 
 
