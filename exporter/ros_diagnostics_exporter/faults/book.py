@@ -7,7 +7,12 @@ from math import inf
 from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings
-from ros_diagnostics_exporter.faults.model import ComponentName, Identity, Scope, State
+from ros_diagnostics_exporter.faults.model import (
+    Identity,
+    RobotSettings,
+    Scope,
+    State,
+)
 from ros_diagnostics_exporter.faults.records import (
     TREND_STEPS,
     CapabilityRecord,
@@ -20,8 +25,7 @@ from ros_diagnostics_exporter.faults.records import (
     RobotRecord,
     RowKey,
 )
-from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
-from ros_diagnostics_exporter.faults.timers import Timers
+from ros_diagnostics_exporter.loops import Timers
 from ros_diagnostics_exporter.model import Instant
 
 TimerKind = Literal[
@@ -101,13 +105,7 @@ class Book:
         self.write(robot)
         return robot
 
-    def add_component(
-        self, robot: RobotRecord, name: ComponentName, settings: ComponentSettings
-    ) -> ComponentRecord:
-        """A new record of a component that was OK."""
-        return self.adopt_component(ComponentRecord(robot, name, settings))
-
-    def adopt_component(self, component: ComponentRecord) -> ComponentRecord:
+    def add_component(self, component: ComponentRecord) -> ComponentRecord:
         """Keep the record of a component."""
         name = component.name
         component.robot.components[name] = component
@@ -163,14 +161,6 @@ class Book:
             self.touch_causes()
         if not site:
             del self.present[robot.settings.site]
-
-    def whole(self, cause: Cause) -> int:
-        """How many there are of what the cause counts."""
-        if cause.robot is not None:
-            return cause.robot.total
-        if cause.scope is Scope.SITE:
-            return len(self.present.get(cause.name, ()))
-        return sum(map(len, self.present.values()))
 
     def due(self, problem: Problem) -> float:
         """When (monotonic) the problem may be a fault at the earliest."""

@@ -69,7 +69,7 @@ def move_component(
     moved.problems = {key: _renamed(each, moved) for key, each in component.problems.items()}
     moved.values = {key: _renamed(each, moved) for key, each in component.values.items()}
     changes += remove_component(book, robot, old, now)
-    book.adopt_component(moved)
+    book.add_component(moved)
     for problem in (*moved.problems.values(), *moved.values.values()):
         book.touch((book.add_problem(problem),))
         if problem.fault is not None:

@@ -19,17 +19,18 @@ from ros_diagnostics_exporter.faults import (
     causes,
     components,
     fleet_capabilities,
-    hours,
+    judge,
 )
 from ros_diagnostics_exporter.faults.book import CLOCK_TIME, TIME_TO_RETURN, Book
-from ros_diagnostics_exporter.faults.flapping import FlapHistory
 from ros_diagnostics_exporter.faults.model import (
     Ability,
     ComponentName,
+    ComponentSettings,
     End,
     Fault,
     Identity,
     PartName,
+    RobotSettings,
     Row,
     Scope,
     State,
@@ -42,12 +43,12 @@ from ros_diagnostics_exporter.faults.records import (
     Cause,
     ComponentRecord,
     Ended,
+    FlapHistory,
     Presence,
     Problem,
     RobotRecord,
     RowKey,
 )
-from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.faults.stored import (
     SCHEMAS,
     History,
@@ -114,7 +115,7 @@ def restore(book: Book, rows: Iterable[Row], now: Instant) -> None:
     _bound(book, now)
     _count(book, now)
     _set_timers(book)
-    hours.wake(book, now)
+    judge.set_hours_timer(book, now)
     book.touched.clear()
     book.touched_causes.clear()
     book.touched_robots.clear()
@@ -298,7 +299,9 @@ def _read_component(book: Book, key: tuple[str, ...], stored: OfComponent, clock
     behind = frozenset(stored.settings.behind)
     settings = ComponentSettings(**{**stored.settings._asdict(), "behind": behind})
     robot, group, name = key
-    component = book.add_component(book.robots[robot], ComponentName(group, name), settings)
+    component = book.add_component(
+        ComponentRecord(book.robots[robot], ComponentName(group, name), settings)
+    )
     component.level = Level(stored.level)
     since = stored.since
     component.since = None if since is None else clock.instant(since)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, TypeAdapter
 
-from ros_diagnostics_exporter.faults.flapping import SLOTS
+from ros_diagnostics_exporter.faults.records import SLOTS
 
 # Limits for what is read from the file: whatever passes them can be restored and served.
 Moment = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
