@@ -365,7 +365,7 @@ APART = [
     {"alertname": "RosDiagnosticsExporterStalled", "fleet": "f", "instance": "e:1"},
     {"alertname": "RosDiagnosticsAlertmanagerNotNotifying", "instance": "a", "integration": "sns"},
     {"alertname": "RosDiagnosticsFleetPartDown", "fleet": "f", "scope": "site", "state": "silent"},
-    {"alertname": "RosDiagnosticsExporterAbsent"},
+    {"alertname": "RosDiagnosticsExporterDown"},
     {"alertname": "SomebodyElses", "device": 'a "b" \\c', "instance": "db1"},
 ]
 ESCALATED = {"fleet": "f", "of": "RosDiagnosticsExporterDown", "severity": "critical", "step": "1"}
