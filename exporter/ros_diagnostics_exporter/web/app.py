@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from typing import Any
+from urllib.parse import quote
 
 import yaml
 from starlette.applications import Starlette
@@ -14,11 +15,18 @@ from starlette.convertors import PathConvertor, register_url_convertor
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
+from starlette.responses import (
+    HTMLResponse,
+    JSONResponse,
+    PlainTextResponse,
+    RedirectResponse,
+    Response,
+)
 from starlette.routing import Route
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.events import Wanted
+from ros_diagnostics_exporter.severity import alert_of
 from ros_diagnostics_exporter.web.actions import Actions
 from ros_diagnostics_exporter.web.api import (
     SNAPSHOT_AGE,
@@ -39,6 +47,7 @@ from ros_diagnostics_exporter.web.pages import (
     landing,
     missing_fault,
     missing_robot,
+    no_runbooks,
     robot_page,
 )
 from ros_diagnostics_exporter.web.responses import ResponseLimit, ResponseLimiter, busy_response
@@ -80,6 +89,7 @@ class Pages:
     workers: Workers
     telemetry_path: str
     actions: Actions
+    runbooks: str
 
     def _acting(self, request: Request) -> Acting | None:
         token = self.actions.token(request)
@@ -90,10 +100,36 @@ class Pages:
         snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
         query = request.query_params.get("q", "").strip()[:MAX_QUERY]
         if query:
-            found = await self.workers.run(landing, snapshot.fleet, self.telemetry_path, query)
+            found = await self.workers.run(self._landing, snapshot, query)
             return HTMLResponse(found)
-        page = await self.workers.run_shared(SNAPSHOT_AGE, _page, snapshot, self.telemetry_path)
+        page = await self.workers.run_shared(SNAPSHOT_AGE, self._landing, snapshot, "")
         return HTMLResponse(page)
+
+    def _landing(self, snapshot: Snapshot, query: str) -> str:
+        of = snapshot.fleet, self.telemetry_path, query
+        return landing(*of, acts=self.actions.enabled)
+
+    async def problem(self, request: Request) -> Response:
+        """Lead to a problem by what a dashboard knows: ``fault`` its id, ``robot``, both or none.
+
+        With ``scope`` and ``state`` to its runbook.
+        """
+        asked = request.query_params
+        alert = alert_of(asked.get("scope", ""), asked.get("state", ""))
+        if alert:
+            return RedirectResponse(f"runbooks/{alert}", status_code=303)
+        for name in ("fault", "robot"):
+            if asked.get(name):
+                page = f"{name}s/{quote(asked[name], safe='', errors='replace')}"
+                return RedirectResponse(page, status_code=303)
+        return RedirectResponse("./", status_code=303)
+
+    async def runbook(self, request: Request) -> Response:
+        """Lead to the runbook of an alert."""
+        if not self.runbooks:
+            return HTMLResponse(no_runbooks(), status_code=404)
+        alert = quote(request.path_params["alert"], safe="")
+        return RedirectResponse(f"{self.runbooks.rstrip('/')}/{alert}.md", status_code=303)
 
     async def robot(self, request: Request) -> Response:
         """One robot; 404 for a name that no robot has."""
@@ -134,10 +170,6 @@ class Pages:
         """The OpenAPI description, indented: people read it, too."""
         text = json.dumps(openapi(self.telemetry_path), indent=2, ensure_ascii=False)
         return Response(text + "\n", media_type="application/json")
-
-
-def _page(snapshot: Snapshot, telemetry_path: str) -> str:
-    return landing(snapshot.fleet, telemetry_path)
 
 
 def _robot_page(
@@ -185,6 +217,7 @@ def build(
     telemetry_path: str,
     lifecycle: bool,
     actions: bool = False,
+    runbooks: str = "",
 ) -> Starlette:
     """The application.
 
@@ -196,9 +229,10 @@ def build(
         telemetry_path: Where the metrics are; first, so that it may be "/".
         lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.
         actions: Whether the pages have forms by which who has logged in acts.
+        runbooks: The URL at which docs/alerts is served; "" if it is not known.
     """
     acting = Actions(backend, threads.asking, enabled=actions)
-    pages = Pages(backend, threads.others, telemetry_path, acting)
+    pages = Pages(backend, threads.others, telemetry_path, acting, runbooks)
     api = Api(backend, threads.others, threads.asking, lifecycle)
     scrape = Scrape(backend, threads.scrapes, ResponseLimit(connections))
     write_methods = ["POST", "PUT"]
@@ -206,6 +240,8 @@ def build(
         Route(telemetry_path, scrape, methods=["GET"]),
         Route("/", pages.landing),
         Route("/robots/{robot:text}", pages.robot),
+        Route("/problem", pages.problem),
+        Route("/runbooks/{alert}", pages.runbook),
         Route("/faults/{fault}", pages.fault),
         Route("/-/healthy", pages.healthy),
         Route("/-/ready", pages.ready),
