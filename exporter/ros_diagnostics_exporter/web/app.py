@@ -38,6 +38,7 @@ from ros_diagnostics_exporter.web.api import (
 )
 from ros_diagnostics_exporter.web.auth import Logins
 from ros_diagnostics_exporter.web.backend import Backend
+from ros_diagnostics_exporter.web.changes import ChangeStreams
 from ros_diagnostics_exporter.web.connections import Connections
 from ros_diagnostics_exporter.web.middleware import AccessControl
 from ros_diagnostics_exporter.web.pages import (
@@ -212,6 +213,7 @@ def build(
     backend: Backend,
     threads: Threads,
     connections: Connections,
+    changes: ChangeStreams,
     *,
     web_config: LiveWebConfig,
     telemetry_path: str,
@@ -225,6 +227,7 @@ def build(
         backend: What is served.
         threads: Where the backend is called.
         connections: The clients'.
+        changes: Tells open pages that something has changed.
         web_config: Users, rate limit and headers.
         telemetry_path: Where the metrics are; first, so that it may be "/".
         lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.
@@ -243,6 +246,7 @@ def build(
         Route("/problem", pages.problem),
         Route("/runbooks/{alert}", pages.runbook),
         Route("/faults/{fault}", pages.fault),
+        Route("/-/changes", changes, methods=["GET"]),
         Route("/-/healthy", pages.healthy),
         Route("/-/ready", pages.ready),
         Route("/-/reload", api.reload, methods=write_methods),

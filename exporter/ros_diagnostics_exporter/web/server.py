@@ -23,6 +23,7 @@ from starlette.applications import Starlette
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.web.app import build, start_threads
 from ros_diagnostics_exporter.web.backend import Backend
+from ros_diagnostics_exporter.web.changes import ChangeStreams
 from ros_diagnostics_exporter.web.connections import Acceptor, Connections, connection_limit
 from ros_diagnostics_exporter.web.protocol import (
     MAX_HEADER_BYTES,
@@ -167,10 +168,12 @@ class Server:
         self.loop = Loop("web-config", RELOAD_INTERVAL, live_config.refresh)
         self._threads = start_threads()
         self.connections = Connections(connection_limit(domains))
+        self._changes = ChangeStreams(backend, self.connections)
         app = build(
             backend,
             self._threads,
             self.connections,
+            self._changes,
             web_config=live_config,
             telemetry_path=telemetry_path,
             lifecycle=lifecycle,
@@ -208,6 +211,7 @@ class Server:
         if self._thread is None:
             return
         self.loop.ask_to_stop()
+        self._changes.stopping = True
         self._uvicorn.should_exit = True
         self._thread.join()
         self._threads.close()
