@@ -16,13 +16,12 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ros_diagnostics_exporter.acting import acknowledge, cancel_downtime, plan_downtime
+from ros_diagnostics_exporter.acknowledging import acknowledge, cancel_downtime, plan_downtime
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.api import ledger, snapshot
 from ros_diagnostics_exporter.api import week as of_week
 from ros_diagnostics_exporter.api.capabilities import capability_tree
-from ros_diagnostics_exporter.api.occurrences import KINDS, labels_of, occurrences
-from ros_diagnostics_exporter.api.story import WEEK, story
+from ros_diagnostics_exporter.api.story import KINDS, WEEK, labels_of, occurrences, story
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet

@@ -37,12 +37,14 @@ QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condit
     "site": "many robots of the site are silent",
     "common": "the same component failed on many robots",
     "many": "many components of the robot failed at once",
+    "behind": "what it is behind fails",
     "capability": "something that the robot can no longer do well, and that needs it, is reported",
     "fault": "a worse fault of it is confirmed",
     "condition": "by its condition in fleet.yml",
     "hours": "outside of warning hours",
 }
-OF_LARGER = {"site", "common", "many", "capability"}  # reasons: it is part of a larger fault
+# Reasons: it is part of a larger fault.
+OF_LARGER = {"site", "common", "many", "behind", "capability"}
 SILENT = {  # why a robot is silent
     "never_seen": "nothing was ever received",
     "publisher_gone": "nobody publishes on its topics",

@@ -1,7 +1,7 @@
 """What the event log says of a week: times to acknowledge and to recover, worst parts, nights.
 
-Pure functions. Faults are given as `occurrences` returns them. The exporter's families of the week
-and `ros-diagnostics report --week` have these numbers.
+Pure functions. Faults are given as `ros_diagnostics_exporter.api.story` returns them. The
+exporter's families of the week and `ros-diagnostics report --week` have these numbers.
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ from datetime import datetime, timedelta, tzinfo
 from statistics import median
 from typing import Any
 
-from ros_diagnostics_exporter.api.occurrences import LABELS, occurrences
-from ros_diagnostics_exporter.api.story import WEEK, spells
+from ros_diagnostics_exporter.api.story import LABELS, WEEK, occurrences, spells
 from ros_diagnostics_exporter.metrics.week import FaultyPart, Lengths, Week
 from ros_diagnostics_exporter.severity import subject
 

@@ -20,10 +20,10 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from ros_diagnostics_exporter import durations
 from ros_diagnostics_exporter.model import Person
-from ros_diagnostics_exporter.web.auth import parse_basic
 from ros_diagnostics_exporter.web.backend import Backend
+from ros_diagnostics_exporter.web.middleware import parse_basic
 from ros_diagnostics_exporter.web.pages import DOWNTIMES, rejected
-from ros_diagnostics_exporter.web.workers import Workers
+from ros_diagnostics_exporter.web.responses import Workers
 
 MAX_FORM = 16 * 1024  # bytes
 MAX_COMMENT = 200  # characters

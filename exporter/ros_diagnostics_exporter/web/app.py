@@ -36,11 +36,10 @@ from ros_diagnostics_exporter.web.api import (
     error_response,
     take_snapshot,
 )
-from ros_diagnostics_exporter.web.auth import Logins
 from ros_diagnostics_exporter.web.backend import Backend
 from ros_diagnostics_exporter.web.changes import ChangeStreams
 from ros_diagnostics_exporter.web.connections import Connections
-from ros_diagnostics_exporter.web.middleware import AccessControl
+from ros_diagnostics_exporter.web.middleware import AccessControl, Logins
 from ros_diagnostics_exporter.web.pages import (
     EVENTS,
     Acting,
@@ -51,10 +50,15 @@ from ros_diagnostics_exporter.web.pages import (
     no_runbooks,
     robot_page,
 )
-from ros_diagnostics_exporter.web.responses import ResponseLimit, ResponseLimiter, busy_response
+from ros_diagnostics_exporter.web.responses import (
+    BusyError,
+    ResponseLimit,
+    ResponseLimiter,
+    Workers,
+    busy_response,
+)
 from ros_diagnostics_exporter.web.scrape import Scrape
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
-from ros_diagnostics_exporter.web.workers import BusyError, Workers
 
 MAX_QUERY = 200  # characters of a search
 

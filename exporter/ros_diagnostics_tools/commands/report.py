@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from ros_diagnostics_exporter.api.story import KINDS
 from ros_diagnostics_exporter.api.week import BEFORE, known
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_tools.report.availability import DAY, Recorded
@@ -21,7 +22,6 @@ from ros_diagnostics_tools.terminal import print_json
 from ros_diagnostics_tools.times import Moment
 
 PROMETHEUS_URL = "http://127.0.0.1:9090"
-KINDS = ("fault_began", "fault_ended", "acknowledged", "notified")
 
 
 @click.command(

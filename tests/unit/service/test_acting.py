@@ -7,8 +7,13 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.acknowledging import problems, silence
-from ros_diagnostics_exporter.acting import acknowledge, cancel_downtime, plan_downtime
+from ros_diagnostics_exporter.acknowledging import (
+    acknowledge,
+    cancel_downtime,
+    plan_downtime,
+    problems,
+    silence,
+)
 from ros_diagnostics_exporter.alertmanager import read, read_downtimes
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
 from ros_diagnostics_exporter.model import Person
