@@ -360,6 +360,10 @@ class Service:
         fleet, lasting = self.state.fleet, self.state.faults()
         return {fault_id(fleet.name, fleet.exporter, each.identity): each for each in lasting}
 
+    def last_event(self) -> int:
+        """The id of the last event."""
+        return self.events.last
+
     def find_events(self, wanted: Wanted) -> Iterable[dict[str, Any]]:
         """The events that match the filter, newest first."""
         self._record_events()
