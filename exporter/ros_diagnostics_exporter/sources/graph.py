@@ -20,8 +20,11 @@ from ros_diagnostics_exporter.model import Domain, Feed, Instant, Level, Status
 from ros_diagnostics_exporter.sources.graph_messages import (
     LOGS,
     PARAMETERS,
+    Battery,
     Message,
     Messages,
+    MessagesLearned,
+    Parameters,
     is_wanted,
     node_in,
     node_of,
@@ -47,6 +50,7 @@ HELD = 120.0  # ... after a start, until what is no problem any more is well
 UNREAD = 900.0  # ... more after which a topic that was not read again is not there any more
 KEPT = 3600.0  # seconds for which a status is made after its trouble
 WRITTEN = 3600.0  # ... between two writes of what was learned
+SOON = 10.0  # ... after a message that a later process should know, until it is written
 LINK = "link"
 LEAST_MESSAGES = 20  # that are expected, until a loss is judged
 MOST_KNOWN = 1000  # nodes, or topics, of one robot
@@ -67,7 +71,7 @@ class Learned(NamedTuple):
     """What a later process should know of one robot.
 
     ``known`` is the Unix time since when it is, ``nodes`` are seconds by name; ``shown`` are the
-    components with a status, ``accepted`` mismatches that a person knows, by topic.
+    components that are or were a problem, ``accepted`` mismatches that a person knows, by topic.
     """
 
     known: Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
@@ -75,12 +79,13 @@ class Learned(NamedTuple):
     topics: Annotated[dict[_Name, TopicLearned], Field(max_length=MOST_KNOWN)]
     shown: Annotated[list[_Name], Field(max_length=2 * MOST_KNOWN)]
     accepted: Annotated[list[_Accepted], Field(max_length=MOST_KNOWN)]
+    messages: MessagesLearned
 
 
 class Report(NamedTuple):
     """All statuses of one robot, and what happened.
 
-    ``held`` are components of an earlier process of which nothing is known yet; so many nodes are
+    ``held`` are components of which nothing is known yet, or any more; so many nodes are
     ``expected``; ``lossy``: too many messages are lost. ``logs`` are those of the last minute, and
     ``watched`` the bytes per second of what is subscribed beside diagnostics, None: nothing is.
     """
@@ -146,8 +151,10 @@ class RobotGraph:
     def see_message(self, node: str, message: Message, now: Instant) -> None:
         """Take a message of one of its nodes, by its full name."""
         if own := self._own(node):
-            self.messages.note(own, message, self.settings.watch, now)
-            self.report_at = now.mono
+            if self.messages.note(own, message, self.settings.watch, now):
+                self.report_at = now.mono
+            if not isinstance(message, Battery | Parameters):
+                self.write_at = min(self.write_at, now.mono + SOON)
 
     def see_link(self, reading: LinkReading | None, now: Instant) -> None:
         """Take what arrived of late."""
@@ -185,7 +192,8 @@ class RobotGraph:
             del self._well[name]
         parts = (self._nodes, self._topics, self.messages)
         events = tuple(each for part in parts for each in part.take_events())
-        statuses, held = tuple(self._statuses()), frozenset(self._held)
+        batteries, mute = self.messages.batteries(self.settings.watch, now)
+        statuses, held = (*self._statuses(), *batteries), frozenset(self._held | mute)
         expected = self._nodes.expected
         logs = self.messages.recent(now)
         feed, watched = self._feed(now), self.watched
@@ -249,6 +257,7 @@ class RobotGraph:
         """
         self._nodes.accept(self.settings.learn_after)
         self._topics.accept(self.settings.learn_after)
+        self.messages.accept()
         self.known = min(self.known, now.wall - SHADOW_TIME)
         self.report_at = self.write_at = now.mono
         return self._nodes.expected
@@ -257,6 +266,7 @@ class RobotGraph:
         """Expect no more what a component is about."""
         self._nodes.forget(component)
         self._topics.forget(component, self.settings.learn_after)
+        self.messages.forget(component)
         self._problems.pop(component, None)
         self._well.pop(component, None)
         self._held.discard(component)
@@ -269,7 +279,7 @@ class RobotGraph:
         shown = sorted(self._problems.keys() | self._well.keys() | self._held)
         accepted: list[Any] = self._topics.accepted()  # a Mismatch is a tuple of texts
         nodes, topics = self._nodes.learned(now), self._topics.learned(shown)
-        return Learned(self.known, nodes, topics, shown, accepted)
+        return Learned(self.known, nodes, topics, shown, accepted, self.messages.learned(now))
 
     def restore(self, learned: Learned, now: Instant) -> None:
         """Go on from what an earlier process knew."""
@@ -278,6 +288,7 @@ class RobotGraph:
         topics = {name: TopicLearned(*each) for name, each in learned.topics.items()}
         accepted = [(name, Mismatch(*each)) for name, each in learned.accepted]
         self._topics.restore(topics, accepted)
+        self.messages.restore(MessagesLearned(*learned.messages), now)
         self._held = set(learned.shown)
 
 
