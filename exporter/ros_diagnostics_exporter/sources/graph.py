@@ -88,15 +88,16 @@ class Report(NamedTuple):
     ``held`` are components of which nothing is known yet, or any more; so many nodes are
     ``expected``; ``lossy``: too many messages are lost. ``logs`` are those of the last minute, and
     ``watched`` the bytes per second of what is subscribed beside diagnostics, None: nothing is.
+    Of a robot that is not watched any more, ``expected`` is None, and nothing is wrong.
     """
 
     robot: str
     feed: Feed
     statuses: tuple[Status, ...]
     held: frozenset[str]
-    expected: int
+    expected: int | None
     lossy: bool
-    events: tuple[str, ...]
+    events: tuple[str, ...] = ()
     logs: tuple[str, ...] = ()
     watched: float | None = None
 
@@ -303,6 +304,7 @@ class GraphWatch:
         self._wanted: dict[Domain, dict[str, str]] = {}  # topics beside diagnostics -> type
         self._given_up: dict[tuple[Domain, str], float] = {}  # topics, until when
         self._gone: set[str] = set()  # robots whose rows are to be deleted
+        self._left: set[str] = set()  # ... of which nothing is to be said any more
 
     def follow(self, domain: Domain, robots: Iterable[Robot], now: Instant) -> None:
         """Take the robots of a domain as they are now; each has what is in its namespace."""
@@ -315,6 +317,7 @@ class GraphWatch:
         for name in [name for name in self._robots if name not in names]:
             del self._robots[name]
             self._gone.add(name)
+            self._left.add(name)
         for name, settings in owners.by_name.items():
             graph, namespace = settings.profile.graph, settings.namespace
             if name in self._robots:
@@ -322,6 +325,7 @@ class GraphWatch:
                 continue
             made = self._robots[name] = RobotGraph(graph, namespace, now)
             self._gone.discard(name)
+            self._left.discard(name)
             if (learned := self._restored.pop(name, None)) is not None:
                 made.restore(learned, now)
 
@@ -420,6 +424,8 @@ class GraphWatch:
 
     def reports(self, domain: Domain, now: Instant) -> Iterator[Report]:
         """What is to be said now of the robots of a domain."""
+        while self._left:
+            yield Report(self._left.pop(), GRAPH, (), frozenset(), None, lossy=False)
         for name in self._owners[domain].by_name:
             robot = self._robots[name]
             if now.mono >= robot.report_at:

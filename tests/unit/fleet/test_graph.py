@@ -244,6 +244,22 @@ def test_without_stamps_the_clock_is_judged_by_the_link(behind, where):
     assert fault.evidence == f"its clock is 90 s {where} the exporter's"
 
 
+def test_of_a_robot_that_is_not_watched_any_more_nothing_of_the_graph_is_left():
+    driver = Driver(fleet=fleet())
+    driver.go_on(70, *USUAL, statuses=(MOTOR, Status(OK, "Laser", "OK")))
+    driver.go_on(30, "diag")
+    driver.link = LOSSY
+    driver.go_on(60, "diag")
+    assert {each for each, _state in driver.faults()} == {"Laser", "link", "node amcl"}
+    driver.state.configure(fleet(mode="off"), driver.now)
+    driver.go_on(5, "diag")
+    assert [each.name for each in driver.robot.components] == ["Motor", "Laser"]
+    assert driver.faults() == [("Laser", "stale")]
+    assert driver.sample("robot_expected_nodes") is None
+    driver.go_on(60, "diag", statuses=(Status(OK, "Laser", "OK"),))
+    assert driver.faults() == [("Motor", "stale")]  # lost messages are no reason any more
+
+
 def test_a_publisher_that_cannot_be_matched_is_why_a_robot_is_silent():
     driver = Driver(fleet=fleet())
     driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1, refused="DURABILITY")}, driver.now)
