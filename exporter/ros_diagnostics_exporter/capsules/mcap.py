@@ -24,7 +24,7 @@ MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
 """
-_HEADER = f"""{RULE}
+_STAMPED = f"""{RULE}
 MSG: std_msgs/Header
 builtin_interfaces/Time stamp
 string frame_id
@@ -32,7 +32,7 @@ string frame_id
 SCHEMAS = {
     "diagnostic_msgs/msg/DiagnosticArray": f"""std_msgs/Header header
 DiagnosticStatus[] status
-{_HEADER}{RULE}
+{_STAMPED}{RULE}
 MSG: diagnostic_msgs/DiagnosticStatus
 byte OK=0
 byte WARN=1
@@ -135,7 +135,7 @@ float32[] cell_voltage
 float32[] cell_temperature
 string location
 string serial_number
-{_HEADER}""",
+{_STAMPED}""",
 }
 
 
