@@ -11,10 +11,9 @@ from typing import Any
 from urllib.parse import unquote
 
 import pytest
-import yaml
 
 from ros_diagnostics_exporter.severity import COLOURS
-from support.shipped_rules import ALERTMANAGER, ROOT, alerts, rules, run_tool
+from support.shipped_rules import ALERTMANAGER, ROOT, alerts, read_yaml, rules, run_tool
 
 TWO = ("text", "html")  # the parts of a mail
 QUOTED = re.compile(r'"(?:\\.|[^"\\])*"')
@@ -348,7 +347,7 @@ def test_mail_about_the_end_of_an_escalation(tmp_path: Path):
 
 def test_who_was_notified_of_an_escalation_is_notified_of_its_end():
     """A reminder and its recovery go to the same people: the recovery is sent to them already."""
-    receivers = yaml.safe_load((ALERTMANAGER / "alertmanager.yml").read_text())["receivers"]
+    receivers = read_yaml(ALERTMANAGER / "alertmanager.yml")["receivers"]
     sent = {
         each["name"]: {c["send_resolved"] for kind in each if kind != "name" for c in each[kind]}
         for each in receivers
