@@ -28,7 +28,7 @@ TREES = {
 # Of each tree its packages and modules: each imports only from lines above its own.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
-        ("model", "durations", "file_watcher", "files", "regex", "texts", "weekly", "zstd"),
+        ("model", "durations", "files", "regex", "texts", "weekly", "zstd"),
         ("events", "http_client", "logs", "loops", "severity"),
         ("config",),
         ("decode",),
@@ -36,7 +36,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("robots",),
         ("alertmanager", "faults"),
         ("acknowledging", "firing"),
-        ("acting", "notifications"),
+        ("notifications",),
         ("canary",),
         ("fleet",),
         ("capsules", "storage"),
@@ -48,7 +48,15 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("cli",),
     ),
     TOOLS: (
-        ("capability_losses", "connection_flags", "errors", "pairs", "terminal", "times"),
+        (
+            "capability_losses",
+            "capability_notes",
+            "connection_flags",
+            "errors",
+            "pairs",
+            "terminal",
+            "times",
+        ),
         ("servers",),
         ("autoware", "backtest", "mail_relay", "nagios", "oncall", "report"),
         ("check_nagios", "commands"),
@@ -82,7 +90,7 @@ MAY_KNOW = {"demo": {"testbed"}, TOOLS: {EXPORTER}}
 TOOLS_DO_NOT_KNOW = {"canary", "logs", "notifications", "web", "service", "cli"}
 # What the web shows it is given by its Backend; of the config it knows how YAML is read.
 WEB_KNOWS = {
-    *("web", "model", "durations", "events", "file_watcher", "files", "loops", "severity", "texts")
+    *("web", "model", "durations", "events", "files", "loops", "severity", "texts"),
 }
 WEB_READS_BY = f"{EXPORTER}.config.yaml_file"
 KNOW_ROS = {
