@@ -25,8 +25,7 @@ from rclpy.serialization import serialize_message
 
 import ros_diagnostics_exporter
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.decode.cdr import Decoder
-from ros_diagnostics_exporter.decode.topic_queue import TopicQueue
+from ros_diagnostics_exporter.decode.cdr import Decoder, TopicQueue
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Topic
 from ros_diagnostics_exporter.service import Service

@@ -9,12 +9,19 @@ from pathlib import Path
 from grafana_foundation_sdk.cog.encoder import JSONEncoder
 from grafana_foundation_sdk.models import dashboard
 
-from fleet_dashboards.dashboards import alerts, component, fleet, monitoring, robot
+from fleet_dashboards.dashboards import alerts, component, fleet, monitoring, robot, week
 
 FOLDER = Path(__file__).resolve().parents[1] / "dashboards"
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "dashboards.md"
 MARKER = "<!-- from here on written by ./run generate -->\n"
-BUILDERS = (fleet.build, robot.build, component.build, alerts.build, monitoring.build)
+BUILDERS = (
+    fleet.build,
+    robot.build,
+    component.build,
+    alerts.build,
+    week.build,
+    monitoring.build,
+)
 
 
 def files() -> dict[Path, str | None]:

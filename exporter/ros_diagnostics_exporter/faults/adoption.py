@@ -109,7 +109,7 @@ def _component(book: Book, robot: RobotRecord, name: ComponentName) -> Component
     component = robot.components.get(name)
     if component is None:
         settings = ComponentSettings(robot.settings.confirm_after)
-        component = book.add_component(robot, name, settings)
+        component = book.add_component(ComponentRecord(robot, name, settings))
         component.level = Level.STALE  # until it is received
     return component
 

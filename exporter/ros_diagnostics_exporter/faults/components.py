@@ -7,7 +7,7 @@ from math import inf, isnan
 from types import MappingProxyType
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from ros_diagnostics_exporter.faults import capabilities, causes
+from ros_diagnostics_exporter.faults import behind, capabilities, causes
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import (
@@ -82,17 +82,6 @@ def of_flapping(ratio: float, start: float, stop: float, *, in_trouble: bool) ->
     return Verdict.BAD if ratio >= (stop if in_trouble else start) else Verdict.WELL
 
 
-def of_changes(number: int, most: int, level: Level, *, is_fault: bool) -> Verdict:
-    """The verdict on a number of changes: intermittent from ``most`` on.
-
-    A fault ends once fewer than half of that are left, and the component was received OK.
-    """
-    if number >= most:
-        return Verdict.BAD
-    lasts = is_fault and (2 * number >= most or level is not Level.OK)
-    return Verdict.HELD if lasts else Verdict.WELL
-
-
 def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: Instant) -> None:
     """Take the level of one component of a robot that is up."""
     planned = report.level is Level.STALE and report.settings.planned_stale
@@ -100,8 +89,10 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
     if component is None:
         if report.level is Level.OK or planned:
             return
-        component = book.add_component(robot, report.name, report.settings)
+        component = book.add_component(ComponentRecord(robot, report.name, report.settings))
     component.settings, component.level = report.settings, report.level
+    robot.chained = robot.chained or bool(report.settings.behind)
+    before = (component.fails, component.since) if robot.chained else None
     if not planned:
         _note_change(book, component, report.level, now)
     _judge_intermittent(book, component, now)
@@ -110,6 +101,8 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
     elif component.since is None and not planned:
         component.since = now
     _judge_level(book, component, now)
+    if before is not None:
+        behind.follow(book, component, before, now)
     causes.count_component(book, component)
     book.touched_causes[robot.many] = None
     book.write(component)
@@ -178,7 +171,8 @@ def _note_change(book: Book, component: ComponentRecord, level: Level, now: Inst
     if component.flaps is None:
         component.flaps = FlapHistory([last] * SLOTS, now.mono)
     component.flaps.change(level, now.mono, robot.settings.flap_interval)
-    is_known = component.has_fault or capabilities.is_known(component)
+    explained = robot.capabilities and capabilities.is_known(component)
+    is_known = component.has_fault or explained
     if is_known and not component.is_intermittent:
         component.flaps.changed = ()  # people know of what explains them
     _judge_flapping(book, component, component.flaps, now)
@@ -193,8 +187,11 @@ def decay(book: Book, component: ComponentRecord, now: Instant) -> None:
     within = book.settings.intermittent.within
     # Computed as the timer is: else rounding keeps what is due, and the timer is due for ever.
     flaps.changed = tuple(mono for mono in flaps.changed if mono + within > now.mono)
+    failed = component.fails if component.robot.chained else None
     _judge_intermittent(book, component, now)
     _judge_flapping(book, component, flaps, now)
+    if failed is not None:
+        behind.follow(book, component, (failed, component.since), now)
     book.write(component)
     if component.is_usual:
         book.drop_component(component)
@@ -225,13 +222,18 @@ def wake(book: Book, component: ComponentRecord) -> None:
 
 
 def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) -> None:
+    """Judge how many changes there were of late.
+
+    A fault ends once fewer than half of what it takes are left, and the component is received OK.
+    """
     problem = component.problems.get(State.INTERMITTENT)
-    verdict = of_changes(
-        0 if component.flaps is None else len(component.flaps.changed),
-        book.settings.intermittent.changes,
-        component.level,
-        is_fault=component.is_intermittent,
-    )
+    number = 0 if component.flaps is None else len(component.flaps.changed)
+    level, most = component.level, book.settings.intermittent.changes
+    is_fault = problem is not None and problem.fault is not None
+    lasts = is_fault and (2 * number >= most or level is not Level.OK)
+    verdict = Verdict.HELD if lasts else Verdict.WELL
+    if number >= most:
+        verdict = Verdict.BAD
     if problem is None and verdict is Verdict.BAD:
         problem = _add_flapping(book, component, State.INTERMITTENT, now)
     if problem is not None:
@@ -247,7 +249,7 @@ def _judge_flapping(
         flaps.ratio,
         settings.flapping.start,
         settings.flapping.stop,
-        in_trouble=component.flapping,
+        in_trouble=problem is not None and problem.in_trouble,
     )
     if problem is None and verdict is Verdict.BAD:
         problem = _add_flapping(book, component, State.FLAPPING, now)
@@ -287,7 +289,7 @@ def report_value(
         )
         verdict = min(verdict, report.most)
         if problem is None and verdict is Verdict.BAD:
-            component = component or book.add_component(robot, name, settings)
+            component = component or book.add_component(ComponentRecord(robot, name, settings))
             problem = _add_value(book, component, report, threshold, now)
         if problem is not None:
             give_verdict(book, problem, verdict)

@@ -108,7 +108,7 @@ class Faults:
         """Let time pass; costs nothing while no timer is due."""
         timers = self._book.timers
         changes: list[Change] = []
-        if judge.clock_was_set(self._book, now):
+        if self._book.settings.warning_hours is not None and judge.clock_was_set(self._book, now):
             judge.follow_hours(self._book, now)
             changes += judge.settle(self._book, now)
         while (due := timers.next) <= now.mono:
@@ -376,7 +376,8 @@ class Faults:
 
     def ends(self) -> Iterator[End]:
         """What ended of late, and has not begun again."""
-        return ends.find(self._book)
+        for ended in (*self._book.ended.values(), *self._book.forgotten.values()):
+            yield ended.end
 
     def problems(self, now: Instant, robot: str | None = None) -> Iterator[ProblemView]:
         """All problems, soft and hard, or those of one robot and its parts."""

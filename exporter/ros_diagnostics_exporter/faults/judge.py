@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from math import inf
+from operator import attrgetter
 from types import MappingProxyType
 from typing import Any
 
@@ -64,9 +65,7 @@ def set_hours_timer(book: Book, now: Instant) -> None:
 
 
 def clock_was_set(book: Book, now: Instant) -> bool:
-    """Whether the wall clock was set since the timer was, which is then wrong."""
-    if book.settings.warning_hours is None:
-        return False
+    """Whether the wall clock was set since the timer of the hours was, which is then wrong."""
     return abs(now.wall - now.mono - book.clock_offset) > _CLOCK_SET
 
 
@@ -163,8 +162,11 @@ def _is_reported(book: Book, flaps: Problem | None, now: Instant) -> bool:
 def _of_larger(book: Book, problem: Problem, now: Instant) -> Reason | None:
     """Why what it is about, or what that is a part of, keeps it quiet."""
     reason = None
-    if problem.component is not None:
-        reason = _of_component(book, problem, problem.component, now)
+    component, absent = problem.component, problem.verdict is Verdict.ABSENT
+    if component is not None:
+        if component.settings.behind and component.is_behind(stale=absent):
+            return Reason.BEHIND
+        reason = _of_component(book, problem, component, now)
     elif isinstance(problem.capability, CapabilityRecord):
         reason = _of_parts(book, problem.capability, now)
     if reason is None and capabilities.explains(problem, now):
@@ -227,11 +229,12 @@ EVIDENCE_LENGTH = 4096  # characters
 
 def settle(book: Book, now: Instant) -> list[Change]:
     """Judge all that was touched, larger causes first; what began and ended."""
-    capabilities.update_touched(book, now)
+    if book.touched_robots:
+        capabilities.update_touched(book, now)
     causes.update_touched(book, now)
     changes: list[Change] = []
     # In the order of their identities, so that the result depends on nothing else.
-    touched = sorted(book.touched, key=lambda problem: problem.identity)
+    touched = sorted(book.touched, key=attrgetter("identity"))
     book.touched.clear()
     for problem in touched:
         change = _judge(book, problem, now)
@@ -268,7 +271,7 @@ def _begin(book: Book, problem: Problem, now: Instant) -> Change:
 
 def end_all(book: Book, problems: Iterable[Problem], now: Instant) -> list[Change]:
     """Take problems out, as a person wants it; those that were faults, as changes."""
-    ordered = sorted(problems, key=lambda problem: problem.identity)
+    ordered = sorted(problems, key=attrgetter("identity"))
     for problem in ordered:
         _drop(book, problem)
         if problem.fault is not None:

@@ -256,6 +256,7 @@ class Reason(str, Enum):
     SITE = "site"
     COMMON = "common"
     MANY = "many"
+    BEHIND = "behind"  # what fleet.yml says that it depends on fails
     CAPABILITY = "capability"  # one that is in trouble because of it
     FAULT = "fault"  # a worse one of the same is confirmed
     CONDITION = "condition"  # fleet.yml's `when` or `unless`
@@ -330,9 +331,11 @@ class ComponentSettings:
     """What holds for one component, the robot's and the fleet's defaults applied.
 
     ``measured``: by a query rather than by the robot, so also while the robot is not reached.
+    ``behind``: the components of its robot, (group, name) each, whose failure explains its own.
     """
 
     confirm_after: float = 10.0
     planned_stale: bool = False
     stale_is_critical: bool = False
     measured: bool = False
+    behind: frozenset[tuple[str, str]] = frozenset()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ros_diagnostics_exporter.faults import causes, components
-from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults.book import TIME_TO_RETURN, Book
 from ros_diagnostics_exporter.faults.components import give_verdict
 from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
 from ros_diagnostics_exporter.faults.records import (
@@ -16,7 +16,6 @@ from ros_diagnostics_exporter.faults.records import (
 from ros_diagnostics_exporter.model import Instant
 
 _UP, _DOWN = 1, 0  # states of a robot's history
-TIME_TO_RETURN = 60.0  # seconds at most for robots to be received after what they are behind is
 
 
 def fall_silent(

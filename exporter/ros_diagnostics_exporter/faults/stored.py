@@ -34,6 +34,7 @@ class StoredSettings(NamedTuple):
     confirm_after: Seconds
     planned_stale: bool
     stale_is_critical: bool
+    behind: Annotated[list[tuple[Text, Text]], Field(max_length=1000)] = []  # noqa: RUF012
 
 
 class StoredFault(NamedTuple):
@@ -78,6 +79,7 @@ class OfComponent(NamedTuple):
     since: Moment | None
     counted: bool
     flaps: History | None
+    explained_until: Moment | None = None
 
 
 class OfCause(NamedTuple):

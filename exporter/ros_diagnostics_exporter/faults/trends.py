@@ -23,7 +23,13 @@ from ros_diagnostics_exporter.faults.model import (
     ValueReport,
     Verdict,
 )
-from ros_diagnostics_exporter.faults.records import TREND_STEPS, Problem, RobotRecord, Trend
+from ros_diagnostics_exporter.faults.records import (
+    TREND_STEPS,
+    ComponentRecord,
+    Problem,
+    RobotRecord,
+    Trend,
+)
 from ros_diagnostics_exporter.model import Instant
 
 
@@ -96,7 +102,7 @@ def _judge(
     problem = _problem(robot, name, key)
     verdict = _verdict(book, trend, in_trouble=problem is not None and problem.in_trouble)
     if problem is None and verdict is Verdict.BAD:
-        component = component or book.add_component(robot, name, trend.settings)
+        component = component or book.add_component(ComponentRecord(robot, name, trend.settings))
         identity = Identity(Scope.VALUE, State.FALLING, "", robot.name, *name, key=key, bound="low")
         problem = Problem(identity, now, robot=robot, component=component)
         component.values[key, "low", "falling"] = book.add_problem(problem)

@@ -84,6 +84,13 @@ class AggregatedUpdates:
             status = statuses[rows[0]]
             if len(rows) > 1:
                 status = max((statuses[row] for row in rows), key=_level)
+            if (
+                status is component.last
+                and component.reported == status.level != STALE
+                and component.key_values  # none are counted yet by another config
+            ):
+                component.listed = component.received = now.mono  # most of most arrays
+                continue
             if status.level == STALE:
                 is_old = component.is_on_change and not component.is_stale  # for want of an update
             else:
