@@ -1,4 +1,4 @@
-"""Every code block of the pages is tried here, or examples.yml has the test that runs it or why none does."""
+"""Every code block of the pages is tried here; examples.yml has what others run and what none."""
 
 from __future__ import annotations
 
@@ -119,9 +119,7 @@ def test_every_block_is_tried_or_listed():
 
     assert len(EXAMPLES) > 150
     assert not [
-        each.keys[0]
-        for each in EXAMPLES
-        if not is_tried(each) and not listed.keys() & {*each.keys}
+        each.keys[0] for each in EXAMPLES if not is_tried(each) and not listed.keys() & {*each.keys}
     ]
 
 
@@ -183,6 +181,6 @@ def ours() -> list[tuple[str, str]]:
 def test_a_command_has_these_flags(program: str, arguments: str):
     flags = re.findall(r"(?<!\S)--[a-z.-]+", arguments)
     if program == "./run":  # benches and experiments have flags of their own
-        assert re.search(rf"^  {arguments.split()[0]}\b", usage(program), re.MULTILINE)
+        assert re.search(rf"^  {arguments.split(maxsplit=1)[0]}\b", usage(program), re.MULTILINE)
         return
     assert not [flag for flag in flags if not re.search(rf"{flag}\b", usage(program))]
