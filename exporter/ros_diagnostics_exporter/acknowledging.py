@@ -22,9 +22,11 @@ from ros_diagnostics_exporter.alertmanager import (
     COMMENT_LENGTH,
     ESCALATION,
     IDENTITY,
+    SAME,
     Alertmanager,
     clean,
     downtime_matchers,
+    downtime_of,
     identity_of,
     moment,
 )
@@ -216,6 +218,44 @@ def plan_downtime(
         component=component,
         after="downtime",
         message=f"until {until}: {comment} (from {person.address})",
+        author=author,
+    )
+
+
+def cancel_downtime(
+    alertmanager: Alertmanager,
+    fleet: str,
+    of: tuple[str, str, float],
+    person: Person,
+    now: float,
+) -> Event:
+    """End the downtimes ``of`` a robot and its component that last until then; what was done.
+
+    Raises:
+        LookupError: There is none (any more).
+        UnreachableError: No Alertmanager answers.
+    """
+    robot, component, until = of
+    known = [
+        each["id"]
+        for each in alertmanager.silences(fleet)
+        if (planned := downtime_of(each, fleet)) is not None
+        and planned[:2] == (robot, component)
+        and abs(planned.end - until) <= SAME
+    ]
+    if not known:
+        raise LookupError("there is no such downtime any more")
+    for name in known:
+        alertmanager.end(name)
+    author, comment = _words(person)
+    end = clock(until, now, local=False)
+    return Event(
+        now,
+        "action",
+        robot=robot,
+        component=component,
+        after="cancelled",
+        message=f"it was until {end}: {comment} (from {person.address})",
         author=author,
     )
 

@@ -15,9 +15,10 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ros_diagnostics_exporter.acknowledging import acknowledge, plan_downtime
+from ros_diagnostics_exporter.acknowledging import acknowledge, cancel_downtime, plan_downtime
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager, explained
 from ros_diagnostics_exporter.api import ledger, snapshot
+from ros_diagnostics_exporter.api import week as of_week
 from ros_diagnostics_exporter.api.capabilities import capability_tree
 from ros_diagnostics_exporter.api.story import WEEK, fault_of, history, recorded, story
 from ros_diagnostics_exporter.canary import Canary
@@ -25,7 +26,7 @@ from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
-from ros_diagnostics_exporter.faults.model import Fault, fault_id, identity_of
+from ros_diagnostics_exporter.faults.model import Fault, fault_id
 from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
@@ -59,6 +60,8 @@ class Service:
     CAPSULES = 1.0  # ... of the one that compresses what was received
     FORGET = 60.0  # ... between two looks of that loop what is not received any more
     UNMATCHED = 60.0  # ... of the one that looks for entries of fleet.yml that match nothing
+    WEEK = 60.0  # ... of the one that counts what the week had
+    COUNTED = 300.0  # ... between two looks of that loop into the event log
     ADOPT = 60.0  # ... between two looks at which alerts fire, once it has settled
     HANGING = 30.0  # seconds after which a turn of a vital loop hangs
     JOIN = 30.0  # seconds until a domain that could not be joined is tried again
@@ -97,7 +100,8 @@ class Service:
         self._join_loop = Loop("domains", self.FOLLOW, self._follow_domains)
         self._capsules_loop = Loop("capsules", self.CAPSULES, self._keep_capsules)
         self._others = [
-            Loop("unmatched", self.UNMATCHED, lambda: self.state.find_unmatched(read_clocks()))
+            Loop("unmatched", self.UNMATCHED, lambda: self.state.find_unmatched(read_clocks())),
+            Loop("week", self.WEEK, self._count_week),
         ]
         if self._capsules is not None:
             self._others.append(self._capsules_loop)
@@ -105,7 +109,7 @@ class Service:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
         self._watched: list[Loop] = []  # that others made
-        self._join_at = self._adopt_at = self._forget_at = now.mono
+        self._join_at = self._adopt_at = self._forget_at = self._week_at = self._check_at = now.mono
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = Listener(self.state, ros_arguments=ros_arguments)
         self._prometheus = Prometheus(self.state, prometheus, read_clocks)
@@ -124,7 +128,6 @@ class Service:
         )
         self._self_metrics = SelfMetrics(self._exporter)
         self._self_check = SelfCheck(self._exporter, now)
-        self._check_at = now.mono
 
     def start(self) -> None:
         """Begin all loops: join the fleet's domains, listen, judge."""
@@ -198,6 +201,14 @@ class Service:
             self._capsules.follow(*self.state.received())
         self._capsules.turn(now)
 
+    def _count_week(self) -> None:
+        now = read_clocks()
+        if now.mono >= self._week_at:
+            self._week_at = now.mono + self.COUNTED
+            self._record_events()
+            lasting = self.faults()["faults"]
+            self._exporter.week = of_week.counted(self._find, lasting, now.wall)
+
     def _adopt(self, alertmanager: Alertmanager) -> None:
         """Go on with the faults that fire and that nobody here knows, as without the database.
 
@@ -259,8 +270,7 @@ class Service:
         self.events.record(event)
         self._notifications.note(event)
         if self._capsules is not None and event.kind == "fault_began" and event.robot:
-            fleet = self.state.fleet
-            fault = fault_id(fleet.name, fleet.exporter, identity_of(asdict(event)))
+            fault = fault_of(self.state.fleet, asdict(event))
             self._capsules.note(fault, event, read_clocks())
             self._capsules_loop.wake()
 
@@ -388,25 +398,11 @@ class Service:
         now = read_clocks()
         fleet = self.state.fleet.name
         known = snapshot.robot_snapshot(self.state, robot, now, self._care())
-        then = now.wall if at is None else at
-        found = {
-            "fleet": fleet,
-            "robot": robot,
-            "component": component,
-            "time": now.wall,
-            "at": then,
-            "entries": ledger.account(self._find, known, component, then),
-        }
-        problems = [each for each in known["problems"] if component in (None, each["component"])]
-        sentences = ledger.standings(problems, now.wall, known)
-        sentences += [
-            f"recorded around its begin: {each['capsule']}" for each in problems if each["capsule"]
-        ]
-        return {
-            **found,
-            "now": sentences
-            + (explained(self._alertmanager, fleet, robot, component) if ask else []),
-        }
+        found = ledger.account(
+            self._find, known, component, now.wall if at is None else at, now.wall
+        )
+        asked = explained(self._alertmanager, fleet, robot, component) if ask else []
+        return {"fleet": fleet, **found, "now": [*found["now"], *asked]}
 
     def capabilities(self, robot: str | None) -> dict[str, Any]:
         """What a robot or the fleet can do, as /api/v1/capabilities; LookupError if none."""
@@ -458,6 +454,11 @@ class Service:
         times = now.wall, now.wall + seconds
         fleet, of = self.state.fleet.name, (robot, component)
         self._act(lambda by: plan_downtime(by, fleet, of, person, times))
+
+    def cancel_downtime(self, robot: str, component: str, until: float, person: Person) -> None:
+        """End a downtime that a person planned, as Backend says."""
+        of, now = (robot, component, until), read_clocks().wall
+        self._act(lambda by: cancel_downtime(by, self.state.fleet.name, of, person, now))
 
     def _act(self, do: Callable[[Alertmanager], Event]) -> None:
         """Do it, record it, and read the silences anew."""

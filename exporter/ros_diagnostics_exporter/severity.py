@@ -437,7 +437,7 @@ def event_text(event: dict[str, Any]) -> str:
         how = "quiet" if after == "quiet" else "no longer quiet"
         words = f"{how} by its condition: {problem_state(about)} {subject(about)}"
     elif kind == "action":
-        what = {"acknowledged": "acknowledged by a form"}.get(after, "downtime planned by a form")
+        what = _BY_FORM.get(after, f"{after} by a form")
         of = subject(_complete(event)) if event.get("scope") else event.get("component", "")
         words = f"{what} by {event.get('author', '?')}{of and f', {of}'}"
     elif kind in {"notified", "acknowledged"}:
@@ -445,6 +445,13 @@ def event_text(event: dict[str, Any]) -> str:
     else:
         words = f"{kind} {after}".strip()
     return ": ".join(filter(None, (words, message)))
+
+
+_BY_FORM = {
+    "acknowledged": "acknowledged by a form",
+    "downtime": "downtime planned by a form",
+    "cancelled": "downtime cancelled by a form",
+}
 
 
 def _complete(event: dict[str, Any]) -> dict[str, Any]:

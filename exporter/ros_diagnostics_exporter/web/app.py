@@ -217,6 +217,7 @@ def build(
         Route("/-/forget", api.forget, methods=write_methods),
         Route("/-/acknowledge", acting.acknowledge, methods=["POST"]),
         Route("/-/downtime", acting.downtime, methods=["POST"]),
+        Route("/-/cancel-downtime", acting.cancel_downtime, methods=["POST"]),
         Route("/-/watch/accept", api.accept_graph, methods=write_methods),
         Route("/api/v1/fleet", api.fleet),
         Route("/api/v1/faults", api.faults),

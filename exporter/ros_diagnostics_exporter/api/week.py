@@ -1,37 +1,58 @@
 """What the event log says of a week: times to acknowledge and to recover, worst parts, nights.
 
-Faults are given as `ros_diagnostics_exporter.api.story` returns them.
+Pure functions. Faults are given as `ros_diagnostics_exporter.api.story` returns them. The
+exporter's families of the week and `ros-diagnostics report --week` have these numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from datetime import datetime, timedelta, tzinfo
+from collections.abc import Callable, Iterable
+from datetime import datetime, timedelta, timezone, tzinfo
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any
 
-from ros_diagnostics_exporter.api.story import LABELS, occurrences, spells
+from ros_diagnostics_exporter.api.story import KINDS, LABELS, WEEK, occurrences, spells
+from ros_diagnostics_exporter.metrics.week import FaultyPart, Lengths, Week
 from ros_diagnostics_exporter.severity import subject
 
+BEFORE = 2 * WEEK  # that are asked for before it, where faults of it may have begun
+MOST = 50_000  # events of each kind above which the week is not counted
 MOST_PARTS = 10
 EVENING, MORNING = 22, 6  # o'clock: what is between them is the night
 
 
-class Times(NamedTuple):
-    """How long something took: of how many faults, the median and the longest, in seconds."""
+def week(faults: Iterable[dict[str, Any]], end: float, zone: tzinfo) -> Week:
+    """The numbers of the seven days until ``end`` (Unix time); ``zone`` is that of its nights."""
+    found, begin = list(faults), end - WEEK
+    sent = notified(found, begin, end)
+    return Week(
+        len(begun(found, begin, end)),
+        to_acknowledge(found, begin, end),
+        to_recover(found, begin, end),
+        len(sent),
+        worst_parts(found, begin, end),
+        by_night(sent, begin, end, zone),
+    )
 
-    number: int
-    median: float | None
-    longest: float | None
 
+def counted(
+    find: Callable[..., list[dict[str, Any]]], lasting: Iterable[dict[str, Any]], wall: float
+) -> Week | None:
+    """The numbers of the seven days until now, by the host's clock; None of too many events.
 
-class FaultyPart(NamedTuple):
-    """What was faulty most: how often, and for how many seconds of the week."""
-
-    robot: str
-    part: str
-    times: int
-    seconds: float
+    Args:
+        find: The events that match, newest first; its arguments are those of `Wanted`.
+        lasting: The faults of /api/v1/faults.
+        wall: The present, Unix time.
+    """
+    events: list[dict[str, Any]] = []
+    for kind in KINDS:
+        found = find(kind=kind, since=wall - WEEK - BEFORE, limit=MOST)
+        if len(found) == MOST:
+            return None
+        events += found
+    zone = datetime.fromtimestamp(wall, timezone.utc).astimezone().tzinfo
+    return week(known(events, lasting), wall, zone or timezone.utc)
 
 
 def known(
@@ -66,7 +87,7 @@ def begun(faults: Iterable[dict[str, Any]], begin: float, end: float) -> list[di
     ]
 
 
-def to_acknowledge(faults: Iterable[dict[str, Any]], begin: float, end: float) -> Times:
+def to_acknowledge(faults: Iterable[dict[str, Any]], begin: float, end: float) -> Lengths:
     """From when critical faults of that time were confirmed until somebody acknowledged them."""
     return _times(
         min(taken["at"] for taken in each["acknowledged"]) - each["confirmed"]
@@ -75,7 +96,7 @@ def to_acknowledge(faults: Iterable[dict[str, Any]], begin: float, end: float) -
     )
 
 
-def to_recover(faults: Iterable[dict[str, Any]], begin: float, end: float) -> Times:
+def to_recover(faults: Iterable[dict[str, Any]], begin: float, end: float) -> Lengths:
     """From when the trouble began until the recovery of critical faults that recovered then."""
     return _times(
         each["until"] - each["since"]
@@ -129,6 +150,6 @@ def _is_in(at: float | None, begin: float, end: float) -> bool:
     return at is not None and begin <= at < end
 
 
-def _times(seconds: Iterable[float]) -> Times:
+def _times(seconds: Iterable[float]) -> Lengths:
     found = list(seconds)
-    return Times(len(found), median(found) if found else None, max(found, default=None))
+    return Lengths(len(found), median(found) if found else None, max(found, default=None))
