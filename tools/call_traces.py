@@ -25,8 +25,7 @@ from rclpy.serialization import serialize_message
 
 import ros_diagnostics_exporter
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.decode.cdr import Decoder
-from ros_diagnostics_exporter.decode.topic_queue import TopicQueue
+from ros_diagnostics_exporter.decode.cdr import Decoder, TopicQueue
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Topic
 from ros_diagnostics_exporter.service import Service
@@ -220,19 +219,34 @@ def updated(document: str, found: Mapping[str, Calls]) -> str:
     Raises:
         ValueError: A trace has no place in it, or several.
     """
+    described: set[str] = set()
     for name, calls in found.items():
         between = re.compile(rf"(<!-- trace: {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-        document, places = between.subn(rf"\g<1>{table(calls)}\g<2>", document)
+        text = totals(calls) if name == "restart" else table(calls, described)
+        document, places = between.subn(rf"\g<1>{text}\g<2>", document)
         if places != 1:
             raise ValueError(f"{PAGE}: {places} places for the trace {name!r}; there is to be one")
     return document
 
 
-def table(calls: Calls) -> str:
-    """The files in order, with what each is by its own first sentence."""
-    rows = ["| file | calls | what it is |", "|---|---|---|"]
-    rows += [f"| `{name}` | {count} | {_sentence(name)} |" for name, count in calls.items()]
-    return f"{sum(calls.values())} calls, {len(calls)} files:\n\n" + "\n".join(rows) + "\n"
+def totals(calls: Calls) -> str:
+    """How many calls into how many files."""
+    return f"{sum(calls.values())} calls, {len(calls)} files.\n"
+
+
+def table(calls: Calls, described: set[str]) -> str:
+    """The files in order; what each is, by its own first sentence, where no table before has it.
+
+    ``described`` are those of the tables before; these are added.
+    """
+    new = [name for name in calls if name not in described]
+    described.update(new)
+    rows = [totals(calls), "| file | calls | what it is |", "|---|---|---|"]
+    rows += [
+        f"| `{name}` | {count} | {_sentence(name) if name in new else ''} |"
+        for name, count in calls.items()
+    ]
+    return "\n".join(rows) + "\n"
 
 
 def _sentence(name: str) -> str:
@@ -245,4 +259,6 @@ if __name__ == "__main__":
     if "--json" in sys.argv:
         json.dump(found, sys.stdout)
     else:
-        sys.stdout.write("\n".join(f"{name}: {table(calls)}" for name, calls in found.items()))
+        sys.stdout.write(
+            "\n".join(f"{name}: {table(calls, set())}" for name, calls in found.items())
+        )

@@ -15,6 +15,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "configuration.md"
 _BLOCK = re.compile(r"(<!-- keys of (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+SHORT = 12  # words of a meaning that is said again
 _TYPES = {"boolean": "`true` or `false`", "integer": "whole number", "number": "number"}
 
 
@@ -39,17 +40,23 @@ def updated(document: str) -> str:
 def _tables() -> dict[str, str]:
     whole = schema(Fleet)
     parts = [whole, *whole["definitions"].values()]
-    return {part["title"]: _table(part) for part in parts}
+    said: dict[tuple[str, str], str] = {}
+    return {part["title"]: _table(part, said) for part in parts}
 
 
-def _table(part: dict[str, Any]) -> str:
+def _table(part: dict[str, Any], said: dict[tuple[str, str], str]) -> str:
+    """A row for each key; ``said`` is which part before has one of this name and meaning."""
     rows = ["| key | value | default | meaning |", "|---|---|---|---|"]
     for key, described in part["properties"].items():
         default = _yaml(described["default"]) if "default" in described else ""
         if key in part.get("required", ()):
             default = "*required*"
         example = " ".join(_yaml(each) for each in described["examples"])
-        meaning = f"{described['description']} Example: {example}"
+        meaning, title = described["description"], part["title"]
+        first = said.setdefault((key, meaning), title)
+        if first != title and len(meaning.split()) > SHORT:
+            meaning = f"As of [{first}](#{first.lower()})."
+        meaning = f"{meaning} Example: {example}"
         cells = (f"`{key}`", _type(described), default, meaning)
         rows.append("| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |")
     return "\n".join(rows) + "\n"

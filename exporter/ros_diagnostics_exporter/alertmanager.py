@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
-from urllib.parse import urlencode
+from urllib.parse import quote, urlencode
 
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import Downtime, Instant
@@ -290,6 +290,15 @@ class Alertmanager:
             UnreachableError: No Alertmanager answers, or it rejects the silence.
         """
         self._first(lambda client: client.post("/api/v2/silences", silence))
+
+    def end(self, silence: str) -> None:
+        """End a silence of this id, or never begin it.
+
+        Raises:
+            UnreachableError: No Alertmanager answers, or it rejects that.
+        """
+        path = f"/api/v2/silence/{quote(silence, safe='')}"
+        self._first(lambda client: client.delete(path))
 
     def update(self, fleet: str, now: Instant) -> None:
         """Request the silences once; log when Alertmanager stops and starts to answer."""

@@ -1,4 +1,4 @@
-"""The one kind of thread that the service makes: work that is repeated, guarded, timed and watched.
+"""Clocks, timers, and the one kind of thread: work that is repeated, guarded, timed and watched.
 
 An exception ends a turn, not the loop. What may hang (a disk, a folder, a name server, another
 program) has a loop of its own, so that none that judges or answers waits for it.
@@ -6,10 +6,13 @@ program) has a loop of its own, so that none that judges or answers waits for it
 
 from __future__ import annotations
 
+import heapq
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
+from math import inf
+from typing import Generic, TypeVar
 
 from ros_diagnostics_exporter.model import Instant
 
@@ -114,3 +117,66 @@ class Loop:
                 log.exception("loop %s: a turn failed; it goes on", self.name)
         else:
             self.last_turn = time.time()
+
+
+_Key = TypeVar("_Key", bound=Hashable)
+_SLACK = 64  # entries of the heap that are always allowed beside the live ones
+
+
+class Timers(Generic[_Key]):
+    """When each key is due, in seconds of the monotonic clock."""
+
+    def __init__(self) -> None:
+        self._due: dict[_Key, float] = {}
+        self._heap: list[tuple[float, int, _Key]] = []
+        self._serial = 0  # keys themselves are never compared
+
+    def __len__(self) -> int:
+        return len(self._due)
+
+    @property
+    def entries(self) -> int:
+        """How long the heap is, at most twice the timers and a constant."""
+        return len(self._heap)
+
+    @property
+    def next(self) -> float:
+        """When the first is due; infinite where there is none."""
+        while self._heap and self._due.get(self._heap[0][2]) != self._heap[0][0]:
+            heapq.heappop(self._heap)
+        return self._heap[0][0] if self._heap else inf
+
+    def set(self, key: _Key, due: float) -> None:
+        """Let ``key`` be due then, and no longer at another time."""
+        if self._due.get(key) == due:
+            return
+        self._due[key] = due
+        self._serial += 1
+        heapq.heappush(self._heap, (due, self._serial, key))
+        if len(self._heap) > 2 * len(self._due) + _SLACK:
+            self._compact()
+
+    def set_at_latest(self, key: _Key, due: float) -> None:
+        """Let ``key`` be due then, unless it is earlier; infinite: no timer is needed."""
+        if due < self._due.get(key, inf):
+            self.set(key, due)
+
+    def clear(self, key: _Key) -> None:
+        """Let ``key`` not be due at all."""
+        self._due.pop(key, None)
+        if len(self._heap) > 2 * len(self._due) + _SLACK:
+            self._compact()
+
+    def pop(self) -> list[_Key]:
+        """Take out all that are due first, at one time."""
+        first = self.next
+        due = []
+        while self.next == first < inf:
+            key = heapq.heappop(self._heap)[2]
+            del self._due[key]
+            due.append(key)
+        return due
+
+    def _compact(self) -> None:
+        self._heap = [entry for entry in self._heap if self._due.get(entry[2]) == entry[0]]
+        heapq.heapify(self._heap)

@@ -10,17 +10,18 @@ import threading
 import time
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import asdict
+from datetime import datetime, timezone
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from ros_diagnostics_exporter.acting import acknowledge, plan_downtime
+from ros_diagnostics_exporter.acknowledging import acknowledge, cancel_downtime, plan_downtime
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
 from ros_diagnostics_exporter.api import ledger, snapshot
+from ros_diagnostics_exporter.api import week as of_week
 from ros_diagnostics_exporter.api.capabilities import capability_tree
-from ros_diagnostics_exporter.api.occurrences import labels_of, occurrences
-from ros_diagnostics_exporter.api.story import WEEK, story
+from ros_diagnostics_exporter.api.story import KINDS, WEEK, labels_of, occurrences, story
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
@@ -60,12 +61,15 @@ class Service:
     CAPSULES = 1.0  # ... of the one that compresses what was received
     FORGET = 60.0  # ... between two looks of that loop what is not received any more
     UNMATCHED = 60.0  # ... of the one that looks for entries of fleet.yml that match nothing
+    WEEK = 60.0  # ... of the one that counts what the week had
+    COUNTED = 300.0  # ... between two looks of that loop into the event log
     ADOPT = 60.0  # ... between two looks at which alerts fire, once it has settled
     HANGING = 30.0  # seconds after which a turn of a vital loop hangs
     JOIN = 30.0  # seconds until a domain that could not be joined is tried again
     ASKED = 5.0  # seconds that Alertmanager's first answer is waited for at the start
     GRACE = 5.0  # seconds that a write or a reload under way is waited for at the end
     ENDED = 3600.0  # seconds after a fault ended in which it may be notified after a restart
+    MOST = 50_000  # events of each kind above which the week is not counted
     SEARCHED = 10_000  # events of each kind in which the history of a fault is looked for
     STALLED = 10.0  # seconds without a turn of a domain's thread after which it is not ready
 
@@ -105,14 +109,17 @@ class Service:
         self._storage_loop = Loop("storage", self.SAVE, self._save)
         self._join_loop = Loop("domains", self.FOLLOW, self._follow_domains)
         self._capsules_loop = Loop("capsules", self.CAPSULES, self._keep_capsules)
-        self._others = [Loop("unmatched", self.UNMATCHED, self._find_unmatched)]
+        self._others = [
+            Loop("unmatched", self.UNMATCHED, self._find_unmatched),
+            Loop("week", self.WEEK, self._count_week),
+        ]
         if self._capsules is not None:
             self._others.append(self._capsules_loop)
         if alertmanager is not None:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
         self._watched: list[Loop] = []  # that others made
-        self._join_at = self._adopt_at = self._forget_at = now.mono
+        self._join_at = self._adopt_at = self._forget_at = self._week_at = now.mono
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = Listener(self.state, ros_arguments=ros_arguments)
         self._prometheus = Prometheus(self.state, prometheus, read_clocks)
@@ -207,6 +214,24 @@ class Service:
 
     def _find_unmatched(self) -> None:
         self.state.find_unmatched(read_clocks())
+
+    def _count_week(self) -> None:
+        """Count what the event log has of seven days; of too many events nothing is known."""
+        now = read_clocks()
+        if now.mono < self._week_at:
+            return
+        self._week_at = now.mono + self.COUNTED
+        events: list[dict[str, Any]] = []
+        for kind in KINDS:
+            wanted = Wanted(kind=kind, since=now.wall - WEEK - of_week.BEFORE, limit=self.MOST)
+            found = list(self.find_events(wanted))
+            if len(found) == self.MOST:
+                self._exporter.week = None
+                return
+            events += found
+        faults = of_week.known(events, self.faults()["faults"])
+        zone = datetime.fromtimestamp(now.wall, timezone.utc).astimezone().tzinfo
+        self._exporter.week = of_week.week(faults, now.wall, zone or timezone.utc)
 
     def _adopt(self, alertmanager: Alertmanager) -> None:
         """Go on with the faults that fire and that nobody here knows, as without the database.
@@ -516,6 +541,11 @@ class Service:
         times = now.wall, now.wall + seconds
         fleet, of = self.state.fleet.name, (robot, component)
         self._act(lambda by: plan_downtime(by, fleet, of, person, times))
+
+    def cancel_downtime(self, robot: str, component: str, until: float, person: Person) -> None:
+        """End a downtime that a person planned, as Backend says."""
+        of, now = (robot, component, until), read_clocks().wall
+        self._act(lambda by: cancel_downtime(by, self.state.fleet.name, of, person, now))
 
     def _act(self, do: Callable[[Alertmanager], Event]) -> None:
         """Do it, record it, and read the silences anew."""

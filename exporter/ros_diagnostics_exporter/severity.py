@@ -37,12 +37,14 @@ QUIET = {  # why a problem is quiet; maintenance is shown with its end, a condit
     "site": "many robots of the site are silent",
     "common": "the same component failed on many robots",
     "many": "many components of the robot failed at once",
+    "behind": "what it is behind fails",
     "capability": "something that the robot can no longer do well, and that needs it, is reported",
     "fault": "a worse fault of it is confirmed",
     "condition": "by its condition in fleet.yml",
     "hours": "outside of warning hours",
 }
-OF_LARGER = {"site", "common", "many", "capability"}  # reasons: it is part of a larger fault
+# Reasons: it is part of a larger fault.
+OF_LARGER = {"site", "common", "many", "behind", "capability"}
 SILENT = {  # why a robot is silent
     "never_seen": "nothing was ever received",
     "publisher_gone": "nobody publishes on its topics",
@@ -435,7 +437,7 @@ def event_text(event: dict[str, Any]) -> str:
         how = "quiet" if after == "quiet" else "no longer quiet"
         words = f"{how} by its condition: {problem_state(about)} {subject(about)}"
     elif kind == "action":
-        what = {"acknowledged": "acknowledged by a form"}.get(after, "downtime planned by a form")
+        what = _BY_FORM.get(after, f"{after} by a form")
         of = subject(_complete(event)) if event.get("scope") else event.get("component", "")
         words = f"{what} by {event.get('author', '?')}{of and f', {of}'}"
     elif kind in {"notified", "acknowledged"}:
@@ -443,6 +445,13 @@ def event_text(event: dict[str, Any]) -> str:
     else:
         words = f"{kind} {after}".strip()
     return ": ".join(filter(None, (words, message)))
+
+
+_BY_FORM = {
+    "acknowledged": "acknowledged by a form",
+    "downtime": "downtime planned by a form",
+    "cancelled": "downtime cancelled by a form",
+}
 
 
 def _complete(event: dict[str, Any]) -> dict[str, Any]:

@@ -9,12 +9,19 @@ from pathlib import Path
 from grafana_foundation_sdk.cog.encoder import JSONEncoder
 from grafana_foundation_sdk.models import dashboard
 
-from fleet_dashboards.dashboards import alerts, component, fleet, monitoring, robot
+from fleet_dashboards.dashboards import alerts, component, fleet, monitoring, robot, week
 
 FOLDER = Path(__file__).resolve().parents[1] / "dashboards"
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "dashboards.md"
 MARKER = "<!-- from here on written by ./run generate -->\n"
-BUILDERS = (fleet.build, robot.build, component.build, alerts.build, monitoring.build)
+BUILDERS = (
+    fleet.build,
+    robot.build,
+    component.build,
+    alerts.build,
+    week.build,
+    monitoring.build,
+)
 
 
 def files() -> dict[Path, str | None]:
@@ -57,14 +64,18 @@ def docs_page(boards: Iterable[dashboard.Dashboard]) -> str:
     by_hand, marker, _old = PAGE.read_text(encoding="utf-8").partition(MARKER)
     if not marker:
         raise ValueError(f"{PAGE}: no line {MARKER!r}; put it above the tables of panels")
-    return by_hand + marker + "".join(map(_panel_table, boards))
+    seen: set[str] = set()
+    return by_hand + marker + "".join(_panel_table(board, seen) for board in boards)
 
 
-def _panel_table(board: dashboard.Dashboard) -> str:
+def _panel_table(board: dashboard.Dashboard, seen: set[str]) -> str:
+    """The question of each panel, but of those that a dashboard before has, too."""
     rows = [f"\n### {board.title}\n\n{board.description}\n\n| Panel | Answers |\n|---|---|\n"]
     for panel in _with_rows(board):
         if isinstance(panel, dashboard.RowPanel):
             continue
         description = (panel.description or "").replace("|", r"\|")
-        rows.append(f"| {panel.title} | {description} |\n")
+        if description not in seen:
+            seen.add(description)
+            rows.append(f"| {panel.title} | {description.partition('?')[0]}? |\n")
     return "".join(rows)

@@ -16,8 +16,12 @@ from rclpy.serialization import serialize_message
 from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.engine import Faults
-from ros_diagnostics_exporter.faults.model import ComponentName, ComponentReport
-from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
+from ros_diagnostics_exporter.faults.model import (
+    ComponentName,
+    ComponentReport,
+    ComponentSettings,
+    RobotSettings,
+)
 from ros_diagnostics_exporter.model import Instant, Level
 from ros_diagnostics_exporter.sources.dds import decode
 from support.ros_publisher import message

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
+from math import ceil
 from typing import NamedTuple
 
+from ros_diagnostics_exporter.config.faults import CauseSettings
 from ros_diagnostics_exporter.events import Event
 from simulation.can import leaves_of_all
 from simulation.story import COMPONENTS, ERROR, TICK, site_of
@@ -113,7 +115,7 @@ class LargerCauses:
         ]
         if self._for(self._world.resized.get(site, 0.0)) <= SETTINGS.confirm_after + LATE:
             return  # enough since then, perhaps
-        if not lasts and robots and len(silent) >= SETTINGS.site.needed(len(robots)):
+        if not lasts and robots and len(silent) >= _needed(SETTINGS.site, len(robots)):
             yield "a site is silent and not notified", site
 
     def _common(self, component: str) -> Iterator[Wrong]:
@@ -126,7 +128,7 @@ class LargerCauses:
         if self._for(resized) <= SETTINGS.confirm_after + LATE:
             return
         bad = sum(self._is_steadily_critical(each, component) for each in robots)
-        if not lasts and bad >= SETTINGS.common.needed(len(robots)):
+        if not lasts and bad >= _needed(SETTINGS.common, len(robots)):
             yield "a common cause is not notified", component
 
     def _is_steadily_critical(self, known: Delivered, component: str) -> bool:
@@ -151,7 +153,7 @@ class LargerCauses:
             for part in parts
             if part.trouble_since is not None and self._for(part.trouble_known) > least
         ]
-        if len(bad) < SETTINGS.many.needed(len(known.parts)):
+        if len(bad) < _needed(SETTINGS.many, len(known.parts)):
             return
         if all(world.in_trouble(each) <= 1 for each in known.parts):
             yield "many components of a robot are in trouble and not notified", name
@@ -192,6 +194,12 @@ class LargerCauses:
     def _is_well(self, part: Part) -> bool:
         fresh = self._world.now.mono - part.received < STALE_AFTER / 2
         return part.trouble_since is None and not part.stale and fresh
+
+
+def _needed(settings: CauseSettings, whole: int) -> int:
+    """How many of so many have to be in trouble for a larger cause."""
+    least = max(settings.number, ceil(round(settings.share * whole, 6)), 1)
+    return least if settings.absolute is None else min(least, max(1, settings.absolute))
 
 
 def _place(event: Event) -> Place:

@@ -1,20 +1,49 @@
-"""A recording in Prometheus' history: the fault is found by a query over the past."""
+"""The past in Prometheus: a recording's faults found by a query, a recording judged by queries."""
 
 from __future__ import annotations
 
+import json
+import re
+import shutil
 import subprocess
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from ros_diagnostics_tools.main import main
+from support import host_checks
 from support.bags import BEGIN, every_second, write_bag
 from support.prometheus_site import Site
 from testbed import servers
+from testbed.configuration import CHECKOUT
+from testbed.http import get
 from testbed.ports import free_port
 
 STEP = 15.0
 FLEET = "fleet: f\nrobots: [{name: r, namespace: /r, source: raw, labels: {site: hall}}]\n"
+# Another one, with the shipped queries of hosts: a robot behind an access point.
+MEASURED = """\
+fleet: hall
+robots:
+  - {name: r, namespace: /r, source: raw, labels: {uplink: ap}}
+  - {name: ap, source: queries}
+"""
+QUERIES = CHECKOUT / "docs" / "examples" / "queries" / "queries.d"
+
+
+@contextmanager
+def having(samples: Path) -> Iterator[Site]:
+    """A Prometheus that has never run, with blocks made of these samples, as OpenMetrics."""
+    folder = samples.parent
+    make = ["promtool", "tsdb", "create-blocks-from", "openmetrics", samples, folder / "tsdb"]
+    subprocess.run(make, check=True)
+    (folder / "prometheus.yml").write_text("scrape_configs: []\n")
+    address = f"127.0.0.1:{free_port()}"
+    retention = "--storage.tsdb.retention.time=50y"
+    with servers.running(servers.prometheus(folder, folder / "prometheus.yml", address, retention)):
+        yield Site(address, "")
 
 
 @pytest.fixture
@@ -24,27 +53,11 @@ def prometheus(tmp_path: Path):
         tmp_path / "bag", every_second(range(1200), {"motor": range(300, 900), "laser": []})
     )
     (tmp_path / "fleet.yml").write_text(FLEET)
-    samples, blocks = tmp_path / "bag.om", tmp_path / "tsdb"
-    done = main(
-        [
-            "backtest",
-            "--config",
-            str(tmp_path / "fleet.yml"),
-            "--openmetrics",
-            str(samples),
-            str(bag),
-        ]
-    )
-    assert done == 0
-    subprocess.run(
-        ["promtool", "tsdb", "create-blocks-from", "openmetrics", samples, blocks], check=True
-    )
-    (tmp_path / "prometheus.yml").write_text("scrape_configs: []\n")
-    address = f"127.0.0.1:{free_port()}"
-    retention = "--storage.tsdb.retention.time=50y"
-    server = servers.prometheus(tmp_path, tmp_path / "prometheus.yml", address, retention)
-    with servers.running(server):
-        yield Site(address, "")
+    samples = tmp_path / "bag.om"
+    config = str(tmp_path / "fleet.yml")
+    assert main(["backtest", "--config", config, "--openmetrics", str(samples), str(bag)]) == 0
+    with having(samples) as site:
+        yield site
 
 
 def test_a_fault_of_the_past_is_found_by_a_query(prometheus: Site):
@@ -70,3 +83,65 @@ def test_levels_and_values_are_there_with_the_labels_of_a_scrape(prometheus: Sit
     levels = {each["metric"]["component"]: each["value"][1] for each in found}
     assert levels == {"motor": "2", "laser": "0"}
     assert prometheus.query('up{instance="backtest"}', BEGIN + 600)
+
+
+def measured(node: str, seconds: Sequence[int]) -> Iterator[str]:
+    """What Prometheus would have scraped then, as OpenMetrics.
+
+    Of node_exporter all samples that it has now, but that the load is 11 from 300 s to 500 s; of
+    blackbox_exporter that the access point did not answer from 800 s to 1,000 s.
+    """
+    target = 'job="ros-diagnostics-node",fleet="hall",robot="r",instance="r:9100"'
+    text = get(node, "/metrics").decode()
+    for name, labels, value in re.findall(r"^(node_\w+)(?:{(.*)})? (\S+)$", text, re.MULTILINE):
+        for second in seconds:
+            found = "11" if name == "node_load1" and 300 <= second < 500 else value
+            yield f"{name}{{{target}{labels and ','}{labels}}} {found} {BEGIN + second}\n"
+    target = 'job="ros-diagnostics-uplink",fleet="hall",robot="ap",instance="ap"'
+    for second in seconds:
+        yield f"probe_success{{{target}}} {int(not 800 <= second < 1000)} {BEGIN + second}\n"
+    for second in seconds:
+        yield f'up{{job="ros-diagnostics-node",fleet="hall",robot="r"}} 1 {BEGIN + second}\n'
+    yield "# EOF\n"
+
+
+@pytest.mark.slow
+def test_a_recording_is_judged_with_what_prometheus_had_measured_then(tmp_path: Path, capsys):
+    received = [*range(800), *range(1010, 1200)]
+    bag = write_bag(tmp_path / "bag", every_second(received, {"motor": range(100, 150)}))
+    (tmp_path / "fleet.yml").write_text(MEASURED)
+    shutil.copytree(QUERIES, tmp_path / "queries.d")
+    samples = tmp_path / "measured.om"
+    own = ("--collector.disable-defaults", "--collector.loadavg", "--collector.filesystem")
+    with host_checks.running(tmp_path, *own) as (node, _blackbox):
+        samples.write_text("".join(measured(node, range(0, 1200, 15))))
+
+    def found(*arguments: str) -> dict[str, tuple[str, int, int]]:
+        given = ("--config", str(tmp_path / "fleet.yml"), "--output", "json", *arguments)
+        assert main(["backtest", *given, str(bag)]) == 0
+        return {
+            each["component"] or each["state"]: (
+                each["robot"],
+                round(each["notified"] - BEGIN),
+                round(each["ended"] - BEGIN),
+            )
+            for each in json.loads(capsys.readouterr().out)["notifications"]
+            if not each["component"].startswith("disk")  # as full as this machine's
+        }
+
+    assert set(found()) == {"motor", "silent"}
+    with having(samples) as site:
+        asked = found("--prometheus", f"http://{site.address}")
+
+    motor, load, uplink = asked.pop("motor"), asked.pop("load 1m"), asked.pop("uplink")
+    assert asked == {}  # the silence is the uplink's, for which 800 s to 1,010 s
+    assert motor == ("r", 110, 150)
+    robot, notified, ended = load
+    assert robot == "r"
+    # Scraped every 15 s, asked as often, confirmed after a minute.
+    assert 360 <= notified <= 390
+    assert 500 <= ended <= 530
+    robot, notified, ended = uplink
+    assert robot == "ap"
+    assert 820 <= notified <= 840  # confirmed after 20 s, before the silence would have been
+    assert 1000 <= ended <= 1030

@@ -5,11 +5,18 @@ from __future__ import annotations
 import json
 import subprocess
 import time
+from collections.abc import Callable, Iterator
+from datetime import datetime, timezone
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from ros_diagnostics_exporter.api.week import known, week
+from ros_diagnostics_exporter.metrics.families import EXPORTER
+from ros_diagnostics_exporter.metrics.week import ROWS
 from ros_diagnostics_tools.main import main
+from support.committed_dashboards import filled, queries
 from support.prometheus_site import Site
 from support.web_server import serve
 from testbed import servers
@@ -26,6 +33,12 @@ PARTS = {
     "a": lambda _at: {"ok": 240, "warning": 30, "critical": 30},
     "b": lambda at: {"unknown": 300} if at > END - 2 * DAY else {"ok": 200, "maintenance": 100},
     "new": lambda at: {"ok": 300} if at > END - DAY else {},
+}
+# (robot, capability) -> part -> its seconds of each slot of the last two days.
+CAPABILITIES = {
+    ("a", "lifting"): {"able": 200, "lost": 100},
+    ("b", "lifting"): {"able": 300},
+    ("", "transport"): {"able": 150, "lost": 60, "unknown": 90},
 }
 LABELS = {"scope": "component", "state": "critical", "severity": "critical", "robot": "a"}
 
@@ -49,8 +62,33 @@ def samples() -> str:
         for part, by_time in fleet.items()
         for at, seconds in sorted(by_time.items())
     ]
+    able = [
+        f'capability:ros_diagnostics_part_seconds:sum5m{{fleet="hall",robot="{robot}",'
+        f'capability="{name}",part="{part}"}} {seconds} {at}'
+        for (robot, name), parts in CAPABILITIES.items()
+        for part, seconds in parts.items()
+        for at in range(END - 2 * DAY + SLOT, END + 1, SLOT)
+    ]
     types = "# TYPE {}:ros_diagnostics_part_seconds:sum5m gauge"
-    return "\n".join([types.format("robot"), *robot, types.format("fleet"), *lines, "# EOF\n"])
+    records = [types.format("robot"), *robot, types.format("fleet"), *lines]
+    records += [types.format("capability"), *able]
+    return "\n".join([*records, *families_of_the_week(), "# EOF\n"])
+
+
+def families_of_the_week() -> Iterator[str]:
+    """What an exporter with this event log served at the end of either week."""
+    zone = datetime.fromtimestamp(END, timezone.utc).astimezone().tzinfo
+    weeks = [(end, week(known(log(), []), end, zone)) for end in (END - 7 * DAY, END)]
+    for family, read in ROWS:
+        names = ("fleet", *family.labels[len(EXPORTER) :])
+        yield f"# TYPE {family.name} gauge"
+        series: dict[tuple[str, ...], list[str]] = {}
+        for end, found in weeks:
+            for labels, value in read(found):
+                series.setdefault(("hall", *labels), []).append(f"{value} {end}")
+        for labels, values in series.items():
+            pairs = ",".join(f'{n}="{v}"' for n, v in zip(names, labels, strict=True))
+            yield from (f"{family.name}{{{pairs}}} {value}" for value in values)
 
 
 @pytest.fixture
@@ -68,13 +106,11 @@ def prometheus(tmp_path: Path):
         yield Site(address, "")
 
 
-@pytest.fixture
-def exporter(serve):
-    """One with two faults in the week: of one the begin, of the other the end and who has it."""
+def log() -> list[dict[str, Any]]:
+    """The events of two faults of the week, and of one of the week before."""
     of = {**LABELS, "group": "/Motor", "component": "Motor 1", "robot": "a"}
-    times = [END - 3 * DAY, END - 2 * DAY]
     events = []
-    for number, at in enumerate(times):
+    for number, at in enumerate([END - 3 * DAY, END - 2 * DAY, END - 9 * DAY]):
         since = {"since": at - 60.0, **of}
         events += [
             {"time": float(at), "kind": "fault_began", **since},
@@ -82,10 +118,15 @@ def exporter(serve):
             {"time": at + 120.0 * (number + 1), "kind": "acknowledged", "author": "n", **since},
             {"time": at + 600.0, "kind": "fault_ended", "reason": "recovered", **since},
         ]
-    numbered = [{"id": number, **each} for number, each in enumerate(events, 1)]
+    return [{"id": number, **each} for number, each in enumerate(events, 1)]
+
+
+@pytest.fixture
+def exporter(serve):
+    """One with that event log."""
     return serve(
         faults=lambda: {"fleet": "hall", "time": 0.0, "faults": [], "events_since": 1.0},
-        find_events=lambda wanted: [each for each in numbered if each["kind"] == wanted.kind][::-1],
+        find_events=lambda wanted: [each for each in log() if each["kind"] == wanted.kind][::-1],
     )
 
 
@@ -139,7 +180,12 @@ def test_the_report_has_the_numbers_of_the_dashboards_and_is_mailed(
     assert found["week"]["to_acknowledge"] == {"number": 2, "median": 180.0, "longest": 240.0}
     assert found["week"]["to_recover"] == {"number": 2, "median": 660.0, "longest": 660.0}
     assert (found["week"]["faults"], found["week"]["notifications"]) == (2, 2)
-    assert found["week_before"]["faults"] == 0
+    assert found["week_before"]["faults"] == 1
+    assert found["week_before"]["to_acknowledge"]["median"] == 360.0
+    assert [each["robot"] for each in found["capabilities"]] == ["a", ""]
+    assert found["capabilities"][0]["could"] == pytest.approx(2 / 3)
+    assert found["week"]["lost_seconds"] == pytest.approx(2 * slots * 100, abs=100)
+    assert found["week_before"]["lost_seconds"] == 0
     [part] = found["worst_parts"]
     assert (part["robot"], part["times"], part["seconds"]) == ("a", 2, 1_320.0)
 
@@ -158,6 +204,62 @@ def test_the_report_has_the_numbers_of_the_dashboards_and_is_mailed(
     file = tmp_path / "report.html"
     assert main(["report", "--week", *flags, "--file", str(file)]) == 0
     assert file.read_text().split() == sent.html.split()
+
+
+def test_the_dashboard_of_the_week_has_the_numbers_of_the_report(prometheus, exporter, capsys):
+    flags = ["--url", f"http://{exporter.addresses[0]}", "--until", f"{_iso(END)}"]
+    flags += ["--prometheus", f"http://{prometheus.prometheus}", "--target", "95"]
+    assert main(["report", "--week", "--output", "json", *flags]) == 0
+    found = json.loads(capsys.readouterr().out)
+    chosen = {"fleet": "hall", "target": "95", "__range": "7d"}
+    shown = {
+        (each.place, each.ref): prometheus.query(filled(each.expr, chosen), END)
+        for each in queries()
+        if each.board == "ros-diagnostics-week"
+    }
+
+    def values(title: str, ref: str, *by: str) -> dict[tuple[str, ...], float]:
+        rows = shown[title, ref]
+        return {tuple(row["metric"].get(n, "") for n in by): float(row["value"][1]) for row in rows}
+
+    def beside(title: str, refs: str, of: Callable[[dict[str, Any]], float]) -> None:
+        weeks = [of(found[name]) for name in ("week", "week_before")]
+        assert [values(title, ref)[()] for ref in refs] == pytest.approx(weeks), title
+
+    beside("Availability", "AB", lambda week: week["availability"])
+    beside("Budget left (robot minutes)", "AB", lambda week: week["budget_minutes"])
+    beside("Critical faults", "AB", lambda week: week["faults"])
+    beside("Notifications", "AB", lambda week: week["notifications"])
+    for title, name in (
+        ("Time to acknowledge", "to_acknowledge"),
+        ("Time to recover", "to_recover"),
+    ):
+        beside(title, "AE", lambda week, name=name: week[name]["number"])
+        beside(title, "BD", lambda week, name=name: week[name]["median"])
+        assert values(title, "C")[()] == found["week"][name]["longest"]
+
+    robots = {(each["robot"],): each for each in found["robots"]}
+    assert values("Availability by day", "A", "robot") == pytest.approx(
+        {robot: each["availability"] for robot, each in robots.items()}
+    )
+    for day, ref in enumerate("BCDEFGH"):
+        of_day = {robot: each["days"][day] for robot, each in robots.items()}
+        assert values("Availability by day", ref, "robot") == pytest.approx(
+            {robot: share for robot, share in of_day.items() if share is not None}
+        )
+
+    parts = {(each["robot"], each["part"]): each for each in found["worst_parts"]}
+    for ref, key in (("A", "seconds"), ("B", "times")):
+        assert values("Faulty for longest", ref, "robot", "faulty") == {
+            part: each[key] for part, each in parts.items()
+        }
+    nights = {(night,): number for night, number in found["nights"].items()}
+    assert values("Notifications by night", "A", "night") == nights
+    could = values("Availability of capabilities", "A", "robot", "capability", "part")
+    for each in found["capabilities"]:
+        assert could[each["robot"], each["capability"], "able"] == pytest.approx(each["could"])
+    titles = {title for title, _ref in shown if not title.startswith("$")}
+    assert len(titles) == 12  # with the banner's two: none is left out above
 
 
 def nearly(expected: object) -> object:

@@ -74,6 +74,7 @@ def filled(expr: str, selected: dict[str, str] | None = None) -> str:
     values = {
         "state": ">= -1",
         "problems": "== 0",
+        "target": "99",
         "__range": "1h",
         "__rate_interval": "1m",
         "__interval": "15s",

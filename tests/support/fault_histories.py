@@ -16,11 +16,12 @@ from ros_diagnostics_exporter.faults.model import (
     Change,
     ComponentName,
     ComponentReport,
+    ComponentSettings,
     Identity,
+    RobotSettings,
     Row,
     ValueReport,
 )
-from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant, Level
 
 OK, WARN, ERROR, STALE = Level

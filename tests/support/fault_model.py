@@ -14,7 +14,7 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, Threshold
-from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
+from ros_diagnostics_exporter.faults.model import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Level
 
 OK, WARN, ERROR, STALE = Level

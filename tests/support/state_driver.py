@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from prometheus_client.parser import text_string_to_metric_families
 
@@ -98,6 +99,11 @@ class StateDriver:
         last = driver.storage.load(driver.state, driver.now)
         driver.log = EventLog(last, driver.storage.find_events)
         return driver
+
+    def again(self, path: Path, **how: Any) -> StateDriver:
+        """Write what changed to the database at path, and start again from it as `restart` does."""
+        self.keep(path)
+        return self.restart(path, **how)
 
     @property
     def robot(self):

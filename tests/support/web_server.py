@@ -204,6 +204,7 @@ class FakeBackend:
     reload: Callable[[], None] = lambda: None
     acknowledge: Callable[..., None] = lambda *_given: None
     plan_downtime: Callable[..., None] = lambda *_given: None
+    cancel_downtime: Callable[..., None] = lambda *_given: None
     forget: Callable[[str, str | None], int] = lambda _robot, _component: 1
     accept_graph: Callable[[str], int] = lambda _robot: 1
 

@@ -30,7 +30,6 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         (
             "model",
             "durations",
-            "file_watcher",
             "files",
             "regex",
             "texts",
@@ -44,7 +43,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("robots",),
         ("alertmanager", "faults"),
         ("acknowledging", "firing"),
-        ("acting", "notifications"),
+        ("notifications",),
         ("canary",),
         ("fleet",),
         ("capsules", "storage"),
@@ -56,7 +55,15 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("cli",),
     ),
     TOOLS: (
-        ("capability_losses", "connection_flags", "errors", "pairs", "terminal", "times"),
+        (
+            "capability_losses",
+            "capability_notes",
+            "connection_flags",
+            "errors",
+            "pairs",
+            "terminal",
+            "times",
+        ),
         ("servers",),
         ("autoware", "backtest", "mail_relay", "nagios", "oncall", "report"),
         ("check_nagios", "commands"),
@@ -90,7 +97,7 @@ MAY_KNOW = {"demo": {"testbed"}, TOOLS: {EXPORTER}}
 TOOLS_DO_NOT_KNOW = {"canary", "logs", "notifications", "web", "service", "cli"}
 # What the web shows it is given by its Backend; of the config it knows how YAML is read.
 WEB_KNOWS = {
-    *("web", "model", "durations", "events", "file_watcher", "files", "loops", "severity", "texts"),
+    *("web", "model", "durations", "events", "files", "loops", "severity", "texts"),
 }
 WEB_READS_BY = f"{EXPORTER}.config.yaml_file"
 KNOW_ROS = {

@@ -1,6 +1,7 @@
 """A robot's story: what failed in the last days, in sentences that follow from the event log.
 
-A pure function of events (as /api/v1/events returns them) and of the robot as /api/v1/fleet does.
+Pure functions of events (as /api/v1/events returns them): each time that a fault lasted, with its
+end and who took care of it, and the sentences of a robot as /api/v1/fleet returns it.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
-from ros_diagnostics_exporter.api.occurrences import LABELS, occurrences
 from ros_diagnostics_exporter.severity import (
     STATE_OF_LEVEL,
     clock,
@@ -18,6 +18,70 @@ from ros_diagnostics_exporter.severity import (
     subject,
 )
 from ros_diagnostics_exporter.texts import one_line
+
+# The labels of a fault, in the order in which they are shown.
+LABELS = (
+    *("scope", "state", "severity", "site"),
+    *("robot", "group", "component", "check", "key", "bound"),
+)
+KINDS = ("fault_began", "fault_ended", "notified", "acknowledged")  # of the events that count
+
+
+def labels_of(event: dict[str, Any]) -> dict[str, str]:
+    """The labels of an event's fault; those that do not apply are ""."""
+    return {name: event.get(name, "") for name in LABELS}
+
+
+def occurrences(events: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Each fault that these events are of, the one that began last first; times are Unix time.
+
+    Of each its labels, ``since``, ``confirmed`` (None where only its end is known), ``until`` and
+    ``reason`` (None while no end is known), the evidence of its begin and of its end, and who
+    acknowledged it and was notified, in order.
+    """
+    found: dict[tuple[Any, ...], dict[str, Any]] = {}
+    for event in sorted(events, key=lambda each: (each["time"], each["id"])):
+        if event["kind"] not in KINDS or event.get("since") is None:
+            continue
+        labels = labels_of(event)
+        fault = found.setdefault((*labels.values(), event["since"]), _new(labels, event["since"]))
+        _add(fault, event)
+    return sorted(found.values(), key=lambda each: -each["since"])
+
+
+def _new(labels: dict[str, str], since: float) -> dict[str, Any]:
+    return {
+        **labels,
+        "since": since,
+        "confirmed": None,
+        "until": None,
+        "reason": None,
+        "evidence": "",
+        "end": "",
+        "acknowledged": [],
+        "notified": [],
+    }
+
+
+def _add(fault: dict[str, Any], event: dict[str, Any]) -> None:
+    kind, message, at = event["kind"], event.get("message", ""), event["time"]
+    if kind == "fault_began":
+        fault |= {"confirmed": at, "evidence": message}
+    elif kind == "fault_ended":
+        fault |= {"until": at, "reason": event["reason"], "end": message}
+    elif kind == "acknowledged":
+        author = event.get("author", "")
+        fault["acknowledged"].append({"at": at, "author": author, "comment": message})
+    else:
+        fault["notified"].append(
+            {
+                "at": at,
+                "receiver": event.get("receiver", ""),
+                "step": event.get("step", ""),
+                "after": event.get("after", ""),
+            }
+        )
+
 
 WEEK = 7 * 86_400.0
 MOST = 10  # parts that a story names

@@ -9,17 +9,58 @@ import json
 import math
 import re
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from ros_diagnostics_exporter.capsules.config_lines import config_lines
+import yaml
+
 from ros_diagnostics_exporter.capsules.mcap import Attachment, Channel, Chunk, write
 from ros_diagnostics_exporter.capsules.rings import Rings
 from ros_diagnostics_exporter.config.fleet import CapsuleSettings
+from ros_diagnostics_exporter.config.load import FOLDERS, files_of
+from ros_diagnostics_exporter.config.yaml_file import read
 from ros_diagnostics_exporter.events import Event, filled
 from ros_diagnostics_exporter.model import Instant, Stream, Topic
+
+
+def config_lines(config_file: Path, robot: str) -> str:
+    """All but the entries of other robots; a comment where it cannot be read."""
+    try:
+        document, _problems = read(config_file)
+        if document is None or not isinstance(document.data, dict):
+            return f"# {config_file.name} cannot be read\n"
+        found = dict(document.data)
+        for section, default in FOLDERS.items():
+            folder = config_file.parent / (found.pop(f"{section}_folder", None) or default)
+            entries = [*_listed(found.pop(section, None)), *_of_folder(folder)]
+            if section == "robots":
+                entries = [each for each in entries if _name(each) == robot]
+            if entries:
+                found[section] = entries
+    except (OSError, TypeError) as error:
+        return f"# {config_file.name} cannot be read: {type(error).__name__}\n"
+    return str(yaml.safe_dump(found, allow_unicode=True, sort_keys=False))
+
+
+def _of_folder(folder: Path) -> Iterator[Any]:
+    for file in files_of(folder):
+        document, _problems = read(file)
+        if document is not None:
+            yield from _listed(document.data)
+
+
+def _listed(entries: Any) -> list[Any]:
+    """Entries as a list: a file of a folder may have one alone."""
+    if entries is None:
+        return []
+    return list(entries) if isinstance(entries, list) else [entries]
+
+
+def _name(entry: Any) -> Any:
+    return entry.get("name") if isinstance(entry, dict) else None
+
 
 ID = re.compile(r"[0-9a-f]{12}")
 # Of a storm: in so many seconds so many faults have a capsule, beyond that only critical ones.

@@ -1,4 +1,7 @@
-"""Writes MCAP (https://mcap.dev/spec): chunks, metadata and attachments with their index."""
+"""Writes MCAP (https://mcap.dev/spec): chunks, metadata and attachments with their index.
+
+With the types of what capsules have, as `ros2 bag record` writes them: a type, then what it uses.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,91 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from ros_diagnostics_exporter import __version__, zstd
-from ros_diagnostics_exporter.capsules.schemas import SCHEMAS
+from ros_diagnostics_exporter.sources.graph_messages import (
+    LOG_TYPE,
+    PARAMETERS_TYPE,
+    TRANSITION_TYPE,
+)
+
+RULE = "=" * 80
+_TIME = f"""{RULE}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+SCHEMAS = {
+    "diagnostic_msgs/msg/DiagnosticArray": f"""std_msgs/Header header
+DiagnosticStatus[] status
+{RULE}
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+{_TIME}{RULE}
+MSG: diagnostic_msgs/DiagnosticStatus
+byte OK=0
+byte WARN=1
+byte ERROR=2
+byte STALE=3
+byte level
+string name
+string message
+string hardware_id
+KeyValue[] values
+{RULE}
+MSG: diagnostic_msgs/KeyValue
+string key
+string value
+""",
+    LOG_TYPE: f"""uint8 DEBUG=10
+uint8 INFO=20
+uint8 WARN=30
+uint8 ERROR=40
+uint8 FATAL=50
+builtin_interfaces/Time stamp
+uint8 level
+string name
+string msg
+string file
+string function
+uint32 line
+{_TIME}""",
+    PARAMETERS_TYPE: f"""builtin_interfaces/Time stamp
+string node
+Parameter[] new_parameters
+Parameter[] changed_parameters
+Parameter[] deleted_parameters
+{_TIME}{RULE}
+MSG: rcl_interfaces/Parameter
+string name
+ParameterValue value
+{RULE}
+MSG: rcl_interfaces/ParameterValue
+uint8 type
+bool bool_value
+int64 integer_value
+float64 double_value
+string string_value
+byte[] byte_array_value
+bool[] bool_array_value
+int64[] integer_array_value
+float64[] double_array_value
+string[] string_array_value
+""",
+    TRANSITION_TYPE: f"""uint64 timestamp
+Transition transition
+State start_state
+State goal_state
+{RULE}
+MSG: lifecycle_msgs/Transition
+uint8 id
+string label
+{RULE}
+MSG: lifecycle_msgs/State
+uint8 id
+string label
+""",
+}
+
 
 MAGIC = b"\x89MCAP0\r\n"
 LEVEL = 3  # of the compression

@@ -1,11 +1,13 @@
-"""``ros-diagnostics-exporter``: flags, start and stop, signals, exit codes."""
+"""``ros-diagnostics-exporter``: flags, start and stop, signals, exit codes, systemd."""
 
 from __future__ import annotations
 
 import argparse
 import faulthandler
 import logging
+import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -13,7 +15,7 @@ from collections.abc import Sequence
 
 from ros_diagnostics_exporter import logs
 from ros_diagnostics_exporter.alertmanager import Alertmanager
-from ros_diagnostics_exporter.cli import flags, systemd
+from ros_diagnostics_exporter.cli import flags
 from ros_diagnostics_exporter.config.check import describe
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
@@ -29,6 +31,40 @@ from ros_diagnostics_exporter.storage.database import InUseError, VersionError
 from ros_diagnostics_exporter.storage.storage import Retention, Storage
 from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server, parse_address
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
+
+_log = logging.getLogger(__name__)
+
+
+def notify(state: str) -> None:
+    """Send ``state``, for example ``READY=1``, to $NOTIFY_SOCKET if it is set."""
+    path = os.environ.get("NOTIFY_SOCKET", "")
+    if not path:
+        return
+    # "@" stands for the zero byte with which an abstract socket's name starts.
+    address = "\0" + path[1:] if path.startswith("@") else path
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sock:
+            sock.connect(address)
+            sock.sendall(state.encode())
+    except OSError as error:
+        _log.warning("cannot notify systemd at %s: %s", path, error)
+
+
+class Watchdog:
+    """Notifies systemd that the service works, as often as WatchdogSec= of the unit needs it."""
+
+    def __init__(self) -> None:
+        microseconds = os.environ.get("WATCHDOG_USEC", "")
+        self._interval = int(microseconds) / 4e6 if microseconds.isdecimal() else None
+        self._beaten_at = float("-inf")
+
+    def beat(self) -> None:
+        """Notify, unless that was done a moment ago or nobody waits for it."""
+        now = time.monotonic()
+        if self._interval is not None and now - self._beaten_at >= self._interval:
+            self._beaten_at = now
+            notify("WATCHDOG=1")
+
 
 TURN = 0.25  # seconds until a signal is followed
 EXIT_FAILURE = 1
@@ -157,9 +193,9 @@ def _serve(options: argparse.Namespace, listen: list[str], service: Service) -> 
     signal.signal(signal.SIGHUP, lambda _number, _frame: reload.set())
     try:
         service.start()
-        systemd.notify("READY=1")
+        notify("READY=1")
         log.info("serving fleet %s on %s", service.state.fleet.name, ", ".join(server.addresses))
-        watchdog = systemd.Watchdog()
+        watchdog = Watchdog()
         while not stop.wait(TURN):
             if not server.alive:
                 raise WebEndedError  # without it nobody sees the faults; systemd restarts us
@@ -169,7 +205,7 @@ def _serve(options: argparse.Namespace, listen: list[str], service: Service) -> 
             if not server.hangs and service.hanging_reason() is None:
                 watchdog.beat()
     finally:
-        systemd.notify("STOPPING=1")
+        notify("STOPPING=1")
         server.stop()
         service.stop()
 

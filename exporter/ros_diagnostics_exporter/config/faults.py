@@ -1,7 +1,6 @@
 """When a problem is a fault: confirmation, flapping, larger causes, hours; what a capsule has."""
 
 from collections.abc import Mapping
-from math import ceil
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -29,12 +28,6 @@ class CauseSettings(Entry):
     number: int
     share: float
     absolute: int | None = None
-
-    def needed(self, total: int) -> int:
-        """How many of ``total`` have to be in trouble."""
-        # The tolerance keeps 0.1 of 30 at 3, whatever floating point makes of it.
-        needed = max(1, self.number, ceil(self.share * total - 1e-9))
-        return needed if self.absolute is None else min(needed, max(1, self.absolute))
 
     @override
     def completed(self, given: Mapping[str, Any]) -> "CauseSettings":

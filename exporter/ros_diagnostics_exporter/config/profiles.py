@@ -87,6 +87,14 @@ class ComponentRule(Conditional, Entry, title="Component"):
         example=True,
         default=False,
     )
+    behind: Words = described(
+        "Words, case ignored, one of which the name of what they depend on contains: another "
+        "component of the robot, such as a computer or its power. While that is ERROR or flaps, or "
+        "STALE as they are, no trouble of theirs begins to be a fault "
+        "([behind](queries.md#behind)).",
+        example="Power",
+        default=(),
+    )
     when: ConditionList = described(
         "Only where this condition holds, or all of a list, is their trouble a fault; while it is "
         "not known, no fault begins and none ends.",

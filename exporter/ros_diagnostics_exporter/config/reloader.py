@@ -16,7 +16,7 @@ from ros_diagnostics_exporter.config.errors import ConfigError, Finding
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.file_watcher import FileWatcher
+from ros_diagnostics_exporter.files import FileWatcher
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.model import Instant
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from ros_diagnostics_exporter.faults import capabilities, causes, components, presence
 from ros_diagnostics_exporter.faults.book import Book
-from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
 from ros_diagnostics_exporter.faults.model import (
     Change,
     ComponentName,
+    ComponentSettings,
     Fault,
     Identity,
     Scope,
@@ -19,14 +19,15 @@ from ros_diagnostics_exporter.faults.model import (
     Verdict,
 )
 from ros_diagnostics_exporter.faults.records import (
+    SLOTS,
     Cause,
     ComponentRecord,
+    FlapHistory,
     Presence,
     Problem,
     RobotRecord,
 )
 from ros_diagnostics_exporter.faults.rows import give_to_owner
-from ros_diagnostics_exporter.faults.settings import ComponentSettings
 from ros_diagnostics_exporter.model import Instant, Level
 
 
@@ -108,7 +109,7 @@ def _component(book: Book, robot: RobotRecord, name: ComponentName) -> Component
     component = robot.components.get(name)
     if component is None:
         settings = ComponentSettings(robot.settings.confirm_after)
-        component = book.add_component(robot, name, settings)
+        component = book.add_component(ComponentRecord(robot, name, settings))
         component.level = Level.STALE  # until it is received
     return component
 

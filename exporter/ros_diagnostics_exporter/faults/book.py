@@ -7,7 +7,12 @@ from math import inf
 from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings
-from ros_diagnostics_exporter.faults.model import ComponentName, Identity, Scope, State
+from ros_diagnostics_exporter.faults.model import (
+    Identity,
+    RobotSettings,
+    Scope,
+    State,
+)
 from ros_diagnostics_exporter.faults.records import (
     TREND_STEPS,
     CapabilityRecord,
@@ -20,8 +25,7 @@ from ros_diagnostics_exporter.faults.records import (
     RobotRecord,
     RowKey,
 )
-from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
-from ros_diagnostics_exporter.faults.timers import Timers
+from ros_diagnostics_exporter.loops import Timers
 from ros_diagnostics_exporter.model import Instant
 
 TimerKind = Literal[
@@ -41,6 +45,7 @@ _Timed = Problem | Cause | CapabilityRecord | RobotRecord | ComponentRecord | No
 Timer = tuple[TimerKind, _Timed]
 CLOCK_TIME = 60.0  # seconds for which a clock has to be wrong: longer than arrays are buffered
 FLEET_ROW: RowKey = ("fleet", ())
+TIME_TO_RETURN = 60.0  # seconds at most for what is behind something to be well after it
 UPLINK_TIME = 15.0  # seconds in which a query has noticed that an uplink does not answer
 
 
@@ -100,13 +105,7 @@ class Book:
         self.write(robot)
         return robot
 
-    def add_component(
-        self, robot: RobotRecord, name: ComponentName, settings: ComponentSettings
-    ) -> ComponentRecord:
-        """A new record of a component that was OK."""
-        return self.adopt_component(ComponentRecord(robot, name, settings))
-
-    def adopt_component(self, component: ComponentRecord) -> ComponentRecord:
+    def add_component(self, component: ComponentRecord) -> ComponentRecord:
         """Keep the record of a component."""
         name = component.name
         component.robot.components[name] = component
@@ -163,14 +162,6 @@ class Book:
         if not site:
             del self.present[robot.settings.site]
 
-    def whole(self, cause: Cause) -> int:
-        """How many there are of what the cause counts."""
-        if cause.robot is not None:
-            return cause.robot.total
-        if cause.scope is Scope.SITE:
-            return len(self.present.get(cause.name, ()))
-        return sum(map(len, self.present.values()))
-
     def due(self, problem: Problem) -> float:
         """When (monotonic) the problem may be a fault at the earliest."""
         clock, state, component = problem.clock, problem.identity.state, problem.component
@@ -186,13 +177,19 @@ class Book:
             settings = component.settings
             if settings.measured:
                 clock = max(clock, component.robot.returned_until)  # it was not reached before
+            clock = max(clock, component.explained_until)
             return clock + settings.confirm_after
         robot = problem.robot
         clock += self.settings.confirm_after if robot is None else robot.settings.confirm_after
         return clock + UPLINK_TIME if self._may_be_behind(problem) else clock
 
     def _may_be_behind(self, problem: Problem) -> bool:
-        """Whether it may turn out that an uplink explains what is common to robots, or silence."""
+        """Whether it may turn out that an uplink explains what is common to robots, or silence.
+
+        Or what is measured of a robot, that many of its components failed.
+        """
+        if problem.identity.state is State.MANY and problem.robot is not None:
+            return any(each.settings.behind for each in problem.robot.components.values())
         robots = [problem.robot] if problem.robot and problem.identity.state is State.SILENT else []
         if problem.cause is not None and problem.robot is None:
             robots = [self.robots[name] for name in problem.cause.counted if name in self.robots]

@@ -8,9 +8,8 @@ that neither the first robots to fail nor the last to recover are reported one b
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import inf
+from math import ceil, inf
 
-from ros_diagnostics_exporter.config.fleet import CauseSettings
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
 from ros_diagnostics_exporter.faults.records import (
@@ -27,9 +26,11 @@ def count_component(book: Book, component: ComponentRecord) -> None:
     """Count a component, or not, towards what many robots have in common.
 
     It counts from when it is CRITICAL, out of maintenance, until it is received better, or, where
-    it is measured, until what the robot is behind explains it.
+    it is measured, until what the robot is behind explains it, or what the component is behind.
     """
     explained = component.settings.measured and component.robot.unreachable
+    if component.settings.behind:
+        explained = explained or component.is_behind(stale=component.level is Level.STALE)
     fresh = component.level is Level.ERROR and not (component.maintenance or explained)
     lasts = component.counted and component.level not in (Level.OK, Level.WARN)
     if not (fresh or lasts or component.counted):
@@ -85,7 +86,7 @@ def drop_usual(book: Book, cause: Cause) -> None:
 
 
 def _update(book: Book, cause: Cause, now: Instant) -> None:
-    needed = _settings(book, cause).needed(book.whole(cause))
+    needed = _needed(book, cause)
     counted, fresh = _counts(book, cause, needed, now)
     adopted = cause.adopted and _is_adopted(book, cause, now)
     if cause.active is None and fresh >= needed:
@@ -97,8 +98,10 @@ def _update(book: Book, cause: Cause, now: Instant) -> None:
         cause.covers_until = now.mono + confirm_after(book, cause)
         book.timers.set(("cover", cause), cause.covers_until)
         book.write(cause)
-    _judge(book, cause, Verdict.BAD if 2 * fresh >= needed else Verdict.HELD)
-    drop_usual(book, cause)
+    if cause.active is not None or cause.problems:
+        _judge(book, cause, Verdict.BAD if 2 * fresh >= needed else Verdict.HELD)
+    if cause.robot is None:
+        drop_usual(book, cause)
 
 
 def _is_adopted(book: Book, cause: Cause, now: Instant) -> bool:
@@ -109,7 +112,7 @@ def _is_adopted(book: Book, cause: Cause, now: Instant) -> bool:
     if cause.robot is not None:
         is_known = cause.robot.up and now.mono >= cause.robot.returned_until
     else:
-        needed = _settings(book, cause).needed(book.whole(cause))
+        needed = _needed(book, cause)
         is_known = now.mono >= book.grace_until and 2 * _received(book, cause) >= needed
     cause.adopted = not is_known
     book.write(cause)
@@ -124,8 +127,6 @@ def _received(book: Book, cause: Cause) -> int:
 
 def _judge(book: Book, cause: Cause, verdict: Verdict) -> None:
     """Pass the verdict on to the cause's problems, made where there are none yet."""
-    if cause.active is None and not cause.problems:
-        return
     if cause.scope is Scope.SITE and verdict is Verdict.BAD:
         verdict = Verdict.ABSENT
     for severity, applies in _severities(cause).items():
@@ -176,7 +177,9 @@ def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, i
     troubled = [
         each
         for each in robot.components.values()
-        if each.since is not None and each.name.component not in robot.maintained
+        if each.since is not None
+        and each.name.component not in robot.maintained
+        and not (each.settings.behind and each.is_behind(stale=each.level is Level.STALE))
     ]
     is_quiet = robot.maintenance or robot.unreachable_since is not None
     nothing_known = not robot.up or is_quiet or now.mono < robot.returned_until
@@ -186,10 +189,18 @@ def _counts(book: Book, cause: Cause, needed: int, now: Instant) -> tuple[int, i
     return len(troubled), own
 
 
-def _settings(book: Book, cause: Cause) -> CauseSettings:
+def _needed(book: Book, cause: Cause) -> int:
+    """How many have to be in trouble, of all that it counts."""
     if cause.robot is not None:
-        return book.settings.many
-    return book.settings.site if cause.scope is Scope.SITE else book.settings.common
+        settings, whole = book.settings.many, cause.robot.total
+    elif cause.scope is Scope.SITE:
+        settings, whole = book.settings.site, len(book.present.get(cause.name, ()))
+    else:
+        settings, whole = book.settings.common, sum(map(len, book.present.values()))
+    # The tolerance keeps 0.1 of 30 at 3, whatever floating point makes of it.
+    share = ceil(settings.share * whole - 1e-9)
+    needed = max(1, settings.number, share)
+    return needed if settings.absolute is None else min(needed, max(1, settings.absolute))
 
 
 def confirm_after(book: Book, cause: Cause) -> float:

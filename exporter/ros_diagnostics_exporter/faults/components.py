@@ -1,27 +1,85 @@
-"""What is reported of a robot's parts: levels of components, values, checks."""
+"""What is reported of a robot's parts: levels of components, values, checks; what that means."""
 
 from __future__ import annotations
 
-from math import inf
+from collections.abc import Container, Mapping
+from math import inf, isnan
+from types import MappingProxyType
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from ros_diagnostics_exporter.faults import capabilities, causes, verdicts
+from ros_diagnostics_exporter.faults import behind, capabilities, causes
 from ros_diagnostics_exporter.faults.book import Book
-from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
 from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import (
     Change,
     ComponentName,
     ComponentReport,
+    ComponentSettings,
     Identity,
     Scope,
     State,
     ValueReport,
     Verdict,
 )
-from ros_diagnostics_exporter.faults.records import ComponentRecord, Problem, RobotRecord, ValueKey
-from ros_diagnostics_exporter.faults.settings import ComponentSettings
+from ros_diagnostics_exporter.faults.records import (
+    SLOTS,
+    ComponentRecord,
+    FlapHistory,
+    Problem,
+    RobotRecord,
+    ValueKey,
+)
 from ros_diagnostics_exporter.model import Instant, Level
+
+_WELL, _HELD, _ABSENT, _BAD = Verdict.WELL, Verdict.HELD, Verdict.ABSENT, Verdict.BAD
+# WARNING goes on under STALE and CRITICAL, and STALE under CRITICAL: the worse is no recovery.
+_OF_LEVEL: Mapping[Level, Mapping[State, Verdict]] = MappingProxyType(
+    {
+        Level.OK: {State.WARNING: _WELL, State.STALE: _WELL, State.CRITICAL: _WELL},
+        Level.WARN: {State.WARNING: _BAD, State.STALE: _WELL, State.CRITICAL: _WELL},
+        Level.ERROR: {State.WARNING: _HELD, State.STALE: _HELD, State.CRITICAL: _BAD},
+    }
+)
+_NOTHING_KNOWN = {State.WARNING: _HELD, State.STALE: _HELD, State.CRITICAL: _HELD}
+
+
+def of_component(
+    level: Level, settings: ComponentSettings, known: Container[State]
+) -> Mapping[State, Verdict]:
+    """The verdict on each state of a component; ``known`` are those that it is in already."""
+    if level is not Level.STALE:
+        return _OF_LEVEL[level]
+    if settings.planned_stale:
+        return _NOTHING_KNOWN
+    # An ERROR that no longer reports is still an ERROR, and a WARNING a WARNING.
+    critical = settings.stale_is_critical or State.CRITICAL in known
+    return {
+        State.WARNING: _ABSENT if State.WARNING in known and not critical else _HELD,
+        State.STALE: _ABSENT,
+        State.CRITICAL: _ABSENT if critical else _HELD,
+    }
+
+
+def of_value(
+    threshold: Threshold, number: float | None, hysteresis: float, *, in_trouble: bool
+) -> Verdict:
+    """The verdict on a value: in trouble beyond the threshold, and well again beyond hysteresis.
+
+    ``hysteresis`` is a share of the threshold.
+    """
+    if number is None or isnan(number):
+        return Verdict.HELD
+    margin = abs(threshold.value) * hysteresis if in_trouble else 0.0
+    if threshold.bound == "low":
+        good = number >= threshold.value + margin
+    else:
+        good = number <= threshold.value - margin
+    return Verdict.WELL if good else Verdict.BAD
+
+
+def of_flapping(ratio: float, start: float, stop: float, *, in_trouble: bool) -> Verdict:
+    """The verdict on a share of changes."""
+    return Verdict.BAD if ratio >= (stop if in_trouble else start) else Verdict.WELL
 
 
 def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: Instant) -> None:
@@ -31,8 +89,10 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
     if component is None:
         if report.level is Level.OK or planned:
             return
-        component = book.add_component(robot, report.name, report.settings)
+        component = book.add_component(ComponentRecord(robot, report.name, report.settings))
     component.settings, component.level = report.settings, report.level
+    robot.chained = robot.chained or bool(report.settings.behind)
+    before = (component.fails, component.since) if robot.chained else None
     if not planned:
         _note_change(book, component, report.level, now)
     _judge_intermittent(book, component, now)
@@ -41,6 +101,8 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
     elif component.since is None and not planned:
         component.since = now
     _judge_level(book, component, now)
+    if before is not None:
+        behind.follow(book, component, before, now)
     causes.count_component(book, component)
     book.touched_causes[robot.many] = None
     book.write(component)
@@ -49,7 +111,7 @@ def report_level(book: Book, robot: RobotRecord, report: ComponentReport, now: I
 
 
 def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
-    found = verdicts.of_component(component.level, component.settings, component.problems)
+    found = of_component(component.level, component.settings, component.problems)
     for state, verdict in found.items():
         problem = component.problems.get(state)
         if problem is None:
@@ -109,7 +171,8 @@ def _note_change(book: Book, component: ComponentRecord, level: Level, now: Inst
     if component.flaps is None:
         component.flaps = FlapHistory([last] * SLOTS, now.mono)
     component.flaps.change(level, now.mono, robot.settings.flap_interval)
-    is_known = component.has_fault or capabilities.is_known(component)
+    explained = robot.capabilities and capabilities.is_known(component)
+    is_known = component.has_fault or explained
     if is_known and not component.is_intermittent:
         component.flaps.changed = ()  # people know of what explains them
     _judge_flapping(book, component, component.flaps, now)
@@ -124,8 +187,11 @@ def decay(book: Book, component: ComponentRecord, now: Instant) -> None:
     within = book.settings.intermittent.within
     # Computed as the timer is: else rounding keeps what is due, and the timer is due for ever.
     flaps.changed = tuple(mono for mono in flaps.changed if mono + within > now.mono)
+    failed = component.fails if component.robot.chained else None
     _judge_intermittent(book, component, now)
     _judge_flapping(book, component, flaps, now)
+    if failed is not None:
+        behind.follow(book, component, (failed, component.since), now)
     book.write(component)
     if component.is_usual:
         book.drop_component(component)
@@ -156,13 +222,18 @@ def wake(book: Book, component: ComponentRecord) -> None:
 
 
 def _judge_intermittent(book: Book, component: ComponentRecord, now: Instant) -> None:
+    """Judge how many changes there were of late.
+
+    A fault ends once fewer than half of what it takes are left, and the component is received OK.
+    """
     problem = component.problems.get(State.INTERMITTENT)
-    verdict = verdicts.of_changes(
-        0 if component.flaps is None else len(component.flaps.changed),
-        book.settings.intermittent.changes,
-        component.level,
-        is_fault=component.is_intermittent,
-    )
+    number = 0 if component.flaps is None else len(component.flaps.changed)
+    level, most = component.level, book.settings.intermittent.changes
+    is_fault = problem is not None and problem.fault is not None
+    lasts = is_fault and (2 * number >= most or level is not Level.OK)
+    verdict = Verdict.HELD if lasts else Verdict.WELL
+    if number >= most:
+        verdict = Verdict.BAD
     if problem is None and verdict is Verdict.BAD:
         problem = _add_flapping(book, component, State.INTERMITTENT, now)
     if problem is not None:
@@ -174,11 +245,11 @@ def _judge_flapping(
 ) -> None:
     problem = component.problems.get(State.FLAPPING)
     settings = book.settings
-    verdict = verdicts.of_flapping(
+    verdict = of_flapping(
         flaps.ratio,
         settings.flapping.start,
         settings.flapping.stop,
-        in_trouble=component.flapping,
+        in_trouble=problem is not None and problem.in_trouble,
     )
     if problem is None and verdict is Verdict.BAD:
         problem = _add_flapping(book, component, State.FLAPPING, now)
@@ -210,7 +281,7 @@ def report_value(
     for threshold in report.thresholds:
         component = robot.components.get(name)
         problem = None if component is None else component.values.get(_value_key(report, threshold))
-        verdict = verdicts.of_value(
+        verdict = of_value(
             threshold,
             report.number,
             book.settings.value_hysteresis,
@@ -218,7 +289,7 @@ def report_value(
         )
         verdict = min(verdict, report.most)
         if problem is None and verdict is Verdict.BAD:
-            component = component or book.add_component(robot, name, settings)
+            component = component or book.add_component(ComponentRecord(robot, name, settings))
             problem = _add_value(book, component, report, threshold, now)
         if problem is not None:
             give_verdict(book, problem, verdict)

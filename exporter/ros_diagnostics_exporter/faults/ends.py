@@ -6,7 +6,6 @@ ask for long, and until the same begins again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from math import inf
 from typing import Literal
@@ -56,12 +55,6 @@ def describe(book: Book, fault: Fault, message: str) -> None:
     if ended is not None:
         ended.end = ended.end._replace(message=message)
         book.written[row(fault.identity)] = None
-
-
-def find(book: Book) -> Iterator[End]:
-    """All that are kept."""
-    for ended in (*book.ended.values(), *book.forgotten.values()):
-        yield ended.end
 
 
 def note_served(book: Book, now: Instant) -> None:

@@ -20,7 +20,6 @@ from ros_diagnostics_exporter.faults import (
     components,
     ends,
     fleet_capabilities,
-    hours,
     judge,
     own,
     presence,
@@ -29,24 +28,26 @@ from ros_diagnostics_exporter.faults import (
     trends,
 )
 from ros_diagnostics_exporter.faults.book import FLEET_ROW, Book
+from ros_diagnostics_exporter.faults.judge import why_not_begin, why_not_end
 from ros_diagnostics_exporter.faults.model import (
     AbilityView,
     Change,
     ComponentName,
     ComponentReport,
+    ComponentSettings,
     End,
     Fault,
     Followed,
     Identity,
     OwnReport,
     ProblemView,
+    RobotSettings,
     Row,
     ValueReport,
     Verdict,
     at_mono,
 )
 from ros_diagnostics_exporter.faults.needs import NeedView, WantedCapability
-from ros_diagnostics_exporter.faults.quiet import why_not_begin, why_not_end
 from ros_diagnostics_exporter.faults.records import (
     CapabilityRecord,
     Cause,
@@ -55,13 +56,12 @@ from ros_diagnostics_exporter.faults.records import (
     Problem,
     RobotRecord,
 )
-from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.model import Instant
 
 # What is done by a timer that is of no record.
 _OF_ALL: Mapping[str, Callable[[Book, Instant], None]] = {
     "ends": ends.drop_old,
-    "hours": hours.follow,
+    "hours": judge.follow_hours,
     "fleet": fleet_capabilities.judge,
     "settled": presence.settle,
 }
@@ -94,7 +94,7 @@ class Faults:
         book.settled_at = min(settled, judged)  # whatever the wall clock was set to meanwhile
         book.timers.set(("settled", None), book.grace_until)
         book.written[FLEET_ROW] = None
-        hours.wake(book, now)
+        judge.set_hours_timer(book, now)
         for robot in book.robots.values():
             if robot.up:
                 presence.fall_silent(book, robot, now, now, counts=False)
@@ -108,8 +108,8 @@ class Faults:
         """Let time pass; costs nothing while no timer is due."""
         timers = self._book.timers
         changes: list[Change] = []
-        if hours.clock_was_set(self._book, now):
-            hours.follow(self._book, now)
+        if self._book.settings.warning_hours is not None and judge.clock_was_set(self._book, now):
+            judge.follow_hours(self._book, now)
             changes += judge.settle(self._book, now)
         while (due := timers.next) <= now.mono:
             # As of when each was due, so that it does not matter how often this is called.
@@ -145,7 +145,7 @@ class Faults:
         changes = self.advance(now)
         book = self._book
         book.settings = settings
-        hours.wake(book, now)
+        judge.set_hours_timer(book, now)
         book.touch(book.problems.values())
         book.touch_causes()
         for robot in book.robots.values():
@@ -376,7 +376,8 @@ class Faults:
 
     def ends(self) -> Iterator[End]:
         """What ended of late, and has not begun again."""
-        return ends.find(self._book)
+        for ended in (*self._book.ended.values(), *self._book.forgotten.values()):
+            yield ended.end
 
     def problems(self, now: Instant, robot: str | None = None) -> Iterator[ProblemView]:
         """All problems, soft and hard, or those of one robot and its parts."""

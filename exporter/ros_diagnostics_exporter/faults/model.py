@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from hashlib import sha256
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from ros_diagnostics_exporter.faults.settings import ComponentSettings
 from ros_diagnostics_exporter.model import Instant, Level
 
 
@@ -256,6 +256,7 @@ class Reason(str, Enum):
     SITE = "site"
     COMMON = "common"
     MANY = "many"
+    BEHIND = "behind"  # what fleet.yml says that it depends on fails
     CAPABILITY = "capability"  # one that is in trouble because of it
     FAULT = "fault"  # a worse one of the same is confirmed
     CONDITION = "condition"  # fleet.yml's `when` or `unless`
@@ -296,3 +297,45 @@ class Row(NamedTuple):
 def at_mono(mono: float, now: Instant) -> Instant:
     """The Instant at a reading of the monotonic clock, by the difference of both clocks ``now``."""
     return Instant(mono, now.wall + (mono - now.mono))
+
+
+# -- settings ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class RobotSettings:
+    """What holds for one robot.
+
+    ``presence_interval`` lies between two of the 21 states in which a robot's coming and going is
+    counted, ``flap_interval`` between two of a component.
+    """
+
+    labels: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    confirm_after: float = 10.0
+    flap_interval: float = 15.0
+    presence_interval: float = 60.0
+
+    @property
+    def site(self) -> str:
+        """The site whose robots may fall silent together; "" is one too."""
+        return self.labels.get("site", "")
+
+    @property
+    def uplink(self) -> str:
+        """The robot-like entry through which it is reached; "" where there is none."""
+        return self.labels.get("uplink", "")
+
+
+@dataclass(frozen=True)
+class ComponentSettings:
+    """What holds for one component, the robot's and the fleet's defaults applied.
+
+    ``measured``: by a query rather than by the robot, so also while the robot is not reached.
+    ``behind``: the components of its robot, (group, name) each, whose failure explains its own.
+    """
+
+    confirm_after: float = 10.0
+    planned_stale: bool = False
+    stale_is_critical: bool = False
+    measured: bool = False
+    behind: frozenset[tuple[str, str]] = frozenset()

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from ros_diagnostics_exporter.faults import causes, components, verdicts
-from ros_diagnostics_exporter.faults.book import Book
+from ros_diagnostics_exporter.faults import causes, components
+from ros_diagnostics_exporter.faults.book import TIME_TO_RETURN, Book
 from ros_diagnostics_exporter.faults.components import give_verdict
-from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory
 from ros_diagnostics_exporter.faults.model import Identity, Scope, State, Verdict
-from ros_diagnostics_exporter.faults.records import Presence, Problem, RobotRecord
+from ros_diagnostics_exporter.faults.records import (
+    SLOTS,
+    FlapHistory,
+    Presence,
+    Problem,
+    RobotRecord,
+)
 from ros_diagnostics_exporter.model import Instant
 
 _UP, _DOWN = 1, 0  # states of a robot's history
-TIME_TO_RETURN = 60.0  # seconds at most for robots to be received after what they are behind is
 
 
 def fall_silent(
@@ -164,7 +168,7 @@ def _note_change(book: Book, robot: RobotRecord, state: int, now: Instant) -> No
 def _judge_flapping(book: Book, robot: RobotRecord, history: FlapHistory, now: Instant) -> None:
     settings = book.settings
     was_flapping = robot.flapping
-    verdict = verdicts.of_flapping(
+    verdict = components.of_flapping(
         history.ratio,
         settings.flapping.start,
         settings.flapping.stop,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ros_diagnostics_exporter.faults import causes, components, ends, trends
+from ros_diagnostics_exporter.faults import behind, causes, components, ends, trends
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.judge import end_all
 from ros_diagnostics_exporter.faults.model import Change, ComponentName, Scope, State
@@ -48,6 +48,7 @@ def remove_component(
     changes = end_all(book, (*component.problems.values(), *component.values.values()), now)
     if name in robot.components:  # it went with its last problem, if it had one
         book.drop_component(component)
+    behind.judge_others(book, robot, name)
     book.touched_causes[robot.many] = None
     return changes
 
@@ -64,11 +65,11 @@ def move_component(
     changes = remove_component(book, robot, new, now)
     moved = ComponentRecord(robot, new, component.settings)
     moved.level, moved.since, moved.flaps = component.level, component.since, component.flaps
-    moved.counted = component.counted
+    moved.counted, moved.explained_until = component.counted, component.explained_until
     moved.problems = {key: _renamed(each, moved) for key, each in component.problems.items()}
     moved.values = {key: _renamed(each, moved) for key, each in component.values.items()}
     changes += remove_component(book, robot, old, now)
-    book.adopt_component(moved)
+    book.add_component(moved)
     for problem in (*moved.problems.values(), *moved.values.values()):
         book.touch((book.add_problem(problem),))
         if problem.fault is not None:

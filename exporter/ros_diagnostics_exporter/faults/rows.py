@@ -19,17 +19,18 @@ from ros_diagnostics_exporter.faults import (
     causes,
     components,
     fleet_capabilities,
-    hours,
+    judge,
 )
-from ros_diagnostics_exporter.faults.book import CLOCK_TIME, Book
-from ros_diagnostics_exporter.faults.flapping import FlapHistory
+from ros_diagnostics_exporter.faults.book import CLOCK_TIME, TIME_TO_RETURN, Book
 from ros_diagnostics_exporter.faults.model import (
     Ability,
     ComponentName,
+    ComponentSettings,
     End,
     Fault,
     Identity,
     PartName,
+    RobotSettings,
     Row,
     Scope,
     State,
@@ -42,12 +43,12 @@ from ros_diagnostics_exporter.faults.records import (
     Cause,
     ComponentRecord,
     Ended,
+    FlapHistory,
     Presence,
     Problem,
     RobotRecord,
     RowKey,
 )
-from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from ros_diagnostics_exporter.faults.stored import (
     SCHEMAS,
     History,
@@ -114,7 +115,7 @@ def restore(book: Book, rows: Iterable[Row], now: Instant) -> None:
     _bound(book, now)
     _count(book, now)
     _set_timers(book)
-    hours.wake(book, now)
+    judge.set_hours_timer(book, now)
     book.touched.clear()
     book.touched_causes.clear()
     book.touched_robots.clear()
@@ -252,11 +253,13 @@ def _of_component(component: ComponentRecord, clock: _Clock) -> OfComponent:
             confirm_after=settings.confirm_after,
             planned_stale=settings.planned_stale,
             stale_is_critical=settings.stale_is_critical,
+            behind=sorted(settings.behind),
         ),
         level=int(component.level),
         since=None if component.since is None else component.since.wall,
         counted=component.counted,
         flaps=_of_history(component.flaps, clock),
+        explained_until=clock.wall(component.explained_until),
     )
 
 
@@ -293,14 +296,19 @@ def _read_robot(book: Book, key: tuple[str, ...], stored: OfRobot, clock: _Clock
 
 
 def _read_component(book: Book, key: tuple[str, ...], stored: OfComponent, clock: _Clock) -> None:
-    settings = ComponentSettings(**stored.settings._asdict())
+    behind = frozenset(stored.settings.behind)
+    settings = ComponentSettings(**{**stored.settings._asdict(), "behind": behind})
     robot, group, name = key
-    component = book.add_component(book.robots[robot], ComponentName(group, name), settings)
+    component = book.add_component(
+        ComponentRecord(book.robots[robot], ComponentName(group, name), settings)
+    )
     component.level = Level(stored.level)
     since = stored.since
     component.since = None if since is None else clock.instant(since)
     component.counted = stored.counted
     component.flaps = _read_history(stored.flaps, clock)
+    component.robot.chained = component.robot.chained or bool(behind)
+    component.explained_until = clock.mono(stored.explained_until)
 
 
 def _read_history(stored: History | None, clock: _Clock) -> FlapHistory | None:
@@ -397,6 +405,8 @@ def _bound(book: Book, now: Instant) -> None:
         _bound_history(robot.history, now)
         for component in robot.components.values():
             component.since = _not_after(component.since, now)
+            latest = now.mono + TIME_TO_RETURN
+            component.explained_until = min(component.explained_until, latest)
             _bound_history(component.flaps, now)
         for capability in robot.capabilities.values():
             capability.active = _not_after(capability.active, now)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, TypeAdapter
 
-from ros_diagnostics_exporter.faults.flapping import SLOTS
+from ros_diagnostics_exporter.faults.records import SLOTS
 
 # Limits for what is read from the file: whatever passes them can be restored and served.
 Moment = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
@@ -34,6 +34,7 @@ class StoredSettings(NamedTuple):
     confirm_after: Seconds
     planned_stale: bool
     stale_is_critical: bool
+    behind: Annotated[list[tuple[Text, Text]], Field(max_length=1000)] = []  # noqa: RUF012
 
 
 class StoredFault(NamedTuple):
@@ -78,6 +79,7 @@ class OfComponent(NamedTuple):
     since: Moment | None
     counted: bool
     flaps: History | None
+    explained_until: Moment | None = None
 
 
 class OfCause(NamedTuple):

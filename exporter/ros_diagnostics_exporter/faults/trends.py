@@ -11,19 +11,25 @@ from collections import deque
 from math import isnan
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from ros_diagnostics_exporter.faults import verdicts
+from ros_diagnostics_exporter.faults import components
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.components import give_verdict
 from ros_diagnostics_exporter.faults.model import (
     ComponentName,
+    ComponentSettings,
     Identity,
     Scope,
     State,
     ValueReport,
     Verdict,
 )
-from ros_diagnostics_exporter.faults.records import TREND_STEPS, Problem, RobotRecord, Trend
-from ros_diagnostics_exporter.faults.settings import ComponentSettings
+from ros_diagnostics_exporter.faults.records import (
+    TREND_STEPS,
+    ComponentRecord,
+    Problem,
+    RobotRecord,
+    Trend,
+)
 from ros_diagnostics_exporter.model import Instant
 
 
@@ -96,7 +102,7 @@ def _judge(
     problem = _problem(robot, name, key)
     verdict = _verdict(book, trend, in_trouble=problem is not None and problem.in_trouble)
     if problem is None and verdict is Verdict.BAD:
-        component = component or book.add_component(robot, name, trend.settings)
+        component = component or book.add_component(ComponentRecord(robot, name, trend.settings))
         identity = Identity(Scope.VALUE, State.FALLING, "", robot.name, *name, key=key, bound="low")
         problem = Problem(identity, now, robot=robot, component=component)
         component.values[key, "low", "falling"] = book.add_problem(problem)
@@ -113,5 +119,5 @@ def _verdict(book: Book, trend: Trend, *, in_trouble: bool) -> Verdict:
         return Verdict.WELL
     steps = book.settings.falling.ahead / _step(book)
     number, hysteresis = forecast(samples, steps), book.settings.value_hysteresis
-    verdict = verdicts.of_value(trend.threshold, number, hysteresis, in_trouble=in_trouble)
+    verdict = components.of_value(trend.threshold, number, hysteresis, in_trouble=in_trouble)
     return min(verdict, trend.most)

@@ -11,18 +11,21 @@ from typing import Literal
 
 from ros_diagnostics_exporter.config.fleet import Profile, Source, Threshold, ValueRule
 from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.faults.book import UPLINK_TIME
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import (
     Change,
     ComponentName,
     ComponentReport,
+    ComponentSettings,
     Identity,
+    RobotSettings,
     Scope,
     State,
     ValueReport,
     Verdict,
 )
-from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
+from ros_diagnostics_exporter.fleet import behind
 from ros_diagnostics_exporter.fleet.capabilities import RobotCapabilities
 from ros_diagnostics_exporter.fleet.conditional_problems import ConditionalProblems
 from ros_diagnostics_exporter.model import Instant, Level
@@ -61,9 +64,11 @@ class RobotReports:
         self._presence: _Presence | None = None
         self._announced: float | None = None  # when a publisher of it was first seen, monotonic
         self._names: dict[Component, ComponentName] = {}
+        self._behind: behind.Found = {}
         self.read = -1  # the last change that was reported
         self.is_up = False  # was reported, with all of its components
         self._everything = True  # is to be reported, because none of it was, or by other settings
+        self._monitors = False  # values: a rule has thresholds
         self._awaited: dict[Component, float] = {}
         self._conditions = RobotConditions(robot)
         self._capabilities = RobotCapabilities(robot)
@@ -84,6 +89,7 @@ class RobotReports:
         name, profile = robot.settings.name, robot.settings.profile
         self._settings, self._limits = robot.settings, robot.limits
         self._declared, self._everything = robot.declared, True
+        self._monitors = any(rule.thresholds for rule in profile.values)
         settings = RobotSettings(
             robot.settings.labels, profile.confirm_after, profile.flap_interval
         )
@@ -140,19 +146,27 @@ class RobotReports:
 
     def update(self, faults: Faults, now: Instant) -> list[Change]:
         """Report it."""
-        changes = self._report_presence(faults, now)
+        presence, changes = self._presence_at(now), list[Change]()
+        if presence != self._presence:
+            changes += self._report_presence(faults, presence, now)
         marks, profile = self.robot.marks, self.robot.settings.profile
         renamed = marks.at[Mark.NAMES] > self.read
         if renamed:
             changes += self._follow_names(faults, now)
+        if renamed or self._everything:
+            self._follow_behind()
         if profile.has_conditions or self._everything:
             self._apply_conditions(now)
         if profile.capabilities:
             changes += self._report_capabilities(faults, now)
         if self.robot.up:
-            self._find_awaited()
-            changes += self._report_levels(faults, now, renamed=renamed)
-            changes += self._report_values(faults, now)
+            if self._awaited:
+                self._find_awaited()
+            levels = marks.components(Mark.LEVEL, self.read)
+            self._await_late(levels)
+            changes += self._report_levels(faults, levels, now, renamed=renamed)
+            if self._monitors or self._everything:
+                changes += self._report_values(faults, now)
             if renamed or self._everything:
                 changes += self._report_checks(faults, now)
             self._everything = False
@@ -160,15 +174,18 @@ class RobotReports:
         self.is_up = self._presence == "up" and not self._awaited
         return changes
 
-    def _changed(self, mark: int) -> list[Component]:
-        """The components of which this was noted since the last report."""
-        return self.robot.marks.components(mark, self.read)
+    def _changed(self) -> list[Component]:
+        """The components of which a level or a value was noted since the last report."""
+        marks = self.robot.marks
+        return [
+            *marks.components(Mark.LEVEL, self.read),
+            *marks.components(Mark.VALUE, self.read),
+        ]
 
     def _apply_conditions(self, now: Instant) -> None:
         """Have what depends on what changed reported, where its conditions say something else."""
         components = self.robot.components
-        changed = [*self._changed(Mark.LEVEL), *self._changed(Mark.VALUE)]
-        found = self._conditions.update(changed, everything=self._everything)
+        found = self._conditions.update(self._changed(), everything=self._everything)
         for component, differs in found.items():
             name = self._names.get(component)
             quiet = None if name is None else self._quiet(component)
@@ -181,8 +198,7 @@ class RobotReports:
                 self._events.extend(self.by_condition.update(component, of, self._conditions, now))
 
     def _report_capabilities(self, faults: Faults, now: Instant) -> list[Change]:
-        changed = [*self._changed(Mark.LEVEL), *self._changed(Mark.VALUE)]
-        wanted = self._capabilities.update(changed, self._names)
+        wanted = self._capabilities.update(self._changed(), self._names)
         if wanted is None:
             return []
         return faults.configure_capabilities(self.robot.settings.name, wanted, now)
@@ -211,10 +227,8 @@ class RobotReports:
         late = now.mono - self._announced > robot.settings.profile.stale_after
         return "silent" if late else "pending"
 
-    def _report_presence(self, faults: Faults, now: Instant) -> list[Change]:
-        presence, robot = self._presence_at(now), self.robot
-        if presence == self._presence:
-            return []
+    def _report_presence(self, faults: Faults, presence: _Presence, now: Instant) -> list[Change]:
+        robot = self.robot
         self.by_condition.clear()
         is_first, self._presence = self._presence is None, presence
         self._awaited = {}
@@ -291,7 +305,6 @@ class RobotReports:
             if is_known or self._last_of(component) >= absent:
                 del self._awaited[component]
                 self.robot.components.report_again(component)
-        self._await_late(self._changed(Mark.LEVEL))
 
     # -- components --------------------------------------------------------------------------
 
@@ -334,10 +347,19 @@ class RobotReports:
         self._names = names
         return changes
 
-    def _report_levels(self, faults: Faults, now: Instant, *, renamed: bool) -> list[Change]:
+    def _follow_behind(self) -> None:
+        """Have those reported that are behind others than before."""
+        former, self._behind = self._behind, behind.find(self._names)
+        for component in former.keys() | self._behind.keys():
+            if former.get(component) != self._behind.get(component) and component in self._names:
+                self.robot.components.report_again(component)
+
+    def _report_levels(
+        self, faults: Faults, changed: list[Component], now: Instant, *, renamed: bool
+    ) -> list[Change]:
         reported = [
             self._component_report(component, name)
-            for component, name in self._to_report(self._changed(Mark.LEVEL))
+            for component, name in self._to_report(changed)
             if component not in self._awaited
         ]
         if not reported and not renamed:
@@ -372,19 +394,19 @@ class RobotReports:
         if component.feed is not None:
             own = component.feed.confirm_after if own is None else own
             planned = planned or component.feed.planned_stale
+        confirm_after = profile.confirm_after if own is None else own
+        of = self._behind.get(component, frozenset())
+        if of:
+            measured = {name for each, name in self._names.items() if each.feed is not None}
+            confirm_after += 0.0 if measured.isdisjoint(of) else UPLINK_TIME
+        is_measured, is_critical = component.feed is not None, profile.stale_is_critical
         return ComponentSettings(
-            profile.confirm_after if own is None else own,
-            planned,
-            profile.stale_is_critical and not planned,
-            component.feed is not None,
+            confirm_after, planned, is_critical and not planned, is_measured, of
         )
 
     # -- values and checks -------------------------------------------------------------------
 
     def _report_values(self, faults: Faults, now: Instant) -> list[Change]:
-        monitors = any(rule.thresholds for rule in self._settings.profile.values)
-        if not (monitors or self._everything):
-            return []
         robot = self.robot.settings.name
         troubled: dict[ComponentName, list[Identity]] = {}
         for identity in faults.identities(robot):
@@ -392,7 +414,8 @@ class RobotReports:
                 name = ComponentName(identity.group, identity.component)
                 troubled.setdefault(name, []).append(identity)
         changes: list[Change] = []
-        for component, name in self._to_report(self._changed(Mark.VALUE)):
+        changed = self.robot.marks.components(Mark.VALUE, self.read)
+        for component, name in self._to_report(changed):
             reports = self._value_reports(component, troubled.get(name, ()))
             if reports:
                 settings = self._component_settings(component)

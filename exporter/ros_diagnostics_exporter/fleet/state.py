@@ -26,11 +26,11 @@ from ros_diagnostics_exporter.faults.model import (
     Row,
 )
 from ros_diagnostics_exporter.faults.needs import NeedView
-from ros_diagnostics_exporter.faults.timers import Timers
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic
 from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
 from ros_diagnostics_exporter.fleet.registry import RobotRegistry
 from ros_diagnostics_exporter.fleet.unmatched import UnmatchedWatch, find_unmatched, known_robot
+from ros_diagnostics_exporter.loops import Timers
 from ros_diagnostics_exporter.model import (
     Array,
     Domain,
@@ -108,8 +108,7 @@ class FleetState:
         if not robot.up:
             self._registry.mark_publishing(robot)
         robot.receive(array, now, raw=raw)
-        self._faults.update(robot, now)
-        self._look_at_latest(robot, robot.next_tick)
+        self._follow(robot, now)
 
     def _receive_shared(
         self, topic: Topic, shared: SharedTopic, array: Array, now: Instant
@@ -248,8 +247,7 @@ class FleetState:
             robot.network.watched, robot.network.logs = report.watched, report.logs
             for text in report.events:
                 self._events.append(Event(now.wall, "graph", report.robot, message=text))
-            self._faults.update(robot, now)
-            self._look_at_latest(robot, robot.next_tick)
+            self._follow(robot, now)
 
     def wanted_topics(self, domain_id: Domain) -> dict[str, bool]:
         """The topics to be subscribed in a domain: name -> whether robots share it."""
@@ -291,8 +289,7 @@ class FleetState:
                 if not is_measured or not self._is_known(robot):
                     continue
                 robot.measure(feed, truncate_array(Array(0.0, tuple(own))).statuses, now)
-                self._faults.update(robot, now)
-                self._look_at_latest(robot, robot.next_tick)
+                self._follow(robot, now)
 
     def addresses(self) -> dict[str, str]:
         """The robots' addresses by name, "" where a robot has none."""
@@ -322,8 +319,7 @@ class FleetState:
                 if not self._is_known(robot):
                     continue  # dropped: it is not silent
                 robot.tick(now)
-                self._look_at_latest(robot, robot.next_tick)
-                self._faults.update(robot, now)
+                self._follow(robot, now)
         slow = now.mono - self._slow_tick_at >= SLOW_TICK
         if slow:
             self._slow_tick_at = now.mono
@@ -339,6 +335,12 @@ class FleetState:
             for robot in due:
                 robot.look_at = inf
         return due
+
+    def _follow(self, robot: RobotState, now: Instant) -> None:
+        """Have the faults follow what changed of a robot, and it looked at when that is due."""
+        self._faults.update(robot, now)
+        if robot.next_tick < robot.look_at:
+            self._look_at_latest(robot, robot.next_tick)
 
     def _look_at_latest(self, robot: RobotState, due: float) -> None:
         """Have a robot looked at by then, monotonic."""

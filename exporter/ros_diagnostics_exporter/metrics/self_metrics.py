@@ -8,6 +8,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 from prometheus_client import CollectorRegistry, GCCollector, ProcessCollector
@@ -35,6 +36,7 @@ from ros_diagnostics_exporter.metrics.families import (
     PREFIX,
     Family,
 )
+from ros_diagnostics_exporter.metrics.week import ROWS, Samples, Week
 from ros_diagnostics_exporter.model import ALL_PARTS, Domain, Part
 from ros_diagnostics_exporter.sources.listener import Listener
 from ros_diagnostics_exporter.sources.prometheus import Outcome
@@ -42,7 +44,6 @@ from ros_diagnostics_exporter.storage.storage import Storage
 
 EOF = b"# EOF\n"  # of OpenMetrics
 Label = TypeVar("Label", bound=Domain | str)
-Samples = Sequence[tuple[Sequence[str], float]]  # (labels after those of EXPORTER, value)
 
 
 class Histogram(NamedTuple):
@@ -57,7 +58,7 @@ class Exporter:
     """The parts of the exporter that its own metrics are read from.
 
     ``ros`` is (distribution, middleware); ``scrapes`` and ``scrape_seconds`` are those before the
-    current scrape.
+    current scrape; ``week`` is None while it is not counted.
     """
 
     state: FleetState
@@ -72,6 +73,7 @@ class Exporter:
     outcomes: Callable[[], Sequence[Outcome]]
     scrapes: int = 0
     scrape_seconds: float = 0.0
+    week: Week | None = None
 
 
 def _family(
@@ -94,6 +96,10 @@ def _canary_times(exporter: Exporter) -> Histogram | None:
         return None
     within = [(str(bucket), float(n)) for bucket, n in zip(BUCKETS, times.within, strict=True)]
     return Histogram([*within, ("+Inf", float(times.total))], times.seconds)
+
+
+def _of_week(read: Callable[[Week], Samples], exporter: Exporter) -> Samples | None:
+    return None if exporter.week is None else read(exporter.week)
 
 
 # The function returns None where the metric does not apply: no database, no Alertmanager.
@@ -332,6 +338,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
         ),
         _canary_times,
     ),
+    *((family, partial(_of_week, read)) for family, read in ROWS),
 )
 EXPORTER_FAMILIES = tuple(family for family, _samples in TABLE)
 ALL_FAMILIES = FLEET_FAMILIES + FAULT_FAMILIES + EXPORTER_FAMILIES

@@ -190,14 +190,12 @@ class Components:
         if len(status.values) > component.key_values:
             status = self._within_limits(component, status)
         last = component.last
-        if last is not None and component.reported == status.level:
-            if status is last:
-                if status.level != STALE:
-                    component.received = now.mono
-                return
-            if status[:4] == last[:4]:
+        if last is not None and component.reported == status.level and status[:4] == last[:4]:
+            if status is not last:
                 self._update_values(component, status, now)
-                return
+            elif status.level != STALE:
+                component.received = now.mono
+            return
         reported = status.level
         if reported > STALE:
             self._reject("bad_level", component.name)
@@ -209,7 +207,8 @@ class Components:
         before = component.last_recorded
         changed = self._apply_level(component, reported, now)
         component.set_message(status.message, always=changed)
-        self._record(component, before, now)  # after the message was set, which the event shows
+        if component.level != before:  # also where a restart was in between
+            self._changed(component, before, now)  # after the message was set, which it shows
         self._update_values(component, status, now)
         if component.rule is not None and component.is_on_change:
             self._expect(component, now)
@@ -290,7 +289,8 @@ class Components:
     def _set_level(self, component: Component, reported: int, now: Instant) -> None:
         before = component.last_recorded
         self._apply_level(component, reported, now)
-        self._record(component, before, now)
+        if component.level != before:
+            self._changed(component, before, now)
 
     def _apply_level(self, component: Component, reported: int, now: Instant) -> bool:
         """Set a level, without an event; True if it changed."""
@@ -299,11 +299,6 @@ class Components:
         if was_stale != (reported == STALE):
             self._expect(component, now)
         return changed
-
-    def _record(self, component: Component, before: int, now: Instant) -> None:
-        """Record what changed since the last event, also where a restart was in between."""
-        if component.level != before:
-            self._changed(component, before, now)
 
     # -- time --------------------------------------------------------------------------------
 

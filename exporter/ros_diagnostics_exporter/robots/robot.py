@@ -36,8 +36,8 @@ from ros_diagnostics_exporter.robots.rejections import (
     RejectionReason,
     SilentReason,
 )
+from ros_diagnostics_exporter.robots.tree import AggregatedUpdates
 from ros_diagnostics_exporter.robots.updates import (
-    AggregatedUpdates,
     MeasuredUpdates,
     RawUpdates,
     query_of,
@@ -181,7 +181,7 @@ class RobotState:
             series=series,
             marks=self.marks,
             reject=self.reject,
-            changed=self._record_change,
+            changed=self._record_level,
         )
         self._aggregated = AggregatedUpdates(self.components, self.marks, limits, self.reject)
         self._raw = RawUpdates(self.components, self.reject)
@@ -327,7 +327,7 @@ class RobotState:
 
     def forget(self, component: Component, now: Instant) -> None:
         """Remove a component with all that is known about it."""
-        self._record_level(component, component.level, "forgotten", now)
+        self._record_level(component, component.level, now, "forgotten")
         self.components.remove(component)
 
     def forget_absent_components(
@@ -399,11 +399,12 @@ class RobotState:
         """Record an event of the whole robot."""
         self._events.append(Event(now.wall, "robot", self.settings.name, after=after))
 
-    def _record_change(self, component: Component, before: int, now: Instant) -> None:
-        if before >= 0 or component.level != OK:  # the first level is one where it is trouble
-            self._record_level(component, before, _LEVEL_NAMES[component.level], now)
-
-    def _record_level(self, component: Component, before: int, after: str, now: Instant) -> None:
+    def _record_level(
+        self, component: Component, before: int, now: Instant, after: str = ""
+    ) -> None:
+        """Record that a level changed; the first one where it is trouble."""
+        if before < 0 and component.level == OK and not after:
+            return
         self._events.append(
             Event(
                 time=now.wall,
@@ -412,7 +413,7 @@ class RobotState:
                 group=component.group,
                 component=component.label,
                 before=_LEVEL_NAMES[before] if before >= 0 else "",
-                after=after,
+                after=after or _LEVEL_NAMES[component.level],
                 message=component.message,
             )
         )

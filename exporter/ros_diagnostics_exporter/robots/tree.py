@@ -3,8 +3,8 @@
 Owns the reading of diagnostic_aggregator's flat list of rows. The list names a component by its
 group's path and an altered name ("/" became " ", prefixes may be cut off), but the header row that
 a GenericAnalyzer puts before its components names them again, unaltered, as the keys of its values
-(diagnostic_aggregator, generic_analyzer_base.hpp and analyzer_group.cpp). Knows no time and keeps
-no level.
+(diagnostic_aggregator, generic_analyzer_base.hpp and analyzer_group.cpp). The reader knows no time
+and keeps no level; the updates pass on to the components what it finds.
 """
 
 from __future__ import annotations
@@ -13,7 +13,13 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.config import fleet as config
+from ros_diagnostics_exporter.model import Instant, Status
+from ros_diagnostics_exporter.robots.component import STALE, Component
+from ros_diagnostics_exporter.robots.components import Components
+from ros_diagnostics_exporter.robots.limits import truncate
+from ros_diagnostics_exporter.robots.marks import Mark, Marks
+from ros_diagnostics_exporter.robots.rejections import Reject
 
 # What the aggregator itself writes into a header (status_item.hpp, *_analyzer_base.hpp, ...).
 _HEADER_MESSAGE = re.compile(
@@ -48,6 +54,102 @@ class Structure(NamedTuple):
 
     leaves: tuple[Leaf, ...] = ()
     groups: tuple[tuple[int, str], ...] = ()
+
+
+class AggregatedUpdates:
+    """Applies the arrays of one robot's aggregator: complete, so a missing component is STALE."""
+
+    def __init__(
+        self, components: Components, marks: Marks[Component], limits: config.Limits, reject: Reject
+    ) -> None:
+        self.groups: dict[str, tuple[int, str]] = {}  # path -> (level, message) as reported
+        self._components = components
+        self._marks = marks
+        self._limits = limits
+        self._reject = reject
+        self._reader = TreeReader()
+        self._structure: Structure | None = None
+        self._planned_at = -1  # the last change that the plan is made of
+        self._plan: list[tuple[Component, tuple[int, ...]]] = []
+        self._missing: list[Component] = []
+        self._group_rows: list[tuple[int, str]] = []  # with the label of each
+
+    def apply(self, statuses: Sequence[Status], now: Instant) -> None:
+        """Update the components from one array."""
+        structure = self._reader.read(statuses)
+        if structure is not self._structure or self._marks.at[Mark.NAMES] > self._planned_at:
+            self._plan_updates(structure, now)
+        self._update_groups(statuses)
+        for component, rows in self._plan:
+            status = statuses[rows[0]]
+            if len(rows) > 1:
+                status = max((statuses[row] for row in rows), key=_level)
+            if (
+                status is component.last
+                and component.reported == status.level != STALE
+                and component.key_values  # none are counted yet by another config
+            ):
+                component.listed = component.received = now.mono  # most of most arrays
+                continue
+            if status.level == STALE:
+                is_old = component.is_on_change and not component.is_stale  # for want of an update
+            else:
+                is_old = component.raw_received is not None
+            if is_old:
+                component.listed = now.mono  # received at its source: this is an older copy
+            else:
+                self._components.update(component, status, now)
+        for component in self._missing:
+            self._components.mark_missing(component, now)
+
+    def reset(self, limits: config.Limits) -> None:
+        """Look the components up again at the next array: the config may want others."""
+        self._limits = limits
+        self._structure = None
+
+    def _plan_updates(self, structure: Structure, now: Instant) -> None:
+        """Find the components of a changed structure, and those that are missing in it."""
+        components = self._components
+        self._structure = structure
+        self._remove_groups(structure)
+        length = self._limits.label_length
+        self._group_rows = [(row, truncate(path, length)) for row, path in structure.groups]
+        self._plan = []
+        for leaf in structure.leaves:
+            identity = (leaf.component, "" if leaf.exact else leaf.group, "")
+            component = components.get_or_add(identity, leaf.group, now)
+            if component is not None:
+                components.regroup(component, leaf.group)
+                self._plan.append((component, leaf.rows))
+        self._planned_at = self._marks.count
+        listed = {component.identity for component, _rows in self._plan}
+        # An aggregator that has just started lists no component yet: none is missing because of
+        # that. They become STALE after their own time.
+        self._missing = [
+            component
+            for identity, component in components.by_identity.items()
+            if structure.leaves and identity not in listed and component.raw_received is None
+        ]
+
+    def _remove_groups(self, structure: Structure) -> None:
+        """Remove, without an event, components that prove to be groups."""
+        paths = {path for _row, path in structure.groups}
+        for (name, group, _id), component in list(self._components.by_identity.items()):
+            if group and f"{group}/{name}" in paths:
+                self._components.remove(component)
+
+    def _update_groups(self, statuses: Sequence[Status]) -> None:
+        groups: dict[str, tuple[int, str]] = {}
+        for row, label in self._group_rows:
+            level = min(statuses[row].level, STALE)
+            if label not in groups and len(groups) >= self._limits.components:
+                self._reject("component_limit", label)
+                break
+            if label not in groups or level > groups[label][0]:
+                groups[label] = (level, statuses[row].message)
+        if groups != self.groups:
+            self.groups = groups
+            self._marks.note(Mark.GROUPS)
 
 
 class TreeReader:
@@ -125,6 +227,12 @@ class TreeReader:
         if group is None:
             group = name.rpartition("/")[0]
         return (name[len(group) + 1 :] if group else name.lstrip("/")), group, False
+
+
+def _level(status: Status) -> int:
+    # For one component in several groups STALE comes first: a group that has lost the component
+    # knows more than one that waits longer for it.
+    return min(status.level, STALE)
 
 
 def _paths_above(name: str) -> Iterable[str]:

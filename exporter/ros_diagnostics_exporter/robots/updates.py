@@ -1,4 +1,4 @@
-"""How arrays update the components of one robot: of its aggregator, its drivers, queries.
+"""How arrays of drivers, and answers of queries, update the components of one robot.
 
 What a query of Prometheus measures has an identity with the query's name where others have a
 group's path, which begins with a slash, or nothing: so neither a robot nor a restart can take one
@@ -9,14 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.model import Feed, Instant, Status
 from ros_diagnostics_exporter.robots.component import STALE, Component, Identity
 from ros_diagnostics_exporter.robots.components import Components
-from ros_diagnostics_exporter.robots.limits import truncate
-from ros_diagnostics_exporter.robots.marks import Mark, Marks
 from ros_diagnostics_exporter.robots.rejections import Reject
-from ros_diagnostics_exporter.robots.tree import Structure, TreeReader
 from ros_diagnostics_exporter.sources.graph import GROUP
 
 MAX_SPLIT_NAMES = 4096  # names of one robot that several components have
@@ -84,95 +80,6 @@ class MeasuredUpdates:
         return None if query is None else self.answered.get(query, float("-inf"))
 
 
-class AggregatedUpdates:
-    """Applies the arrays of one robot's aggregator: complete, so a missing component is STALE."""
-
-    def __init__(
-        self, components: Components, marks: Marks[Component], limits: config.Limits, reject: Reject
-    ) -> None:
-        self.groups: dict[str, tuple[int, str]] = {}  # path -> (level, message) as reported
-        self._components = components
-        self._marks = marks
-        self._limits = limits
-        self._reject = reject
-        self._reader = TreeReader()
-        self._structure: Structure | None = None
-        self._planned_at = -1  # the last change that the plan is made of
-        self._plan: list[tuple[Component, tuple[int, ...]]] = []
-        self._missing: list[Component] = []
-        self._group_rows: list[tuple[int, str]] = []  # with the label of each
-
-    def apply(self, statuses: Sequence[Status], now: Instant) -> None:
-        """Update the components from one array."""
-        structure = self._reader.read(statuses)
-        if structure is not self._structure or self._marks.at[Mark.NAMES] > self._planned_at:
-            self._plan_updates(structure, now)
-        self._update_groups(statuses)
-        for component, rows in self._plan:
-            status = statuses[rows[0]]
-            if len(rows) > 1:
-                status = max((statuses[row] for row in rows), key=_level)
-            if status.level == STALE:
-                is_old = component.is_on_change and not component.is_stale  # for want of an update
-            else:
-                is_old = component.raw_received is not None
-            if is_old:
-                component.listed = now.mono  # received at its source: this is an older copy
-            else:
-                self._components.update(component, status, now)
-        for component in self._missing:
-            self._components.mark_missing(component, now)
-
-    def reset(self, limits: config.Limits) -> None:
-        """Look the components up again at the next array: the config may want others."""
-        self._limits = limits
-        self._structure = None
-
-    def _plan_updates(self, structure: Structure, now: Instant) -> None:
-        """Find the components of a changed structure, and those that are missing in it."""
-        components = self._components
-        self._structure = structure
-        self._remove_groups(structure)
-        length = self._limits.label_length
-        self._group_rows = [(row, truncate(path, length)) for row, path in structure.groups]
-        self._plan = []
-        for leaf in structure.leaves:
-            identity = (leaf.component, "" if leaf.exact else leaf.group, "")
-            component = components.get_or_add(identity, leaf.group, now)
-            if component is not None:
-                components.regroup(component, leaf.group)
-                self._plan.append((component, leaf.rows))
-        self._planned_at = self._marks.count
-        listed = {component.identity for component, _rows in self._plan}
-        # An aggregator that has just started lists no component yet: none is missing because of
-        # that. They become STALE after their own time.
-        self._missing = [
-            component
-            for identity, component in components.by_identity.items()
-            if structure.leaves and identity not in listed and component.raw_received is None
-        ]
-
-    def _remove_groups(self, structure: Structure) -> None:
-        """Remove, without an event, components that prove to be groups."""
-        paths = {path for _row, path in structure.groups}
-        for (name, group, _id), component in list(self._components.by_identity.items()):
-            if group and f"{group}/{name}" in paths:
-                self._components.remove(component)
-
-    def _update_groups(self, statuses: Sequence[Status]) -> None:
-        groups: dict[str, tuple[int, str]] = {}
-        for row, label in self._group_rows:
-            level = min(statuses[row].level, STALE)
-            if label not in groups and len(groups) >= self._limits.components:
-                self._reject("component_limit", label)
-                break
-            if label not in groups or level > groups[label][0]:
-                groups[label] = (level, statuses[row].message)
-        if groups != self.groups:
-            self.groups = groups
-            self._marks.note(Mark.GROUPS)
-
-
 class RawUpdates:
     """Applies the arrays of a robot's drivers: partial, so only a late component is STALE."""
 
@@ -226,12 +133,6 @@ class RawUpdates:
 def _severity(status: Status) -> int:
     """By the rank of its state, in which ERROR, and what counts as it, is worse than STALE."""
     return {0: 0, 1: 1, STALE: 2}.get(status.level, 3)
-
-
-def _level(status: Status) -> int:
-    # For one component in several groups STALE comes first: a group that has lost the component
-    # knows more than one that waits longer for it.
-    return min(status.level, STALE)
 
 
 def _node_of(name: str) -> str:

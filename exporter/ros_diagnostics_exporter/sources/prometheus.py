@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 from urllib.parse import urlencode
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Query
-from ros_diagnostics_exporter.config.promql import component_name
+from ros_diagnostics_exporter.config.queries import component_name
 from ros_diagnostics_exporter.http_client import AnsweredError, Client, UnreachableError
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.model import Feed, Instant, Level, Status

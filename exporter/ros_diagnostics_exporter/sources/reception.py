@@ -3,7 +3,7 @@
 Nothing that one publisher does may slow what belongs to others. So a domain's thread works in
 turns: a piece of the look at the graph; the bytes of all topics, which is cheap; then decoding, the
 topics that have cost least first, for a bounded time. What a topic sends beyond its share is
-dropped (`topic_queue`).
+dropped (`TopicQueue`).
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Protocol
 
-from ros_diagnostics_exporter.decode.cdr import Decoder, is_cdr
-from ros_diagnostics_exporter.decode.topic_queue import SHARE, SHARED, TopicQueue
+from ros_diagnostics_exporter.decode.cdr import SHARE, SHARED, Decoder, TopicQueue, is_cdr
 from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.model import Array, Domain, Endpoint, Instant, Topic, place
 from ros_diagnostics_exporter.sources.graph_messages import Message

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hmac
 import logging
+import re
 import secrets
 from collections.abc import Awaitable, Callable
 from typing import NamedTuple
@@ -19,13 +20,14 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from ros_diagnostics_exporter import durations
 from ros_diagnostics_exporter.model import Person
-from ros_diagnostics_exporter.web.auth import parse_basic
 from ros_diagnostics_exporter.web.backend import Backend
+from ros_diagnostics_exporter.web.middleware import parse_basic
 from ros_diagnostics_exporter.web.pages import DOWNTIMES, rejected
-from ros_diagnostics_exporter.web.workers import Workers
+from ros_diagnostics_exporter.web.responses import Workers
 
 MAX_FORM = 16 * 1024  # bytes
 MAX_COMMENT = 200  # characters
+_TIME = re.compile(r"[0-9]{1,12}(\.[0-9]{1,6})?", re.ASCII)
 _FORM = "application/x-www-form-urlencoded"
 
 _log = logging.getLogger(__name__)
@@ -89,6 +91,19 @@ class Actions:
             return f"../robots/{quote(robot, safe='')}?done=downtime"
 
         return await self._follow(request, {"robot", "component", "for", "comment"}, act)
+
+    async def cancel_downtime(self, request: Request) -> Response:
+        """End a downtime, with ``robot``, ``component``, and ``until`` when it lasts, Unix time."""
+
+        async def act(form: _Form) -> str:
+            robot, written = form.fields["robot"], form.fields["until"]
+            if not _TIME.fullmatch(written):
+                raise _RejectedError(400, f"{written!r:.20} is no time.")
+            given = robot, form.fields["component"], float(written)
+            await self._asking.run(self._backend.cancel_downtime, *given, form.person)
+            return f"../robots/{quote(robot, safe='')}?done=cancelled"
+
+        return await self._follow(request, {"robot", "component", "until", "comment"}, act)
 
     async def _follow(
         self, request: Request, names: set[str], act: Callable[[_Form], Awaitable[str]]

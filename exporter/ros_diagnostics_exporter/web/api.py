@@ -19,9 +19,9 @@ from starlette.responses import Response
 from ros_diagnostics_exporter import durations
 from ros_diagnostics_exporter.events import KINDS, Wanted
 from ros_diagnostics_exporter.model import Level
-from ros_diagnostics_exporter.web.auth import is_cross_site
 from ros_diagnostics_exporter.web.backend import Backend
-from ros_diagnostics_exporter.web.workers import BusyError, Workers
+from ros_diagnostics_exporter.web.middleware import is_cross_site
+from ros_diagnostics_exporter.web.responses import BusyError, Workers
 
 SNAPSHOT_AGE = 1.0  # seconds for which a snapshot of the fleet is shared
 MAX_EVENTS = 10_000

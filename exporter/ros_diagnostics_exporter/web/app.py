@@ -28,10 +28,9 @@ from ros_diagnostics_exporter.web.api import (
     error_response,
     take_snapshot,
 )
-from ros_diagnostics_exporter.web.auth import Logins
 from ros_diagnostics_exporter.web.backend import Backend
 from ros_diagnostics_exporter.web.connections import Connections
-from ros_diagnostics_exporter.web.middleware import AccessControl
+from ros_diagnostics_exporter.web.middleware import AccessControl, Logins
 from ros_diagnostics_exporter.web.pages import (
     EVENTS,
     Acting,
@@ -41,10 +40,15 @@ from ros_diagnostics_exporter.web.pages import (
     missing_robot,
     robot_page,
 )
-from ros_diagnostics_exporter.web.responses import ResponseLimit, ResponseLimiter, busy_response
+from ros_diagnostics_exporter.web.responses import (
+    BusyError,
+    ResponseLimit,
+    ResponseLimiter,
+    Workers,
+    busy_response,
+)
 from ros_diagnostics_exporter.web.scrape import Scrape
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
-from ros_diagnostics_exporter.web.workers import BusyError, Workers
 
 MAX_QUERY = 200  # characters of a search
 
@@ -213,6 +217,7 @@ def build(
         Route("/-/forget", api.forget, methods=write_methods),
         Route("/-/acknowledge", acting.acknowledge, methods=["POST"]),
         Route("/-/downtime", acting.downtime, methods=["POST"]),
+        Route("/-/cancel-downtime", acting.cancel_downtime, methods=["POST"]),
         Route("/-/watch/accept", api.accept_graph, methods=write_methods),
         Route("/api/v1/fleet", api.fleet),
         Route("/api/v1/faults", api.faults),

@@ -88,6 +88,14 @@ class Backend(Protocol):
             ConnectionError: No Alertmanager answers.
         """
 
+    def cancel_downtime(self, robot: str, component: str, until: float, person: Person, /) -> None:
+        """End a downtime of a robot or component that lasts until then (Unix time), and record it.
+
+        Raises:
+            LookupError: There is no such downtime.
+            ConnectionError: No Alertmanager answers.
+        """
+
     def targets(self, job: str, port: int | None, /) -> list[dict[str, Any]]:
         """The http_sd list of a job (node, ping, ssh, http, tcp), at ``port`` if one is given.
 

@@ -1,20 +1,175 @@
-"""What applies to every path: limits of requests, the login, and security headers."""
+"""What applies to every path: limits of requests, the login, cross-site checks, security headers.
+
+bcrypt takes a tenth of a second by design, so valid logins are cached until their hash changes.
+Invalid ones are computed each time, in one thread with a short queue.
+"""
 
 from __future__ import annotations
 
 import base64
+import binascii
 import hashlib
+import hmac
+import ipaddress
+import secrets
+import socket
 import time
+from collections import OrderedDict
+from collections.abc import Mapping
+from urllib.parse import urlsplit
 
+import bcrypt
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from ros_diagnostics_exporter.web.auth import Buckets, Logins
+from ros_diagnostics_exporter.web.connections import MAX_HEADER_BYTES
 from ros_diagnostics_exporter.web.pages import SCRIPT, STYLE
-from ros_diagnostics_exporter.web.protocol import MAX_HEADER_BYTES
+from ros_diagnostics_exporter.web.responses import BusyError, Workers
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
-from ros_diagnostics_exporter.web.workers import BusyError
+
+CACHED_LOGINS = 100
+MAX_BUCKETS = 1_000  # addresses whose requests are counted
+BCRYPT_BYTES = 72  # bcrypt ignores the rest of a password
+
+
+def parse_basic(header: str) -> tuple[str, bytes] | None:
+    """User and password of an Authorization header; None if it is not basic authentication."""
+    scheme, _, coded = header.partition(" ")
+    if scheme.lower() != "basic":
+        return None
+    try:
+        user, colon, password = base64.b64decode(coded.strip(), validate=True).partition(b":")
+    except (binascii.Error, ValueError):
+        return None
+    return (user.decode("utf-8", "replace"), password) if colon else None
+
+
+class Logins:
+    """Checks logins, in the same time for known and unknown users."""
+
+    def __init__(self) -> None:
+        self._workers = Workers("web-auth", threads=1, max_pending=20)
+        self._secret = secrets.token_bytes(32)
+        self._valid: OrderedDict[bytes, None] = OrderedDict()
+
+    async def allows(self, users: Mapping[str, str], header: str) -> bool:
+        """Whether ``header`` is a valid login of one of ``users`` (name -> bcrypt hash).
+
+        Raises:
+            BusyError: Too many logins are waiting to be checked.
+        """
+        login = parse_basic(header)
+        if login is None:
+            return False
+        user, password = login
+        hashed = users.get(user) or _dummy_hash(users)
+        digest = self._digest(user, hashed, password)
+        if digest in self._valid:
+            return True
+        valid = await self._workers.run(_matches, password, hashed) and user in users
+        if valid:
+            self._cache(digest)
+        return valid
+
+    def close(self) -> None:
+        """End the thread."""
+        self._workers.close()
+
+    def _digest(self, user: str, hashed: str, password: bytes) -> bytes:
+        """The cache's key for a login; it has a fixed length and does not reveal the password."""
+        parts = (hashlib.sha256(part).digest() for part in (user.encode(), hashed.encode()))
+        return hmac.digest(self._secret, b"".join(parts) + password, "sha256")
+
+    def _cache(self, digest: bytes) -> None:
+        self._valid[digest] = None
+        if len(self._valid) > CACHED_LOGINS:
+            self._valid.popitem(last=False)
+
+
+def _matches(password: bytes, hashed: str) -> bool:
+    if b"\0" in password:
+        return False
+    return bcrypt.checkpw(password[:BCRYPT_BYTES], hashed.encode())
+
+
+def _dummy_hash(users: Mapping[str, str]) -> str:
+    """A hash that matches no password and costs as much as those of the users."""
+    cost = max((hashed[4:6] for hashed in users.values()), default="10")
+    return f"$2b${cost}$" + "." * 53
+
+
+class Bucket:
+    """A token bucket: one request every ``interval`` seconds, up to ``burst`` at once."""
+
+    def __init__(self) -> None:
+        self._tokens = float("inf")
+        self._last = 0.0
+
+    def take(self, interval: float, burst: int, now: float) -> bool:
+        """Whether a request is allowed at ``now`` (monotonic seconds); interval 0 allows all."""
+        if interval <= 0:
+            return True
+        self._tokens = min(burst, self._tokens + (now - self._last) / interval)
+        self._last = now
+        if self._tokens < 1:
+            return False
+        self._tokens -= 1
+        return True
+
+
+class Buckets:
+    """A bucket per client address; above MAX_BUCKETS the least recently used is dropped."""
+
+    def __init__(self) -> None:
+        self._buckets: OrderedDict[str, Bucket] = OrderedDict()
+
+    def take(self, address: str, interval: float, burst: int, now: float) -> bool:
+        """As Bucket.take, for the bucket of ``address``."""
+        if interval <= 0:
+            return True
+        bucket = self._buckets.setdefault(address, Bucket())
+        self._buckets.move_to_end(address)
+        if len(self._buckets) > MAX_BUCKETS:
+            self._buckets.popitem(last=False)
+        return bucket.take(interval, burst, now)
+
+
+def is_cross_site(headers: Mapping[str, str], scheme: str) -> bool:
+    """Whether a browser sent this request for a page of another site.
+
+    Only browsers send the headers that are examined here, and a page cannot suppress all of them.
+    Requests of tools (curl, Prometheus, scripts) have none and are never cross-site.
+
+    Args:
+        headers: The request's; names in lower case.
+        scheme: That the exporter itself serves, http or https.
+    """
+    # https://www.w3.org/TR/fetch-metadata/#sec-fetch-site-header; not sent over plain HTTP.
+    if headers.get("sec-fetch-site", "none") not in {"none", "same-origin"}:
+        return True
+    page = headers.get("origin", headers.get("referer"))
+    return page is not None and not _same_origin(page, headers.get("host", ""), scheme)
+
+
+def _same_origin(page: str, host: str, scheme: str) -> bool:
+    try:
+        origin, own = urlsplit(page), urlsplit(f"//{host}")
+        same = host != "" and origin.netloc.lower() == own.netloc.lower()
+        # Without TLS here, a proxy in front may still serve https to browsers.
+        return same and origin.scheme in {scheme, "https"} and _is_local_name(own.hostname or "")
+    except ValueError:  # not a URL
+        return False
+
+
+def _is_local_name(host: str) -> bool:
+    """Whether nobody else can register this name and point it here (DNS rebinding)."""
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return "." not in host or host == socket.gethostname().lower()
+    return True
+
 
 MAX_TARGET_BYTES = 8 * 1024  # path and query
 

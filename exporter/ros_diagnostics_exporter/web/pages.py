@@ -143,6 +143,7 @@ def robot_page(
         events=list(islice(events, EVENTS)),
         acting=acting,
         downtimes=DOWNTIMES,
+        planned=robot["downtimes"],
         parts=sorted({each["component"] for each in robot["components"]}, key=natural)[:MAX_LISTED],
     )
 

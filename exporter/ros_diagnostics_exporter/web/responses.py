@@ -1,4 +1,7 @@
-"""Limits the memory of responses that clients have not read yet.
+"""What requests may cost: worker threads, calls that wait for them, bytes that nobody has read.
+
+A flood of requests must only cost a limited number of threads and calls. Requests above that are
+answered 503.
 
 A response that is not read stays in memory until it times out. So the bytes of all large responses
 are counted. When there are too many, a client that has stopped reading loses its connection; when
@@ -11,15 +14,87 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from ros_diagnostics_exporter.web.connections import Connections
-from ros_diagnostics_exporter.web.protocol import ClientConnection
-from ros_diagnostics_exporter.web.workers import BusyError
+from ros_diagnostics_exporter.web.connections import ClientConnection, Connections
+
+T = TypeVar("T")
+
+
+class BusyError(Exception):
+    """Too many calls are pending; the HTTP status is 503."""
+
+
+class Workers:
+    """Runs functions in its own threads, for one kind of request.
+
+    Args:
+        name: Of the threads.
+        threads: How many functions run at once.
+        max_pending: How many requests may wait, including those that share a call.
+    """
+
+    def __init__(self, name: str, threads: int, max_pending: int) -> None:
+        self._executor = ThreadPoolExecutor(threads, thread_name_prefix=name)
+        self._max_pending = max_pending
+        self._pending = 0
+        self._shared: dict[Hashable, asyncio.Future[Any]] = {}
+
+    async def run(self, function: Callable[..., T], *arguments: Any) -> T:
+        """What ``function`` returns or raises; BusyError when too many requests wait."""
+        return await self._wait(self._submit(function, *arguments))
+
+    async def run_shared(self, seconds: float, function: Callable[..., T], *arguments: Any) -> T:
+        """As ``run``, but the result is shared until it is ``seconds`` old.
+
+        An exception is shared only with the requests that were already waiting. ``arguments`` are
+        part of the cache's key, so clients must not be able to choose them.
+        """
+        key = (function, arguments)
+        if key not in self._shared:
+            call = self._submit(function, *arguments)
+            self._shared[key] = call
+            call.add_done_callback(lambda done: self._expire_later(key, done, seconds))
+        return await self._wait(asyncio.shield(self._shared[key]))
+
+    def invalidate(self) -> None:
+        """Drop the shared results, because something has changed."""
+        self._shared.clear()
+
+    def _expire_later(self, key: Hashable, call: asyncio.Future[Any], seconds: float) -> None:
+        if call.cancelled() or call.exception() is not None or seconds == 0:
+            self._expire(key, call)
+        else:
+            call.get_loop().call_later(seconds, self._expire, key, call)
+
+    def _expire(self, key: Hashable, call: asyncio.Future[Any]) -> None:
+        if self._shared.get(key) is call:
+            del self._shared[key]
+
+    def close(self) -> None:
+        """Wait for the running calls; none may follow."""
+        self._executor.shutdown(cancel_futures=True)
+
+    def _submit(self, function: Callable[..., T], *arguments: Any) -> asyncio.Future[T]:
+        if self._pending >= self._max_pending:
+            raise BusyError
+        return asyncio.get_running_loop().run_in_executor(self._executor, function, *arguments)
+
+    async def _wait(self, call: asyncio.Future[T]) -> T:
+        if self._pending >= self._max_pending:
+            raise BusyError
+        self._pending += 1
+        try:
+            return await call
+        finally:
+            self._pending -= 1
+
 
 MAX_BYTES = 128 * 1024 * 1024  # of responses to scrapes, and as many of all others
 CHUNK = 256 * 1024  # bytes passed to a connection at once; smaller responses are not counted

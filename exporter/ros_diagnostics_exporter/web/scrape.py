@@ -11,8 +11,7 @@ from starlette.types import Receive, Scope, Send
 from ros_diagnostics_exporter.model import ALL_PARTS, Part
 from ros_diagnostics_exporter.web.api import ApiError
 from ros_diagnostics_exporter.web.backend import Backend
-from ros_diagnostics_exporter.web.responses import ResponseLimit, in_chunks, send_chunks
-from ros_diagnostics_exporter.web.workers import Workers
+from ros_diagnostics_exporter.web.responses import ResponseLimit, Workers, in_chunks, send_chunks
 
 TEXT = "text/plain; version=0.0.4; charset=utf-8"
 OPENMETRICS = "application/openmetrics-text; version=1.0.0; charset=utf-8"

@@ -23,12 +23,14 @@ from starlette.applications import Starlette
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.web.app import build, start_threads
 from ros_diagnostics_exporter.web.backend import Backend
-from ros_diagnostics_exporter.web.connections import Acceptor, Connections, connection_limit
-from ros_diagnostics_exporter.web.protocol import (
+from ros_diagnostics_exporter.web.connections import (
     MAX_HEADER_BYTES,
     TIMEOUTS,
+    Acceptor,
     ClientConnection,
+    Connections,
     Phase,
+    connection_limit,
 )
 from ros_diagnostics_exporter.web.tls import reloading_context
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError

@@ -19,7 +19,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, mo
 from ros_diagnostics_exporter import durations
 from ros_diagnostics_exporter.config.yaml_file import Document
 from ros_diagnostics_exporter.config.yaml_file import read as read_yaml
-from ros_diagnostics_exporter.file_watcher import Signature, signature
+from ros_diagnostics_exporter.files import Signature, signature
 from ros_diagnostics_exporter.web.tls import Section, TlsConfig, make_context
 
 _BCRYPT = re.compile(r"\$2[aby]\$(0[4-9]|1[0-9]|2[0-9]|3[01])\$[./A-Za-z0-9]{53}")

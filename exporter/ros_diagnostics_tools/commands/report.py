@@ -11,9 +11,10 @@ from typing import Any
 
 import click
 
+from ros_diagnostics_exporter.api.story import KINDS
+from ros_diagnostics_exporter.api.week import BEFORE, known
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_tools.report.availability import DAY, Recorded
-from ros_diagnostics_tools.report.faults import known
 from ros_diagnostics_tools.report.numbers import DAYS, numbers
 from ros_diagnostics_tools.report.page import page, subject_line, text
 from ros_diagnostics_tools.servers import Servers, with_servers
@@ -21,8 +22,6 @@ from ros_diagnostics_tools.terminal import print_json
 from ros_diagnostics_tools.times import Moment
 
 PROMETHEUS_URL = "http://127.0.0.1:9090"
-KINDS = ("fault_began", "fault_ended", "acknowledged", "notified")
-BEFORE = 14 * DAY  # that are asked for before both weeks, where faults of them may have begun
 
 
 @click.command(

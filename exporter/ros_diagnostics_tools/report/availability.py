@@ -64,10 +64,21 @@ class Recorded:
         found = self._ask("robot", ("robot",), end, days)
         return {robot: each for (robot,), each in found.items()}
 
+    def of_capabilities(self, end: float, days: int) -> dict[tuple[str, str], dict[str, float]]:
+        """(robot, capability) -> seconds by part: able, lost, unknown; robot "" is the fleet."""
+        found = self._seconds("capability", ("robot", "capability"), end, days)
+        return {(robot, capability): each for (robot, capability), each in found.items()}
+
     def _ask(
         self, record: str, by: tuple[str, ...], end: float, days: int
     ) -> dict[tuple[str, ...], Availability]:
-        """The availability by these labels.
+        found = self._seconds(record, by, end, days)
+        return {key: availability(parts) for key, parts in found.items()}
+
+    def _seconds(
+        self, record: str, by: tuple[str, ...], end: float, days: int
+    ) -> dict[tuple[str, ...], dict[str, float]]:
+        """The seconds of each part, by these labels.
 
         Raises:
             UnreachableError: Prometheus does not answer, or it is none.
@@ -78,7 +89,7 @@ class Recorded:
         for labels, number in self._samples(expr, end):
             key = tuple(labels.get(name, "") for name in by)
             seconds.setdefault(key, {})[labels.get("part", "")] = number
-        return {key: availability(parts) for key, parts in seconds.items()}
+        return seconds
 
     def _samples(self, expr: str, end: float) -> Iterable[tuple[dict[str, str], float]]:
         query = urlencode({"query": expr, "time": f"{end:.3f}"})

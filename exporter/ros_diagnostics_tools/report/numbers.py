@@ -5,11 +5,12 @@ from __future__ import annotations
 from datetime import datetime, tzinfo
 from typing import Any
 
+from ros_diagnostics_exporter.api.week import week
 from ros_diagnostics_exporter.texts import natural
-from ros_diagnostics_tools.report import faults as of_faults
 from ros_diagnostics_tools.report.availability import DAY, Availability, Recorded
 
 DAYS = 7
+MOST = 10  # capabilities that are named
 
 
 def numbers(
@@ -32,6 +33,7 @@ def numbers(
     ends = [end - DAY * back for back in reversed(range(DAYS))]
     by_day = [recorded.of_robots(each, 1) for each in ends]
     robots = sorted(recorded.of_robots(end, DAYS).items(), key=_worst_first)
+    of_log = week(faults, end, zone)
     return {
         "fleet": recorded.fleet,
         "begin": end - DAYS * DAY,
@@ -39,8 +41,8 @@ def numbers(
         "time_zone": datetime.fromtimestamp(end, zone).strftime("%Z (UTC%z)"),
         "events_since": known_since,
         "target": target,
-        "week": _week(recorded, faults, end, target),
-        "week_before": _week(recorded, faults, end - DAYS * DAY, target),
+        "week": _week(recorded, faults, (end, zone), target),
+        "week_before": _week(recorded, faults, (end - DAYS * DAY, zone), target),
         "day_begins": f"{datetime.fromtimestamp(end, zone):%H:%M}",
         "days": [f"{datetime.fromtimestamp(each - DAY, zone):%a %d %b}" for each in ends],
         "robots": [
@@ -51,28 +53,44 @@ def numbers(
             }
             for robot, found in robots
         ],
-        "worst_parts": [
-            each._asdict() for each in of_faults.worst_parts(faults, end - DAYS * DAY, end)
-        ],
-        "nights": of_faults.by_night(
-            of_faults.notified(faults, end - DAYS * DAY, end), end - DAYS * DAY, end, zone
-        ),
+        "capabilities": _lost(recorded, end)[:MOST],
+        "worst_parts": [each._asdict() for each in of_log.worst_parts],
+        "nights": of_log.nights,
     }
 
 
 def _week(
-    recorded: Recorded, faults: list[dict[str, Any]], end: float, target: float
+    recorded: Recorded, faults: list[dict[str, Any]], until: tuple[float, tzinfo], target: float
 ) -> dict[str, Any]:
-    begin = end - DAYS * DAY
-    found = recorded.of_fleet(end, DAYS)
+    found, of_log = recorded.of_fleet(until[0], DAYS), week(faults, *until)
     return {
         "availability": found.share,
         "budget_minutes": found.budget(target) / 60 if found.counted else None,
-        "faults": len(of_faults.begun(faults, begin, end)),
-        "to_acknowledge": of_faults.to_acknowledge(faults, begin, end)._asdict(),
-        "to_recover": of_faults.to_recover(faults, begin, end)._asdict(),
-        "notifications": len(of_faults.notified(faults, begin, end)),
+        "faults": of_log.faults,
+        "to_acknowledge": of_log.to_acknowledge._asdict(),
+        "to_recover": of_log.to_recover._asdict(),
+        "notifications": of_log.notifications,
+        "lost_seconds": sum(
+            each["lost_seconds"] for each in _lost(recorded, until[0]) if each["robot"]
+        ),
     }
+
+
+def _lost(recorded: Recorded, end: float) -> list[dict[str, Any]]:
+    """The capabilities that were lost in the week, the one that was for longest first."""
+    found = [
+        {
+            "robot": robot,
+            "capability": capability,
+            "lost_seconds": seconds["lost"],
+            "could": seconds.get("able", 0.0) / sum(seconds.values()),
+        }
+        for (robot, capability), seconds in recorded.of_capabilities(end, DAYS).items()
+        if seconds.get("lost")
+    ]
+    return sorted(
+        found, key=lambda each: (-each["lost_seconds"], natural(each["robot"]), each["capability"])
+    )
 
 
 def _worst_first(each: tuple[str, Availability]) -> tuple[Any, ...]:

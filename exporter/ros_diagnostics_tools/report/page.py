@@ -49,6 +49,7 @@ def summary(found: dict[str, Any]) -> list[tuple[str, str, str]]:
         "Time to acknowledge": [_took(week["to_acknowledge"]) for week in weeks],
         "Time to recover": [_took(week["to_recover"]) for week in weeks],
         "Notifications": [str(week["notifications"]) for week in weeks],
+        "Capabilities lost, of all robots": [span(week["lost_seconds"]) for week in weeks],
     }
     return [(name, now, before) for name, (now, before) in shown.items()]
 

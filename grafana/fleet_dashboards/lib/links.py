@@ -9,6 +9,7 @@ FLEET_UID = "ros-diagnostics-fleet"
 ROBOT_UID = "ros-diagnostics-robot"
 COMPONENT_UID = "ros-diagnostics-component"
 ALERTS_UID = "ros-diagnostics-alerts"
+WEEK_UID = "ros-diagnostics-week"
 MONITORING_UID = "ros-diagnostics-monitoring"
 TAG = "ros-diagnostics"
 

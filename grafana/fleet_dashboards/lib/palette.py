@@ -128,6 +128,23 @@ def able_mappings() -> list[dashboard.ValueMapping]:
     )
 
 
+# From which share of the time on, in which colour: those of the weekly report.
+SHARES = ((0.9995, OK.colour), (0.99, "#8FD3BD"), (0.95, WARNING.colour), (0.0, CRITICAL.colour))
+
+
+def share_mappings() -> list[dashboard.ValueMapping]:
+    """Show an availability on the colour that says how good it is."""
+    above = [*(least for least, _colour in SHARES[:0:-1]), SHARES[0][0], 2.0]
+    return [
+        dashboard.RangeMap(
+            dashboard.DashboardRangeMapOptions(
+                from_val=least, to=end, result=dashboard.ValueMappingResult(color=colour)
+            )
+        )
+        for (least, colour), end in zip(reversed(SHARES), above[1:], strict=True)
+    ]
+
+
 def yes(word: str, colour: str, *, otherwise: str = "") -> list[dashboard.ValueMapping]:
     """Show 1 as ``word``, and 0 or nothing as ``otherwise``."""
     return [

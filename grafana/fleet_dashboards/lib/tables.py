@@ -38,6 +38,7 @@ class Column(NamedTuple):
     hidden: bool = False  # there only for links of other columns, or to sort by
     filtered: bool = False  # whether its header has a filter
     wrapped: bool = False  # whether a long text takes several lines; Grafana 11 and later
+    decimals: int | None = None  # of the value; by default as many as Grafana finds fit
     background: bool = False  # whether the colour of the value is that of the cell
 
     def is_value(self) -> bool:
@@ -216,6 +217,8 @@ def _look(column: Column) -> list[dashboard.DynamicConfigValue]:
     look: dict[str, object] = {"noValue": ""}  # for a cell; the table's is for no rows
     if column.unit:
         look["unit"] = column.unit
+    if column.decimals is not None:
+        look["decimals"] = column.decimals
     if column.width:
         look["custom.width"] = column.width
     if column.min_width:

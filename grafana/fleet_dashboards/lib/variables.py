@@ -110,6 +110,12 @@ def problems() -> builders.CustomVariable:
     return _choice("problems", "Problems", {"All": "== 0", "Unhandled": "== 1"})
 
 
+def target() -> builders.CustomVariable:
+    """The availability that is aimed at, in percent; any other may be written."""
+    targets = {each: each for each in ("99", "90", "95", "98", "99.5", "99.9")}
+    return _choice("target", "Target in %", targets).allow_custom_value(True)
+
+
 def _choice(name: str, label: str, choices: dict[str, str]) -> builders.CustomVariable:
     values = ", ".join(f"{text} : {value}" for text, value in choices.items())
     options = [dashboard.VariableOption(False, text, value) for text, value in choices.items()]

@@ -26,6 +26,22 @@ ABLE = {
     'robot="broken",capability="lifting"': {"able": 36, "lost": 9, "unknown": 3},
     'capability="lifting in the hall"': {"able": 40, "lost": 8},
 }
+# Seven days, this week's and those before: at the end of each the exporter counted.
+DAY = 86_400
+WEEK = {
+    "faults": (3, 5),
+    "acknowledged_faults": (2, 4),
+    'acknowledge_seconds quantile="0.5"': (60, 120),
+    'acknowledge_seconds quantile="1"': (90, 150),
+    "recovered_faults": (1, 3),
+    'recover_seconds quantile="0.5"': (600, 700),
+    'recover_seconds quantile="1"': (660, 800),
+    "notifications": (7, 9),
+    'night_notifications night="2026-01-05"': (4, 4),
+    'night_notifications night="2026-01-06"': (0, 0),
+    'faulty_seconds robot="broken",part="/Motor/Motor 1"': (1800, 60),
+    'faulty_times robot="broken",part="/Motor/Motor 1"': (2, 1),
+}
 CARRIERS = ("well", "broken", "silent")
 Sample = tuple[str, str, float, float]  # name, labels, value, Unix time
 
@@ -35,7 +51,7 @@ def write(path: Path, start: float) -> float:
     end = float(int(start) - GAP)
     # OpenMetrics wants the samples of a series together, in the order of their times.
     samples = sorted(
-        [*_parts(end), *_able(end), *_faults(end), *_alerts(end)],
+        [*_parts(end), *_days(end), *_able(end), *_week(end), *_faults(end), *_alerts(end)],
         key=lambda sample: (sample[0], sample[1], sample[3]),
     )
     lines: list[str] = []
@@ -69,6 +85,22 @@ def _parts(end: float) -> Iterator[Sample]:
         else:
             labels = f'fleet="hall",robot_group="carriers",part="{part}"'
             yield "robot_group:ros_diagnostics_part_seconds:sum5m", labels, seconds, time
+
+
+def _days(end: float) -> Iterator[Sample]:
+    """A good slot of robot well on each of the days before, of which the last is a week before."""
+    for back in range(1, 8):
+        for level, robot in (("robot", ',robot="well"'), ("fleet", "")):
+            name = f"{level}:ros_diagnostics_part_seconds:sum5m"
+            yield name, f'fleet="hall"{robot},part="ok"', SLOT, end - back * DAY - SLOT
+
+
+def _week(end: float) -> Iterator[Sample]:
+    for series, (this, before) in WEEK.items():
+        family, _, labels = series.partition(" ")
+        of = ",".join(filter(None, ('fleet="hall"', labels)))
+        for value, time in ((this, end), (before, end - 7 * DAY)):
+            yield f"ros_diagnostics_week_{family}", of, value, time
 
 
 def _able(end: float) -> Iterator[Sample]:

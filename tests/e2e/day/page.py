@@ -6,6 +6,8 @@ from datetime import timedelta
 
 from e2e.day.plan import CONFIRM, DAY, ESCALATE, EXPECTED, LATE
 
+SMS = "SMS"
+TOGETHER = 3.0  # seconds between a mail and its text message
 HEAD = f"""\
 # A day of six robots
 
@@ -13,7 +15,8 @@ What happens to six virtual robots and to the servers, and every mail and text m
 An end-to-end test wrote this page and checks that these messages are sent, and no others. Its
 durations are short (confirm_after {CONFIRM} s, escalation after {ESCALATE} s). In brackets: the
 earliest possible time. The test fails if a message arrives before that or more than {LATE:g} s
-after.
+after. What is critical is sent as a text message, too: of these are those that come without their
+mail.
 
 | time | what happens | sent by | message |
 |---|---|---|---|
@@ -24,8 +27,11 @@ def page(messages: list[tuple[float, str, str]]) -> str:
     """Return the page of a day; each message is second of the day, mail or SMS, and text."""
     earliest = {(each.by, each.text): each.earliest for each in EXPECTED}
     rows = [(event.at, _event(event.robot, event.component, event.description)) for event in DAY]
+    mails = [at for at, by, _ in messages if by != SMS]
     rows += [
-        (at, f"| | {by} | `{text}` [{_clock(earliest[by, text])}] |") for at, by, text in messages
+        (at, f"| | {by} | `{text}` [{_clock(earliest[by, text])}] |")
+        for at, by, text in messages
+        if by != SMS or min(abs(at - each) for each in mails) > TOGETHER
     ]
     ordered = sorted(rows, key=lambda row: row[0])
     return HEAD + "".join(f"| {_clock(at)} {row}\n" for at, row in ordered)

@@ -286,13 +286,8 @@ def test_the_samples_in_the_documentation_are_what_is_sent(
     fault, of_fault = "RosDiagnosticsComponentCritical", f"{ESCALATION} 1  component critical"
     mails = {
         "The mail about a fault": received.problems[fault],
-        "Its escalation": received.problems[of_fault],
-        "The end of its escalation": received.recoveries[of_fault],
         "Its recovery": received.recoveries[fault],
         "What a robot can no longer do": received.problems["RosDiagnosticsCapabilityLost"],
-        "A silent site": received.problems["RosDiagnosticsFleetPartDown"],
-        "The reminder of a warning": received.problems[f"{ESCALATION} 0  component warning"],
-        "The monitoring itself": received.problems["RosDiagnosticsExporterDown"],
     }
     samples = {
         what: f"Subject: {mail.subject}\n\n{NUMBER_OF_TEST.sub('', mail.text).strip()}"

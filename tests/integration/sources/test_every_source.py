@@ -121,7 +121,7 @@ def test_a_reload_leaves_what_it_does_not_change_and_takes_the_rest_out(way, run
 def test_beyond_the_queue_the_newest_is_received_and_the_rest_is_counted(
     way, run_exporter, monkeypatch, caplog
 ):
-    monkeypatch.setattr("ros_diagnostics_exporter.decode.topic_queue.MAX_MESSAGES", 3)
+    monkeypatch.setattr("ros_diagnostics_exporter.decode.cdr.MAX_MESSAGES", 3)
     running = run_exporter(way.fleet(way.robot("flood"), way.robot("calm")))
     offer(way, "flood", "calm")
 

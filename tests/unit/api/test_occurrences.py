@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.api.occurrences import occurrences
+from ros_diagnostics_exporter.api.story import occurrences
 
 MOTOR = {"scope": "component", "state": "critical", "severity": "critical", "robot": "r"}
 

@@ -14,8 +14,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from ros_diagnostics_exporter.capsules import rings as rings_module
-from ros_diagnostics_exporter.capsules.capsules import Capsules, Kept
-from ros_diagnostics_exporter.capsules.config_lines import config_lines
+from ros_diagnostics_exporter.capsules.capsules import Capsules, Kept, config_lines
 from ros_diagnostics_exporter.capsules.rings import RING, Rings
 from ros_diagnostics_exporter.config.fleet import CapsuleSettings
 from ros_diagnostics_exporter.events import Event

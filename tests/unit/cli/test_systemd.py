@@ -8,7 +8,7 @@ from contextlib import suppress
 
 import pytest
 
-from ros_diagnostics_exporter.cli.systemd import Watchdog
+from ros_diagnostics_exporter.cli.main import Watchdog
 
 
 @pytest.fixture

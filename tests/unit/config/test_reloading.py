@@ -12,7 +12,7 @@ from ros_diagnostics_exporter.config import reloader as reloading
 from ros_diagnostics_exporter.config.errors import ConfigError
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.config.reloader import Reloader
-from ros_diagnostics_exporter.file_watcher import MAX_UNSTABLE, FileWatcher
+from ros_diagnostics_exporter.files import MAX_UNSTABLE, FileWatcher
 from ros_diagnostics_exporter.model import Instant
 from testbed.polling import until
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ros_diagnostics_exporter.decode.topic_queue import (
+from ros_diagnostics_exporter.decode.cdr import (
     MAX_BYTES,
     MAX_MESSAGES,
     SHARE,

@@ -20,11 +20,12 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.faults.model import (
     ComponentName,
     ComponentReport,
+    ComponentSettings,
     OwnReport,
+    RobotSettings,
     State,
     ValueReport,
 )
-from ros_diagnostics_exporter.faults.settings import ComponentSettings, RobotSettings
 from support.fault_histories import (
     BATTERY,
     ERROR,

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.engine import Faults
-from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory, flap_ratio
-from ros_diagnostics_exporter.faults.settings import RobotSettings
+from ros_diagnostics_exporter.faults.model import RobotSettings
+from ros_diagnostics_exporter.faults.records import SLOTS, FlapHistory, flap_ratio
 from ros_diagnostics_exporter.model import Instant
 from support.fault_histories import (
     ERROR,

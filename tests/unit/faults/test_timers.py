@@ -2,7 +2,7 @@
 
 from math import inf
 
-from ros_diagnostics_exporter.faults.timers import Timers
+from ros_diagnostics_exporter.loops import Timers
 
 
 def test_a_timer_that_is_set_again_replaces_the_one_before():

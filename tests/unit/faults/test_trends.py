@@ -5,8 +5,13 @@ from collections import deque
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Falling, FaultSettings, Threshold
-from ros_diagnostics_exporter.faults.model import ComponentName, Reason, ValueReport, Verdict
-from ros_diagnostics_exporter.faults.settings import ComponentSettings
+from ros_diagnostics_exporter.faults.model import (
+    ComponentName,
+    ComponentSettings,
+    Reason,
+    ValueReport,
+    Verdict,
+)
 from ros_diagnostics_exporter.faults.trends import forecast
 from support.fault_histories import (
     BATTERY,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.fleet.capability_notes import capability_notes
 from ros_diagnostics_exporter.fleet.unmatched import KnownRobot
+from ros_diagnostics_tools.capability_notes import capability_notes
 
 NAMES = ("Motor 1", "Laser 1", "Speaker 1")
 

@@ -19,7 +19,7 @@ from ros_diagnostics_exporter.config.fleet import (
     Source,
     ValueRule,
 )
-from ros_diagnostics_exporter.file_watcher import FileWatcher
+from ros_diagnostics_exporter.files import FileWatcher
 from ros_diagnostics_exporter.fleet.state import PASS_ON
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree

@@ -18,6 +18,7 @@ UIDS = {
     "ros-diagnostics-component",
     "ros-diagnostics-alerts",
     "ros-diagnostics-monitoring",
+    "ros-diagnostics-week",
 }
 ALL_PANELS = [
     pytest.param(panel, id=f"{uid}: {panel['title']}")

@@ -38,6 +38,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import (
     Exporter,
     SelfMetrics,
 )
+from ros_diagnostics_exporter.metrics.week import FaultyPart, Lengths, Week
 from ros_diagnostics_exporter.model import Endpoint, Instant, Part, Status
 from ros_diagnostics_exporter.robots.rejections import REASONS, FleetRejectionReason
 from ros_diagnostics_exporter.sources.link import LinkReading
@@ -445,6 +446,16 @@ def test_every_reason_of_a_rejection_is_counted_from_0_on():
         assert line in own
 
 
+WEEK = Week(
+    3,
+    Lengths(2, 60.0, 90.0),
+    Lengths(1, 5.0, 5.0),
+    7,
+    [FaultyPart("r", "/Motor/Motor 1", 2, 30.0)],
+    {"2026-01-01": 4},
+)
+
+
 def self_metrics(driver: StateDriver) -> SelfMetrics:
     """The exporter's own metrics, with everything that they are read from."""
     part = SimpleNamespace(successful=True, time=1.0, written_at=1.0, answers=lambda _now: True)
@@ -464,6 +475,7 @@ def self_metrics(driver: StateDriver) -> SelfMetrics:
         lambda: loops,
         lambda: [Outcome(Query("up", "node_exporter"), "")],
     )
+    exporter.week = WEEK
     return SelfMetrics(exporter)
 
 

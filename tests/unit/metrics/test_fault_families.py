@@ -9,9 +9,9 @@ import pytest
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, as_texts, fault_id
+from ros_diagnostics_exporter.metrics import exposition
 from ros_diagnostics_exporter.metrics import families as metrics
-from ros_diagnostics_exporter.metrics import fault_text
-from ros_diagnostics_exporter.metrics.fault_text import FaultText
+from ros_diagnostics_exporter.metrics.exposition import FaultText
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.notifications import key_of
 from support.state_driver import ERROR, OK, WALL, WARN, StateDriver
@@ -141,7 +141,7 @@ def test_an_exporter_of_another_name_has_its_faults_under_it():
 def test_a_fault_that_lasts_is_rendered_once(monkeypatch):
     driver = in_fault()
     first = driver.exposition.render()
-    monkeypatch.setattr(fault_text, "_render", None)
+    monkeypatch.setattr(exposition, "_render", None)
     assert driver.exposition.render() == first
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.faults.flapping import SLOTS, FlapHistory, flap_ratio
+from ros_diagnostics_exporter.faults.records import SLOTS, FlapHistory, flap_ratio
 
 
 def nagios(history: list[int]) -> float:

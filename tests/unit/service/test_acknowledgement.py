@@ -14,8 +14,7 @@ from ros_diagnostics_exporter import alertmanager
 from ros_diagnostics_exporter.alertmanager import IDENTITY, clean, identity_of, moment, read
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
 from ros_diagnostics_exporter.metrics import families as metrics
-from ros_diagnostics_exporter.metrics.exposition import Exposition
-from ros_diagnostics_exporter.metrics.fault_text import FaultText
+from ros_diagnostics_exporter.metrics.exposition import Exposition, FaultText
 from ros_diagnostics_exporter.model import Part, Status
 from support.silences import BEGAN, LABELS, MOTOR, listed
 from support.state_driver import ERROR, OK, WALL, StateDriver

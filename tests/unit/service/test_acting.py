@@ -7,8 +7,13 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.acknowledging import problems, silence
-from ros_diagnostics_exporter.acting import acknowledge, plan_downtime
+from ros_diagnostics_exporter.acknowledging import (
+    acknowledge,
+    cancel_downtime,
+    plan_downtime,
+    problems,
+    silence,
+)
 from ros_diagnostics_exporter.alertmanager import read, read_downtimes
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
 from ros_diagnostics_exporter.model import Person
@@ -32,12 +37,16 @@ class FakeAlertmanager:
         self._alerts = list(alerts)
         self._silences = silences or []
         self.added: list[dict[str, Any]] = []
+        self.ended: list[str] = []
 
     def alerts(self, _fleet: str) -> list[Any]:
         return self._alerts
 
     def silences(self, _fleet: str) -> list[Any]:
         return self._silences
+
+    def end(self, silence: str) -> None:
+        self.ended.append(silence)
 
     def add(self, made: dict[str, Any]) -> None:
         self.added.append(made)
@@ -110,3 +119,33 @@ def test_a_downtime_is_what_exporters_read_as_one(component):
     assert found.comment == "spare part ordered"
     assert (event.robot, event.component, event.after) == ("r", component, "downtime")
     assert event.message.startswith("until 11:05:00 UTC: spare part ordered (from 10.0.0.7)")
+
+
+def planned(robot: str, component: str, hours: float, name: str) -> dict[str, Any]:
+    by = FakeAlertmanager()
+    plan_downtime(by, "f", (robot, component), ANN, (NOW, NOW + hours * 3_600))
+    return as_listed(by.added[0]) | {"id": name}
+
+
+def test_just_the_downtime_that_is_meant_is_cancelled():
+    known = [
+        planned("r", "Motor 1", 1, "mine"),
+        planned("r", "Motor 1", 2, "longer"),
+        planned("r", "", 1, "of the robot"),
+        planned("s", "Motor 1", 1, "of another"),
+        {**planned("r", "Motor 1", 1, "over"), "status": {"state": "expired"}},
+        listed(),
+    ]
+    by = FakeAlertmanager(silences=known)
+    event = cancel_downtime(by, "f", ("r", "Motor 1", NOW + 3_600), ANN, NOW + 60)
+    assert by.ended == ["mine"]
+    assert (event.robot, event.component, event.author) == ("r", "Motor 1", "ann")
+    text = event_text({"kind": "action", **{k: v for k, v in vars(event).items() if v}})
+    assert text == (
+        "downtime cancelled by a form by ann, Motor 1:"
+        " it was until 11:05:00 UTC: spare part ordered (from 10.0.0.7)"
+    )
+    for other in (("r", "Motor 2", NOW + 3_600), ("r", "Motor 1", NOW), ("q", "", NOW + 3_600)):
+        with pytest.raises(LookupError, match="no such downtime any more"):
+            cancel_downtime(by, "f", other, ANN, NOW + 60)
+    assert by.ended == ["mine"]

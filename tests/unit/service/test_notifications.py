@@ -14,7 +14,7 @@ from ros_diagnostics_exporter import notifications
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, as_texts, fault_id
 from ros_diagnostics_exporter.metrics import families as metrics
-from ros_diagnostics_exporter.metrics.fault_text import FaultText
+from ros_diagnostics_exporter.metrics.exposition import FaultText
 from ros_diagnostics_exporter.notifications import Notifications, key_of, parse
 from ros_diagnostics_exporter.severity import event_text, notice
 from support.silences import BEGAN, LABELS, MOTOR

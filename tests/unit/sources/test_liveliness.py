@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ros_diagnostics_exporter.sources.liveliness import TOKENS, Token, parse
+from ros_diagnostics_exporter.sources.zenoh import TOKENS, Token, parse
 
 BRIDGE = "9f3c2b"
 HASH = "RIHS01_7ac8d2"

@@ -46,25 +46,25 @@ def names(faults: list[Fault]) -> set[str]:
     return {each.identity.component for each in faults}
 
 
-def test_a_fault_outlives_the_process_with_its_times_and_evidence(tmp_path):
-    before = saved(tmp_path / "state", HOT)
-    after = before.restart(tmp_path / "state")
+def test_a_fault_outlives_the_process_with_its_times_and_evidence(path):
+    before = saved(path, HOT)
+    after = before.restart(path)
     assert after.state.faults() == before.state.faults()
     assert names(after.state.faults()) == {"Motor"}
-    assert not list(tmp_path.glob("*.damaged*"))
+    assert not list(path.parent.glob("*.damaged*"))
     after.save()
-    again = after.restart(tmp_path / "state")
+    again = after.restart(path)
     assert again.state.faults() == before.state.faults()
     again.raw(COOL)
     assert again.state.faults() == []
 
 
-def test_a_fault_that_ended_is_written_without_it(tmp_path):
-    before = saved(tmp_path / "state", HOT)
+def test_a_fault_that_ended_is_written_without_it(path):
+    before = saved(path, HOT)
     before.raw(COOL)
     before.at(22)
     before.save()
-    assert before.restart(tmp_path / "state").state.faults() == []
+    assert before.restart(path).state.faults() == []
 
 
 @pytest.mark.parametrize(
@@ -79,8 +79,8 @@ def test_a_fault_that_ended_is_written_without_it(tmp_path):
     ],
     ids=["empty", "kind", "missing", "no time", "beyond", "labels"],
 )
-def test_a_damaged_row_is_named_and_harms_no_other(tmp_path, caplog, damage):
-    before = saved(tmp_path / "state", HOT, LASER)
+def test_a_damaged_row_is_named_and_harms_no_other(path, caplog, damage):
+    before = saved(path, HOT, LASER)
 
     def change(rows: list[Any]) -> None:
         [row] = [
@@ -90,12 +90,12 @@ def test_a_damaged_row_is_named_and_harms_no_other(tmp_path, caplog, damage):
         ]
         damage(row)
 
-    edited(before, tmp_path / "state", change)
+    edited(before, path, change)
     with caplog.at_level(logging.ERROR):
-        after = before.restart(tmp_path / "state")
+        after = before.restart(path)
         after.save()
     assert "of its faults" in caplog.text
-    assert (tmp_path / "state.damaged-1").exists()
+    assert path.with_name("state.damaged-1").exists()
     assert names(after.state.faults()) == {"Laser"}
     after.raw_every(1, 15, HOT, LASER)
     assert names(after.state.faults()) == {"Laser", "Motor"}
@@ -110,11 +110,11 @@ def test_a_damaged_row_is_named_and_harms_no_other(tmp_path, caplog, damage):
     ],
     ids=["no robot", "no key", "text"],
 )
-def test_rows_that_do_not_belong_together_stop_nothing(tmp_path, caplog, damage):
-    before = saved(tmp_path / "state", HOT)
-    edited(before, tmp_path / "state", damage)
+def test_rows_that_do_not_belong_together_stop_nothing(path, caplog, damage):
+    before = saved(path, HOT)
+    edited(before, path, damage)
     with caplog.at_level(logging.ERROR):
-        after = before.restart(tmp_path / "state")
+        after = before.restart(path)
         after.save()
     assert "faults" in caplog.text
     assert [each.name for each in after.robot.components] == ["Motor"]
@@ -122,15 +122,15 @@ def test_rows_that_do_not_belong_together_stop_nothing(tmp_path, caplog, damage)
     assert names(after.state.faults()) == {"Motor"}
 
 
-def test_only_rows_that_changed_are_written(tmp_path):
-    driver = saved(tmp_path / "state", LASER, COOL)
-    with closing(sqlite3.connect(tmp_path / "state")) as connection, connection:
+def test_only_rows_that_changed_are_written(path):
+    driver = saved(path, LASER, COOL)
+    with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute("UPDATE faults SET fields = 'as it was'")
     for second in range(22, 50, 2):
         driver.at(second)
         driver.raw(LASER, HOT)
         driver.save()
-    with closing(sqlite3.connect(tmp_path / "state")) as connection:
+    with closing(sqlite3.connect(path)) as connection:
         rows = list(connection.execute("SELECT kind, key, fields FROM faults"))
     problems = [(json.loads(key), fields) for kind, key, fields in rows if kind == "problem"]
     assert all(fields == "as it was" for key, fields in problems if "Laser" in key)

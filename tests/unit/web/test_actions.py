@@ -16,7 +16,7 @@ import pytest
 from ros_diagnostics_exporter.model import Person
 from ros_diagnostics_exporter.web.actions import MAX_FORM
 from ros_diagnostics_exporter.web.webconfig import WebConfigError
-from support.web_server import Reply, ask, broken, component, fleet, robot
+from support.web_server import Reply, ask, broken, component, downtime, fleet, robot
 
 FAULT = "0123456789ab"
 HASHES = {
@@ -36,11 +36,17 @@ class Site:
         users = folder / "web.yml"
         users.write_text(f"basic_auth_users: {HASHES}")
         self.done: list[tuple] = []
-        known = robot("a", component("Motor 1", "ERROR"), problems=[broken(fault=FAULT)])
+        known = robot(
+            "a",
+            component("Motor 1", "ERROR"),
+            problems=[broken(fault=FAULT)],
+            downtimes=[downtime(), downtime("<Motor> 1", until=72_000.25)],
+        )
         given = {
             "fleet_snapshot": lambda: fleet(known),
             "acknowledge": lambda *given: self.done.append(given),
             "plan_downtime": lambda *given: self.done.append(given),
+            "cancel_downtime": lambda *given: self.done.append(given),
             "actions": True,
         }
         self.server = serve(web_config=users, **(given | more))
@@ -88,6 +94,47 @@ def test_a_form_plans_a_downtime_of_a_robot_or_a_component(site, part, of):
     assert site.done == [("a", of, 7_200.0, Person("ann", "new gears", "127.0.0.1"))]
     answer = site.post("/-/downtime", form | {"for": "900d", "comment": "x"})
     assert (answer.status, len(site.done)) == (400, 1)
+
+
+def test_a_form_cancels_the_downtime_that_its_page_shows(site):
+    page = site.page("/robots/a").text
+    assert page.count('action="../-/cancel-downtime"') == 2
+    [until] = re.findall(
+        r'value="&lt;Motor&gt; 1"><input type=hidden name=until value="(.+)"', page
+    )
+    form = {"token": site.token(), "robot": "a", "component": "<Motor> 1", "until": until}
+    answer = site.post("/-/cancel-downtime", form | {"comment": "done"})
+    assert (answer.status, answer.headers["Location"]) == (303, "../robots/a?done=cancelled")
+    assert site.done == [("a", "<Motor> 1", 72_000.25, Person("ann", "done", "127.0.0.1"))]
+    shown = site.page("/robots/a?done=cancelled").text
+    assert "<p role=status class=done>The downtime is cancelled." in shown
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *({"until": each} for each in ("", "nan", "inf", "-1", "1e9", "\u0661", "1" * 30, "x")),
+        *({"token": each} for each in ("", "0" * 64)),
+        *({"comment": each} for each in ("", " ", "x" * 201)),
+        {"for": "1h"},
+    ],
+)
+def test_a_form_that_cancels_follows_the_rules_of_the_others(site, serve, tmp_path, wrong):
+    form = {"token": site.token(), "robot": "a", "component": "", "until": "72000.000"}
+    form |= {"comment": "x"}
+    assert site.post("/-/cancel-downtime", form | wrong).status in {400, 403}
+    for headers in ({"Sec_Fetch_Site": "cross-site"}, {"Origin": "http://evil.example"}):
+        assert site.post("/-/cancel-downtime", form, **headers).status == 403
+    assert site.post("/-/cancel-downtime", form, "bob").status == 403  # the token is ann's
+    assert site.post("/-/cancel-downtime", form, Authorization="").status == 401
+    query = urlencode(form)
+    got = ask(site.server, f"/-/cancel-downtime?{query}", Authorization=login("ann"))
+    assert got.status == 405
+    off = Site(serve, tmp_path, actions=False)
+    assert off.post("/-/cancel-downtime", form).status == 403
+    assert "cancel-downtime" not in off.page("/robots/a").text
+    assert site.done == off.done == []
+    assert site.post("/-/cancel-downtime", form).status == 303  # what it was like but for that
 
 
 def test_nothing_is_done_by_get_or_head_or_put(site):

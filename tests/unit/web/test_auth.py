@@ -6,8 +6,8 @@ import threading
 import bcrypt
 import pytest
 
-from ros_diagnostics_exporter.web import auth
-from ros_diagnostics_exporter.web.auth import Bucket, Buckets
+from ros_diagnostics_exporter.web import middleware
+from ros_diagnostics_exporter.web.middleware import Bucket, Buckets
 from ros_diagnostics_exporter.web.server import Server
 from support.web_server import FakeBackend, ask, reloaded, wait_until
 
@@ -92,7 +92,7 @@ def test_a_valid_login_is_computed_once(serve, web_config, monkeypatch):
         computed.append(arguments)
         return real(*arguments)
 
-    monkeypatch.setattr(auth.bcrypt, "checkpw", count)
+    monkeypatch.setattr(middleware.bcrypt, "checkpw", count)
     server = serve(web_config=web_config)
     for _ in range(3):
         assert ask(server, "/metrics", Authorization=basic("alice", PASSWORD)).status == 200
@@ -104,12 +104,12 @@ def test_a_valid_login_is_computed_once(serve, web_config, monkeypatch):
 
 def test_an_unknown_user_costs_as_much_as_a_known_one():
     known = {"alice": bcrypt.hashpw(b"x", bcrypt.gensalt(rounds=5)).decode()}
-    assert auth._dummy_hash(known)[:7] == "$2b$05$"
-    assert bcrypt.checkpw(b"anything", auth._dummy_hash(known).encode()) is False
+    assert middleware._dummy_hash(known)[:7] == "$2b$05$"
+    assert bcrypt.checkpw(b"anything", middleware._dummy_hash(known).encode()) is False
 
 
 def test_an_unknown_user_is_rejected_whatever_the_comparison_says(protected, monkeypatch):
-    monkeypatch.setattr(auth.bcrypt, "checkpw", lambda *_: True)
+    monkeypatch.setattr(middleware.bcrypt, "checkpw", lambda *_: True)
     assert ask(protected, "/metrics", Authorization=basic("carol", "x")).status == 401
     assert ask(protected, "/metrics", Authorization=basic("alice", "x")).status == 200
 
@@ -161,7 +161,7 @@ def test_a_flood_of_invalid_logins_is_limited_and_does_not_delay_a_valid_one(
 
     server = serve(web_config=web_config)
     assert ask(server, "/metrics", Authorization=basic("alice", PASSWORD)).status == 200
-    monkeypatch.setattr(auth.bcrypt, "checkpw", slow)
+    monkeypatch.setattr(middleware.bcrypt, "checkpw", slow)
     statuses = []
     flood = [
         threading.Thread(
@@ -214,10 +214,10 @@ def test_the_rate_limit_is_per_client(serve, tmp_path):
 
 def test_the_number_of_rate_limited_clients_is_limited():
     buckets = Buckets()
-    for number in range(auth.MAX_BUCKETS + 10):
+    for number in range(middleware.MAX_BUCKETS + 10):
         assert buckets.take(str(number), 3600.0, 1, 100.0)
     assert not buckets.take("900", 3600.0, 1, 100.0)
-    assert len(buckets._buckets) == auth.MAX_BUCKETS
+    assert len(buckets._buckets) == middleware.MAX_BUCKETS
 
 
 def test_a_bucket_refills_up_to_its_burst():

@@ -13,8 +13,8 @@ import time
 import bcrypt
 import pytest
 
-from ros_diagnostics_exporter.web import protocol, responses, scrape
-from ros_diagnostics_exporter.web.protocol import Phase
+from ros_diagnostics_exporter.web import connections, responses, scrape
+from ros_diagnostics_exporter.web.connections import Phase
 from support.web_server import ask, component, connect, fleet, robot, wait_until
 
 GET = b"GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n"
@@ -25,10 +25,10 @@ BIG = b"x" * 30_000_000  # 1,000 robots
 def short(monkeypatch):
     """Sets a time-out, in seconds; all others are longer than the test."""
     for phase in Phase:
-        monkeypatch.setitem(protocol.TIMEOUTS, phase, 1_000.0)
+        monkeypatch.setitem(connections.TIMEOUTS, phase, 1_000.0)
 
     def shorten(phase: Phase, seconds: float = 0.3) -> None:
-        monkeypatch.setitem(protocol.TIMEOUTS, phase, seconds)
+        monkeypatch.setitem(connections.TIMEOUTS, phase, seconds)
 
     return shorten
 

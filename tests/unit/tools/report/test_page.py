@@ -12,6 +12,7 @@ WEEK = {
     "to_acknowledge": {"number": 2, "median": 60.0, "longest": 120.0},
     "to_recover": {"number": 0, "median": None, "longest": None},
     "notifications": 9,
+    "lost_seconds": 7_300.0,
 }
 EVIL = "<script>alert(1)</script>"
 REPORT = {
@@ -26,6 +27,10 @@ REPORT = {
     "week_before": WEEK | {"availability": None, "budget_minutes": None, "faults": 5},
     "days": [f"day {n}" for n in range(7)],
     "robots": [{"robot": EVIL, "availability": 0.5, "days": [None, 1.0, 0.99999, 0.0, 1, 1, 1]}],
+    "capabilities": [
+        {"robot": EVIL, "capability": "lifting", "lost_seconds": 5_400.0, "could": 0.75},
+        {"robot": "", "capability": EVIL, "lost_seconds": 60.0, "could": 1.0},
+    ],
     "worst_parts": [{"robot": "r", "part": EVIL, "times": 3, "seconds": 7_200.0}],
     "nights": {"1970-01-01": 2},
 }
@@ -39,6 +44,7 @@ def test_the_summary_has_both_weeks_and_each_time_its_count():
         *[("Time to acknowledge", *["1 min, at most 2 min (of 2)"] * 2)],
         ("Time to recover", "- (of 0)", "- (of 0)"),
         ("Notifications", "9", "9"),
+        ("Capabilities lost, of all robots", "2 h", "2 h"),
     ]
     assert "Critical faults: 4 (week before: 5)" in text(REPORT)
 
@@ -47,12 +53,14 @@ def test_the_page_has_the_summary_and_escapes_what_robots_are_named():
     html = page(REPORT)
     for _name, now, before in summary(REPORT):
         assert f"<td>{now}</td><td>{before}</td>" in html
-    assert html.count("&lt;script&gt;") == 2
+    assert html.count("&lt;script&gt;") == 4
     assert "<script" not in html
-    assert "<td>2 h</td>" in html
+    assert html.count("<td>2 h</td>") == 3
+    assert "<td>the fleet</td>" in html
+    assert "<td>1 h</td>\n<td>75.00 %</td>" in html
     assert "1970-01-08 00:00 UTC" in html
     assert "http" not in html  # it loads nothing
-    assert page(REPORT | {"robots": [], "worst_parts": []}).count("<h2>") == 3
+    assert page(REPORT | {"robots": [], "worst_parts": []}).count("<h2>") == 4
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """What the event log says of a week: times to acknowledge and to recover, worst parts, nights.
 
-Faults are given as `ros_diagnostics_exporter.api.occurrences` returns them.
+Pure functions. Faults are given as `ros_diagnostics_exporter.api.story` returns them. The
+exporter's families of the week and `ros-diagnostics report --week` have these numbers.
 """
 
 from __future__ import annotations
@@ -8,31 +9,29 @@ from __future__ import annotations
 from collections.abc import Iterable
 from datetime import datetime, timedelta, tzinfo
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any
 
-from ros_diagnostics_exporter.api.occurrences import LABELS, occurrences
-from ros_diagnostics_exporter.api.story import spells
+from ros_diagnostics_exporter.api.story import LABELS, WEEK, occurrences, spells
+from ros_diagnostics_exporter.metrics.week import FaultyPart, Lengths, Week
 from ros_diagnostics_exporter.severity import subject
 
+BEFORE = 2 * WEEK  # that are asked for before it, where faults of it may have begun
 MOST_PARTS = 10
 EVENING, MORNING = 22, 6  # o'clock: what is between them is the night
 
 
-class Times(NamedTuple):
-    """How long something took: of how many faults, the median and the longest, in seconds."""
-
-    number: int
-    median: float | None
-    longest: float | None
-
-
-class FaultyPart(NamedTuple):
-    """What was faulty most: how often, and for how many seconds of the week."""
-
-    robot: str
-    part: str
-    times: int
-    seconds: float
+def week(faults: Iterable[dict[str, Any]], end: float, zone: tzinfo) -> Week:
+    """The numbers of the seven days until ``end`` (Unix time); ``zone`` is that of its nights."""
+    found, begin = list(faults), end - WEEK
+    sent = notified(found, begin, end)
+    return Week(
+        len(begun(found, begin, end)),
+        to_acknowledge(found, begin, end),
+        to_recover(found, begin, end),
+        len(sent),
+        worst_parts(found, begin, end),
+        by_night(sent, begin, end, zone),
+    )
 
 
 def known(
@@ -67,7 +66,7 @@ def begun(faults: Iterable[dict[str, Any]], begin: float, end: float) -> list[di
     ]
 
 
-def to_acknowledge(faults: Iterable[dict[str, Any]], begin: float, end: float) -> Times:
+def to_acknowledge(faults: Iterable[dict[str, Any]], begin: float, end: float) -> Lengths:
     """From when critical faults of that time were confirmed until somebody acknowledged them."""
     return _times(
         min(taken["at"] for taken in each["acknowledged"]) - each["confirmed"]
@@ -76,7 +75,7 @@ def to_acknowledge(faults: Iterable[dict[str, Any]], begin: float, end: float) -
     )
 
 
-def to_recover(faults: Iterable[dict[str, Any]], begin: float, end: float) -> Times:
+def to_recover(faults: Iterable[dict[str, Any]], begin: float, end: float) -> Lengths:
     """From when the trouble began until the recovery of critical faults that recovered then."""
     return _times(
         each["until"] - each["since"]
@@ -130,6 +129,6 @@ def _is_in(at: float | None, begin: float, end: float) -> bool:
     return at is not None and begin <= at < end
 
 
-def _times(seconds: Iterable[float]) -> Times:
+def _times(seconds: Iterable[float]) -> Lengths:
     found = list(seconds)
-    return Times(len(found), median(found) if found else None, max(found, default=None))
+    return Lengths(len(found), median(found) if found else None, max(found, default=None))

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros_diagnostics_tools.report import faults as report
+from ros_diagnostics_exporter.api import week as report
 from support.web_server import occurrence
 
 BEGIN, END = 100_000.0, 200_000.0

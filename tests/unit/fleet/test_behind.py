@@ -1,0 +1,102 @@
+"""Components that fleet.yml says are behind others of their robot: which, and one fault of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import (
+    ComponentRule,
+    Fleet,
+    Profile,
+    Query,
+    Robot,
+    Source,
+)
+from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.regex import Pattern
+from support.state_driver import ERROR, OK, StateDriver
+
+COMPUTER = Query("up", "Computer 2", robot="robot", interval=5.0, confirm_after=10.0)
+PARTS = ("Laser", "Camera", "Motor", "Power")
+
+
+def profile(**behind: str) -> Profile:
+    rules = (
+        ComponentRule(pattern=Pattern(match.replace("_", " ")), behind=(Pattern(of),))
+        for match, of in behind.items()
+    )
+    return Profile(components=tuple(rules))
+
+
+class Driver(StateDriver):
+    """A robot whose second computer is measured every 5 s, and publishes all else each second."""
+
+    def __init__(self, found: Profile) -> None:
+        topics = {"topic_agg": "/r/diagnostics_agg", "topic_raw": "/r/diagnostics"}
+        robot = Robot("r", source=Source.RAW, profile=found, **topics)
+        super().__init__(fleet=Fleet("f", (robot,), queries=(COMPUTER,)))
+        self.pass_to(20)
+
+    def pass_to(self, end: float, *failing: str) -> None:
+        levels: Mapping[str, int] = dict.fromkeys(failing, ERROR)
+        while self.now.mono < end:
+            self.raw(*(Status(levels.get(each, OK), each) for each in PARTS))
+            if int(self.now.mono) % 5 == 0:
+                found = (Status(levels.get("Computer 2", OK), "Computer 2"),)
+                self.state.receive_answer(COMPUTER.feed, {"r": found}, self.now)
+            self.at(int(self.now.mono) + 1)
+
+    def began(self) -> list[str]:
+        return [each.component for each in self.state.take_events() if each.kind == "fault_began"]
+
+    def quiet(self) -> dict[str, str]:
+        found = self.state.problems(self.now, "r")
+        return {each.identity.component: each.quiet.value for each in found if each.quiet}
+
+
+def test_behind_what_is_measured_a_fault_waits_until_that_is_known():
+    driver = Driver(profile(Laser="Computer"))
+    driver.pass_to(39, "Laser")  # since 20 s
+    assert driver.began() == []
+    driver.pass_to(300, "Laser", "Computer 2")  # known 20 s after it
+    assert driver.began() == ["Computer 2"]
+    assert driver.quiet() == {"Laser": "behind"}
+
+    driver = Driver(profile(Laser="Computer"))
+    driver.pass_to(44, "Laser")
+    assert driver.began() == []
+    driver.pass_to(47, "Laser")  # confirm_after, and the time of a query
+    assert driver.began() == ["Laser"]
+
+
+def test_behind_what_is_published_it_is_a_fault_as_soon_as_others():
+    driver = Driver(profile(Laser="Power"))
+    driver.pass_to(32, "Laser")
+    assert driver.began() == ["Laser"]
+
+
+def test_what_is_behind_what_is_behind_it_is_explained_too():
+    driver = Driver(profile(Laser="Motor", Motor="Power"))
+    driver.pass_to(60, "Laser", "Power")
+    assert driver.began() == ["Power"]
+
+
+@pytest.mark.parametrize("rules", [{"Power": "Power"}, {"Power": "Motor", "Motor": "Power"}])
+def test_what_would_be_behind_itself_is_a_fault_of_its_own(rules):
+    driver = Driver(profile(**rules))
+    driver.pass_to(60, "Motor", "Power")
+    assert sorted(driver.began()) == ["Motor", "Power"]
+
+
+def test_other_settings_are_followed():
+    driver = Driver(profile(Laser="Power"))
+    driver.pass_to(60, "Laser", "Power")
+    assert driver.began() == ["Power"]
+    (robot,) = driver.state.fleet.robots
+    changed = replace(driver.state.fleet, robots=(replace(robot, profile=profile()),))
+    driver.state.configure(changed, driver.now)
+    driver.pass_to(70, "Laser", "Power")
+    assert driver.began() == ["Laser"]

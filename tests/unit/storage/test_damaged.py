@@ -1,0 +1,239 @@
+"""A damaged database is named, kept aside and survived; one of another program stays as it is."""
+
+from __future__ import annotations
+
+import json
+import logging
+import re
+import sqlite3
+from contextlib import closing
+
+import pytest
+
+from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
+from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
+from ros_diagnostics_exporter.events import Wanted
+from ros_diagnostics_exporter.model import Array, Status, Topic
+from ros_diagnostics_exporter.storage.database import MAGIC, VersionError, is_damage
+from support.state_driver import ERROR, OK, StateDriver
+
+HOT, COOL = Status(ERROR, "Motor", "Hot"), Status(OK, "Motor")
+
+# What stands in a file that is not a database, and what the log says of it.
+DAMAGED = {
+    b"{": "it is not a database",
+    b"[" * 100_000: "it is not a database",
+    b"\xff\xfe": "it is not a database",
+    MAGIC: "it is not a database",
+    MAGIC + bytes(84): "it is not a database",
+    MAGIC + b"\x10\x00\x02\x02" + bytes(10_000): "file is not a database",
+}
+
+
+@pytest.mark.parametrize(("raw", "what"), DAMAGED.items(), ids=map(str, range(len(DAMAGED))))
+def test_a_damaged_file_is_named_kept_aside_and_survived(path, caplog, raw, what):
+    path.write_bytes(raw)
+    driver = StateDriver().restart(path)
+    with caplog.at_level(logging.ERROR):
+        driver.save()
+
+    assert len(caplog.records) == 1
+    assert f"{path} is damaged (" in caplog.text
+    assert what in caplog.text
+    assert len(caplog.text) < 1000
+    assert path.with_name("state.damaged-1").read_bytes() == raw
+    assert driver.storage.successful
+    assert driver.restart(path).state.robots.keys() == {"r"}
+
+
+def test_a_file_is_kept_aside_with_its_log_which_is_not_of_the_next(path):
+    path.write_text("damaged")
+    path.with_name("state-wal").write_text("log")
+    StateDriver().restart(path).save()
+    assert path.with_name("state.damaged-1-wal").read_text() == "log"
+
+
+def test_a_file_that_is_far_too_large_is_not_read_whole(path, caplog):
+    with path.open("wb") as file:
+        file.truncate(1 << 30)
+    StateDriver().restart(path).save()
+
+    assert "it is not a database" in caplog.text
+    assert path.with_name("state.damaged-1").stat().st_size == 1 << 30
+
+
+def test_no_damaged_file_overwrites_an_earlier_one_and_ten_are_kept(path, caplog):
+    for turn in range(12):
+        path.write_text(f"damaged {turn}")
+        driver = StateDriver().restart(path)
+        driver.save()
+        assert driver.storage.successful == (turn < 10)
+        driver.close()
+
+    kept = [path.with_name(f"state.damaged-{turn + 1}").read_text() for turn in range(10)]
+    assert kept == [f"damaged {turn}" for turn in range(10)]
+    assert path.read_text() == "damaged 11"
+    assert "10 such files are there; nothing is saved until" in caplog.text
+
+
+@pytest.mark.parametrize("begin", [None, b""], ids=["missing", "empty"])
+def test_a_first_start_is_no_error(path, caplog, begin):
+    if begin is not None:
+        path.write_bytes(begin)
+    driver = StateDriver().restart(path)
+    driver.save()
+    assert driver.storage.successful
+    assert not caplog.text
+
+
+# -- tables and versions ---------------------------------------------------------------------
+
+
+def fleet_of(*names: str) -> Fleet:
+    robots = (Robot(n, topic_raw=f"/{n}/diagnostics", source=Source.RAW) for n in names)
+    return Fleet("f", tuple(robots))
+
+
+@pytest.fixture
+def written(path) -> StateDriver:
+    """A process that has ended, with a hot motor of each of three robots."""
+    driver = StateDriver(fleet=fleet_of("r", "s", "t"))
+    for name in ("r", "s", "t"):
+        topic = Topic(0, f"/{name}/diagnostics")
+        driver.state.receive(topic, Array(0.0, (HOT,), 100), driver.now)
+    driver.keep(path)
+    driver.close()
+    return driver
+
+
+@pytest.mark.parametrize("statement", ["DROP TABLE faults", "ALTER TABLE events ADD COLUMN more"])
+def test_a_database_with_other_tables_is_kept_aside(path, written, edit, caplog, statement):
+    edit(statement)
+    after = written.restart(path)
+    after.save()
+
+    what = "its tables are not those of this version"
+    assert f"{path} is damaged ({what}), 0 robots of it are restored" in caplog.text
+    assert path.with_name("state.damaged-1").exists()
+    assert after.storage.successful
+
+
+@pytest.mark.parametrize(
+    ("statement", "what"),
+    [
+        ("user_version = 4", "a database of version 4, and this exporter writes version 3; "),
+        ("user_version = 0", "a database of version 0, and this exporter writes version 3; "),
+        ("application_id = 1", "the database of another program"),
+    ],
+)
+def test_a_database_of_another_version_stays_and_stops_the_start(
+    path, written, edit, statement, what
+):
+    edit("PRAGMA journal_mode = DELETE", f"PRAGMA {statement}")
+    whole = path.read_bytes()
+
+    with pytest.raises(VersionError, match=re.escape(f"{path} is {what}")):
+        written.restart(path)
+    assert path.read_bytes() == whole
+    assert not path.with_name("state.damaged-1").exists()
+
+
+@pytest.mark.parametrize("statement", ["ANALYZE", "CREATE INDEX mine ON events (time)"])
+def test_what_a_person_added_to_speed_it_up_is_no_damage(path, written, edit, caplog, statement):
+    edit(statement)
+    after = written.restart(path)
+    after.save()
+
+    assert after.component("Motor").before_stale == ERROR
+    assert not caplog.text
+
+
+def error_of(cause: str, path) -> sqlite3.Error:
+    """What SQLite says about a database in this state."""
+    with closing(sqlite3.connect(path)) as other, closing(sqlite3.connect(path, timeout=0)) as own:
+        if cause == "locked":
+            other.execute("BEGIN EXCLUSIVE")
+        elif cause == "damaged":
+            size = path.stat().st_size
+            path.write_bytes(path.read_bytes()[:100].ljust(size, b"x"))
+        elif cause == "no database":
+            path.write_bytes(b"x" * 4096)
+        elif cause == "too many pages":
+            own.execute("PRAGMA max_page_count = 2")
+        wrong = "none" if cause == "our own mistake" else "data"
+        with pytest.raises(sqlite3.Error) as raised:
+            own.execute(f"INSERT INTO events ({wrong}) VALUES (zeroblob(100000))")
+        return raised.value
+
+
+@pytest.mark.parametrize(
+    "cause", ["damaged", "no database", "locked", "too many pages", "our own mistake"]
+)
+def test_only_what_sqlite_calls_corrupt_is_damage(path, edit, cause):
+    edit("CREATE TABLE events (data)")
+    error = error_of(cause, path)
+    damaged = cause in ("damaged", "no database")
+
+    assert is_damage(error) is damaged
+    del error.sqlite_errorcode  # as Python 3.10 raises it
+    assert is_damage(error) is damaged
+    assert not is_damage(sqlite3.OperationalError("locking protocol"))
+
+
+# -- what is restored of it ------------------------------------------------------------------
+
+WRONG = {
+    "level": 7,
+    "before_stale": "ERROR",
+    "since": "yesterday",
+    "identity": ["Motor"],
+    "message": "x" * 5000,
+    "hardware_id": None,
+    "listed": [],
+}
+
+
+@pytest.mark.parametrize("field", WRONG)
+def test_robots_that_are_whole_are_restored_from_a_damaged_file(path, written, edit, caplog, field):
+    place = f"'$.components[0].{field}', json('{json.dumps(WRONG[field])}')"
+    edit(f"UPDATE robots SET data = json_set(data, {place}) WHERE name = 's'")
+    after = written.restart(path)
+    after.save()
+
+    assert after.component("Motor").before_stale == ERROR
+    assert not after.state.robots["s"].components
+    assert f"robot 's': components.0.{field}" in caplog.text
+    assert "2 robots of it are restored; it is kept as" in caplog.text
+    assert "fleet" in fleet_snapshot(after.state, after.now)
+    assert len(list(after.log.find(Wanted(kind="level")))) == 3
+    assert after.restart(path).component("Motor").before_stale == ERROR
+
+
+def test_of_several_damaged_robots_the_first_is_named(path, written, edit, caplog):
+    edit("UPDATE robots SET data = '{}' WHERE name <> 'r'")
+    after = written.restart(path)
+    after.save()
+
+    assert after.component("Motor").before_stale == ERROR
+    assert "robot 's': " in caplog.text
+    assert ", and 1 more robots" in caplog.text
+
+
+def test_damage_while_it_runs_is_kept_aside_and_everything_written_again(path, caplog):
+    driver = StateDriver()
+    driver.raw(HOT, *(Status(OK, f"c{number}", "x" * 4000) for number in range(50)))
+    driver.keep(path)
+    driver.storage.close()
+    with path.open("r+b") as file:
+        file.seek(3 * 4096)
+        file.write(b"\xff" * 4096 * 10)
+    for second in (2, 4):
+        driver.at(second)
+        driver.raw(COOL)
+        driver.save()
+
+    assert f"kept as {path}.damaged-1" in caplog.text
+    assert driver.storage.successful
+    after = driver.restart(path)
+    assert len(after.robot.components) == 51
+    assert after.component("Motor").before_stale == OK
