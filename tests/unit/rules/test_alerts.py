@@ -16,6 +16,7 @@ from support.shipped_rules import (
     ROOT,
     RULE_FILES,
     alerts,
+    read_yaml,
     rules,
     run_tool,
 )
@@ -150,7 +151,7 @@ def read_from_exporters() -> list[Any]:
     absence = {f"RosDiagnosticsExporter{what}" for what in ("Down", "NeverAnswered")}
     return [
         pytest.param(rule["alert"], rule["expr"], id=rule["alert"])
-        for group in yaml.safe_load((PROMETHEUS / "rules" / "monitoring.yml").read_text())["groups"]
+        for group in read_yaml(PROMETHEUS / "rules" / "monitoring.yml")["groups"]
         for rule in group["rules"]
         if "alert" in rule and rule["alert"] not in absence
     ]
@@ -173,7 +174,7 @@ def test_the_alerts_about_robots_are_short():
     lines = [
         line
         for name in files
-        for group in yaml.safe_load((PROMETHEUS / "rules" / name).read_text())["groups"]
+        for group in read_yaml(PROMETHEUS / "rules" / name)["groups"]
         for rule in group["rules"]
         for line in rule["expr"].splitlines()
         if line.strip()
@@ -194,7 +195,7 @@ def test_a_promtool_test_shows_the_alert_inactive_firing_and_resolved(name: str)
     firing = [
         [bool(c["exp_alerts"]) for c in test.get("alert_rule_test", ()) if c["alertname"] == name]
         for file in PROMTOOL_TESTS
-        for test in yaml.safe_load(file.read_text())["tests"]
+        for test in read_yaml(file)["tests"]
     ]
 
     assert any(when[:1] == [False] and when[-1:] == [False] and any(when) for when in firing)
