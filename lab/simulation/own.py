@@ -1,4 +1,4 @@
-"""Parts of the exporter itself: what its own checks say of them, and what has to hold of their faults."""
+"""Parts of the exporter itself: what is reported of them, and what has to hold of their faults."""
 
 from __future__ import annotations
 
