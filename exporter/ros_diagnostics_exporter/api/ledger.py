@@ -5,7 +5,7 @@ Events are given as /api/v1/events returns them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.severity import (
@@ -52,6 +52,26 @@ def window(began: Iterable[Event], ended: Iterable[Event], at: float) -> Window:
     return Window(min(each[0] for each in lasting) - 1, max(each[1] for each in lasting) + LATE)
 
 
+def account(
+    find: Callable[..., list[Event]], known: dict[str, Any], component: str | None, at: float
+) -> list[dict[str, Any]]:
+    """The entries of the ledger of a robot, or of one component of it, at a Unix time.
+
+    Args:
+        find: The events that match, newest first; its arguments are those of `Wanted`.
+        known: The robot, with its labels.
+        component: Only this component's events and those of the whole robot; None for all.
+        at: Of what time the ledger is to be.
+    """
+    robot = known["robot"]
+    began = find(kind="fault_began", robot=robot, component=component, until=at, limit=100)
+    ended = find(kind="fault_ended", robot=robot, component=component, limit=1_000)
+    since, until = window(began, ended, at)
+    own = find(robot=robot, since=since, until=until, limit=1_000)
+    of_many = find(robot="", since=since, until=until, limit=100)
+    return entries(own, of_many, component, known["labels"].get("site", ""))
+
+
 def _fault(event: Event) -> tuple[Any, ...]:
     return tuple(event.get(name, "") for name in _FAULT)
 
@@ -77,9 +97,15 @@ def entries(
     return [{"time": each["time"], "text": one_line(event_text(each))} for each in kept]
 
 
-def standings(problems: Iterable[dict[str, Any]], now: float, robot: dict[str, Any]) -> list[str]:
-    """The robot's downtimes; of each problem how it stands, why it is quiet, who was notified."""
-    return [*map(one_line, downtime_texts(robot, now)), *_standings(problems, now, robot)]
+def standings(robot: dict[str, Any], component: str | None, now: float) -> list[str]:
+    """The robot's downtimes; of each problem how it stands, why it is quiet, who was notified.
+
+    Then of which problems a capsule is kept. Of one component, or of all where that is None.
+    """
+    problems = [each for each in robot["problems"] if component in (None, each["component"])]
+    found = [*map(one_line, downtime_texts(robot, now)), *_standings(problems, now, robot)]
+    kept = [each["capsule"] for each in problems if each["capsule"]]
+    return [*found, *(f"recorded around its begin: {capsule}" for capsule in kept)]
 
 
 def _standings(problems: Iterable[dict[str, Any]], now: float, robot: dict[str, Any]) -> list[str]:

@@ -281,8 +281,7 @@ def test_a_fault_that_lasts_has_the_times_before_too_and_removed_is_no_recovery(
     lasting = ENDED | {"until": None, "reason": None, "since": 1_050.0}
     given = fleet(robot("a", problems=[broken(fault=FAULT)]))
     server = serve(
-        fleet_snapshot=lambda: given,
-        fault_history=lambda _fault: history(lasting, ENDED, removed),
+        fleet_snapshot=lambda: given, fault_history=lambda _fault: history(lasting, ENDED, removed)
     )
     text = read(ask(server, f"/faults/{FAULT}").text).text
     assert "It has ended" not in text
