@@ -51,7 +51,7 @@ TOO_WIDE = """() => [...document.querySelectorAll('.md-content *')].filter((elem
     const box = element.getBoundingClientRect();
     if (!box.width || box.right <= document.documentElement.clientWidth + 1) return false;
     for (let each = element.parentElement; each; each = each.parentElement)
-        if (getComputedStyle(each).overflowX !== 'visible') return false;
+        if (['auto', 'scroll'].includes(getComputedStyle(each).overflowX)) return false;
     return true;
 }).map((element) => element.outerHTML.slice(0, 80))"""
 FOUND = ".md-search-result__item a"
