@@ -60,8 +60,7 @@ class Service:
     CAPSULES = 1.0  # ... of the one that compresses what was received
     FORGET = 60.0  # ... between two looks of that loop what is not received any more
     UNMATCHED = 60.0  # ... of the one that looks for entries of fleet.yml that match nothing
-    WEEK = 60.0  # ... of the one that counts what the week had
-    COUNTED = 300.0  # ... between two looks of that loop into the event log
+    WEEK = 300.0  # ... of the one that counts what the week had
     ADOPT = 60.0  # ... between two looks at which alerts fire, once it has settled
     HANGING = 30.0  # seconds after which a turn of a vital loop hangs
     JOIN = 30.0  # seconds until a domain that could not be joined is tried again
@@ -109,7 +108,7 @@ class Service:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
         self._watched: list[Loop] = []  # that others made
-        self._join_at = self._adopt_at = self._forget_at = self._week_at = self._check_at = now.mono
+        self._join_at = self._adopt_at = self._forget_at = now.mono
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = Listener(self.state, ros_arguments=ros_arguments)
         self._prometheus = Prometheus(self.state, prometheus, read_clocks)
@@ -128,6 +127,7 @@ class Service:
         )
         self._self_metrics = SelfMetrics(self._exporter)
         self._self_check = SelfCheck(self._exporter, now)
+        self._check_at = now.mono
 
     def start(self) -> None:
         """Begin all loops: join the fleet's domains, listen, judge."""
@@ -182,8 +182,16 @@ class Service:
             self._asked.set()
         self._record_events()
         with self._recording:
-            for event in self._notifications.acknowledge(self._acknowledged()):
-                self._record(event)
+            self._record(*self._notifications.acknowledge(self._acknowledged()))
+
+    def _keep_capsules(self) -> None:
+        now = read_clocks()
+        if self._capsules is None:
+            return
+        if now.mono >= self._forget_at:
+            self._forget_at = now.mono + self.FORGET
+            self._capsules.follow(*self.state.received())
+        self._capsules.turn(now)
 
     def _make_capsules(self, database: Path, config_file: Path) -> Capsules:
         folder = database.with_name(f"{database.stem}.capsules")
@@ -192,22 +200,10 @@ class Service:
         self.state.recorder = capsules.rings.receive
         return capsules
 
-    def _keep_capsules(self) -> None:
-        if self._capsules is None:
-            return
-        now = read_clocks()
-        if now.mono >= self._forget_at:
-            self._forget_at = now.mono + self.FORGET
-            self._capsules.follow(*self.state.received())
-        self._capsules.turn(now)
-
     def _count_week(self) -> None:
-        now = read_clocks()
-        if now.mono >= self._week_at:
-            self._week_at = now.mono + self.COUNTED
-            self._record_events()
-            lasting = self.faults()["faults"]
-            self._exporter.week = of_week.counted(self._find, lasting, now.wall)
+        """Count what the event log has of seven days."""
+        lasting, now = self.faults()["faults"], read_clocks().wall
+        self._exporter.week = of_week.counted(self.find_events, lasting, now)
 
     def _adopt(self, alertmanager: Alertmanager) -> None:
         """Go on with the faults that fire and that nobody here knows, as without the database.
@@ -263,16 +259,16 @@ class Service:
 
     def _record_events(self) -> None:
         with self._recording:  # so that they are recorded in order
-            for event in self.state.take_events():
-                self._record(event)
+            self._record(*self.state.take_events())
 
-    def _record(self, event: Event) -> None:
-        self.events.record(event)
-        self._notifications.note(event)
-        if self._capsules is not None and event.kind == "fault_began" and event.robot:
-            fault = fault_of(self.state.fleet, asdict(event))
-            self._capsules.note(fault, event, read_clocks())
-            self._capsules_loop.wake()
+    def _record(self, *events: Event) -> None:
+        for event in events:
+            self.events.record(event)
+            self._notifications.note(event)
+            if self._capsules is not None and event.kind == "fault_began" and event.robot:
+                fault = fault_of(self.state.fleet, asdict(event))
+                self._capsules.note(fault, event, read_clocks())
+                self._capsules_loop.wake()
 
     def reload(self, why: str = "POST /-/reload") -> None:
         """Read the config again and follow it; if it is invalid, keep the previous one.
@@ -347,10 +343,7 @@ class Service:
         return snapshot.Care(self._notifications.lasting(), self._acknowledged(), has)
 
     def capsule(self, fault: str, so_far: bool = False) -> bytes:
-        """The newest capsule of a fault; LookupError if there is none.
-
-        ``so_far``: of the fault that lasts, also while its capsule is not complete.
-        """
+        """The newest capsule of a fault, ``so_far`` also one under way; LookupError if none."""
         if self._capsules is None:
             raise LookupError("no capsules are kept: the exporter runs with --storage.path=none")
         self._record_events()
@@ -365,6 +358,10 @@ class Service:
         """The faults that last, by id."""
         fleet, lasting = self.state.fleet, self.state.faults()
         return {fault_id(fleet.name, fleet.exporter, each.identity): each for each in lasting}
+
+    def last_event(self) -> int:
+        """The id of the last event."""
+        return self.events.last
 
     def find_events(self, wanted: Wanted) -> Iterable[dict[str, Any]]:
         """The events that match the filter, newest first."""
@@ -431,8 +428,7 @@ class Service:
         self._record_events()
         with self._recording:
             events, ignored = self._notifications.receive(message, fleet, now.wall)
-            for event in events:
-                self._record(event)
+            self._record(*events)
         return len(events) + canaries, ignored - canaries
 
     def acknowledge(self, fault: str, person: Person) -> None:

@@ -111,6 +111,7 @@ class Site:
         self, options: argparse.Namespace, domain_id: int, folder: Path, *, zenoh: bool
     ) -> None:
         self.options = options
+        self.domain_id = domain_id
         self._environment = domains.environment(domain_id)
         self._folder = folder
         self._started: list[Process] = []
@@ -121,10 +122,12 @@ class Site:
             self._config = routers + CONFIG.format(found="zenoh: /")
             self.start_actor("router", seconds=2 * BEGIN + options.seconds).wait_for_output("ready")
 
-    def start_exporter(self, address: str, program: Sequence[str | Path] = EXPORTER) -> Process:
-        """Start the exporter, which finds the fleet."""
+    def start_exporter(
+        self, address: str, program: Sequence[str | Path] = EXPORTER, more: str = ""
+    ) -> Process:
+        """Start the exporter, which finds the fleet; ``more`` are lines of its fleet.yml."""
         config = self._folder / "fleet.yml"
-        config.write_text(self._config)
+        config.write_text(self._config + more)
         arguments: list[str | Path] = ["--config.file", config, "--web.listen-address", address]
         arguments += ["--storage.path", self._folder / "exporter.db"]
         return self._start("exporter", [*program, *arguments])

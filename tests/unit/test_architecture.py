@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from statistics import median
 
@@ -27,16 +28,9 @@ TREES = {
 # Of each tree its packages and modules: each imports only from lines above its own.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
-        (
-            "model",
-            "durations",
-            "files",
-            "regex",
-            "texts",
-            "weekly",
-            "zstd",
-        ),
+        ("model", "durations", "files", "regex", "texts", "weekly", "zstd"),
         ("events", "http_client", "logs", "loops", "severity"),
+        ("event_texts",),
         ("config",),
         ("decode",),
         ("sources",),
@@ -97,7 +91,7 @@ MAY_KNOW = {"demo": {"testbed"}, TOOLS: {EXPORTER}}
 TOOLS_DO_NOT_KNOW = {"canary", "logs", "notifications", "web", "service", "cli"}
 # What the web shows it is given by its Backend; of the config it knows how YAML is read.
 WEB_KNOWS = {
-    *("web", "model", "durations", "events", "files", "loops", "severity", "texts"),
+    *("web", "model", "durations", "event_texts", "events", "files", "loops", "severity", "texts"),
 }
 WEB_READS_BY = f"{EXPORTER}.config.yaml_file"
 KNOW_ROS = {
@@ -123,9 +117,15 @@ FILES = sorted(
 )
 
 
+@cache
+def nodes(path: Path) -> list[ast.AST]:
+    """All of a file's syntax, its module first."""
+    return list(ast.walk(ast.parse(path.read_text())))
+
+
 def imports(path: Path) -> Iterator[str]:
     """Yield every module that the file imports, wherever in the file."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -197,7 +197,7 @@ def test_now_is_an_argument_except_at_the_edge():
             continue
         asked = {
             f"{node.value.id}.{node.attr}"
-            for node in ast.walk(ast.parse(path.read_text()))
+            for node in nodes(path)
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
         }
         assert not CLOCKS & (asked | set(imports(path))), module
@@ -207,7 +207,7 @@ def test_a_reader_can_hold_a_function_in_the_head():
     sizes = sorted(
         node.end_lineno - node.lineno + 1
         for _, path in FILES
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes(path)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     )
 
@@ -232,7 +232,7 @@ def test_no_two_classes_have_one_name(tree):
         node.name
         for module, path in FILES
         if module.startswith(f"{tree}.")
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes(path)
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
     )
 
@@ -240,8 +240,6 @@ def test_no_two_classes_have_one_name(tree):
 
 
 def test_every_file_says_what_it_is_for():
-    silent = [
-        module for module, path in FILES if not ast.get_docstring(ast.parse(path.read_text()))
-    ]
+    silent = [module for module, path in FILES if not ast.get_docstring(nodes(path)[0])]
 
     assert not silent

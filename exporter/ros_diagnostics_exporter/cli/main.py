@@ -183,6 +183,7 @@ def _serve(options: argparse.Namespace, listen: list[str], service: Service) -> 
         web_config=options.web_config,
         lifecycle=options.lifecycle,
         actions=options.actions,
+        runbooks=options.runbooks,
         domains=len(service.state.fleet.domain_ids),
     )
     service.watch(server.loop)

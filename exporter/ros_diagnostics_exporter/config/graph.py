@@ -1,9 +1,11 @@
 """The key `graph` of a profile: what of the ROS graph and of the link is judged, and how."""
 
 import re
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
+from typing_extensions import override
 
 from ros_diagnostics_exporter.config.errors import WrongValueError, quoted
 from ros_diagnostics_exporter.config.keys import Entry, Value, Written, described
@@ -21,6 +23,13 @@ def _node_name(value: Any) -> str:
 
 
 NodeName = Annotated[str, Value(_node_name, "name of a node", type="string", pattern=f"^{_NODE}$")]
+NO_RATES = (
+    "rates cannot be subscribed: this takes a filter in the publisher, which rclpy of ROS 2 Jazzy "
+    "cannot ask for (that of Kilted can, from 9.1)"
+)
+OTHER_RATES = (
+    "remove it, and have the driver report its rate, with TopicDiagnostic of diagnostic_updater"
+)
 Loss = Annotated[float, Field(gt=0, le=1)]
 
 
@@ -52,12 +61,26 @@ class Watched(Entry):
         example=True,
         default=False,
     )
+    batteries: bool = described(
+        "Subscribe the robot's topics `battery_state` (sensor_msgs/BatteryState): each is a "
+        "component with values such as `percentage`, which `values` judges, at the level of its "
+        "health.",
+        example=True,
+        default=False,
+    )
     bytes_per_second: Annotated[int, Field(ge=1, le=1_000_000_000)] = described(
         "How much all this may be for each robot, over a minute. Beyond it the largest topic is "
         "given up for an hour, and the component `watch` in `ROS graph` names it.",
         example=5000,
         default=20_000,
     )
+
+    @override
+    @classmethod
+    def _read(cls, data: Any, handler: Callable[[Any], Any]) -> Any:
+        if isinstance(data, dict) and "rates" in data:
+            raise WrongValueError(NO_RATES, OTHER_RATES, ("rates",))
+        return super()._read(data, handler)
 
 
 class Graph(Entry):

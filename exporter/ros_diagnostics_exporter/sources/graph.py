@@ -20,8 +20,11 @@ from ros_diagnostics_exporter.model import Domain, Feed, Instant, Level, Status
 from ros_diagnostics_exporter.sources.graph_messages import (
     LOGS,
     PARAMETERS,
+    Battery,
     Message,
     Messages,
+    MessagesLearned,
+    Parameters,
     is_wanted,
     node_in,
     node_of,
@@ -47,6 +50,7 @@ HELD = 120.0  # ... after a start, until what is no problem any more is well
 UNREAD = 900.0  # ... more after which a topic that was not read again is not there any more
 KEPT = 3600.0  # seconds for which a status is made after its trouble
 WRITTEN = 3600.0  # ... between two writes of what was learned
+SOON = 10.0  # ... after a message that a later process should know, until it is written
 LINK = "link"
 LEAST_MESSAGES = 20  # that are expected, until a loss is judged
 MOST_KNOWN = 1000  # nodes, or topics, of one robot
@@ -67,7 +71,7 @@ class Learned(NamedTuple):
     """What a later process should know of one robot.
 
     ``known`` is the Unix time since when it is, ``nodes`` are seconds by name; ``shown`` are the
-    components with a status, ``accepted`` mismatches that a person knows, by topic.
+    components that are or were a problem, ``accepted`` mismatches that a person knows, by topic.
     """
 
     known: Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
@@ -75,23 +79,25 @@ class Learned(NamedTuple):
     topics: Annotated[dict[_Name, TopicLearned], Field(max_length=MOST_KNOWN)]
     shown: Annotated[list[_Name], Field(max_length=2 * MOST_KNOWN)]
     accepted: Annotated[list[_Accepted], Field(max_length=MOST_KNOWN)]
+    messages: MessagesLearned
 
 
 class Report(NamedTuple):
     """All statuses of one robot, and what happened.
 
-    ``held`` are components of an earlier process of which nothing is known yet; so many nodes are
+    ``held`` are components of which nothing is known yet, or any more; so many nodes are
     ``expected``; ``lossy``: too many messages are lost. ``logs`` are those of the last minute, and
     ``watched`` the bytes per second of what is subscribed beside diagnostics, None: nothing is.
+    Of a robot that is not watched any more, ``expected`` is None, and nothing is wrong.
     """
 
     robot: str
     feed: Feed
     statuses: tuple[Status, ...]
     held: frozenset[str]
-    expected: int
+    expected: int | None
     lossy: bool
-    events: tuple[str, ...]
+    events: tuple[str, ...] = ()
     logs: tuple[str, ...] = ()
     watched: float | None = None
 
@@ -146,8 +152,10 @@ class RobotGraph:
     def see_message(self, node: str, message: Message, now: Instant) -> None:
         """Take a message of one of its nodes, by its full name."""
         if own := self._own(node):
-            self.messages.note(own, message, self.settings.watch, now)
-            self.report_at = now.mono
+            if self.messages.note(own, message, self.settings.watch, now):
+                self.report_at = now.mono
+            if not isinstance(message, Battery | Parameters):
+                self.write_at = min(self.write_at, now.mono + SOON)
 
     def see_link(self, reading: LinkReading | None, now: Instant) -> None:
         """Take what arrived of late."""
@@ -185,7 +193,8 @@ class RobotGraph:
             del self._well[name]
         parts = (self._nodes, self._topics, self.messages)
         events = tuple(each for part in parts for each in part.take_events())
-        statuses, held = tuple(self._statuses()), frozenset(self._held)
+        batteries, mute = self.messages.batteries(self.settings.watch, now)
+        statuses, held = (*self._statuses(), *batteries), frozenset(self._held | mute)
         expected = self._nodes.expected
         logs = self.messages.recent(now)
         feed, watched = self._feed(now), self.watched
@@ -249,6 +258,7 @@ class RobotGraph:
         """
         self._nodes.accept(self.settings.learn_after)
         self._topics.accept(self.settings.learn_after)
+        self.messages.accept()
         self.known = min(self.known, now.wall - SHADOW_TIME)
         self.report_at = self.write_at = now.mono
         return self._nodes.expected
@@ -257,6 +267,7 @@ class RobotGraph:
         """Expect no more what a component is about."""
         self._nodes.forget(component)
         self._topics.forget(component, self.settings.learn_after)
+        self.messages.forget(component)
         self._problems.pop(component, None)
         self._well.pop(component, None)
         self._held.discard(component)
@@ -269,7 +280,7 @@ class RobotGraph:
         shown = sorted(self._problems.keys() | self._well.keys() | self._held)
         accepted: list[Any] = self._topics.accepted()  # a Mismatch is a tuple of texts
         nodes, topics = self._nodes.learned(now), self._topics.learned(shown)
-        return Learned(self.known, nodes, topics, shown, accepted)
+        return Learned(self.known, nodes, topics, shown, accepted, self.messages.learned(now))
 
     def restore(self, learned: Learned, now: Instant) -> None:
         """Go on from what an earlier process knew."""
@@ -278,6 +289,7 @@ class RobotGraph:
         topics = {name: TopicLearned(*each) for name, each in learned.topics.items()}
         accepted = [(name, Mismatch(*each)) for name, each in learned.accepted]
         self._topics.restore(topics, accepted)
+        self.messages.restore(MessagesLearned(*learned.messages), now)
         self._held = set(learned.shown)
 
 
@@ -292,6 +304,7 @@ class GraphWatch:
         self._wanted: dict[Domain, dict[str, str]] = {}  # topics beside diagnostics -> type
         self._given_up: dict[tuple[Domain, str], float] = {}  # topics, until when
         self._gone: set[str] = set()  # robots whose rows are to be deleted
+        self._left: set[str] = set()  # ... of which nothing is to be said any more
 
     def follow(self, domain: Domain, robots: Iterable[Robot], now: Instant) -> None:
         """Take the robots of a domain as they are now; each has what is in its namespace."""
@@ -304,6 +317,7 @@ class GraphWatch:
         for name in [name for name in self._robots if name not in names]:
             del self._robots[name]
             self._gone.add(name)
+            self._left.add(name)
         for name, settings in owners.by_name.items():
             graph, namespace = settings.profile.graph, settings.namespace
             if name in self._robots:
@@ -311,6 +325,7 @@ class GraphWatch:
                 continue
             made = self._robots[name] = RobotGraph(graph, namespace, now)
             self._gone.discard(name)
+            self._left.discard(name)
             if (learned := self._restored.pop(name, None)) is not None:
                 made.restore(learned, now)
 
@@ -409,6 +424,8 @@ class GraphWatch:
 
     def reports(self, domain: Domain, now: Instant) -> Iterator[Report]:
         """What is to be said now of the robots of a domain."""
+        while self._left:
+            yield Report(self._left.pop(), GRAPH, (), frozenset(), None, lossy=False)
         for name in self._owners[domain].by_name:
             robot = self._robots[name]
             if now.mono >= robot.report_at:

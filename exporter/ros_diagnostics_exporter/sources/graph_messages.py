@@ -1,4 +1,4 @@
-"""What nodes of one robot log, and say of their life cycle and parameters. Pure.
+"""What nodes of one robot log, and say of their life cycle, parameters and batteries. Pure.
 
 Only where fleet.yml asks: these topics are subscribed for it, and cost bytes of the robot's link.
 """
@@ -9,20 +9,26 @@ import struct
 from collections import deque
 from collections.abc import Iterator, Mapping
 from math import inf
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
 
 from ros_diagnostics_exporter.config.graph import Watched
-from ros_diagnostics_exporter.model import Instant, Level
+from ros_diagnostics_exporter.model import Instant, Level, Status
 
 LOGS, PARAMETERS = "/rosout", "/parameter_events"  # of all nodes of a domain
 TRANSITIONS = "/transition_event"  # of one node, behind its name
+BATTERIES = "/battery_state"  # of one battery, behind a namespace
 LOG_TYPE = "rcl_interfaces/msg/Log"
 PARAMETERS_TYPE = "rcl_interfaces/msg/ParameterEvent"
 TRANSITION_TYPE = "lifecycle_msgs/msg/TransitionEvent"
+BATTERY_TYPE = "sensor_msgs/msg/BatteryState"
 RECENT = 60.0  # seconds for which a log message is beside the robot's faults
 STUCK = 30.0  # ... for which a node may be between two states of its life cycle
 MOST = 20  # log messages that are kept, and nodes of which one is a fault
 MOST_NODES = 1000
+MOST_BATTERIES = 100
+SILENT = 60.0  # seconds after which what a battery said is not repeated: it becomes STALE
 LOGGER_AT, NODE_AT = 16, 12  # of a Log's and of a ParameterEvent's in CDR: where a text begins
 GIVEN_UP = "watch"  # the component that names what is read no more
 
@@ -50,18 +56,55 @@ class Parameters(NamedTuple):
     changed: tuple[tuple[str, str | None], ...]
 
 
-Message = Log | Transition | Parameters
+class Battery(NamedTuple):
+    """What a battery says of itself: words of its state and health, and values with their units."""
+
+    state: str
+    health: str
+    values: tuple[tuple[str, str], ...]
+
+    @property
+    def level(self) -> Level:
+        """As its health is: COLD passes, the others need somebody."""
+        if self.health in ("good", "unknown"):
+            return Level.OK
+        return Level.WARN if self.health == "cold" else Level.ERROR
+
+    def status(self, name: str) -> Status:
+        """As a component of its robot."""
+        text = self.state if self.level is Level.OK else f"health: {self.health}"
+        return Status(int(self.level), name, text, "", self.values)
+
+
+Message = Log | Transition | Parameters | Battery
+_Text = Annotated[str, Field(max_length=1000)]
+_Time = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
+
+
+class MessagesLearned(NamedTuple):
+    """What a later process should know, by node or topic: (Unix time, ...) of each.
+
+    ``logs`` are messages that are faults, ``states`` where nodes were between two states or fell.
+    """
+
+    logs: Annotated[dict[_Text, tuple[_Time, _Text]], Field(max_length=MOST)]
+    states: Annotated[dict[_Text, tuple[_Time, _Text, _Text]], Field(max_length=MOST_NODES)]
+    batteries: Annotated[list[_Text], Field(max_length=MOST_BATTERIES)]
 
 
 def node_of(topic: str, message: Message) -> str:
-    """The full name of the node that a message is about."""
+    """The full name of the node, or of the topic of a battery, that a message is about."""
     if isinstance(message, Log):
         return f"/{message.logger.replace('.', '/')}"
+    if isinstance(message, Battery):
+        return topic
     return message.node if isinstance(message, Parameters) else topic.removesuffix(TRANSITIONS)
 
 
 def node_in(topic: str, kind: str, data: bytes) -> str:
-    """The full name of the node that a serialized message is about; "" where it names none."""
+    """`node_of` of a serialized message; "" where it names none."""
+    if kind == BATTERY_TYPE:
+        return topic
     if kind == TRANSITION_TYPE:
         return topic.removesuffix(TRANSITIONS)
     at = LOGGER_AT if kind == LOG_TYPE else NODE_AT
@@ -77,6 +120,8 @@ def is_wanted(topic: str, kind: str, watch: Watched) -> bool:
     """Whether a robot's config asks for a topic of this type."""
     if kind == TRANSITION_TYPE:
         return watch.transitions and topic.endswith(TRANSITIONS)
+    if kind == BATTERY_TYPE:
+        return watch.batteries and topic.endswith(BATTERIES)
     wanted = {(LOGS, LOG_TYPE): watch.logs, (PARAMETERS, PARAMETERS_TYPE): watch.parameters}
     return wanted.get((topic, kind), False)
 
@@ -88,11 +133,14 @@ class Messages:
         self._logs: deque[tuple[float, str]] = deque(maxlen=MOST)
         self._matches: dict[str, tuple[float, str]] = {}  # node -> when, text
         self._states: dict[str, tuple[float, Transition]] = {}
+        self._batteries: dict[str, tuple[float, Battery | None]] = {}  # topic -> when, what
         self._events: deque[str] = deque(maxlen=MOST)
         self.given_up: dict[str, str] = {}  # topic -> why
 
-    def note(self, node: str, message: Message, watch: Watched, now: Instant) -> None:
-        """Take a message of a node."""
+    def note(self, node: str, message: Message, watch: Watched, now: Instant) -> bool:
+        """Take a message of a node; whether it is more than a new value of what was there."""
+        if isinstance(message, Battery):
+            return self._note_battery(node, message, now)
         if isinstance(message, Parameters):
             for name, value in message.changed:
                 what = "was deleted" if value is None else f"is now {value}"
@@ -105,6 +153,24 @@ class Messages:
             is_fault = any(each.fullmatch(message.text) for each in watch.log_faults)
             if is_fault and (node in self._matches or len(self._matches) < MOST):
                 self._matches[node] = now.mono, message.text
+        return True
+
+    def _note_battery(self, topic: str, battery: Battery, now: Instant) -> bool:
+        _at, last = self._batteries.get(topic, (0.0, None))
+        if topic in self._batteries or len(self._batteries) < MOST_BATTERIES:
+            self._batteries[topic] = now.mono, battery
+        return last is None or last[:2] != battery[:2]
+
+    def batteries(self, watch: Watched, now: Instant) -> tuple[list[Status], set[str]]:
+        """The batteries as components, and the names of those that say nothing any more."""
+        if not watch.batteries:
+            self._batteries.clear()
+        said = {
+            name: each
+            for name, (at, each) in self._batteries.items()
+            if each is not None and now.mono - at < SILENT
+        }
+        return [each.status(name) for name, each in said.items()], self._batteries.keys() - said
 
     def recent(self, now: Instant) -> tuple[str, ...]:
         """The log messages of the last minute, the newest first."""
@@ -125,11 +191,12 @@ class Messages:
         return problems
 
     def _judge_states(self, now: Instant) -> Iterator[tuple[str, tuple[int, str]]]:
-        for node, (at, (start, goal)) in self._states.items():
-            if goal.endswith("ing") and now.mono - at >= STUCK:
-                yield f"lifecycle {node}", (int(Level.ERROR), f"stuck in {goal}")
-            elif start == "errorprocessing" and goal in ("unconfigured", "finalized"):
-                yield f"lifecycle {node}", (int(Level.ERROR), f"fell to {goal} after an error")
+        for node, (at, each) in self._states.items():
+            if each.goal.endswith("ing") and now.mono - at >= STUCK:
+                yield f"lifecycle {node}", (int(Level.ERROR), f"stuck in {each.goal}")
+            elif _fell(each):
+                text = f"fell to {each.goal} after an error"
+                yield f"lifecycle {node}", (int(Level.ERROR), text)
 
     def due(self, now: Instant) -> float:
         """When time makes a problem of what was received, or ends a recent message; monotonic."""
@@ -142,6 +209,53 @@ class Messages:
         events = list(self._events)
         self._events.clear()
         return events
+
+    # -- by a person -----------------------------------------------------------------------------
+
+    def accept(self) -> None:
+        """Take as usual what is a problem."""
+        self._matches.clear()
+        self._states.clear()
+
+    def forget(self, component: str) -> None:
+        """Know no more what a component is about."""
+        self._batteries.pop(component, None)
+        kind, _blank, node = component.partition(" ")
+        if kind == "log":
+            self._matches.pop(node, None)
+        elif kind == "lifecycle":
+            self._states.pop(node, None)
+
+    # -- outliving the process ---------------------------------------------------------------
+
+    def learned(self, now: Instant) -> MessagesLearned:
+        """What a later process should know."""
+        wall = now.wall - now.mono
+        return MessagesLearned(
+            {node: (wall + at, text) for node, (at, text) in self._matches.items()},
+            {
+                node: (wall + at, *each)
+                for node, (at, each) in self._states.items()
+                if each.goal.endswith("ing") or _fell(each)
+            },
+            sorted(self._batteries),
+        )
+
+    def restore(self, learned: MessagesLearned, now: Instant) -> None:
+        """Go on from what an earlier process knew: nothing of it was received just now."""
+
+        def mono(wall: float) -> float:
+            return now.mono - max(0.0, now.wall - wall)
+
+        self._matches = {node: (mono(at), text) for node, (at, text) in learned.logs.items()}
+        self._states = {
+            node: (mono(at), Transition(*each)) for node, (at, *each) in learned.states.items()
+        }
+        self._batteries = dict.fromkeys(learned.batteries, (-inf, None))
+
+
+def _fell(state: Transition) -> bool:
+    return state.start == "errorprocessing" and state.goal in ("unconfigured", "finalized")
 
 
 def over_budget(rates: Mapping[str, float], most: float) -> list[str]:

@@ -104,9 +104,14 @@ class _Topic:
             if is_new and self.read - since >= SEEN_FOR:
                 yield f"{each.subscriber} receives nothing from {each.publisher}: {each.why}"
         is_late = self.doubled is not None and self.read - self.doubled >= SEEN_FOR
-        if is_late and self.alone >= learn_after:
+        if is_late and self.alone >= learn_after and not self._is_of_doubled_node():
             nodes = ", ".join(sorted(self.publishers))
             yield f"{_count(self.publishers)} publishers where one was: {nodes}"
+
+    def _is_of_doubled_node(self) -> bool:
+        """Whether processes with one node of the same name publish it: the node is the problem."""
+        gids = [each for ids in self.publishers.values() for each in ids]
+        return len(self.publishers) == 1 and len({each[:PARTICIPANT] for each in gids}) > 1
 
     def lost(self, learn_after: float, is_there: Callable[[str], bool]) -> Iterator[str]:
         """What it had on both sides for long and has on one, although the others' nodes go on."""

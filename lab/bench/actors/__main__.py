@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from bench.actors.graph import publish_graph
 from bench.actors.publishing import ALL, FLOODS, publish_fleet, publish_flood
 from bench.actors.reading import hold_unread
 from bench.actors.taking import take_fleet
@@ -23,6 +24,12 @@ def main() -> None:
     fleet.add_argument(
         "--changing", type=int, default=len(ALL), help="components whose values change each second"
     )
+    graph = kinds.add_parser("graph", help="robots with many nodes and topics")
+    graph.add_argument("domain_id", type=int)
+    graph.add_argument("robots", type=int)
+    graph.add_argument("topics", type=int, help="of each robot")
+    graph.add_argument("nodes", type=int, help="of each robot")
+    graph.add_argument("--first", type=int, default=0, help="number of the first robot")
     taker = kinds.add_parser("taker", help="a subscriber of a fleet that decodes nothing")
     taker.add_argument("domain_id", type=int)
     taker.add_argument("robots", type=int)
@@ -37,12 +44,15 @@ def main() -> None:
     readers.add_argument("port", type=int)
     readers.add_argument("path")
     readers.add_argument("count", type=int)
-    for each in (fleet, taker, arrays, router, keys, readers):
+    for each in (fleet, graph, taker, arrays, router, keys, readers):
         each.add_argument("seconds", type=float, help="after which it ends")
     options = parser.parse_args()
     if options.kind == "fleet":
         robots = range(options.first, options.first + options.robots)
         publish_fleet(options.where, robots, options.seconds, range(options.changing))
+    elif options.kind == "graph":
+        robots = range(options.first, options.first + options.robots)
+        publish_graph(options.domain_id, robots, options.topics, options.nodes, options.seconds)
     elif options.kind == "taker":
         take_fleet(options.domain_id, options.robots, options.seconds)
     elif options.kind == "arrays":

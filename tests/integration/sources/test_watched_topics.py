@@ -1,4 +1,4 @@
-"""What nodes log, and say of their life cycle and parameters, over real DDS."""
+"""What nodes log, and say of their life cycle, parameters and batteries, over real DDS."""
 
 from __future__ import annotations
 
@@ -22,17 +22,29 @@ from testbed.polling import until
 
 pytestmark = pytest.mark.integration
 
-ALL = Watched(logs=True, log_faults=(re.compile(".*overrun.*"),), transitions=True, parameters=True)
+ALL = Watched(
+    logs=True,
+    log_faults=(re.compile(".*overrun.*"),),
+    transitions=True,
+    parameters=True,
+    batteries=True,
+)
 OK, HOT = Status(0, "Motor", "OK"), Status(2, "Motor", "Hot")
 NODE = """
 import rclpy
 from lifecycle_msgs.msg import State, TransitionEvent
 from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import BatteryState
 
 rclpy.init()
 node = rclpy.create_node("amcl", namespace="/r")
 node.declare_parameter("max_range", 5.0)
 life = node.create_publisher(TransitionEvent, "~/transition_event", 10)
+battery = node.create_publisher(BatteryState, "battery_state", qos_profile_sensor_data)
+charge = BatteryState(percentage=0.625, voltage=24.5, current=float("nan"), present=True)
+charge.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+charge.power_supply_health = BatteryState.POWER_SUPPLY_HEALTH_OVERHEAT
 states = State(label="errorprocessing"), State(label="unconfigured")
 
 def work():
@@ -40,6 +52,7 @@ def work():
     node.get_logger().error("Sensor overrun")
     node.set_parameters([Parameter("max_range", value=10.0)])
     life.publish(TransitionEvent(start_state=states[0], goal_state=states[1]))
+    battery.publish(charge)
 
 node.create_timer(1.0, work)
 rclpy.spin(node)
@@ -57,6 +70,7 @@ TEXTS = {
     "/rosout": lambda message: message.msg,
     "/parameter_events": lambda message: "".join(each.name for each in message.changed_parameters),
     "/r/amcl/transition_event": lambda message: message.goal_state.label,
+    "/r/battery_state": lambda message: f"{message.percentage}",
 }
 
 
@@ -99,7 +113,7 @@ def test_what_the_config_names_is_received_and_nothing_else(
         return {each.identity.component: each.evidence for each in found}
 
     with repeating(lambda _turn: robots.send("/r/diagnostics", *motor), 0.2):
-        of_graph = {"log amcl", "lifecycle amcl"}
+        of_graph = {"log amcl", "lifecycle amcl", "battery_state"}
         until(lambda: faults().keys() == of_graph, lambda: f"{faults()}", 60)
         motor[:] = [HOT]
         until(lambda: "Motor" in faults(), lambda: f"{faults()}", 60)
@@ -107,11 +121,22 @@ def test_what_the_config_names_is_received_and_nothing_else(
     assert "logged: amcl: Sensor overrun" in found["Motor"]
     assert "Nothing of interest" not in f"{found}"
     assert "fell to unconfigured after an error" in found["lifecycle amcl"]
+    assert "health: overheat" in found["battery_state"]
+    values = running.samples("component_value")
+    assert {(dict(each)["key"], dict(each)["unit"]): value for each, value in values.items()} == {
+        ("percentage", "%"): 62.5,
+        ("voltage", "V"): 24.5,
+        ("temperature", "degC"): 0,
+        ("charge", "Ah"): 0,
+        ("capacity", "Ah"): 0,
+        ("present", ""): 1,
+    }
     assert events["parameter max_range of amcl is now 10.0"]
     assert recorded(capsules, running.folder) >= {
         ("/r/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", "Hot"),
         ("/rosout", "rcl_interfaces/msg/Log", "Sensor overrun"),
         ("/rosout", "rcl_interfaces/msg/Log", "Nothing of interest"),
         ("/parameter_events", "rcl_interfaces/msg/ParameterEvent", "max_range"),
+        ("/r/battery_state", "sensor_msgs/msg/BatteryState", "0.625"),
         ("/r/amcl/transition_event", "lifecycle_msgs/msg/TransitionEvent", "unconfigured"),
     }

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
-from ros_diagnostics_exporter.config.graph import Graph
+from ros_diagnostics_exporter.config.fleet import (
+    Fleet,
+    Profile,
+    Robot,
+    Source,
+    Threshold,
+    ValueRule,
+)
+from ros_diagnostics_exporter.config.graph import Graph, Watched
 from ros_diagnostics_exporter.model import Endpoint, Status
+from ros_diagnostics_exporter.sources.graph_messages import Battery, Log, Transition
 from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, STALE, StateDriver
@@ -142,6 +152,78 @@ def test_a_fault_and_what_was_learned_outlive_a_restart(tmp_path: Path):
     assert again.faults() == []
 
 
+WATCHED = Watched(logs=True, log_faults=(re.compile("out of memory"),), log_ends_after=1000.0)
+
+
+def restarted(driver: Driver, site: Fleet, path: Path, away: float) -> Driver:
+    """Another process that goes on from the database of the first after so many seconds."""
+    driver.keep(path).close()
+    again = Driver(fleet=site)
+    again.at(driver.now.mono + away)
+    Storage(path).load(again.state, again.now)
+    return again
+
+
+def ended(driver: Driver) -> list[str]:
+    return [each.component for each in driver.events if each.kind == "fault_ended"]
+
+
+def test_what_was_logged_or_fell_neither_ends_nor_begins_anew_with_a_restart(tmp_path: Path):
+    driver = Driver(fleet=fleet(watch=WATCHED))
+    driver.go_on(5, *USUAL)
+    driver.state.receive_watched(0, "/rosout", Log("r.amcl", "out of memory"), driver.now)
+    fell = Transition("errorprocessing", "unconfigured")
+    driver.state.receive_watched(0, "/r/diag/transition_event", fell, driver.now)
+    driver.go_on(50, *USUAL)
+    both = [("lifecycle diag", "critical"), ("log amcl", "critical")]
+    assert driver.faults() == both
+    again = restarted(driver, fleet(watch=WATCHED), tmp_path / "state.db", 100)
+    again.go_on(800, *USUAL)
+    assert (again.faults(), ended(again)) == (both, [])
+    assert not [each for each in again.events if each.kind == "fault_began"]
+    again.go_on(100, *USUAL)
+    assert (again.faults(), ended(again)) == (both[:1], ["log amcl"])
+
+
+def test_what_was_logged_long_before_a_restart_has_ended_after_it(tmp_path: Path):
+    driver = Driver(fleet=fleet(watch=WATCHED))
+    driver.go_on(5, *USUAL)
+    driver.state.receive_watched(0, "/rosout", Log("r.amcl", "out of memory"), driver.now)
+    driver.go_on(50, *USUAL)
+    again = restarted(driver, fleet(watch=WATCHED), tmp_path / "state.db", 2000)
+    again.go_on(300, *USUAL)
+    assert (again.faults(), ended(again)) == ([], ["log amcl"])
+
+
+def test_the_values_of_a_battery_are_judged_and_outlive_its_silence_and_a_restart(tmp_path: Path):
+    rule = ValueRule(thresholds=(Threshold("low", "critical", 15.0),))
+    site = fleet(watch=Watched(batteries=True))
+    profile = replace(site.robots[0].profile, values=(rule,))
+    site = replace(site, robots=(replace(site.robots[0], profile=profile),))
+    driver = Driver(fleet=site)
+
+    def send(to: Driver, percentage: str) -> None:
+        battery = Battery("discharging", "good", (("percentage", percentage),))
+        to.state.receive_watched(0, "/r/battery_state", battery, to.now)
+
+    driver.go_on(5, *USUAL)
+    send(driver, "63 %")
+    driver.go_on(5, *USUAL)
+    assert driver.sample("component_value", key="percentage", unit="%") == 63
+    send(driver, "12 %")
+    driver.go_on(45, *USUAL)
+    send(driver, "12 %")
+    driver.go_on(15, *USUAL)
+    assert driver.faults() == [("battery_state", "critical")]
+    again = restarted(driver, site, tmp_path / "state.db", 10)
+    again.go_on(400, *USUAL)
+    assert (again.level("battery_state"), ended(again)) == (STALE, [])
+    assert again.faults() == [("battery_state", "critical")]
+    send(again, "80 %")
+    again.go_on(20, *USUAL)
+    assert (again.faults(), ended(again)) == ([], ["battery_state"])
+
+
 def test_a_robot_of_another_domain_and_one_that_is_not_watched_are_left_alone():
     driver = Driver(fleet=fleet())
     assert driver.state.update_nodes(0, [("amcl", "/r")], driver.now)
@@ -160,6 +242,22 @@ def test_without_stamps_the_clock_is_judged_by_the_link(behind, where):
     [fault] = driver.state.faults()
     assert fault.identity.state.value == "clock"
     assert fault.evidence == f"its clock is 90 s {where} the exporter's"
+
+
+def test_of_a_robot_that_is_not_watched_any_more_nothing_of_the_graph_is_left():
+    driver = Driver(fleet=fleet())
+    driver.go_on(70, *USUAL, statuses=(MOTOR, Status(OK, "Laser", "OK")))
+    driver.go_on(30, "diag")
+    driver.link = LOSSY
+    driver.go_on(60, "diag")
+    assert {each for each, _state in driver.faults()} == {"Laser", "link", "node amcl"}
+    driver.state.configure(fleet(mode="off"), driver.now)
+    driver.go_on(5, "diag")
+    assert [each.name for each in driver.robot.components] == ["Motor", "Laser"]
+    assert driver.faults() == [("Laser", "stale")]
+    assert driver.sample("robot_expected_nodes") is None
+    driver.go_on(60, "diag", statuses=(Status(OK, "Laser", "OK"),))
+    assert driver.faults() == [("Motor", "stale")]  # lost messages are no reason any more
 
 
 def test_a_publisher_that_cannot_be_matched_is_why_a_robot_is_silent():

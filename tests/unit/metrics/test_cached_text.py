@@ -520,11 +520,7 @@ def report(feed: Feed, statuses: tuple[Status, ...], *, lossy: bool = False) -> 
     ]
 )
 @example(  # what was shown only is judged
-    [
-        (("again", ("level", OK)), "all"),
-        (report(SHADOW, GONE), "all"),
-        (report(GRAPH, GONE), "all"),
-    ]
+    [(("again", ("level", OK)), "all"), (report(SHADOW, GONE), "all"), (report(GRAPH, GONE), "all")]
 )
 @example([(("wait", 0.5), "all"), (("answer", LOAD, {"ap": OK}), "all")])
 @example([(("answer", PING, {"ap": ERROR}), "all"), (("wait", 3.0), "all")])
@@ -617,10 +613,7 @@ def report(feed: Feed, statuses: tuple[Status, ...], *, lossy: bool = False) -> 
     ]
 )
 @example(  # a value that no rule judges
-    [
-        (("raw", "/r1/d", (LASER,)), "all"),
-        (("again", ("values", (("Volt", "12.5"),))), "all"),
-    ]
+    [(("raw", "/r1/d", (LASER,)), "all"), (("again", ("values", (("Volt", "12.5"),))), "all")]
 )
 @example([(("again", ("level", OK)), "all"), (("dropped", "/r1/d"), "all")])
 @example([(("domain", True), "all"), (("undecodable", "/r1/d"), "all")])

@@ -257,6 +257,19 @@ def test_a_second_publisher_where_one_was_is_a_problem(site):
     assert site.problems == {"topic chat": "2 publishers where one was: /r/amcl, /r/driver"}
 
 
+def test_the_publishers_of_a_node_that_is_there_twice_are_no_problem_of_their_own(site):
+    site.learn(*USUAL, chat=CHAT, plan=CHAT)
+    other = Peer("/r/amcl", "04" * 16)
+    same = Peer("/r/amcl", "01" * 12 + "05" * 4)  # of the same process
+    twice = CHAT._replace(publishers=(*CHAT.publishers, other))
+    plan = CHAT._replace(publishers=(*CHAT.publishers, same))
+    site.look(40, *USUAL, "amcl", chat=twice, plan=plan)
+    assert site.problems == {
+        "node amcl": "2 nodes have this name",
+        "topic plan": "2 publishers where one was: /r/amcl",
+    }
+
+
 def test_a_side_that_a_topic_lost_although_its_node_goes_on_is_a_problem(site):
     unheard, silent = CHAT._replace(subscribers=()), CHAT._replace(publishers=())
     site.learn(*USUAL, chat=CHAT, plan=CHAT, new=unheard)

@@ -1,4 +1,4 @@
-"""What nodes log, and say of their life cycle and parameters; time is given."""
+"""What nodes log, and say of their life cycle, parameters and batteries; time is given."""
 
 from __future__ import annotations
 
@@ -8,29 +8,41 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import Profile, Robot
 from ros_diagnostics_exporter.config.graph import Graph, Watched
-from ros_diagnostics_exporter.model import Instant
-from ros_diagnostics_exporter.sources.graph import TRY_AGAIN, GraphWatch, Report
+from ros_diagnostics_exporter.model import Instant, Status
+from ros_diagnostics_exporter.sources.graph import REPORT, TRY_AGAIN, GraphWatch, Report
 from ros_diagnostics_exporter.sources.graph_messages import (
+    BATTERY_TYPE,
     LOG_TYPE,
     PARAMETERS_TYPE,
+    SILENT,
     STUCK,
     TRANSITION_TYPE,
+    Battery,
     Log,
     Parameters,
     Transition,
 )
 
 ALL = Watched(
-    logs=True, log_faults=(re.compile(".*out of memory.*"),), transitions=True, parameters=True
+    logs=True,
+    log_faults=(re.compile(".*out of memory.*"),),
+    transitions=True,
+    parameters=True,
+    batteries=True,
 )
 TYPES = {
     "/rosout": [LOG_TYPE],
     "/parameter_events": [PARAMETERS_TYPE],
     "/r/amcl/transition_event": [TRANSITION_TYPE],
     "/other/amcl/transition_event": [TRANSITION_TYPE],
+    "/r/battery_state": [BATTERY_TYPE],
+    "/r/arm/charger": [BATTERY_TYPE],
+    "/other/battery_state": [BATTERY_TYPE],
     "/r/scan": ["sensor_msgs/msg/LaserScan"],
 }
 LIFE = "/r/amcl/transition_event"
+BATTERY = "/r/battery_state"
+FULL = Battery("discharging", "good", (("percentage", "63 %"),))
 
 
 class Site:
@@ -79,6 +91,7 @@ def site() -> Site:
         (Watched(logs=True), {"/rosout"}),
         (Watched(parameters=True), {"/parameter_events"}),
         (Watched(transitions=True), {LIFE}),
+        (Watched(batteries=True), {BATTERY}),
     ],
 )
 def test_nothing_is_subscribed_but_what_the_config_names(watch, wanted):
@@ -131,6 +144,61 @@ def test_a_parameter_that_is_set_is_an_event(site):
     assert site.events == expected
 
 
+@pytest.mark.parametrize(
+    ("health", "level", "text"),
+    [
+        ("good", 0, "discharging"),
+        ("unknown", 0, "discharging"),
+        ("cold", 1, "health: cold"),
+        ("overheat", 2, "health: overheat"),
+    ],
+)
+def test_a_battery_is_a_component_with_its_values_at_the_level_of_its_health(
+    site, health, level, text
+):
+    site.send(BATTERY, FULL._replace(health=health))
+    assert site.report.statuses == (Status(level, "battery_state", text, "", FULL.values),)
+
+
+def test_a_battery_that_says_nothing_any_more_is_repeated_no_more_and_not_forgotten(site):
+    site.send(BATTERY, FULL)
+    site.go_on(SILENT - 5)
+    assert (len(site.report.statuses), site.report.held) == (1, set())
+    site.go_on(40)
+    assert (site.report.statuses, site.report.held) == ((), {"battery_state"})
+    site.watch.forget("r", "battery_state", site.now)
+    site.go_on(1)
+    assert (site.report.statuses, site.report.held) == ((), set())
+
+
+def test_a_new_number_of_a_battery_is_said_with_the_next_report_a_new_state_at_once(site):
+    site.send(BATTERY, FULL)
+    site.go_on(1)
+    site.send(BATTERY, FULL._replace(values=(("percentage", "62 %"),)))
+    assert site.report.statuses[0].values == FULL.values
+    site.go_on(REPORT)
+    assert site.report.statuses[0].values == (("percentage", "62 %"),)
+    site.send(BATTERY, FULL._replace(state="charging"))
+    assert site.report.statuses[0].message == "charging"
+
+
+def test_what_a_person_accepts_or_forgets_of_messages_is_no_problem_any_more(site):
+    site.send("/rosout", Log("r.amcl", "out of memory"))
+    site.send(LIFE, Transition("errorprocessing", "unconfigured"))
+    assert set(site.problems) == {"log amcl", "lifecycle amcl"}
+    site.watch.forget("r", "log amcl", site.now)
+    site.go_on(1)
+    assert set(site.problems) == {"lifecycle amcl"}
+    site.watch.forget("r", "lifecycle amcl", site.now)
+    site.go_on(1)
+    assert site.problems == {}
+    site.send("/rosout", Log("r.amcl", "out of memory"))
+    site.send(LIFE, Transition("errorprocessing", "unconfigured"))
+    site.watch.accept("r", site.now)
+    site.go_on(1)
+    assert site.problems == {}
+
+
 def test_what_is_beyond_the_budget_is_given_up_named_and_tried_again(site):
     assert LIFE in site.wanted()
     site.watch.note_watched(0, {"/rosout": 15_000.0, LIFE: 100.0}, site.now)
@@ -139,7 +207,7 @@ def test_what_is_beyond_the_budget_is_given_up_named_and_tried_again(site):
     site.watch.note_watched(0, {"/rosout": 30_000.0, LIFE: 100.0}, site.now)
     site.go_on(1)
     assert site.problems == {"watch": "/rosout is given up: 30000 B/s of at most 20000"}
-    assert site.wanted() == {"/parameter_events", LIFE}
+    assert site.wanted() == {"/parameter_events", LIFE, BATTERY}
     site.watch.note_watched(0, {LIFE: 100.0}, site.now)
     site.go_on(1)
     assert (site.report.watched, list(site.problems)) == (100.0, ["watch"])
