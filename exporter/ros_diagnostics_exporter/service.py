@@ -108,7 +108,7 @@ class Service:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
         self._watched: list[Loop] = []  # that others made
-        self._join_at = self._adopt_at = self._forget_at = now.mono
+        self._join_at = self._adopt_at = self._forget_at = self._check_at = now.mono
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = Listener(self.state, ros_arguments=ros_arguments)
         self._prometheus = Prometheus(self.state, prometheus, read_clocks)
@@ -127,7 +127,6 @@ class Service:
         )
         self._self_metrics = SelfMetrics(self._exporter)
         self._self_check = SelfCheck(self._exporter, now)
-        self._check_at = now.mono
 
     def start(self) -> None:
         """Begin all loops: join the fleet's domains, listen, judge."""
@@ -202,8 +201,9 @@ class Service:
 
     def _count_week(self) -> None:
         """Count what the event log has of seven days."""
-        lasting, now = self.faults()["faults"], read_clocks().wall
-        self._exporter.week = of_week.counted(self.find_events, lasting, now)
+        self._record_events()
+        lasting = self.faults()["faults"]
+        self._exporter.week = of_week.counted(self._find, lasting, read_clocks().wall)
 
     def _adopt(self, alertmanager: Alertmanager) -> None:
         """Go on with the faults that fire and that nobody here knows, as without the database.

@@ -9,7 +9,12 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.event_texts import event_text
-from ros_diagnostics_exporter.severity import downtime_texts, notice, standing, subject
+from ros_diagnostics_exporter.severity import (
+    downtime_texts,
+    notice,
+    standing,
+    subject,
+)
 from ros_diagnostics_exporter.texts import one_line
 
 BEFORE = 3_600.0  # seconds that are looked at where there was no fault
@@ -69,13 +74,18 @@ def account(
     since, until = window(began, ended, at)
     own = find(robot=robot, since=since, until=until, limit=1_000)
     of_many = find(robot="", since=since, until=until, limit=100)
+    problems = [each for each in known["problems"] if component in (None, each["component"])]
+    recorded = [each["capsule"] for each in problems if each["capsule"]]
     return {
         "robot": robot,
         "component": component,
         "time": now,
         "at": at,
         "entries": entries(own, of_many, component, known["labels"].get("site", "")),
-        "now": standings(known, component, now),
+        "now": [
+            *standings(problems, now, known),
+            *(f"recorded around its begin: {each}" for each in recorded),
+        ],
     }
 
 
@@ -104,15 +114,9 @@ def entries(
     return [{"time": each["time"], "text": one_line(event_text(each))} for each in kept]
 
 
-def standings(robot: dict[str, Any], component: str | None, now: float) -> list[str]:
-    """The robot's downtimes; of each problem how it stands, why it is quiet, who was notified.
-
-    Then of which problems a capsule is kept. Of one component, or of all where that is None.
-    """
-    problems = [each for each in robot["problems"] if component in (None, each["component"])]
-    found = [*map(one_line, downtime_texts(robot, now)), *_standings(problems, now, robot)]
-    kept = [each["capsule"] for each in problems if each["capsule"]]
-    return [*found, *(f"recorded around its begin: {capsule}" for capsule in kept)]
+def standings(problems: Iterable[dict[str, Any]], now: float, robot: dict[str, Any]) -> list[str]:
+    """The robot's downtimes; of each problem how it stands, why it is quiet, who was notified."""
+    return [*map(one_line, downtime_texts(robot, now)), *_standings(problems, now, robot)]
 
 
 def _standings(problems: Iterable[dict[str, Any]], now: float, robot: dict[str, Any]) -> list[str]:

@@ -293,6 +293,8 @@ def _url(text: str) -> str:
 
 
 def _runbooks_url(text: str) -> str:
+    if not text:  # the default
+        return text
     if "@" in text:
         raise argparse.ArgumentTypeError(f"{text!r} has a user: everybody sees the pages' links")
     return _server(text, "http://localhost:9090/user/alerts", "")
