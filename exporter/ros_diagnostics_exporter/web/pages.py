@@ -21,7 +21,6 @@ from ros_diagnostics_exporter.severity import (
     OF_ABILITY,
     SEVERITIES,
     ShownProblem,
-    alert_of,
     as_planned,
     clock,
     component_path,
@@ -40,6 +39,7 @@ from ros_diagnostics_exporter.severity import (
     subject,
 )
 from ros_diagnostics_exporter.texts import natural, one_line
+from ros_diagnostics_exporter.web.runbooks import alert_of
 
 MAX_MESSAGE = 300  # characters of a text that a robot sent
 MAX_ROBOTS = 200  # robots with problems; the API has them all

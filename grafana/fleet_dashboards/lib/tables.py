@@ -226,7 +226,7 @@ def _look(column: Column) -> list[dashboard.DynamicConfigValue]:
     }
     look |= {key: value for key, value in given.items() if value is not None}
     # Only of values: no text is a number, either.
-    look["mappings"] = [*(column.mappings or ()), *([_NAN] if column.is_value() else ())]
+    look["mappings"] = [*(column.mappings or ()), *([NAN] if column.is_value() else ())]
     if column.wrapped:
         look["custom.cellOptions"] = common.TableAutoCellOptions(wrap_text=True)
     if column.background:
@@ -240,7 +240,7 @@ def _look(column: Column) -> list[dashboard.DynamicConfigValue]:
     return [dashboard.DynamicConfigValue(key, value) for key, value in look.items()]
 
 
-_NAN = palette.special(dashboard.SpecialValueMatch.NA_N, "")
+NAN = palette.special(dashboard.SpecialValueMatch.NA_N, "")
 # The colour of a value or mapping as that of the cell: Grafana 9.5 and later, and before.
 BACKGROUND: dict[str, object] = {
     "custom.cellOptions": common.TableColoredBackgroundCellOptions(

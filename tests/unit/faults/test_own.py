@@ -97,9 +97,7 @@ def adopt(fault: Any) -> Event:
 
 
 @pytest.mark.parametrize("starts", [True, False])
-def test_an_exporter_goes_on_with_its_own_fault_and_not_with_that_of_the_other_of_a_pair(
-    starts: bool,
-):
+def test_an_exporter_goes_on_with_its_own_fault_and_not_with_that_of_the_other_of_a_pair(starts):
     known = player([], FaultSettings())
     known.go(0, own(database=Level.WARN))
     [began] = known.go(60)
