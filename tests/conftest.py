@@ -11,7 +11,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from support import skips
+from support import skips, time_budget
 from testbed import domains, ports
 from testbed.processes import Process
 
@@ -52,7 +52,21 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    reports = [each for found in terminalreporter.stats.values() for each in found]
+    durations = [
+        (each.nodeid, each.duration) for each in reports if isinstance(each, pytest.TestReport)
+    ]
+    for line in time_budget.exceeded(durations, time_budget.budgets()):
+        terminalreporter.write_line(line, yellow=True)
+
+
+# They take a minute each: begun last, they would be all that the end of a run waits for.
+LONGEST = ("tests/e2e/test_demo.py", "tests/e2e/notifications/")
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
     if config.getoption("--all"):
         return
     reason = pytest.mark.skip(reason="slow: ./run test --all runs it")

@@ -259,4 +259,5 @@ if __name__ == "__main__":
     if "--json" in sys.argv:
         json.dump(found, sys.stdout)
     else:
-        sys.stdout.write("\n".join(f"{name}: {table(calls, set())}" for name, calls in found.items()))
+        tables = (f"{name}: {table(calls, set())}" for name, calls in found.items())
+        sys.stdout.write("\n".join(tables))

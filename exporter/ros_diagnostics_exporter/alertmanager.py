@@ -401,3 +401,16 @@ def _named(alert: Mapping[str, Any]) -> str:
     labels = alert["labels"]
     names = ("robot" if labels.get("robot") else "site", *_PARTS)
     return " ".join([labels["alertname"], *(labels[name] for name in names if labels.get(name))])
+
+
+def explained(
+    alertmanager: Alertmanager | None, fleet: str, robot: str, component: str | None
+) -> list[str]:
+    """What Alertmanager says of the alerts of a robot, or of a component; or why nothing."""
+    if alertmanager is None:
+        return ["Alertmanager is not asked: the exporter runs without --alertmanager.url"]
+    try:
+        found = alertmanager.explain(fleet, robot, component)
+    except UnreachableError as error:
+        return [f"Alertmanager does not answer: {error}"]
+    return found or ["Alertmanager has no alert of it now"]

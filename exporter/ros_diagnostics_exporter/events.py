@@ -145,6 +145,11 @@ class EventLog:
             last = self._last
         return [(last - back, event) for back, event in enumerate(newest)][::-1]
 
+    @property
+    def last(self) -> int:
+        """The id of the last event; 0 before the first."""
+        return self._last
+
     def oldest(self) -> float | None:
         """When the first event in memory was, Unix time; None if there is none."""
         with self._lock:

@@ -60,7 +60,7 @@ class Loop:
         self.last_turn = 0.0
         self.errors = 0
         self.stopping = False
-        self._interval = interval
+        self.interval = interval
         self._work = work
         self._end = end
         self._wake = threading.Event()
@@ -103,7 +103,7 @@ class Loop:
             self._busy_since = time.monotonic()
             self._turn()
             self._busy_since = None
-            self._wake.wait(self._interval)
+            self._wake.wait(self.interval)
             self._wake.clear()
         self._end()
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, NamedTuple
 
@@ -24,7 +24,7 @@ from ros_diagnostics_exporter.alertmanager import (
     clean,
 )
 from ros_diagnostics_exporter.config.errors import first_error
-from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.events import Event, Numbered, Wanted
 from ros_diagnostics_exporter.faults.model import Fault, as_texts
 from ros_diagnostics_exporter.texts import encodable
 
@@ -33,6 +33,7 @@ MAX_ALERTS = 1_000  # of a message
 MAX_NOTIFIED = 100  # events of a fault; a reminder a day, for a quarter of a year
 MAX_RECEIVERS = 20  # of a fault
 MAX_ENDED = 1_000  # faults that ended, for which notifications may still come
+ENDED = 3600.0  # seconds after a fault ended in which it may be notified after a restart
 
 Key = tuple[str, ...]  # which fault: the labels of _KEY as Alertmanager has them
 _KEY = IDENTITY[1:]  # without the fleet
@@ -234,3 +235,29 @@ def _count(known: _Known | None, event: Event) -> None:
         known.over.add(event.receiver)
     elif event.receiver in known.receivers or len(known.receivers) < MAX_RECEIVERS:
         known.receivers[event.receiver] = event.time
+
+
+def restored(
+    lasting: Iterable[Fault], find: Callable[[Wanted], Iterable[Numbered]] | None, wall: float
+) -> Notifications:
+    """What an earlier process knew, of the faults that last and of those that have just ended.
+
+    Args:
+        lasting: Those that last.
+        find: The events that match, newest first; None where none are written.
+        wall: The present, Unix time.
+    """
+    lasting = list(lasting)
+    found = Notifications(lasting)
+    if find is None:
+        return found
+    recent = wall - ENDED
+    oldest = min((fault.since for fault in lasting), default=recent)
+    for kind, since in (
+        ("fault_ended", recent),
+        ("acknowledged", oldest),
+        ("notified", min(oldest, recent)),
+    ):
+        for _number, event in reversed([*find(Wanted(kind=kind, since=since, limit=10_000))]):
+            found.note(event)
+    return found

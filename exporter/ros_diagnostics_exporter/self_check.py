@@ -14,7 +14,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import Exporter
 from ros_diagnostics_exporter.model import Domain, Instant, Level, place
 
 STALLED = 30.0  # seconds without a look at a ROS graph, which is looked at each second
-HANGS = 120.0  # seconds without a turn of a loop: twice the longest interval
+HANGS = 60.0  # seconds without a turn of a loop, beside its interval
 FULL = 0.9  # of the limit of series
 RECENT = 600.0  # seconds for which it matters that something was rejected
 SLOW = 300.0  # seconds that robots and other programs may take to start
@@ -82,8 +82,9 @@ class SelfCheck:
     def _loops(self, now: Instant) -> Iterator[OwnReport]:
         for loop in self._exporter.loops():
             if not loop.name.startswith(_OTHERS):
-                hangs = now.wall - max(loop.last_turn, self._started.wall) > HANGS
-                why = f"it has finished no turn for {HANGS:.0f} s: it hangs, or fails each time"
+                most = HANGS + loop.interval
+                hangs = now.wall - max(loop.last_turn, self._started.wall) > most
+                why = f"it has finished no turn for {most:.0f} s: it hangs, or fails each time"
                 yield OwnReport(f"loop {loop.name}", Level.ERROR if hangs else Level.OK, why)
 
     def _unmatched(self, now: Instant) -> OwnReport:

@@ -10,24 +10,23 @@ import threading
 import time
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import asdict
-from datetime import datetime, timezone
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from ros_diagnostics_exporter.acknowledging import acknowledge, cancel_downtime, plan_downtime
-from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager
+from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager, explained
 from ros_diagnostics_exporter.api import ledger, snapshot
 from ros_diagnostics_exporter.api import week as of_week
 from ros_diagnostics_exporter.api.capabilities import capability_tree
-from ros_diagnostics_exporter.api.story import KINDS, WEEK, labels_of, occurrences, story
+from ros_diagnostics_exporter.api.story import WEEK, fault_of, history, recorded, story
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
-from ros_diagnostics_exporter.events import Event, EventLog, Numbered, Wanted
-from ros_diagnostics_exporter.faults.model import Fault, fault_id, identity_of
+from ros_diagnostics_exporter.events import Event, EventLog, Wanted
+from ros_diagnostics_exporter.faults.model import Fault, fault_id
 from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
@@ -35,7 +34,7 @@ from ros_diagnostics_exporter.loops import Loop, read_clocks
 from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import EOF, Exporter, SelfMetrics
 from ros_diagnostics_exporter.model import Part, Person, place
-from ros_diagnostics_exporter.notifications import Notifications, parse
+from ros_diagnostics_exporter.notifications import parse, restored
 from ros_diagnostics_exporter.self_check import SelfCheck
 from ros_diagnostics_exporter.sources.dds import describe_ros
 from ros_diagnostics_exporter.sources.listener import Listener
@@ -61,17 +60,12 @@ class Service:
     CAPSULES = 1.0  # ... of the one that compresses what was received
     FORGET = 60.0  # ... between two looks of that loop what is not received any more
     UNMATCHED = 60.0  # ... of the one that looks for entries of fleet.yml that match nothing
-    WEEK = 60.0  # ... of the one that counts what the week had
-    COUNTED = 300.0  # ... between two looks of that loop into the event log
+    WEEK = 300.0  # ... of the one that counts what the week had
     ADOPT = 60.0  # ... between two looks at which alerts fire, once it has settled
     HANGING = 30.0  # seconds after which a turn of a vital loop hangs
     JOIN = 30.0  # seconds until a domain that could not be joined is tried again
     ASKED = 5.0  # seconds that Alertmanager's first answer is waited for at the start
     GRACE = 5.0  # seconds that a write or a reload under way is waited for at the end
-    ENDED = 3600.0  # seconds after a fault ended in which it may be notified after a restart
-    MOST = 50_000  # events of each kind above which the week is not counted
-    SEARCHED = 10_000  # events of each kind in which the history of a fault is looked for
-    STALLED = 10.0  # seconds without a turn of a domain's thread after which it is not ready
 
     def __init__(
         self,
@@ -88,19 +82,14 @@ class Service:
         self._recording = threading.Lock()
         self.storage = storage
         self.events = EventLog()
-        older: Callable[[Wanted], Iterable[Numbered]] = _no_events
         if storage is not None:
-            older = storage.find_events
-            self.events = EventLog(storage.load(self.state, now), older)
-        self._notifications = self._restore_notifications(older, now.wall)
+            self.events = EventLog(storage.load(self.state, now), storage.find_events)
+        older = None if storage is None else storage.find_events
+        self._notifications = restored(self.state.faults(), older, now.wall)
         self._capsules = None if storage is None else self._make_capsules(storage.path, config_file)
         self._canary = Canary(now)
         self._reloader = Reloader(
-            config_file,
-            fleet,
-            apply=self._configure,
-            record=self.events.record,
-            clocks=read_clocks,
+            config_file, fleet, apply=self._configure, record=self.events.record, clocks=read_clocks
         )
         self._alertmanager = alertmanager
         self._asked = threading.Event()  # Alertmanager, once
@@ -110,7 +99,7 @@ class Service:
         self._join_loop = Loop("domains", self.FOLLOW, self._follow_domains)
         self._capsules_loop = Loop("capsules", self.CAPSULES, self._keep_capsules)
         self._others = [
-            Loop("unmatched", self.UNMATCHED, self._find_unmatched),
+            Loop("unmatched", self.UNMATCHED, lambda: self.state.find_unmatched(read_clocks())),
             Loop("week", self.WEEK, self._count_week),
         ]
         if self._capsules is not None:
@@ -119,7 +108,7 @@ class Service:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
         self._watched: list[Loop] = []  # that others made
-        self._join_at = self._adopt_at = self._forget_at = self._week_at = now.mono
+        self._join_at = self._adopt_at = self._forget_at = self._check_at = now.mono
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = Listener(self.state, ros_arguments=ros_arguments)
         self._prometheus = Prometheus(self.state, prometheus, read_clocks)
@@ -138,7 +127,6 @@ class Service:
         )
         self._self_metrics = SelfMetrics(self._exporter)
         self._self_check = SelfCheck(self._exporter, now)
-        self._check_at = now.mono
 
     def start(self) -> None:
         """Begin all loops: join the fleet's domains, listen, judge."""
@@ -193,8 +181,16 @@ class Service:
             self._asked.set()
         self._record_events()
         with self._recording:
-            for event in self._notifications.acknowledge(self._acknowledged()):
-                self._record(event)
+            self._record(*self._notifications.acknowledge(self._acknowledged()))
+
+    def _keep_capsules(self) -> None:
+        now = read_clocks()
+        if self._capsules is None:
+            return
+        if now.mono >= self._forget_at:
+            self._forget_at = now.mono + self.FORGET
+            self._capsules.follow(*self.state.received())
+        self._capsules.turn(now)
 
     def _make_capsules(self, database: Path, config_file: Path) -> Capsules:
         folder = database.with_name(f"{database.stem}.capsules")
@@ -203,35 +199,11 @@ class Service:
         self.state.recorder = capsules.rings.receive
         return capsules
 
-    def _keep_capsules(self) -> None:
-        if self._capsules is None:
-            return
-        now = read_clocks()
-        if now.mono >= self._forget_at:
-            self._forget_at = now.mono + self.FORGET
-            self._capsules.follow(*self.state.received())
-        self._capsules.turn(now)
-
-    def _find_unmatched(self) -> None:
-        self.state.find_unmatched(read_clocks())
-
     def _count_week(self) -> None:
-        """Count what the event log has of seven days; of too many events nothing is known."""
-        now = read_clocks()
-        if now.mono < self._week_at:
-            return
-        self._week_at = now.mono + self.COUNTED
-        events: list[dict[str, Any]] = []
-        for kind in KINDS:
-            wanted = Wanted(kind=kind, since=now.wall - WEEK - of_week.BEFORE, limit=self.MOST)
-            found = list(self.find_events(wanted))
-            if len(found) == self.MOST:
-                self._exporter.week = None
-                return
-            events += found
-        faults = of_week.known(events, self.faults()["faults"])
-        zone = datetime.fromtimestamp(now.wall, timezone.utc).astimezone().tzinfo
-        self._exporter.week = of_week.week(faults, now.wall, zone or timezone.utc)
+        """Count what the event log has of seven days."""
+        self._record_events()
+        lasting = self.faults()["faults"]
+        self._exporter.week = of_week.counted(self._find, lasting, read_clocks().wall)
 
     def _adopt(self, alertmanager: Alertmanager) -> None:
         """Go on with the faults that fire and that nobody here knows, as without the database.
@@ -287,34 +259,16 @@ class Service:
 
     def _record_events(self) -> None:
         with self._recording:  # so that they are recorded in order
-            for event in self.state.take_events():
-                self._record(event)
+            self._record(*self.state.take_events())
 
-    def _record(self, event: Event) -> None:
-        self.events.record(event)
-        self._notifications.note(event)
-        if self._capsules is not None and event.kind == "fault_began" and event.robot:
-            fleet = self.state.fleet
-            fault = fault_id(fleet.name, fleet.exporter, identity_of(asdict(event)))
-            self._capsules.note(fault, event, read_clocks())
-            self._capsules_loop.wake()
-
-    def _restore_notifications(
-        self, find: Callable[[Wanted], Iterable[Numbered]], wall: float
-    ) -> Notifications:
-        """What the database has of the faults that last, and of those that have just ended."""
-        lasting = self.state.faults()
-        found = Notifications(lasting)
-        recent = wall - self.ENDED
-        oldest = min((fault.since for fault in lasting), default=recent)
-        for kind, since in (
-            ("fault_ended", recent),
-            ("acknowledged", oldest),
-            ("notified", min(oldest, recent)),
-        ):
-            for _number, event in reversed([*find(Wanted(kind=kind, since=since, limit=10_000))]):
-                found.note(event)
-        return found
+    def _record(self, *events: Event) -> None:
+        for event in events:
+            self.events.record(event)
+            self._notifications.note(event)
+            if self._capsules is not None and event.kind == "fault_began" and event.robot:
+                fault = fault_of(self.state.fleet, asdict(event))
+                self._capsules.note(fault, event, read_clocks())
+                self._capsules_loop.wake()
 
     def reload(self, why: str = "POST /-/reload") -> None:
         """Read the config again and follow it; if it is invalid, keep the previous one.
@@ -389,10 +343,7 @@ class Service:
         return snapshot.Care(self._notifications.lasting(), self._acknowledged(), has)
 
     def capsule(self, fault: str, so_far: bool = False) -> bytes:
-        """The newest capsule of a fault; LookupError if there is none.
-
-        ``so_far``: of the fault that lasts, also while its capsule is not complete.
-        """
+        """The newest capsule of a fault, ``so_far`` also one under way; LookupError if none."""
         if self._capsules is None:
             raise LookupError("no capsules are kept: the exporter runs with --storage.path=none")
         self._record_events()
@@ -408,6 +359,10 @@ class Service:
         fleet, lasting = self.state.fleet, self.state.faults()
         return {fault_id(fleet.name, fleet.exporter, each.identity): each for each in lasting}
 
+    def last_event(self) -> int:
+        """The id of the last event."""
+        return self.events.last
+
     def find_events(self, wanted: Wanted) -> Iterable[dict[str, Any]]:
         """The events that match the filter, newest first."""
         self._record_events()
@@ -418,24 +373,18 @@ class Service:
         written = None if self.storage is None else self.storage.first_event()
         return self.events.oldest() if written is None else written
 
+    def _find(self, **wanted: Any) -> list[dict[str, Any]]:
+        return list(self.events.find(Wanted(**wanted)))
+
     def fault_history(self, fault: str) -> dict[str, Any]:
         """Each time that a fault lasted as /api/v1/faults/ID returns it."""
         self._record_events()
         fleet, now = self.state.fleet, read_clocks()
-
-        def find(kind: str, **wanted: Any) -> list[dict[str, Any]]:
-            events = self.events.find(Wanted(kind=kind, limit=self.SEARCHED, **wanted))
-            return [each for each in events if _id(fleet, each) == fault]
-
-        found = find("fault_ended") + find("fault_began")
-        if found:
-            of = {"robot": found[0].get("robot", ""), "since": min(each["since"] for each in found)}
-            found += find("notified", **of) + find("acknowledged", **of)
         return {
             "fault": fault,
             "time": now.wall,
             "events_since": self._events_since(),
-            "occurrences": occurrences(found),
+            "occurrences": history(self._find, lambda event: fault_of(fleet, event) == fault),
         }
 
     def why(
@@ -444,32 +393,13 @@ class Service:
         """The ledger of a robot as /api/v1/why returns it; LookupError if there is none."""
         self._record_events()
         now = read_clocks()
+        fleet = self.state.fleet.name
         known = snapshot.robot_snapshot(self.state, robot, now, self._care())
-        then = now.wall if at is None else at
-
-        def find(**wanted: Any) -> list[dict[str, Any]]:
-            return list(self.events.find(Wanted(**wanted)))
-
-        of = {"robot": robot, "component": component}
-        began = find(kind="fault_began", until=then, limit=100, **of)
-        since, until = ledger.window(began, find(kind="fault_ended", limit=1_000, **of), then)
-        own = find(robot=robot, since=since, until=until, limit=1_000)
-        of_many = find(robot="", since=since, until=until, limit=100)
-        site = known["labels"].get("site", "")
-        found = {
-            "fleet": self.state.fleet.name,
-            "robot": robot,
-            "component": component,
-            "time": now.wall,
-            "at": then,
-            "entries": ledger.entries(own, of_many, component, site),
-        }
-        problems = [each for each in known["problems"] if component in (None, each["component"])]
-        sentences = ledger.standings(problems, now.wall, known)
-        sentences += [
-            f"recorded around its begin: {each['capsule']}" for each in problems if each["capsule"]
-        ]
-        return {**found, "now": sentences + (self._explain(robot, component) if ask else [])}
+        found = ledger.account(
+            self._find, known, component, now.wall if at is None else at, now.wall
+        )
+        asked = explained(self._alertmanager, fleet, robot, component) if ask else []
+        return {"fleet": fleet, **found, "now": [*found["now"], *asked]}
 
     def capabilities(self, robot: str | None) -> dict[str, Any]:
         """What a robot or the fleet can do, as /api/v1/capabilities; LookupError if none."""
@@ -480,17 +410,8 @@ class Service:
         self._record_events()
         now = read_clocks()
         known = snapshot.robot_snapshot(self.state, robot, now, self._care())
-
-        def find(**wanted: Any) -> list[dict[str, Any]]:
-            return [*self.events.find(Wanted(robot=robot, limit=self.SEARCHED, **wanted))]
-
-        begin = self._events_since()
-        since = max(now.wall - WEEK, now.wall if begin is None else begin)
-        recent = find(since=since)
-        if len(recent) == self.SEARCHED:  # there may be more
-            since = recent[-1]["time"]
-        of_faults = find(kind="fault_began") + find(kind="fault_ended")
-        events = {each["id"]: each for each in recent + of_faults}.values()
+        since = max(now.wall - WEEK, self._events_since() or now.wall)
+        events, since = recorded(self._find, robot, since)
         return {
             "fleet": self.state.fleet.name,
             "robot": robot,
@@ -498,16 +419,6 @@ class Service:
             "since": since,
             "sentences": story(events, known, now.wall, since),
         }
-
-    def _explain(self, robot: str, component: str | None) -> list[str]:
-        """What Alertmanager says of a robot's alerts, or why it says nothing."""
-        if self._alertmanager is None:
-            return ["Alertmanager is not asked: the exporter runs without --alertmanager.url"]
-        try:
-            found = self._alertmanager.explain(self.state.fleet.name, robot, component)
-        except UnreachableError as error:
-            return [f"Alertmanager does not answer: {error}"]
-        return found or ["Alertmanager has no alert of it now"]
 
     def notified(self, body: bytes) -> tuple[int, int]:
         """Record what Alertmanager sent; ValueError if ``body`` is no message of its webhook."""
@@ -517,8 +428,7 @@ class Service:
         self._record_events()
         with self._recording:
             events, ignored = self._notifications.receive(message, fleet, now.wall)
-            for event in events:
-                self._record(event)
+            self._record(*events)
         return len(events) + canaries, ignored - canaries
 
     def acknowledge(self, fault: str, person: Person) -> None:
@@ -532,10 +442,9 @@ class Service:
     def plan_downtime(self, robot: str, component: str, seconds: float, person: Person) -> None:
         """Plan a downtime from now on, as Backend says."""
         now = read_clocks()
-        robots = {each["robot"]: each for each in self.fleet_snapshot()["robots"]}
-        if robot not in robots:
+        known = self.state.components_of(robot)
+        if known is None:
             raise LookupError(f"there is no robot {robot!r:.60}")
-        known = {each["component"] for each in robots[robot]["components"]}
         if component and component not in known:
             raise LookupError(f"{robot} has no component {component!r:.60}")
         times = now.wall, now.wall + seconds
@@ -569,20 +478,7 @@ class Service:
 
     def not_ready_reason(self) -> str | None:
         """Why the robots' messages are not subscribed to; None when they are."""
-        failed = self._listener.errors
-        if failed:
-            return "; ".join(f"cannot join {place(each)}: {why}" for each, why in failed.items())
-        joining = self._listener.joining
-        if joining:
-            return f"{', '.join(map(place, joining))} is still being joined"
-        looks = self._listener.last_looks
-        if not all(looks.get(each) for each in self.state.fleet.domain_ids):
-            return "the ROS graph has not been looked at yet"
-        stalled = self._listener.stalled(self.STALLED)
-        if stalled:
-            domains = ", ".join(map(place, stalled))
-            return f"no message was taken for {self.STALLED:.0f} s in {domains}"
-        return None
+        return self._listener.not_ready_reason(self.state.fleet.domain_ids)
 
     def forget(self, robot: str, component: str | None) -> int:
         """Remove a robot or a component; LookupError if there is none of that name."""
@@ -598,16 +494,3 @@ class Service:
         if self._alertmanager is None:
             return []
         return self._alertmanager.known(read_clocks().wall)
-
-
-def _id(fleet: Fleet, event: dict[str, Any]) -> str:
-    """The id of an event's fault; "" for one of a scope or state that another version had."""
-    try:
-        identity = identity_of(labels_of(event))
-    except ValueError:
-        return ""
-    return fault_id(fleet.name, fleet.exporter, identity)
-
-
-def _no_events(_wanted: Wanted) -> Iterable[Numbered]:
-    return ()

@@ -18,7 +18,7 @@ import httpx
 from bench.scraper import MESSAGE_BYTES, MESSAGES, SEQUENCE, Scraper, robots_up, total
 from experiments import fleet
 from experiments.usage import usage
-from ros_diagnostics_exporter.sources.dds import use_profiles
+from ros_diagnostics_exporter.sources.ros_environment import use_profiles
 from testbed import configuration, domains, http, programs, servers
 from testbed.polling import until
 from testbed.ports import free_port

@@ -11,6 +11,7 @@ local groups(text) = local parsed = std.parseYaml(text); (if std.isArray(parsed)
     'ros-diagnostics-fleet.json': import '../../grafana/dashboards/ros-diagnostics-fleet.json',
     'ros-diagnostics-monitoring.json': import '../../grafana/dashboards/ros-diagnostics-monitoring.json',
     'ros-diagnostics-robot.json': import '../../grafana/dashboards/ros-diagnostics-robot.json',
+    'ros-diagnostics-week.json': import '../../grafana/dashboards/ros-diagnostics-week.json',
   },
   prometheusRules+:: {
     groups+: std.flatMap(groups, [

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
+import subprocess
 from pathlib import Path
 
 import yaml
 
 from testbed.configuration import CHECKOUT, Addresses
 
+SHIPPED = CHECKOUT / "grafana" / "dashboards"
 BINARIES = ("grafana", "grafana-server")  # the second: up to Grafana 9
 PACKAGED_HOME = Path("/usr/share/grafana")
+SOLID = (9, 5)  # the first that colours a number's background evenly
 HOME_DASHBOARD = "ros-diagnostics-fleet"
 ABSENT = (
     "no Grafana in PATH: install it (https://grafana.com/grafana/download) and start again,"
@@ -46,6 +50,8 @@ def _home(found: Path) -> Path:
 def write_provisioning(folder: Path, addresses: Addresses) -> None:
     """Copy the shipped provisioning to ``folder``; with this run's servers."""
     shutil.copytree(CHECKOUT / "grafana" / "provisioning", folder)
+    if _version() < SOLID:  # an older one would show no colour at all
+        _graded(folder / "boards")
     sources = folder / "datasources" / "ros-diagnostics.yml"
     content = yaml.safe_load(sources.read_text())
     urls = {"prometheus": addresses.prometheus, "alertmanager": addresses.alertmanager}
@@ -55,7 +61,7 @@ def write_provisioning(folder: Path, addresses: Addresses) -> None:
     boards = folder / "dashboards" / "ros-diagnostics.yml"
     content = yaml.safe_load(boards.read_text())
     for provider in content["providers"]:
-        provider["options"]["path"] = str(_dashboards())
+        provider["options"]["path"] = str(_dashboards(folder))
     boards.write_text(yaml.safe_dump(content))
 
 
@@ -73,9 +79,30 @@ def environment(folder: Path, address: str) -> dict[str, str]:
         "GF_AUTH_ANONYMOUS_ENABLED": "true",  # it listens on 127.0.0.1 only
         "GF_ANALYTICS_REPORTING_ENABLED": "false",
         "GF_ANALYTICS_CHECK_FOR_UPDATES": "false",
-        "GF_DASHBOARDS_DEFAULT_HOME_DASHBOARD_PATH": str(_dashboards() / f"{HOME_DASHBOARD}.json"),
+        "GF_DASHBOARDS_DEFAULT_HOME_DASHBOARD_PATH": str(
+            _dashboards(folder / "provisioning") / f"{HOME_DASHBOARD}.json"
+        ),
     }
 
 
-def _dashboards() -> Path:
-    return CHECKOUT / "grafana" / "dashboards"
+def _version() -> tuple[int, int]:
+    """Return the version of the Grafana that `command` finds."""
+    found = command()
+    if found is None:
+        return SOLID
+    told = subprocess.run([found[0], "-v"], capture_output=True, text=True, check=False).stdout
+    version = re.search(r"(\d+)\.(\d+)\.", told)
+    return (int(version[1]), int(version[2])) if version else SOLID
+
+
+def _graded(folder: Path) -> None:
+    """Copy the dashboards, with the graded backgrounds that any Grafana has."""
+    folder.mkdir()
+    for path in SHIPPED.glob("*.json"):
+        text = path.read_text(encoding="utf-8")
+        (folder / path.name).write_text(text.replace("background_solid", "background"), "utf-8")
+
+
+def _dashboards(provisioning: Path) -> Path:
+    graded = provisioning / "boards"
+    return graded if graded.exists() else SHIPPED

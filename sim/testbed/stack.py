@@ -129,9 +129,13 @@ def _prepare(folder: Path, domain_id: int, plan: Plan, inbox: Inbox) -> Stack:
         _links(folder, endpoint, domain_id, environment) if plan.zenoh else (),
         server(
             "ros-diagnostics-exporter",
-            programs.exporter(
-                configs.fleet, addresses.exporter, folder / "exporter.db", addresses.alertmanager
-            ),
+            [
+                *programs.exporter(
+                    *(configs.fleet, addresses.exporter, folder / "exporter.db"),
+                    addresses.alertmanager,
+                ),
+                f"--web.runbooks-url=http://{addresses.prometheus}/user/alerts",
+            ],
             addresses.exporter,
         ),
         servers.prometheus(

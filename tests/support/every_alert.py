@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import yaml
-
-from support.shipped_rules import PROMTOOL_TESTS
+from support.shipped_rules import PROMTOOL_TESTS, read_yaml
 
 SINCE = "2026-01-12 03:04:05.25 +0000 UTC"
 BEGAN, ENDED = "2026-01-12T03:04:15Z", "2026-01-12T04:16:30Z"
@@ -19,7 +17,7 @@ def every_alert() -> list[dict[str, Any]]:
     """One alert of each name, then the escalation or the reminder of each fault."""
     found: dict[str, dict[str, Any]] = {}
     for file in PROMTOOL_TESTS:
-        for test in yaml.safe_load(file.read_text())["tests"]:
+        for test in read_yaml(file)["tests"]:
             for check in test.get("alert_rule_test", ()):
                 name = check["alertname"]
                 if check["exp_alerts"] and name not in (*found, ESCALATION):

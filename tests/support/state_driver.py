@@ -134,6 +134,12 @@ class StateDriver:
             self.raw(*statuses)
             self.at(min(until, self.now.mono + period))
 
+    def agg_every(self, period: float, until: float, *statuses: Status) -> None:
+        """As `raw_every`, from the aggregator; see `tree`."""
+        while self.now.mono < until:
+            self.agg(*statuses)
+            self.at(min(until, self.now.mono + period))
+
     def component(self, name: str):
         (found,) = (each for each in self.robot.components if each.name == name)
         return found

@@ -194,6 +194,7 @@ class FakeBackend:
     fault_history: Callable[[str], dict[str, Any]] = no_history
     capsule: Callable[[str, bool], bytes] = no_capsule
     story: Callable[[str], dict[str, Any]] = no_story
+    last_event: Callable[[], int] = lambda: 0
     find_events: Callable[[Any], Iterable[dict[str, Any]]] = lambda _wanted: []
     why: Callable[..., dict[str, Any]] = no_ledger
     capabilities: Callable[[str | None], dict[str, Any]] = no_capabilities

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from statistics import median
 
@@ -27,15 +28,7 @@ TREES = {
 # Of each tree its packages and modules: each imports only from lines above its own.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
-        (
-            "model",
-            "durations",
-            "files",
-            "regex",
-            "texts",
-            "weekly",
-            "zstd",
-        ),
+        ("model", "durations", "files", "regex", "texts", "weekly", "zstd"),
         ("events", "http_client", "logs", "loops", "severity"),
         ("config",),
         ("decode",),
@@ -123,9 +116,15 @@ FILES = sorted(
 )
 
 
+@cache
+def nodes(path: Path) -> list[ast.AST]:
+    """All of a file's syntax, its module first."""
+    return list(ast.walk(ast.parse(path.read_text())))
+
+
 def imports(path: Path) -> Iterator[str]:
     """Yield every module that the file imports, wherever in the file."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -197,7 +196,7 @@ def test_now_is_an_argument_except_at_the_edge():
             continue
         asked = {
             f"{node.value.id}.{node.attr}"
-            for node in ast.walk(ast.parse(path.read_text()))
+            for node in nodes(path)
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
         }
         assert not CLOCKS & (asked | set(imports(path))), module
@@ -207,7 +206,7 @@ def test_a_reader_can_hold_a_function_in_the_head():
     sizes = sorted(
         node.end_lineno - node.lineno + 1
         for _, path in FILES
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes(path)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     )
 
@@ -216,13 +215,23 @@ def test_a_reader_can_hold_a_function_in_the_head():
     assert sizes[-1] <= 70
 
 
+def test_no_file_of_the_service_is_too_long_to_be_one_idea():
+    lines = {
+        module: len(path.read_text().splitlines())
+        for module, path in FILES
+        if module.startswith(f"{EXPORTER}.")
+    }
+
+    assert {module: number for module, number in lines.items() if number > 500} == {}
+
+
 @pytest.mark.parametrize("tree", [EXPORTER, TOOLS])
 def test_no_two_classes_have_one_name(tree):
     counted = Counter(
         node.name
         for module, path in FILES
         if module.startswith(f"{tree}.")
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes(path)
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
     )
 
@@ -230,8 +239,6 @@ def test_no_two_classes_have_one_name(tree):
 
 
 def test_every_file_says_what_it_is_for():
-    silent = [
-        module for module, path in FILES if not ast.get_docstring(ast.parse(path.read_text()))
-    ]
+    silent = [module for module, path in FILES if not ast.get_docstring(nodes(path)[0])]
 
     assert not silent

@@ -10,7 +10,9 @@ import yaml
 
 from support.planted import CHECKOUT, occurs_once, planted_checkout
 
-MISTAKES = yaml.safe_load((CHECKOUT / "tests/data/planted_in_packages.yml").read_text())
+MISTAKES = yaml.load(
+    (CHECKOUT / "tests/data/planted_in_packages.yml").read_text(), yaml.CSafeLoader
+)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ Events are given as /api/v1/events returns them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.severity import (
@@ -50,6 +50,43 @@ def window(began: Iterable[Event], ended: Iterable[Event], at: float) -> Window:
     lasting = recent or [max(faults, key=lambda fault: fault[1])]
     # A level's event is as old as the trouble, to the rounding of what is stored.
     return Window(min(each[0] for each in lasting) - 1, max(each[1] for each in lasting) + LATE)
+
+
+def account(
+    find: Callable[..., list[Event]],
+    known: dict[str, Any],
+    component: str | None,
+    at: float,
+    now: float,
+) -> dict[str, Any]:
+    """The ledger of a robot, or of one component of it, and how its problems stand.
+
+    Args:
+        find: The events that match, newest first; its arguments are those of `Wanted`.
+        known: The robot as `snapshot.robot_snapshot` has it.
+        component: Only this component and the whole robot; None for all.
+        at: Of what Unix time the ledger is to be.
+        now: The present.
+    """
+    robot = known["robot"]
+    began = find(kind="fault_began", robot=robot, component=component, until=at, limit=100)
+    ended = find(kind="fault_ended", robot=robot, component=component, limit=1_000)
+    since, until = window(began, ended, at)
+    own = find(robot=robot, since=since, until=until, limit=1_000)
+    of_many = find(robot="", since=since, until=until, limit=100)
+    problems = [each for each in known["problems"] if component in (None, each["component"])]
+    recorded = [each["capsule"] for each in problems if each["capsule"]]
+    return {
+        "robot": robot,
+        "component": component,
+        "time": now,
+        "at": at,
+        "entries": entries(own, of_many, component, known["labels"].get("site", "")),
+        "now": [
+            *standings(problems, now, known),
+            *(f"recorded around its begin: {each}" for each in recorded),
+        ],
+    }
 
 
 def _fault(event: Event) -> tuple[Any, ...]:

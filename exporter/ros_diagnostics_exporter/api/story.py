@@ -7,9 +7,11 @@ end and who took care of it, and the sentences of a robot as /api/v1/fleet retur
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
+from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.faults.model import fault_id, identity_of
 from ros_diagnostics_exporter.severity import (
     STATE_OF_LEVEL,
     clock,
@@ -24,12 +26,42 @@ LABELS = (
     *("scope", "state", "severity", "site"),
     *("robot", "group", "component", "check", "key", "bound"),
 )
+SEARCHED = 10_000  # events of each kind that are looked through
 KINDS = ("fault_began", "fault_ended", "notified", "acknowledged")  # of the events that count
 
 
 def labels_of(event: dict[str, Any]) -> dict[str, str]:
     """The labels of an event's fault; those that do not apply are ""."""
     return {name: event.get(name, "") for name in LABELS}
+
+
+def fault_of(fleet: Fleet, event: dict[str, Any]) -> str:
+    """The id of an event's fault; "" for one of a scope or state that another version had."""
+    try:
+        identity = identity_of(labels_of(event))
+    except ValueError:
+        return ""
+    return fault_id(fleet.name, fleet.exporter, identity)
+
+
+def history(
+    find: Callable[..., list[dict[str, Any]]], is_of: Callable[[dict[str, Any]], bool]
+) -> list[dict[str, Any]]:
+    """Each time that one fault lasted, as `occurrences`.
+
+    Args:
+        find: The events that match, newest first; its arguments are those of `Wanted`.
+        is_of: Whether an event is of the fault.
+    """
+
+    def search(kind: str, **wanted: Any) -> list[dict[str, Any]]:
+        return [each for each in find(kind=kind, limit=SEARCHED, **wanted) if is_of(each)]
+
+    found = search("fault_ended") + search("fault_began")
+    if found:
+        of = {"robot": found[0].get("robot", ""), "since": min(each["since"] for each in found)}
+        found += search("notified", **of) + search("acknowledged", **of)
+    return occurrences(found)
 
 
 def occurrences(events: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -144,6 +176,24 @@ def story(
     ]
     left = len(parts) - len(named)
     return found + ([_sentence("", f"{left} more parts were faulty {when}.")] if left else [])
+
+
+def recorded(
+    find: Callable[..., list[Event]], robot: str, since: float
+) -> tuple[Iterable[Event], float]:
+    """The events that a robot's story is made of, and the Unix time since when all are among them.
+
+    Args:
+        find: The events that match, newest first; its arguments are those of `Wanted`.
+        robot: The robot's name.
+        since: Unix time from when on they are wanted; of its faults all are.
+    """
+    recent = find(robot=robot, since=since, limit=SEARCHED)
+    if len(recent) == SEARCHED:  # there may be more
+        since = recent[-1]["time"]
+    for kind in ("fault_began", "fault_ended"):
+        recent += find(robot=robot, kind=kind, limit=SEARCHED)
+    return {each["id"]: each for each in recent}.values(), since
 
 
 def in_time(since: float, now: float) -> str:

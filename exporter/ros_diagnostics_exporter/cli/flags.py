@@ -163,6 +163,14 @@ def _add_web(parser: argparse.ArgumentParser) -> None:
         help="forms on the pages: who has logged in (basic_auth_users) acknowledges a fault or "
         "plans a downtime at --alertmanager.url",
     )
+    group.add_argument(
+        "--web.runbooks-url",
+        dest="runbooks",
+        type=_runbooks_url,
+        default="",
+        metavar="URL",
+        help="where docs/alerts is served, for the links to runbooks of the pages (default: none)",
+    )
 
 
 def _add_alertmanager(parser: argparse.ArgumentParser) -> None:
@@ -282,6 +290,14 @@ def _size(text: str) -> int:
 
 def _url(text: str) -> str:
     return _server(text, "http://localhost:9093", "--alertmanager")
+
+
+def _runbooks_url(text: str) -> str:
+    if not text:  # the default
+        return text
+    if "@" in text:
+        raise argparse.ArgumentTypeError(f"{text!r} has a user: everybody sees the pages' links")
+    return _server(text, "http://localhost:9090/user/alerts", "")
 
 
 def _prometheus_url(text: str) -> str:

@@ -24,11 +24,12 @@ from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_exporter.model import ZENOH
 from ros_diagnostics_exporter.service import Service
 from ros_diagnostics_exporter.severity import query_text
-from ros_diagnostics_exporter.sources.dds import RosMissingError, check_ros, split_arguments
+from ros_diagnostics_exporter.sources.dds import check_ros
 from ros_diagnostics_exporter.sources.prometheus import TIMEOUT
+from ros_diagnostics_exporter.sources.ros_environment import RosMissingError, split_arguments
 from ros_diagnostics_exporter.sources.zenoh import ZenohMissingError, check_zenoh
-from ros_diagnostics_exporter.storage.database import InUseError, VersionError
-from ros_diagnostics_exporter.storage.storage import Retention, Storage
+from ros_diagnostics_exporter.storage.database import InUseError, Retention, VersionError
+from ros_diagnostics_exporter.storage.storage import Storage
 from ros_diagnostics_exporter.web.server import AddressError, ListenError, Server, parse_address
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
 
@@ -182,6 +183,7 @@ def _serve(options: argparse.Namespace, listen: list[str], service: Service) -> 
         web_config=options.web_config,
         lifecycle=options.lifecycle,
         actions=options.actions,
+        runbooks=options.runbooks,
         domains=len(service.state.fleet.domain_ids),
     )
     service.watch(server.loop)

@@ -7,6 +7,7 @@ follows from that.
 
 from collections.abc import Mapping
 from dataclasses import field, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -311,7 +312,7 @@ class Fleet(Entry, title="FleetFile"):
             found += (rule.confirm_after or 0.0 for rule in profile.components)
         return max(found)
 
-    @property
+    @cached_property  # asked for at each scrape and look
     def domain_ids(self) -> tuple[Domain, ...]:
         """Every domain to join: those of DDS, ascending, then zenoh."""
         found = {each.domain_id for each in self.robots if each.source is not Source.QUERIES}

@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 from enum import Enum
+from functools import partial
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
@@ -62,11 +63,26 @@ _SOURCE = (
     "and changes from raw, because an aggregator hides what is shorter than its period; `auto`, "
     "the aggregate if there is one, else raw, decided once for a robot."
 )
-_LABELS = (
+# Keys of several entries, each described once.
+_profile = partial(described, default_factory=Profile, written=DEFAULT)
+_labels = partial(
+    described,
     "Labels of `robot_info`. The rules that are shipped put `site`, `robot_group`, `team`, `kind` "
     "and `uplink` on alerts, for routing; any other is for queries of your own. Reserved names are "
-    "rejected."
+    "rejected.",
+    example={"site": "hall"},
+    default_factory=nothing,
 )
+
+
+def _zenoh(instead_of: str, whose: str, *, example: str) -> Any:
+    return described(
+        f"In place of `{instead_of}`, for what comes by [zenoh](#zenoh): the beginning of {whose} "
+        "keys, which the topic follows; `/` where there is none. A bridge's `namespace` is one, "
+        "and with rmw_zenoh the number of the ROS domain.",
+        example=example,
+        default=None,
+    )
 
 
 class Robot(Entry):
@@ -96,18 +112,13 @@ class Robot(Entry):
         example="raw",
         default=Source.AUTO,
     )
-    profile: ProfileName = described(
-        "The robot's profile.",
-        example="turtlebot4",
-        default_factory=Profile,
-        written=DEFAULT,
-    )
+    profile: ProfileName = _profile("The robot's profile.", example="turtlebot4")
     address: Address | None = described(
         "Host name or IP address for checks of the host (ping, SSH, node_exporter).",
         example="10.0.0.17",
         default=None,
     )
-    labels: Labels = described(_LABELS, example={"site": "hall"}, default_factory=nothing)
+    labels: Labels = _labels()
     topic: Topic | None = described(
         "The topic in full, in place of `namespace`. With source `auto` or `both`, a name that "
         "ends in `_agg` is the aggregate's, any other is raw, and the other topic is named after "
@@ -115,13 +126,7 @@ class Robot(Entry):
         example="/robot_1/health/diagnostics_agg",
         default=None,
     )
-    zenoh: KeyPrefix | None = described(
-        "In place of `domain_id`, for what comes by [zenoh](#zenoh): the beginning of its keys, "
-        "which the topic follows; `/` where there is none. A bridge's `namespace` is one, and with "
-        "rmw_zenoh the number of the ROS domain.",
-        example="customer_a/robot_1",
-        default=None,
-    )
+    zenoh: KeyPrefix | None = _zenoh("domain_id", "its", example="customer_a/robot_1")
 
     @override
     def completed(self, given: Mapping[str, Any]) -> "Robot":
@@ -190,25 +195,14 @@ class Discovery(Entry):
     )
     exclude: Wildcards = described("No robots with these names.", example=["amr_test*"], default=())
     source: AnySource = described(_SOURCE, example="agg", default=Source.AUTO)
-    profile: ProfileName = described(
-        "The robot's profile.",
-        example="turtlebot4",
-        default_factory=Profile,
-        written=DEFAULT,
-    )
+    profile: ProfileName = _profile("The robot's profile.", example="turtlebot4")
     address: NameTemplate | None = described(
         "The robot's host, made of `{robot}`, the robot's name, and `{domain_id}`.",
         example="{robot}.lan",
         default=None,
     )
-    labels: Labels = described(_LABELS, example={"site": "hall"}, default_factory=nothing)
-    zenoh: KeyTemplate | None = described(
-        "In place of `domain_ids`, for what comes by [zenoh](#zenoh): the beginning of their keys, "
-        "which the topic follows; `/` where there is none. A bridge's `namespace` is one, and with "
-        "rmw_zenoh the number of the ROS domain.",
-        example="customer_a/{robot}",
-        default=None,
-    )
+    labels: Labels = _labels()
+    zenoh: KeyTemplate | None = _zenoh("domain_ids", "their", example="customer_a/{robot}")
 
     @override
     def completed(self, given: Mapping[str, Any]) -> "Discovery":
@@ -268,20 +262,9 @@ class Shared(Entry):
         example="{robot}/{component}",
         default=None,
     )
-    profile: ProfileName = described(
-        "The profile of these robots.",
-        example="arm",
-        default_factory=Profile,
-        written=DEFAULT,
-    )
-    labels: Labels = described(_LABELS, example={"site": "hall"}, default_factory=nothing)
-    zenoh: KeyPrefix | None = described(
-        "In place of `domain_id`, for what comes by [zenoh](#zenoh): the beginning of its keys, "
-        "which the topic follows; `/` where there is none. A bridge's `namespace` is one, and with "
-        "rmw_zenoh the number of the ROS domain.",
-        example="customer_a",
-        default=None,
-    )
+    profile: ProfileName = _profile("The profile of these robots.", example="arm")
+    labels: Labels = _labels()
+    zenoh: KeyPrefix | None = _zenoh("domain_id", "its", example="customer_a")
 
     @override
     def completed(self, given: Mapping[str, Any]) -> "Shared":

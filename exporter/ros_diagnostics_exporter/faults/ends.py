@@ -57,14 +57,6 @@ def describe(book: Book, fault: Fault, message: str) -> None:
         book.written[row(fault.identity)] = None
 
 
-def note_served(book: Book, now: Instant) -> None:
-    """Note that all that are kept were read."""
-    for ended in (*book.ended.values(), *book.forgotten.values()):
-        if ended.until == inf:
-            ended.until = now.mono + KEPT
-            book.timers.set_at_latest(("ends", None), ended.until)
-
-
 def drop_old(book: Book, now: Instant) -> None:
     """Drop what was kept for long enough."""
     for identity in [each for each, ended in book.ended.items() if ended.until <= now.mono]:

@@ -358,7 +358,10 @@ class Faults:
 
     def note_served(self, now: Instant) -> None:
         """Note that what ended was read by whoever holds the faults."""
-        ends.note_served(self._book, now)
+        for ended in (*self._book.ended.values(), *self._book.forgotten.values()):
+            if ended.until == inf:
+                ended.until = now.mono + ends.KEPT
+                self._book.timers.set_at_latest(("ends", None), ended.until)
 
     # -- what is asked -----------------------------------------------------------------------
 

@@ -16,12 +16,9 @@ from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.clocks import LIMIT
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import (
-    AbilityView,
     Change,
     ComponentName,
-    End,
     Fault,
-    Followed,
     Identity,
     OwnReport,
     ProblemView,
@@ -29,9 +26,7 @@ from ros_diagnostics_exporter.faults.model import (
     Scope,
     as_texts,
 )
-from ros_diagnostics_exporter.faults.needs import NeedView
-from ros_diagnostics_exporter.fleet import fleet_capabilities
-from ros_diagnostics_exporter.fleet.capabilities import work
+from ros_diagnostics_exporter.fleet.capabilities import fleet_evidence, wanted_of_fleet, work
 from ros_diagnostics_exporter.fleet.fault_evidence import (
     Evidence,
     evidence,
@@ -49,6 +44,7 @@ from ros_diagnostics_exporter.robots.robot import RobotState
 class FaultReports:
     """The faults of the fleet, and of each robot what was reported of it.
 
+    ``engine`` judges, and is asked what it found; another one takes its place in `restore`.
     Faults that begin and end are appended to ``events``.
     Called only under the lock of the State that holds it. ``now`` of a call may be earlier than
     that of the one before, as arrays and ticks come from several threads: time does not go back.
@@ -61,40 +57,40 @@ class FaultReports:
         self._robots: dict[str, RobotReports] = {}
         self._fleet_source: tuple[Mapping[str, FleetCapability], list[Settings]] | None = None
         self._own: dict[str, str] = {}  # part of the exporter -> what is wrong with it
-        self._faults = Faults(fleet.faults)
-        self._faults.started(now, fleet.longest_confirm_after)
+        self.engine = Faults(fleet.faults)
+        self.engine.started(now, fleet.longest_confirm_after)
 
     # -- reported ----------------------------------------------------------------------------
 
     def add(self, robot: RobotState, now: Instant) -> None:
         """Judge a new robot from now on."""
         reports = self._robots[robot.settings.name] = RobotReports(robot, self._events)
-        self._record(reports.configure(self._faults, self._time(now)))
+        self._record(reports.configure(self.engine, self._time(now)))
 
     def remove(self, robot: RobotState, now: Instant) -> None:
         """End all that is wrong with a robot that is no longer wanted."""
         del self._robots[robot.settings.name]
-        self._record(self._faults.forget_robot(robot.settings.name, self._time(now)))
+        self._record(self.engine.forget_robot(robot.settings.name, self._time(now)))
 
     def update(self, robot: RobotState, now: Instant) -> None:
         """Report what changed of a robot; cheap where nothing did."""
         reports, at = self._robots[robot.settings.name], robot.marks.at
         has_news = max(at[Mark.NAMES], at[Mark.LEVEL], at[Mark.VALUE]) > reports.read
         if has_news or (not (robot.up and reports.is_up) and reports.is_due(now)):
-            self._record(reports.update(self._faults, self._time(now)))
+            self._record(reports.update(self.engine, self._time(now)))
 
     def configure(self, fleet: Fleet, now: Instant) -> None:
         """Follow another config in what is not of a robot."""
         if fleet.faults != self._fleet.faults:
-            self._record(self._faults.configure(fleet.faults, self._time(now)))
+            self._record(self.engine.configure(fleet.faults, self._time(now)))
         self._fleet = fleet
 
     def configure_robot(self, robot: RobotState, now: Instant) -> None:
         """Follow a robot's config, after the robot did."""
         now, reports, changes = self._time(now), self._robots[robot.settings.name], list[Change]()
         if reports.has_other_settings:
-            changes = reports.configure(self._faults, now)
-        self._record(changes + reports.update(self._faults, now))
+            changes = reports.configure(self.engine, now)
+        self._record(changes + reports.update(self.engine, now))
 
     def _report_maintenance(self, now: Instant) -> None:
         """Report which robots' planned downtimes began or ended, all of them at one time."""
@@ -106,11 +102,11 @@ class FaultReports:
         for name, is_planned in planned.items():
             self._robots[name].maintenance = is_planned
         if planned:
-            self._record(self._faults.maintenance(planned, now))
+            self._record(self.engine.maintenance(planned, now))
         for name, reports in self._robots.items():
             if reports.robot.maintained != reports.maintained:
                 reports.maintained = reports.robot.maintained
-                self._record(self._faults.components_in_maintenance(name, reports.maintained, now))
+                self._record(self.engine.components_in_maintenance(name, reports.maintained, now))
 
     def _report_unreachable(self, now: Instant) -> None:
         """Report which robots something that fails is in front of, or no longer is."""
@@ -122,7 +118,7 @@ class FaultReports:
         for name, is_unreachable in changed.items():
             self._robots[name].unreachable = is_unreachable
         if changed:
-            self._record(self._faults.unreachable(changed, now))
+            self._record(self.engine.unreachable(changed, now))
 
     def _clocks(self) -> dict[str, float]:
         """How far the clocks of robots differ that are received, and have one."""
@@ -139,14 +135,14 @@ class FaultReports:
         source = self._fleet.capabilities, [each.robot.settings for each in every]
         if source != self._fleet_source:
             self._fleet_source = source
-            found = fleet_capabilities.wanted(self._fleet, source[1])
-            self._record(self._faults.configure_fleet(found, now))
+            found = wanted_of_fleet(self._fleet, source[1])
+            self._record(self.engine.configure_fleet(found, now))
 
     def own(self, reports: Iterable[OwnReport], now: Instant) -> None:
         """Report all parts of the exporter itself."""
         reports = list(reports)
         self._own = {each.part: each.message for each in reports}
-        self._record(self._faults.own(reports, self._time(now)))
+        self._record(self.engine.own(reports, self._time(now)))
 
     def tick(self, now: Instant, *, slow: bool) -> None:
         """Let time pass; to be called a few times a second, once a second with ``slow``."""
@@ -154,9 +150,9 @@ class FaultReports:
         if slow:
             self._report_maintenance(now)
             self._report_unreachable(now)
-            self._record(self._faults.clocks(self._clocks(), now))
+            self._record(self.engine.clocks(self._clocks(), now))
             self._report_fleet(now)
-        self._record(self._faults.advance(now))
+        self._record(self.engine.advance(now))
 
     def restore(self, rows: Iterable[Row], now: Instant) -> None:
         """Go on from the rows of an earlier process; nothing is received yet.
@@ -169,7 +165,7 @@ class FaultReports:
         faults = Faults(self._fleet.faults)
         faults.restore(rows, now)
         faults.started(now, self._fleet.longest_confirm_after)
-        self._faults, self._fleet_source = faults, None
+        self.engine, self._fleet_source = faults, None
         for kind, key, fields in rows:
             if kind == "robot" and fields is not None and key[0] not in self._robots:
                 self._record(faults.forget_robot(key[0], now))
@@ -181,7 +177,7 @@ class FaultReports:
 
     def take_rows(self, now: Instant) -> list[Row]:
         """The rows that changed since they were last taken, of all what `restore` needs."""
-        return self._faults.take_rows(self._time(now))
+        return self.engine.take_rows(self._time(now))
 
     def _time(self, now: Instant) -> Instant:
         if now.mono >= self._now.mono:
@@ -197,12 +193,12 @@ class FaultReports:
                 known = Evidence(fault.evidence, {})
                 text, fields = known if fault.evidence else self._evidence(identity)
                 can = fault.work or self._work(identity)
-                described = self._faults.describe(fault, text, can, fields)
+                described = self.engine.describe(fault, text, can, fields)
             elif what == "recovered":
                 end = last_received(fault.identity, self._find)
-                self._faults.describe_end(fault, end)
+                self.engine.describe_end(fault, end)
             self._events.append(_event(what, described, at, end))
-        for name in self._faults.take_followed():
+        for name in self.engine.take_followed():
             if name in self._robots:
                 self._robots[name].robot.marks.note(Mark.ACCOUNT)
 
@@ -211,11 +207,11 @@ class FaultReports:
             return of_exporter(self._own[identity.component])
         reports = self._robots.get(identity.robot)
         if identity.scope is Scope.CAPABILITY and not identity.robot:
-            view = self._faults.fleet_needs().get(identity.check)
-            return Evidence("" if view is None else fleet_capabilities.evidence(view), {})
+            view = self.engine.fleet_needs().get(identity.check)
+            return Evidence("" if view is None else fleet_evidence(view), {})
         if identity.scope is not Scope.CAPABILITY or reports is None:
             return evidence(identity, self._find, self._troubled(identity))
-        of = self._faults.abilities(identity.robot).get(identity.check)
+        of = self.engine.abilities(identity.robot).get(identity.check)
         return Evidence("", {}) if of is None else of_capability(of, reports.by_name)
 
     def _work(self, identity: Identity) -> str:
@@ -223,7 +219,7 @@ class FaultReports:
         reports = self._robots.get(identity.robot)
         if reports is None or not reports.robot.up:
             return ""
-        return work(self._faults.abilities(identity.robot))
+        return work(self.engine.abilities(identity.robot))
 
     def _find(self, identity: Identity) -> tuple[RobotState, Component | None] | None:
         """The robot, and the component if it is of one, that a fault is about."""
@@ -240,10 +236,6 @@ class FaultReports:
 
     # -- asked -------------------------------------------------------------------------------
 
-    def all(self) -> list[Fault]:
-        """All faults that last."""
-        return list(self._faults.faults())
-
     def problems(self, now: Instant, robot: str | None = None) -> list[ProblemView]:
         """All problems, confirmed or not, of the fleet or of one robot.
 
@@ -257,67 +249,31 @@ class FaultReports:
             for view in reports.by_condition.views()
         }
         found = []
-        for view in self._faults.problems(now, robot):
+        for view in self.engine.problems(now, robot):
             if view.fault is not None:  # it goes on under its condition, and is shown as it is
                 by_condition.pop(view.identity, None)
             if view.identity not in by_condition:
                 found.append(view)
         return [*found, *by_condition.values()]
 
-    def served(self) -> list[Fault]:
-        """Those that something has confirmed since the start."""
-        return list(self._faults.served())
-
-    def ends(self) -> list[End]:
-        """What ended of late, and has not begun again."""
-        return list(self._faults.ends())
-
-    def note_served(self, now: Instant) -> None:
-        """Note that what ended was read by whoever holds the faults."""
-        self._faults.note_served(self._time(now))
-
     def adopt(self, faults: Iterable[Fault], now: Instant) -> None:
         """Go on with faults whose alerts fire and which this process does not know."""
         now = self._time(now)
         for fault in faults:
-            self._record(self._faults.adopt(fault, now))
+            self._record(self.engine.adopt(fault, now))
             reports = self._robots.get(fault.identity.robot)
             if reports is not None:
-                changes = reports.configure(self._faults, now)
-                self._record(changes + reports.update(self._faults, now))
+                changes = reports.configure(self.engine, now)
+                self._record(changes + reports.update(self.engine, now))
 
     def forget(self, robot: str, now: Instant) -> None:
         """Note that nothing of a robot is to be held any more, whether it is known here or not."""
         now = self._time(now)
-        self._faults.forget(robot, now)
+        self.engine.forget(robot, now)
         reports = self._robots.get(robot)
-        for name in () if reports is None else self._faults.component_names(robot):
+        for name in () if reports is None else self.engine.component_names(robot):
             if reports is not None and reports.find(name) is None:  # adopted, never received
-                self._record(self._faults.forget_component(robot, name, now))
-
-    def abilities(self, robot: RobotState) -> dict[str, AbilityView]:
-        """What a robot can do, each after those that it needs."""
-        return self._faults.abilities(robot.settings.name)
-
-    def fleet_needs(self) -> dict[str, NeedView]:
-        """What the fleet can do, with its expressions and how good all robots are."""
-        return self._faults.fleet_needs()
-
-    def needs(self, robot: str) -> dict[str, NeedView]:
-        """What a robot can do, with its expressions and how good all parts are.
-
-        Raises:
-            LookupError: there is no such robot.
-        """
-        return self._faults.needs(robot)
-
-    def followed(self, robot: RobotState) -> dict[ComponentName, Followed]:
-        """What is kept of a robot's components that are or were in trouble."""
-        return self._faults.followed(robot.settings.name)
-
-    def settled(self, now: Instant) -> bool:
-        """Whether what was wrong before the start has been judged again."""
-        return self._faults.settled(now)
+                self._record(self.engine.forget_component(robot, name, now))
 
     def keeps(self, robot: RobotState, component: Component | None = None) -> bool:
         """Whether a component, or a robot without any, has a problem and is not to be forgotten.
@@ -326,9 +282,9 @@ class FaultReports:
         """
         name = robot.settings.name
         if component is None:
-            return bool(robot.last_wall) and self._faults.in_trouble(name)
+            return bool(robot.last_wall) and self.engine.in_trouble(name)
         known = self._robots[name].name_of(component)
-        return known is not None and self._faults.in_trouble(name, known)
+        return known is not None and self.engine.in_trouble(name, known)
 
 
 def _is_part(reports: RobotReports, identity: Identity) -> bool:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from math import inf
 from typing import Any, TypeVar
+
+from typing_extensions import override
 
 from ros_diagnostics_exporter.config import fleet as config
 from ros_diagnostics_exporter.events import Event
@@ -27,31 +28,23 @@ from ros_diagnostics_exporter.faults.model import (
 )
 from ros_diagnostics_exporter.faults.needs import NeedView
 from ros_diagnostics_exporter.fleet.discovery import SharedTopic
-from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
-from ros_diagnostics_exporter.fleet.registry import RobotRegistry
 from ros_diagnostics_exporter.fleet.unmatched import UnmatchedWatch, find_unmatched, known_robot
-from ros_diagnostics_exporter.loops import Timers
+from ros_diagnostics_exporter.fleet.watched import WatchedFleet
 from ros_diagnostics_exporter.model import (
     Array,
-    Domain,
     Downtime,
-    Endpoint,
     Feed,
     Instant,
     Status,
     Stream,
     Topic,
-    place,
 )
 from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate_array
 from ros_diagnostics_exporter.robots.maintenance import holds
 from ros_diagnostics_exporter.robots.persisted import PersistedRobot
 from ros_diagnostics_exporter.robots.robot import RobotState
 from ros_diagnostics_exporter.robots.updates import is_of_graph
-from ros_diagnostics_exporter.sources.graph import GROUP, SHADOW, GraphWatch, Report
-from ros_diagnostics_exporter.sources.graph_messages import Message
-from ros_diagnostics_exporter.sources.graph_topics import TopicView
-from ros_diagnostics_exporter.sources.link import LinkReading, joined
+from ros_diagnostics_exporter.sources.graph import GROUP, SHADOW
 
 log = logging.getLogger(__name__)
 
@@ -60,29 +53,20 @@ Result = TypeVar("Result")
 
 SLOW_TICK = 1.0  # seconds between two updates of what changes slowly: maintenance, forgetting
 PASS_ON = 16  # robots between two chances of the threads that wait for the lock
-MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
 
 
-class FleetState:
+class FleetState(WatchedFleet):
     """All that is known about the fleet."""
 
     def __init__(self, fleet: config.Fleet, now: Instant) -> None:
-        self.fleet = fleet
-        self._lock = threading.RLock()
+        super().__init__(fleet, now)
         self._turn = threading.Lock()  # of what must see no half of a reload
-        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._slow_tick_at = now.mono
-        self._ticks: Timers[RobotState] = Timers()  # when robots have to be looked at again
         self._holding: tuple[bool, ...] | None = None  # which downtimes do; None: not known
         self._downtimes: tuple[Downtime, ...] = ()  # that people planned
         self._downtimes_changed = False  # since their row was taken
         self._feeds = _feeds(fleet)
-        self._watch = GraphWatch()
-        self._watching = threading.Lock()  # of the watch; taken before the other, or alone
-        self.recorder: Callable[[Stream, bytes, Instant], None] | None = None  # of messages
         self.unmatched = UnmatchedWatch()  # entries of the config that match nothing
-        self._faults = FaultReports(fleet, now, self._events)
-        self._registry = RobotRegistry(fleet, now, self._events, self._faults)
 
     # -- from ROS: what `sources.reception.Receiver` asks for ---------------------------------
 
@@ -138,137 +122,6 @@ class FleetState:
                 return
             for robot, _raw in self._registry.bindings.get(topic, ()):
                 robot.count_rejected("rate", count)
-
-    def update_graph(
-        self, domain_id: Domain, endpoints: Mapping[str, Endpoint], now: Instant
-    ) -> None:
-        """Discover robots in one domain's graph, and update which topics have publishers."""
-        with self._lock:
-            self._registry.discover(domain_id, endpoints, now)
-            for topic, bound in self._registry.bindings.items():
-                if topic.domain_id == domain_id:
-                    for robot, _raw in bound:
-                        robot.update_endpoint(topic.name, endpoints.get(topic.name), now)
-
-    def note_other_types(
-        self, domain_id: Domain, types: Mapping[str, tuple[str, ...]], now: Instant
-    ) -> None:
-        """Note the types of all topics of a domain that have no DiagnosticArray, by name."""
-        with self._lock:
-            self._registry.note_other_types(domain_id, types, now)
-
-    def update_nodes(self, domain_id: Domain, nodes: list[tuple[str, str]], now: Instant) -> bool:
-        """Take the name and namespace of all nodes of a domain, and judge what is due there.
-
-        Returns whether any robot there is watched.
-        """
-        with self._lock:
-            robots = [
-                robot.settings
-                for robot in self._registry.robots.values()
-                if robot.settings.domain_id == domain_id and not robot.shared
-            ]
-        with self._watching:
-            self._watch.follow(domain_id, robots, now)
-            self._watch.see_nodes(domain_id, nodes, now)
-            reports = list(self._watch.reports(domain_id, now))
-            watches = self._watch.watches(domain_id)
-        for report in reports:
-            self._receive_report(report, now)
-        return watches
-
-    def update_endpoints(
-        self, domain_id: Domain, topics: Mapping[str, TopicView], now: Instant
-    ) -> None:
-        """Take all endpoints of some topics of a domain, by name."""
-        with self._watching:
-            self._watch.see_topics(domain_id, topics, now)
-
-    def watched_topics(
-        self, domain_id: Domain, types: Mapping[str, Sequence[str]], now: Instant
-    ) -> dict[str, str]:
-        """Of the topics of a domain those to be subscribed beside diagnostics, with their types."""
-        with self._watching:
-            return self._watch.wanted(domain_id, types, now)
-
-    def record_watched(
-        self, domain_id: Domain, topic: str, kind: str, data: bytes, now: Instant
-    ) -> None:
-        """Keep a message of such a topic as it was received, where its robot asks for it."""
-        if self.recorder is None:
-            return
-        with self._watching:
-            robot = self._watch.owner(domain_id, topic, kind, data)
-        if robot is not None:
-            self.recorder(Stream(Topic(domain_id, topic), kind, robot), data, now)
-
-    def receive_watched(
-        self, domain_id: Domain, topic: str, message: Message, now: Instant
-    ) -> None:
-        """Take a message of such a topic."""
-        with self._watching:
-            self._watch.see_message(domain_id, topic, message, now)
-
-    def note_watched(self, domain_id: Domain, rates: Mapping[str, float], now: Instant) -> None:
-        """Take how many bytes per second such topics were in the last minute."""
-        with self._watching:
-            self._watch.note_watched(domain_id, rates, now)
-
-    def update_links(
-        self, domain_id: Domain, links: Mapping[str, LinkReading | None], now: Instant
-    ) -> None:
-        """Take what arrived of late on subscribed topics; None where one has several publishers."""
-        readings: dict[str, list[LinkReading]] = {}
-        with self._lock:
-            for name, reading in links.items():
-                for robot, _raw in self._registry.bindings.get(Topic(domain_id, name), ()):
-                    found = readings.setdefault(robot.settings.name, [])
-                    if reading is not None and not robot.shared:
-                        found.append(reading)
-            of_robots = {name: joined(each) if each else None for name, each in readings.items()}
-            for name, reading in of_robots.items():
-                self._registry.robots[name].update_link(reading)
-        with self._watching:
-            self._watch.see_links(of_robots, now)
-
-    def _receive_report(self, report: Report, now: Instant) -> None:
-        """Update a robot from what the ROS graph shows of it: what is not among it is forgotten."""
-        with self._lock:
-            robot = self._registry.robots.get(report.robot)
-            if robot is None:
-                return
-            robot.measure(report.feed, truncate_array(Array(0.0, report.statuses)).statuses, now)
-            names = {each.name for each in report.statuses} | report.held
-            for component in [each for each in robot.components if is_of_graph(each.identity)]:
-                if component.identity[0] not in names:
-                    robot.forget(component, now)
-            robot.network.expected_nodes = report.expected
-            robot.set_lossy(lossy=report.lossy)
-            robot.network.watched, robot.network.logs = report.watched, report.logs
-            for text in report.events:
-                self._events.append(Event(now.wall, "graph", report.robot, message=text))
-            self._follow(robot, now)
-
-    def wanted_topics(self, domain_id: Domain) -> dict[str, bool]:
-        """The topics to be subscribed in a domain: name -> whether robots share it."""
-        with self._lock:
-            return dict(self._registry.wanted_topics(domain_id))
-
-    def domain_joined(self, domain_id: Domain) -> None:
-        """Note that a domain was joined."""
-        self._set_domain_up(domain_id, up=True)
-
-    def domain_failed(self, domain_id: Domain, error: str, now: Instant) -> None:
-        """Note that a domain could not be joined."""
-        self._set_domain_up(domain_id, up=False)
-        with self._lock:
-            self._events.append(Event(now.wall, "config", message=f"{place(domain_id)}: {error}"))
-
-    def _set_domain_up(self, domain_id: Domain, *, up: bool) -> None:
-        with self._lock:
-            for robot in self._registry.robots.values():
-                if robot.settings.domain_id == domain_id:
-                    robot.network.domain_up = up
 
     # -- from other sources: what `sources.prometheus` asks for ----------------------------------
 
@@ -336,6 +189,7 @@ class FleetState:
                 robot.look_at = inf
         return due
 
+    @override
     def _follow(self, robot: RobotState, now: Instant) -> None:
         """Have the faults follow what changed of a robot, and it looked at when that is due."""
         self._faults.update(robot, now)
@@ -453,22 +307,13 @@ class FleetState:
                 self._watch.forget(name, watched, now)
         return len(found)
 
-    def accept_graph(self, robot: str, now: Instant) -> int:
-        """Take what the ROS graph shows of a robot as expected; how many nodes are expected.
-
-        Raises:
-            LookupError: nothing of such a robot was ever seen in the graph.
-        """
-        with self._watching:
-            return self._watch.accept(robot, now)
-
     def adopt(self, faults: Iterable[Fault], now: Instant) -> None:
         """Go on with faults whose alerts fire and which this process does not know.
 
         Those of robots that are not known (yet) are skipped.
         """
         with self._lock:
-            known = {fault.identity for fault in self._faults.all()}
+            known = {fault.identity for fault in self._faults.engine.faults()}
             new = [each for each in faults if each.identity not in known]
             self._faults.adopt(new, now)
 
@@ -529,6 +374,14 @@ class FleetState:
             own = (each for each in (settings.topic_agg, settings.topic_raw) if each)
             return (*(Topic(settings.domain_id, each) for each in own), *shared)
 
+    def components_of(self, name: str) -> set[str] | None:
+        """The names of a robot's components that were ever received; None: there is no robot."""
+        with self._lock:
+            robot = self._registry.robots.get(name)
+            if robot is None:
+                return None
+            return {each.label for each in robot.components if each.level >= 0}
+
     def received(self) -> tuple[set[Topic], set[str]]:
         """The topics of diagnostics to be subscribed in all domains, and the robots."""
         with self._lock:
@@ -539,17 +392,18 @@ class FleetState:
     def faults(self) -> list[Fault]:
         """All faults that last."""
         with self._lock:
-            return self._faults.all()
+            return list(self._faults.engine.faults())
 
     def served(self) -> tuple[list[Fault], list[End]]:
         """What is evidence for others: faults confirmed since the start, and what ended."""
         with self._lock:
-            return self._faults.served(), self._faults.ends()
+            engine = self._faults.engine
+            return list(engine.served()), list(engine.ends())
 
     def note_served(self, now: Instant) -> None:
         """Note that `served` was read by whoever holds the faults."""
         with self._lock:
-            self._faults.note_served(now)
+            self._faults.engine.note_served(now)
 
     def problems(self, now: Instant, robot: str | None = None) -> list[ProblemView]:
         """All problems of the fleet or of one robot, those not confirmed among them.
@@ -562,16 +416,16 @@ class FleetState:
 
     def followed(self, robot: RobotState) -> dict[ComponentName, Followed]:
         """What is kept of the components of a robot that is visited, in trouble now or before."""
-        return self._faults.followed(robot)
+        return self._faults.engine.followed(robot.settings.name)
 
     def abilities(self, robot: RobotState) -> dict[str, AbilityView]:
         """What a robot that is visited can do, each after those that it needs."""
-        return self._faults.abilities(robot)
+        return self._faults.engine.abilities(robot.settings.name)
 
     def fleet_needs(self) -> dict[str, NeedView]:
         """What the fleet can do, with its expressions and how good all robots are."""
         with self._lock:
-            return self._faults.fleet_needs()
+            return self._faults.engine.fleet_needs()
 
     def needs(self, robot: str) -> dict[str, NeedView]:
         """What a robot can do, with its expressions and how good all parts are.
@@ -580,7 +434,7 @@ class FleetState:
             LookupError: there is no such robot.
         """
         with self._lock:
-            return self._faults.needs(robot)
+            return self._faults.engine.needs(robot)
 
     def downtimes(self, robot: str) -> tuple[Downtime, ...]:
         """The downtimes of a robot and its components that people planned; some may lie ahead."""
@@ -605,7 +459,7 @@ class FleetState:
     def settled(self, now: Instant) -> bool:
         """Whether what was wrong before the start has been judged again."""
         with self._lock:
-            return self._faults.settled(now)
+            return self._faults.engine.settled(now)
 
     def take_events(self) -> list[Event]:
         """The events since the last call, in the order in which they happened."""

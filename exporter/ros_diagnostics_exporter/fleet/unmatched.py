@@ -262,6 +262,7 @@ class UnmatchedWatch:
 
     def __init__(self) -> None:
         self.entries: tuple[Unmatched, ...] = ()
+        self.counts = dict.fromkeys(KINDS, 0)  # how many of each kind
         self._since: dict[Unmatched, float] = {}
 
     def update(self, found: Iterable[Unmatched], now: Instant) -> None:
@@ -272,7 +273,4 @@ class UnmatchedWatch:
             if each not in self.entries:
                 log.warning("fleet.yml: %s", each)
         self.entries = entries
-
-    def counts(self) -> dict[str, int]:
-        """How many entries of each kind match nothing; all kinds."""
-        return {kind: sum(each.what == kind for each in self.entries) for kind in KINDS}
+        self.counts = {kind: sum(each.what == kind for each in entries) for kind in KINDS}

@@ -11,11 +11,12 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from functools import lru_cache
 from typing import NamedTuple
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
 from ros_diagnostics_exporter.faults.model import End, Fault, Identity, as_texts, fault_id
-from ros_diagnostics_exporter.fleet.fleet_capabilities import counts
+from ros_diagnostics_exporter.fleet.capabilities import robot_counts
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import STATES, RobotText, number
@@ -221,7 +222,8 @@ class Exposition:
             for family in (*ours, *map(_promoted_family, promoted)):
                 if family.part not in parts:
                     continue
-                found, other = self._gather(family.name), more.get(family.name, b"")
+                found = self._gathered.get(family.name) or self._gather(family.name)
+                other = more.get(family.name, b"")
                 if found.chunks or other:
                     text.append(header(family, openmetrics=openmetrics))
                     text.extend(found.chunks)
@@ -231,14 +233,13 @@ class Exposition:
             return text
 
     def _gather(self, name: str) -> _Gathered:
-        """One family of all robots; that of the last time where no robot's has changed."""
-        if name not in self._gathered:
-            texts = self._texts.values()
-            self._gathered[name] = _Gathered(
-                [chunk for each in texts if (chunk := each.chunks.get(name))],
-                sum([each.series.get(name, 0) for each in texts]),
-            )
-        return self._gathered[name]
+        """One family of all robots, kept until one of them has changed."""
+        texts = self._texts.values()
+        found = self._gathered[name] = _Gathered(
+            [chunk for each in texts if (chunk := each.chunks.get(name))],
+            sum([each.series.get(name, 0) for each in texts]),
+        )
+        return found
 
     def _more(self, parts: Collection[Part]) -> dict[str, bytes]:
         """What no robot's text has: samples by the family's name."""
@@ -268,7 +269,7 @@ class Exposition:
         for name, view in self._state.fleet_needs().items():
             labels = label_pairs({**own, "capability": name})
             states.append(f"{{{labels}}} {STATES[view.ability]}")
-            numbers = counts(view)
+            numbers = robot_counts(view)
             robots += [
                 f'{{{labels},state="{state}"}} {number}' for state, number in numbers.items()
             ]
@@ -340,6 +341,7 @@ class Exposition:
         return text
 
 
+@lru_cache(maxsize=1024)  # asked for each family at each scrape
 def header(family: Family, *, openmetrics: bool) -> bytes:
     """The HELP and TYPE lines; OpenMetrics names a counter without its ``_total``."""
     name = family.name.removesuffix("_total") if openmetrics else family.name

@@ -138,7 +138,7 @@ TABLE: tuple[tuple[Family, Callable[[Exporter], Samples | Histogram | None]], ..
             "Entries of the config that have matched nothing for five minutes, by kind.",
             (*EXPORTER, "what"),
         ),
-        lambda exporter: _by_label(exporter.state.unmatched.counts()),
+        lambda exporter: _by_label(exporter.state.unmatched.counts),
     ),
     (
         _family("exporter_robots", "gauge", "Robots known.", EXPORTER),

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import logging
 import os
-import sys
 from bisect import bisect_right
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import islice
-from pathlib import Path
-from tempfile import TemporaryDirectory, TemporaryFile
 from time import thread_time
 from typing import Any
 
@@ -25,35 +22,12 @@ from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status
 from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, US, Mismatch, Peer, TopicView
 from ros_diagnostics_exporter.sources.link import Link
-from ros_diagnostics_exporter.sources.reception import (
-    Count,
-    Receiver,
-    Reception,
+from ros_diagnostics_exporter.sources.reception import Count, Receiver, Reception
+from ros_diagnostics_exporter.sources.ros_environment import (
+    MiddlewareMissingError,
+    RosMissingError,
+    check_middleware,
 )
-
-RMW_VARIABLE = "RMW_IMPLEMENTATION"
-
-
-class _MissingMiddlewareError(ImportError):
-    """The middleware that the environment names is not installed; the text says what to do."""
-
-
-def check_middleware(environment: Mapping[str, str]) -> None:
-    """Raise an ImportError where ROS lacks the middleware: it would end the process with a riddle.
-
-    Where nothing is known of the libraries' folders, nothing is said.
-    """
-    wanted = environment.get(RMW_VARIABLE, "")
-    paths = environment.get("LD_LIBRARY_PATH", "").split(":")
-    folders = [Path(sys.prefix, "lib"), *map(Path, filter(None, paths))]
-    found = {path.stem.removeprefix("lib") for each in folders for path in each.glob("librmw_*.so")}
-    if wanted and found and wanted not in found:
-        raise _MissingMiddlewareError(
-            f"{RMW_VARIABLE} is {wanted!r}, and there is no lib{wanted}.so in "
-            f"{', '.join(map(str, folders))}: unset it, or install that middleware into ROS "
-            "(pip has rmw_fastrtps_cpp only)"
-        )
-
 
 try:
     check_middleware(os.environ)
@@ -107,85 +81,17 @@ ASKED_BEFORE = 3  # times that a subscription matches too few, before the middle
 MAX_MATCHES = 1000  # of two QoS that are kept
 GLOBAL = ("/rosout", "/parameter_events")  # topics of every node
 LINKS = 5.0  # seconds between two looks at how messages arrive
-PROFILES_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
-OWN_PROFILES = "DEFAULT_FASTRTPS_PROFILES.xml"
-
-
-class RosMissingError(Exception):
-    """rclpy or diagnostic_msgs cannot be imported; the text says what to do."""
 
 
 def check_ros() -> None:
     """Raise RosMissingError, with the way out, where ROS cannot be imported."""
-    if isinstance(_IMPORT_ERROR, _MissingMiddlewareError):
+    if isinstance(_IMPORT_ERROR, MiddlewareMissingError):
         raise RosMissingError(str(_IMPORT_ERROR))
     if _IMPORT_ERROR is not None:
         raise RosMissingError(
             f"ROS 2 was not found ({_IMPORT_ERROR}): source it (source /opt/ros/jazzy/setup.bash), "
             "or install it with this package: pip install 'ros-diagnostics-exporter[ros]'"
         )
-
-
-def use_profiles(environment: MutableMapping[str, str], folder: Path) -> None:
-    """Have Fast DDS allocate less for each topic, unless the user has profiles of their own.
-
-    To be called before a domain is joined: Fast DDS reads the file once, when it starts.
-
-    Args:
-        environment: Of this process; the file's path is added.
-        folder: The working directory, where Fast DDS looks for a file, too.
-    """
-    if not environment.get(PROFILES_VARIABLE) and not (folder / OWN_PROFILES).exists():
-        environment[PROFILES_VARIABLE] = str(Path(__file__).with_name("fastdds.xml"))
-
-
-def use_log_folder(environment: MutableMapping[str, str]) -> TemporaryDirectory[str] | None:
-    """Have rcl log to a temporary folder where it cannot make its own: it would join no domain.
-
-    Args:
-        environment: Of this process; ``ROS_LOG_DIR`` is set where that is so.
-
-    Returns:
-        The temporary folder, which is removed with this object; None where rcl's own can be used.
-    """
-    try:
-        folder = _log_folder(environment)
-        folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=folder):
-            return None
-    except OSError as error:
-        made = TemporaryDirectory(prefix="ros-diagnostics-exporter-")
-        log.warning("ROS logs to %s, because its own folder cannot be used: %s", made.name, error)
-        environment["ROS_LOG_DIR"] = made.name
-        return made
-
-
-def _log_folder(environment: Mapping[str, str]) -> Path:
-    """Where rcl will log; OSError where it knows no folder."""
-    if folder := environment.get("ROS_LOG_DIR"):
-        return Path(folder).expanduser()
-    if home := environment.get("ROS_HOME"):
-        return Path(home, "log").expanduser()
-    if home := environment.get("HOME"):
-        return Path(home, ".ros", "log")
-    raise OSError("HOME is not set")
-
-
-def split_arguments(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-    """(our own arguments, those for ROS): the latter stand between ``--ros-args`` and ``--``.
-
-    launch_ros appends them to every program that it starts; an enclave for SROS 2 is given so.
-    """
-    own: list[str] = []
-    for_ros: list[str] = []
-    into = own
-    for argument in arguments:
-        if argument == "--ros-args":
-            into = for_ros
-        into.append(argument)
-        if argument == "--" and into is for_ros:
-            into = own
-    return own, tuple(for_ros)
 
 
 def describe_ros() -> tuple[str, str]:

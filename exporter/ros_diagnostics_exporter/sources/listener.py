@@ -5,18 +5,20 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Zenoh
 from ros_diagnostics_exporter.loops import Loop
-from ros_diagnostics_exporter.model import ZENOH, Domain
-from ros_diagnostics_exporter.sources.dds import DdsDomain, use_log_folder, use_profiles
+from ros_diagnostics_exporter.model import ZENOH, Domain, place
+from ros_diagnostics_exporter.sources.dds import DdsDomain
 from ros_diagnostics_exporter.sources.reception import Receiver, Reception
+from ros_diagnostics_exporter.sources.ros_environment import use_log_folder, use_profiles
 from ros_diagnostics_exporter.sources.zenoh import ZenohNetwork
 
 LEAVE_TIME = 5.0  # seconds that domains are waited for when they are left
+STALLED = 10.0  # seconds without a turn of a domain's thread after which it is not ready
 
 
 class Listener:
@@ -116,11 +118,18 @@ class Listener:
         """Why domains are not joined, by domain."""
         return {each: domain.error for each, domain in self._domains.items() if domain.error}
 
-    def stalled(self, seconds: float) -> list[Domain]:
-        """The joined domains whose thread has finished no turn for so many seconds."""
-        since = time.monotonic() - seconds
-        return [
-            each
-            for each, domain in self._domains.items()
-            if domain.joined and domain.last_turn < since
-        ]
+    def not_ready_reason(self, wanted: Iterable[Domain]) -> str | None:
+        """Why messages of these domains are not subscribed to; None when they are."""
+        failed, joining, looks = self.errors, self.joining, self.last_looks
+        if failed:
+            return "; ".join(f"cannot join {place(each)}: {why}" for each, why in failed.items())
+        if joining:
+            return f"{', '.join(map(place, joining))} is still being joined"
+        if not all(looks.get(each) for each in wanted):
+            return "the ROS graph has not been looked at yet"
+        since = time.monotonic() - STALLED
+        turns = ((each, of.last_turn) for each, of in self._domains.items() if of.joined)
+        stalled = [place(each) for each, last_turn in turns if last_turn < since]
+        if stalled:
+            return f"no message was taken for {STALLED:.0f} s in {', '.join(stalled)}"
+        return None

@@ -22,6 +22,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from ros_diagnostics_exporter.events import Event, Wanted, filled
+from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.texts import encodable
 
 VERSION = 3  # of the schema
@@ -114,6 +115,42 @@ class Lock:
     def close(self) -> None:
         """Let another process have the database."""
         os.close(self._file)
+
+
+@dataclass(frozen=True)
+class Retention:
+    """Events are kept for ``seconds``, and while the database has at most ``size`` bytes."""
+
+    seconds: float = 90 * 86_400.0
+    size: int = 256 * 1024 * 1024
+
+
+class AgeClock:
+    """The wall clock by which events become old, which follows one that was set ahead slowly.
+
+    So an hour in which the clock is 200 days ahead costs some hours of the oldest events, not all.
+    """
+
+    FASTEST = 4  # seconds a second: an exporter that is off for most of the day keeps up
+
+    def __init__(self) -> None:
+        self._last: Instant | None = None
+
+    def set(self, wall: float | None, now: Instant) -> None:
+        """Go on from what it was in an earlier process, None: from now."""
+        self._last = now if wall is None else Instant(now.mono, wall)
+
+    def time(self, now: Instant) -> float:
+        """Unix time, never ahead of the wall clock."""
+        last = self._last or now
+        most = last.wall + self.FASTEST * max(0.0, now.mono - last.mono)
+        self._last = Instant(now.mono, max(last.wall, min(now.wall, most)))
+        return min(self._last.wall, now.wall)
+
+    @property
+    def wall(self) -> float:
+        """What a later process goes on from."""
+        return 0.0 if self._last is None else self._last.wall
 
 
 class Database:

@@ -23,18 +23,20 @@ from pydantic import TypeAdapter, ValidationError
 
 from ros_diagnostics_exporter.config.errors import first_error
 from ros_diagnostics_exporter.events import EventLog, Numbered, Wanted
+from ros_diagnostics_exporter.faults import stored
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.persisted import Moment, PersistedRobot
-from ros_diagnostics_exporter.storage import fault_rows
 from ros_diagnostics_exporter.storage.database import (
+    AgeClock,
     Changes,
     DamagedError,
     Database,
     InUseError,
     Lock,
+    Retention,
     VersionError,
     find_events,
     first_event,
@@ -64,42 +66,6 @@ _WRITTEN = Mark.NAMES, Mark.SERIES, Mark.LEVEL, Mark.ACCOUNT, Mark.CONFIG
 _Key = tuple[int, int, int]
 _ROBOT = TypeAdapter(PersistedRobot)
 _SEEN = TypeAdapter(Moment | None)
-
-
-@dataclass(frozen=True)
-class Retention:
-    """Events are kept for ``seconds``, and while the database has at most ``size`` bytes."""
-
-    seconds: float = 90 * 86_400.0
-    size: int = 256 * 1024 * 1024
-
-
-class AgeClock:
-    """The wall clock by which events become old, which follows one that was set ahead slowly.
-
-    So an hour in which the clock is 200 days ahead costs some hours of the oldest events, not all.
-    """
-
-    FASTEST = 4  # seconds a second: an exporter that is off for most of the day keeps up
-
-    def __init__(self) -> None:
-        self._last: Instant | None = None
-
-    def set(self, wall: float | None, now: Instant) -> None:
-        """Go on from what it was in an earlier process, None: from now."""
-        self._last = now if wall is None else Instant(now.mono, wall)
-
-    def time(self, now: Instant) -> float:
-        """Unix time, never ahead of the wall clock."""
-        last = self._last or now
-        most = last.wall + self.FASTEST * max(0.0, now.mono - last.mono)
-        self._last = Instant(now.mono, max(last.wall, min(now.wall, most)))
-        return min(self._last.wall, now.wall)
-
-    @property
-    def wall(self) -> float:
-        """What a later process goes on from."""
-        return 0.0 if self._last is None else self._last.wall
 
 
 @dataclass
@@ -136,7 +102,7 @@ class _Found:
 
     def add_rows(self, found: Any) -> None:
         """Keep the valid rows of the faults."""
-        self.rows, wrong = fault_rows.parse(found)
+        self.rows, wrong = stored.parse(found)
         self.add_damage(wrong)
 
 

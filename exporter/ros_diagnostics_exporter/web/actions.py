@@ -53,18 +53,21 @@ class Actions:
         backend: What acts.
         asking: Where it is called: Alertmanager is asked, which may hang.
         enabled: Whether anybody may act.
+
+    Attributes:
+        enabled: As given.
     """
 
     def __init__(self, backend: Backend, asking: Workers, *, enabled: bool) -> None:
         self._backend = backend
         self._asking = asking
-        self._enabled = enabled
+        self.enabled = enabled
         self._secret = secrets.token_bytes(32)
 
     def token(self, request: Request) -> str | None:
         """The token of who asks for a page with forms; None where they may not act."""
         user = _user(request)
-        return self._token_of(user) if self._enabled and user is not None else None
+        return self._token_of(user) if self.enabled and user is not None else None
 
     def _token_of(self, user: str) -> str:
         return hmac.new(self._secret, user.encode("utf-8", "replace"), "sha256").hexdigest()
@@ -126,7 +129,7 @@ class Actions:
 
     async def _checked(self, request: Request, names: set[str]) -> _Form:
         connection, user = request.scope["state"]["connection"], _user(request)
-        if not self._enabled:
+        if not self.enabled:
             raise _RejectedError(403, "Forms are not enabled (--web.enable-actions).")
         if user is None or not connection.authenticated:
             raise _RejectedError(403, "Log in first.")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from typing import Any
+from urllib.parse import quote
 
 import yaml
 from starlette.applications import Starlette
@@ -14,7 +15,13 @@ from starlette.convertors import PathConvertor, register_url_convertor
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
+from starlette.responses import (
+    HTMLResponse,
+    JSONResponse,
+    PlainTextResponse,
+    RedirectResponse,
+    Response,
+)
 from starlette.routing import Route
 
 from ros_diagnostics_exporter import __version__
@@ -29,6 +36,7 @@ from ros_diagnostics_exporter.web.api import (
     take_snapshot,
 )
 from ros_diagnostics_exporter.web.backend import Backend
+from ros_diagnostics_exporter.web.changes import ChangeStreams
 from ros_diagnostics_exporter.web.connections import Connections
 from ros_diagnostics_exporter.web.middleware import AccessControl, Logins
 from ros_diagnostics_exporter.web.pages import (
@@ -38,6 +46,7 @@ from ros_diagnostics_exporter.web.pages import (
     landing,
     missing_fault,
     missing_robot,
+    no_runbooks,
     robot_page,
 )
 from ros_diagnostics_exporter.web.responses import (
@@ -47,6 +56,7 @@ from ros_diagnostics_exporter.web.responses import (
     Workers,
     busy_response,
 )
+from ros_diagnostics_exporter.web.runbooks import alert_of
 from ros_diagnostics_exporter.web.scrape import Scrape
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
 
@@ -84,6 +94,7 @@ class Pages:
     workers: Workers
     telemetry_path: str
     actions: Actions
+    runbooks: str
 
     def _acting(self, request: Request) -> Acting | None:
         token = self.actions.token(request)
@@ -94,10 +105,36 @@ class Pages:
         snapshot = await self.workers.run_shared(SNAPSHOT_AGE, take_snapshot, self.backend)
         query = request.query_params.get("q", "").strip()[:MAX_QUERY]
         if query:
-            found = await self.workers.run(landing, snapshot.fleet, self.telemetry_path, query)
+            found = await self.workers.run(self._landing, snapshot, query)
             return HTMLResponse(found)
-        page = await self.workers.run_shared(SNAPSHOT_AGE, _page, snapshot, self.telemetry_path)
+        page = await self.workers.run_shared(SNAPSHOT_AGE, self._landing, snapshot, "")
         return HTMLResponse(page)
+
+    def _landing(self, snapshot: Snapshot, query: str) -> str:
+        of = snapshot.fleet, self.telemetry_path, query
+        return landing(*of, acts=self.actions.enabled)
+
+    async def problem(self, request: Request) -> Response:
+        """Lead to a problem by what a dashboard knows: ``fault`` its id, ``robot``, both or none.
+
+        With ``scope`` and ``state`` to its runbook.
+        """
+        asked = request.query_params
+        alert = alert_of(asked.get("scope", ""), asked.get("state", ""))
+        if alert:
+            return RedirectResponse(f"runbooks/{alert}", status_code=303)
+        for name in ("fault", "robot"):
+            if asked.get(name):
+                page = f"{name}s/{quote(asked[name], safe='', errors='replace')}"
+                return RedirectResponse(page, status_code=303)
+        return RedirectResponse("./", status_code=303)
+
+    async def runbook(self, request: Request) -> Response:
+        """Lead to the runbook of an alert."""
+        if not self.runbooks:
+            return HTMLResponse(no_runbooks(), status_code=404)
+        alert = quote(request.path_params["alert"], safe="")
+        return RedirectResponse(f"{self.runbooks.rstrip('/')}/{alert}.md", status_code=303)
 
     async def robot(self, request: Request) -> Response:
         """One robot; 404 for a name that no robot has."""
@@ -140,10 +177,6 @@ class Pages:
         return Response(text + "\n", media_type="application/json")
 
 
-def _page(snapshot: Snapshot, telemetry_path: str) -> str:
-    return landing(snapshot.fleet, telemetry_path)
-
-
 def _robot_page(
     backend: Backend, snapshot: Snapshot, name: str, acting: Acting | None
 ) -> str | None:
@@ -184,11 +217,13 @@ def build(
     backend: Backend,
     threads: Threads,
     connections: Connections,
+    changes: ChangeStreams,
     *,
     web_config: LiveWebConfig,
     telemetry_path: str,
     lifecycle: bool,
     actions: bool = False,
+    runbooks: str = "",
 ) -> Starlette:
     """The application.
 
@@ -196,13 +231,15 @@ def build(
         backend: What is served.
         threads: Where the backend is called.
         connections: The clients'.
+        changes: Tells open pages that something has changed.
         web_config: Users, rate limit and headers.
         telemetry_path: Where the metrics are; first, so that it may be "/".
         lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.
         actions: Whether the pages have forms by which who has logged in acts.
+        runbooks: The URL at which docs/alerts is served; "" if it is not known.
     """
     acting = Actions(backend, threads.asking, enabled=actions)
-    pages = Pages(backend, threads.others, telemetry_path, acting)
+    pages = Pages(backend, threads.others, telemetry_path, acting, runbooks)
     api = Api(backend, threads.others, threads.asking, lifecycle)
     scrape = Scrape(backend, threads.scrapes, ResponseLimit(connections))
     write_methods = ["POST", "PUT"]
@@ -210,7 +247,10 @@ def build(
         Route(telemetry_path, scrape, methods=["GET"]),
         Route("/", pages.landing),
         Route("/robots/{robot:text}", pages.robot),
+        Route("/problem", pages.problem),
+        Route("/runbooks/{alert}", pages.runbook),
         Route("/faults/{fault}", pages.fault),
+        Route("/-/changes", changes, methods=["GET"]),
         Route("/-/healthy", pages.healthy),
         Route("/-/ready", pages.ready),
         Route("/-/reload", api.reload, methods=write_methods),

@@ -37,6 +37,9 @@ class Backend(Protocol):
             LookupError: There is none; the text says why.
         """
 
+    def last_event(self) -> int:
+        """The id of the last event, 0 before the first; from the event loop, must not block."""
+
     def find_events(self, wanted: Wanted, /) -> Iterable[dict[str, Any]]:
         """The events that match the filter, newest first, each with its ``id``."""
 

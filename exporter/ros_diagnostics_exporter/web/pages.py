@@ -39,6 +39,7 @@ from ros_diagnostics_exporter.severity import (
     subject,
 )
 from ros_diagnostics_exporter.texts import natural, one_line
+from ros_diagnostics_exporter.web.runbooks import alert_of
 
 MAX_MESSAGE = 300  # characters of a text that a robot sent
 MAX_ROBOTS = 200  # robots with problems; the API has them all
@@ -49,10 +50,13 @@ DOWNTIMES = ("15m", "30m", "1h", "2h", "4h", "8h", "1d", "3d")  # that a form of
 MAX_ENDED = 20  # times that a fault lasted, on its page; the API has them all
 
 
-def landing(fleet: dict[str, Any], telemetry_path: str, query: str = "") -> str:
+def landing(
+    fleet: dict[str, Any], telemetry_path: str, query: str = "", *, acts: bool = False
+) -> str:
     """The page of ``fleet``, as /api/v1/fleet returns it; all texts in it are escaped.
 
-    With a ``query`` only the robots and problems that have this text in them, in any case.
+    With a ``query`` only the robots and problems that have this text in them, in any case; with
+    ``acts`` its problems link the forms of their pages.
     """
     now = fleet["time"]
     count = Counter(map(state_of, fleet["robots"]))
@@ -66,6 +70,7 @@ def landing(fleet: dict[str, Any], telemetry_path: str, query: str = "") -> str:
         title=f"{fleet['fleet']}: ROS diagnostics",
         now=now,
         query=query,
+        acts=acts,
         version=__version__,
         telemetry_path=telemetry_path,
         counts={each: count[each] for each in SEVERITIES if count[each] or each == "OK"},
@@ -151,6 +156,11 @@ def robot_page(
 def rejected(why: str) -> str:
     """The page after a form that was not followed."""
     return _render("rejected.html", title="Not done", why=why)
+
+
+def no_runbooks() -> str:
+    """The page for a runbook where nobody said where they are."""
+    return _render("no_runbooks.html", title="No runbooks")
 
 
 def missing_robot(fleet: dict[str, Any], name: str) -> str:
@@ -369,6 +379,10 @@ def _bounds(value: dict[str, Any]) -> str:
     )
 
 
+def _runbook(problem: dict[str, Any]) -> str:
+    return alert_of(problem["scope"], problem["state"])
+
+
 def _visible(value: object) -> object:
     """Any text that is no markup, in one line: invisible and direction-changing characters show."""
     return value if hasattr(value, "__html__") else one_line(str(value))
@@ -389,6 +403,7 @@ def _environment() -> Environment:
         "bounds": _bounds,
         "event_text": event_text,
         "quoted": _quoted,
+        "runbook": _runbook,
         "short": _short,
         "span": span,
     }

@@ -23,6 +23,7 @@ from starlette.applications import Starlette
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.web.app import build, start_threads
 from ros_diagnostics_exporter.web.backend import Backend
+from ros_diagnostics_exporter.web.changes import ChangeStreams
 from ros_diagnostics_exporter.web.connections import (
     MAX_HEADER_BYTES,
     TIMEOUTS,
@@ -32,8 +33,7 @@ from ros_diagnostics_exporter.web.connections import (
     Phase,
     connection_limit,
 )
-from ros_diagnostics_exporter.web.tls import reloading_context
-from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
+from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError, reloading_context
 
 BACKLOG = 1024
 RELOAD_INTERVAL = 1.0  # seconds between two checks of the web config's files
@@ -134,6 +134,7 @@ class Server:
         web_config: A file in the format of Prometheus' exporter-toolkit (TLS, basic auth).
         lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.
         actions: Whether the pages have forms by which who has logged in acts.
+        runbooks: The URL at which docs/alerts is served; "" if it is not known.
         domains: The number of DDS domains, which need open files too.
 
     Raises:
@@ -154,6 +155,7 @@ class Server:
         web_config: Path | None = None,
         lifecycle: bool = False,
         actions: bool = False,
+        runbooks: str = "",
         domains: int = 1,
     ) -> None:
         self.addresses: tuple[str, ...] = ()
@@ -167,14 +169,17 @@ class Server:
         self.loop = Loop("web-config", RELOAD_INTERVAL, live_config.refresh)
         self._threads = start_threads()
         self.connections = Connections(connection_limit(domains))
+        self._changes = ChangeStreams(backend, self.connections)
         app = build(
             backend,
             self._threads,
             self.connections,
+            self._changes,
             web_config=live_config,
             telemetry_path=telemetry_path,
             lifecycle=lifecycle,
             actions=actions,
+            runbooks=runbooks,
         )
         self._uvicorn = _Uvicorn(_configure(app, live_config))
         self._thread: threading.Thread | None = None
@@ -207,6 +212,7 @@ class Server:
         if self._thread is None:
             return
         self.loop.ask_to_stop()
+        self._changes.stopping = True
         self._uvicorn.should_exit = True
         self._thread.join()
         self._threads.close()

@@ -36,7 +36,9 @@ def of_robots(robots: str, proof: str) -> table.Panel:
             [
                 tables.ROBOT_IN_ORDER,
                 tables.FLEET,
-                Column("Worst", "Worst", mappings=palette.able_mappings(), width=115),
+                Column(
+                    "Worst", "Worst", mappings=[*palette.able_mappings(), tables.NAN], width=115
+                ),
                 tables.NAME,
             ],
             label="capability",

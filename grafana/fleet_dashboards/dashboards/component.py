@@ -93,13 +93,18 @@ def states() -> table.Panel:
     )
 
 
+LINES = 15  # of a graph: names of more are not legible
+
+
 def states_over_time() -> statetimeline.Panel:
     """Show the component's state on each robot over time."""
     link = builders.DashboardLink("Open this robot").url(links.TO_ROBOT_OF_SERIES)
+    worst = f"topk({LINES}, {component_rank(_SELECTED, ' @ end()')})"
     return panels.timeline(
         "State over time",
-        "Did it fail everywhere at once, or on one robot after the other?",
-        panels.over_time(in_order(_RANK), "{{robot}}"),
+        "Did it fail everywhere at once, or on one robot after the other? The "
+        f"{LINES} robots on which it is worst at the end of the range: filter to see others.",
+        panels.over_time(in_order(f"{_RANK} and on (fleet, robot, group) {worst}"), "{{robot}}"),
     ).data_links([link])
 
 
@@ -142,7 +147,8 @@ def _score(at: str = "") -> str:
 OUTLIER = 3.5  # standard deviations, as Iglewicz and Hoaglin recommend
 
 
-LINES = 20  # of a graph
+def _farthest() -> str:
+    return f"on (fleet, robot, unit)\n  topk({LINES}, abs({_score(' @ end()')}))"
 
 
 def value_on_every_robot() -> timeseries.Panel:
@@ -151,8 +157,9 @@ def value_on_every_robot() -> timeseries.Panel:
     return (
         panels.graph(
             "$key on every robot",
-            "Which robot's value differs from the others? Dashed: the median of all robots.",
-            panels.over_time(with_unit(_VALUE), "{{robot}}{{in_unit}}"),
+            "Which robot's value differs from the others? Dashed: the median of all robots; "
+            f"lines: the {LINES} that are farthest from it at the end of the range.",
+            panels.over_time(with_unit(f"{_VALUE} and {_farthest()}"), "{{robot}}{{in_unit}}"),
             panels.over_time(_MEDIAN, "median", "B"),
         )
         .override_by_name("median", panels.dashed(palette.UNDETERMINED_COLOUR))
@@ -163,9 +170,7 @@ def value_on_every_robot() -> timeseries.Panel:
 
 def distances() -> timeseries.Panel:
     """Show the distance of each robot's value from the median, in standard deviations."""
-    farthest = (
-        f"{_score()}\nand on (fleet, robot, unit)\n  topk({LINES}, abs({_score(' @ end()')}))"
-    )
+    farthest = f"{_score()}\nand {_farthest()}"
     limit = f"group({_value(_ALL)}) * {OUTLIER}"
     panel = panels.graph(
         "Distance from the median",

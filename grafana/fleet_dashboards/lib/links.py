@@ -33,6 +33,12 @@ TO_COMPONENT = (
     f"/d/{COMPONENT_UID}?{_COMMON}&var-fleet={_column('Fleet')}"
     f"&var-component={_column('Component')}"
 )
+# From a problem to the pages of an exporter, by the address at which Prometheus scrapes it.
+_PROBLEM = f"http://${{__data.fields.Exporter}}/problem?fault={_column('Fault')}"
+OF_PROBLEM = (
+    ("Why, acknowledge, plan a downtime", f"{_PROBLEM}&robot={_column('Robot')}"),
+    ("Runbook", f"{_PROBLEM}&scope={_column('Scope')}&state={_column('Kind')}"),
+)
 # From the dashboard of a robot.
 TO_COMPONENT_OF_FLEET = (
     f"/d/{COMPONENT_UID}?{_COMMON}&${{fleet:queryparam}}&var-component={_column('Component')}"

@@ -1,7 +1,7 @@
 """Panels of each type, in the style that all dashboards share.
 
 A panel's description begins with the question that it answers; docs/dashboards.md lists them. Only
-panel types that Grafana has had since 9.0 are used.
+panel types that Grafana has had since 9.5 are used.
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ def word(
 def on_colour(panel: stat.Panel, *starts: tuple[float, str]) -> stat.Panel:
     """Show a number or word on the colour of its mapping, or from a value on; else on none."""
     panel = panel.thresholds(steps((None, palette.NOTHING), *starts))
-    return panel.color_mode(common.BigValueColorMode.BACKGROUND)
+    # Solid: its gradient is lighter in the light theme, where no text on it would be legible.
+    return panel.color_mode(common.BigValueColorMode.BACKGROUND_SOLID)
 
 
 def texts(

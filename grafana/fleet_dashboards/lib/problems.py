@@ -201,16 +201,35 @@ def _first_of(*exprs: str) -> str:
     return f"\nor on ({IDENTITY})\n".join(exprs)
 
 
-ROBOT = Column("robot", "Robot", link=links.TO_ROBOT, width=110, filtered=True)
+_START = "ros_diagnostics_fault_start_timestamp_seconds"
+
+
+def _pages(matchers: str, states: str) -> str:
+    """Return every problem with the ``instance`` of an exporter that has a page of it, and its id.
+
+    An exporter that does not answer has no page.
+    """
+    faults = f"max by ({IDENTITY}, fault, instance) ({_START}{{{matchers}}})"
+    of_soft = f"max by (fleet, robot, instance) (ros_diagnostics_robot_up{{{states}}})"
+    soft = f"max by ({_COMPONENT}, instance) ({_BEGAN}{{{states}}}) or {of_soft}"
+    found = _first_of(f"topk by ({IDENTITY}) (1, {faults})", f"topk by ({IDENTITY}) (1, {soft})")
+    return f"group by ({IDENTITY}, fault, instance) (\n{found}\n)"
+
+
+ROBOT = Column("robot", "Robot", link=links.TO_ROBOT, width=92, filtered=True)
 # On a screen of 1366 pixels all of them; on a phone the first three, of which the message wraps.
 _COLUMNS = (
-    tables.STATE._replace(width=90),
+    tables.STATE._replace(width=88),
     ROBOT,
+    Column("message", "Message", mappings=palette.reason_mappings(), min_width=175, wrapped=True),
     Column("component", "Component", link=links.TO_COMPONENT, width=120, filtered=True),
-    Column("message", "Message", mappings=palette.reason_mappings(), min_width=260, wrapped=True),
     Column("B", "Since", unit=tables.TIME, width=150),
-    Column("care", "Care", width=230, wrapped=True),
+    Column("care", "Care", width=230, wrapped=True, links=links.OF_PROBLEM),
     tables.FLEET._replace(hidden=True),
+    Column("instance", "Exporter", hidden=True),
+    Column("fault", "Fault", hidden=True),
+    Column("scope", "Scope", hidden=True),
+    Column("state", "Kind", hidden=True),
 )
 
 
@@ -272,6 +291,7 @@ def problem_table(
             "A": rows,
             "B": f"(\n{_since(matchers, states)}\n) * 1000",
             "C": _care(matchers, states),
+            "D": _pages(matchers, states),
         },
         [each._replace(hidden=each.hidden or each.title in hidden) for each in _COLUMNS],
         by=IDENTITY,

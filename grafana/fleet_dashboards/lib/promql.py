@@ -14,15 +14,17 @@ HELD_OF_ROBOT = "robot:ros_diagnostics_fault_start:held"
 _OTHERS = "ros_diagnostics_.*|ALERTS.*|.*:.*"
 
 
-def component_rank(matchers: str) -> str:
+def component_rank(matchers: str, at: str = "") -> str:
     """Return the rank of each component, OK ones included: only others have a recorded rank.
+
+    ``at`` is a modifier, such as "@ end()".
 
     That ends when the exporter dies, and levels, which are scraped less often, some seconds later.
     """
     return (
         "max by (fleet, robot, group, component) ("
-        f"component:ros_diagnostics_state:rank{{{matchers}}}"
-        f" or ros_diagnostics_component_level{{{matchers}}} == 0)"
+        f"component:ros_diagnostics_state:rank{{{matchers}}}{at}"
+        f" or ros_diagnostics_component_level{{{matchers}}}{at} == 0)"
     )
 
 

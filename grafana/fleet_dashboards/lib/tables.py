@@ -33,6 +33,7 @@ class Column(NamedTuple):
     unit: str = ""
     mappings: list[dashboard.ValueMapping] | None = None
     link: str = ""  # of the cells
+    links: tuple[tuple[str, str], ...] = ()  # of the cells: titles and addresses; instead of one
     width: int = 0  # pixels; 0 = what is left
     min_width: int = 0  # pixels, where width is 0
     hidden: bool = False  # there only for links of other columns, or to sort by
@@ -215,30 +216,31 @@ def step(identity: str, **options: object) -> dashboard.DataTransformerConfig:
 
 def _look(column: Column) -> list[dashboard.DynamicConfigValue]:
     look: dict[str, object] = {"noValue": ""}  # for a cell; the table's is for no rows
-    if column.unit:
-        look["unit"] = column.unit
-    if column.decimals is not None:
-        look["decimals"] = column.decimals
-    if column.width:
-        look["custom.width"] = column.width
-    if column.min_width:
-        look["custom.minWidth"] = column.min_width
-    if column.hidden:
-        look["custom.hidden"] = True
-    if column.filtered:
-        look["custom.filterable"] = True
+    given = {
+        "unit": column.unit or None,
+        "decimals": column.decimals,
+        "custom.width": column.width or None,
+        "custom.minWidth": column.min_width or None,
+        "custom.hidden": column.hidden or None,
+        "custom.filterable": column.filtered or None,
+    }
+    look |= {key: value for key, value in given.items() if value is not None}
     # Only of values: no text is a number, either.
-    look["mappings"] = [*(column.mappings or ()), *([_NAN] if column.is_value() else ())]
+    look["mappings"] = [*(column.mappings or ()), *([NAN] if column.is_value() else ())]
     if column.wrapped:
         look["custom.cellOptions"] = common.TableAutoCellOptions(wrap_text=True)
     if column.background:
         look |= BACKGROUND
     if column.link:
         look["links"] = [{"title": f"Open this {column.title.lower()}", "url": column.link}]
+    if column.links:
+        look["links"] = [
+            {"title": title, "url": url, "targetBlank": True} for title, url in column.links
+        ]
     return [dashboard.DynamicConfigValue(key, value) for key, value in look.items()]
 
 
-_NAN = palette.special(dashboard.SpecialValueMatch.NA_N, "")
+NAN = palette.special(dashboard.SpecialValueMatch.NA_N, "")
 # The colour of a value or mapping as that of the cell: Grafana 9.5 and later, and before.
 BACKGROUND: dict[str, object] = {
     "custom.cellOptions": common.TableColoredBackgroundCellOptions(

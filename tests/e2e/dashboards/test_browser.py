@@ -122,13 +122,13 @@ def test_problems_are_listed_with_state_message_and_acknowledgement(page: browse
     page.wait_for("Problems", "spare part ordered")
     rows = page.rows("Problems")
 
-    (motor,) = (row for row in rows if row[1:3] == ["broken", "Motor 1"])
+    (motor,) = (row for row in rows if (row[1], row[3]) == ("broken", "Motor 1"))
     assert motor[0] == "CRITICAL"
-    assert motor[3].startswith("Motor failure; values: Temperature: 42 degC")
+    assert motor[2].startswith("Motor failure; values: Temperature: 42 degC")
     assert motor[5] == "ann: spare part ordered"
     (silent,) = (row for row in rows if row[1] == "silent")
     assert silent[0] == "UNKNOWN"
-    assert silent[3].startswith("nobody publishes on its topics")
+    assert silent[2].startswith("nobody publishes on its topics")
     (fresh,) = (row for row in rows if row[1] == "fresh")
     assert fresh[5] == "not confirmed"
     (maintained,) = (row for row in rows if row[1] == "maintained")
@@ -142,7 +142,7 @@ def test_a_flapping_component_is_one_row_that_stays(page: browser.Page):
     page.open(FLEET, state="== 1")
     page.wait_for("Problems", "flapping: Loose")
 
-    rows = [row for row in page.rows("Problems") if row[1:3] == ["flapping", "Sensor 1"]]
+    rows = [row for row in page.rows("Problems") if (row[1], row[3]) == ("flapping", "Sensor 1")]
     assert len(rows) == 1
 
 
@@ -240,6 +240,8 @@ def test_on_a_phone_the_first_screen_has_problems(chromium: Any, grafana: str):
 
         box = page.panel("Problems").bounding_box()
         assert box["y"] < browser.PHONE[1] - 200
+        message = page.panel("Problems").get_by_role("columnheader", name="Message").bounding_box()
+        assert message["x"] + 165 <= box["x"] + box["width"]
 
 
 def test_on_a_wall_one_screen_has_problems_robots_and_the_time(chromium: Any, grafana: str):
@@ -347,7 +349,8 @@ def test_a_dead_prometheus_looks_well_nowhere(odd: OddSite, odd_page: browser.Pa
     for board in BOARDS:
         odd_page.open(board)
         odd_page.wait_for("Monitoring", "Prometheus does not answer")
-        assert "linear-gradient" in odd_page.background("Monitoring", DEAD)
+        red = odd_page.background("Monitoring", DEAD)
+        assert "linear-gradient" in red or red == "rgb(193, 18, 31)"  # before 9.5 graded
         texts = {title: odd_page.text(title) for title in shown(board)}
         well = [title for title, text in texts.items() if text in {"OK", "0"} or "No pro" in text]
         assert well == []

@@ -15,7 +15,8 @@ What happens to six virtual robots and to the servers, and every mail and text m
 An end-to-end test wrote this page and checks that these messages are sent, and no others. Its
 durations are short (confirm_after {CONFIRM} s, escalation after {ESCALATE} s). In brackets: the
 earliest possible time. The test fails if a message arrives before that or more than {LATE:g} s
-after. What is critical is sent as a text message, too: of these are those that come without their mail.
+after. What is critical is sent as a text message, too; listed are those that come without their
+mail.
 
 | time | what happens | sent by | message |
 |---|---|---|---|

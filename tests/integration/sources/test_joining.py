@@ -150,7 +150,7 @@ def test_a_domain_whose_thread_stands_still_is_not_ready(
 ):
     running = run_exporter(Fleet("f", (robot("here", ros_domain), robot("there", other_domain))))
     service = running.service
-    monkeypatch.setattr(service, "STALLED", 2.0)
+    monkeypatch.setattr("ros_diagnostics_exporter.sources.listener.STALLED", 2.0)
     ready = service.not_ready_reason
     robots.offer("/here/diagnostics")
     robots.wait_for_listeners()

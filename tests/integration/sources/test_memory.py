@@ -11,7 +11,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet, Robot
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Stream, Topic
 from ros_diagnostics_exporter.service import Service
-from ros_diagnostics_exporter.sources.dds import use_profiles
+from ros_diagnostics_exporter.sources.ros_environment import use_profiles
 from ros_diagnostics_exporter.storage.storage import Storage
 from testbed import domains
 

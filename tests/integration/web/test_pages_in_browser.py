@@ -202,6 +202,63 @@ def test_a_page_is_renewed_under_its_policy_and_focus_and_words_stay(serve, wind
     assert "The exporter does not answer: this is as of" in late.inner_text()
 
 
+def grown(server, page, robots) -> Any:
+    """Have a robot break, far down on a page that is scrolled; what shows that it was renewed."""
+    robots += [robot(f"r{number}") for number in range(300)]
+    page.set_viewport_size({"width": 390, "height": 800})
+    page.goto(f"http://{server.addresses[0]}/")
+    page.get_by_role("link", name="r200", exact=True).focus()
+    page.evaluate("window.scrollTo(0, 1234)")
+    robots[-1] = robot("z", component("Motor", "ERROR"), problems=[broken("Motor")])
+    return page.get_by_role("heading", name="Robots with problems: 1")
+
+
+def assert_undisturbed(page) -> None:
+    assert page.evaluate("document.activeElement.textContent") == "r200"
+    assert page.evaluate("window.scrollY") == 1234
+    assert page.get_by_role("status").count() == 0
+
+
+def test_an_event_renews_a_page_at_once_and_focus_and_scrolling_stay(serve, window):
+    robots: list[Any] = []
+    last = [1]
+    server = serve(fleet_snapshot=lambda: fleet(*robots), last_event=lambda: last[0])
+    page = window.new_page()
+    errors: list[str] = []
+    page.on("console", lambda message: errors.append(message.text))
+    page.clock.install()  # no time passes there: nothing but an event renews it
+    with page.expect_response("**/-/changes"):
+        renewed = grown(server, page, robots)
+    for number in range(2, 60):  # a response is shared for a second
+        last[0] = number
+        page.wait_for_timeout(1_000)
+        if renewed.count():
+            break
+    assert renewed.count() == 1
+    assert_undisturbed(page)
+    assert errors == []
+    page.close()
+
+
+def test_without_a_stream_the_page_asks_every_ten_seconds(serve, window):
+    robots: list[Any] = []
+    server = serve(fleet_snapshot=lambda: fleet(*robots))
+    server.connections.limit = 9  # no stream, which are a tenth at most
+    page = window.new_page()
+    page.clock.install()
+    with page.expect_response("**/-/changes") as first:
+        renewed = grown(server, page, robots)
+    assert first.value.status == 503
+    for _ in range(30):
+        page.clock.run_for(10_000)
+        if renewed.count():
+            break
+        page.wait_for_timeout(100)
+    assert renewed.count() == 1
+    assert_undisturbed(page)
+    page.close()
+
+
 def test_the_search_works_without_a_script(serve, window):
     server = serve(fleet_snapshot=lambda: fleet(robot("amr_1"), robot("agv_2")))
     context = window.new_context(java_script_enabled=False)

@@ -249,8 +249,7 @@ def test_a_storm_keeps_the_first_and_worst(capsules, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("limits", "left"),
-    [(Kept(number=3), 3), (Kept(size=20_000), None), (Kept(age=-1e10), 0)],
+    ("limits", "left"), [(Kept(number=3), 3), (Kept(size=20_000), None), (Kept(age=-1e10), 0)]
 )
 def test_files_are_kept_by_number_size_and_age(tmp_path, config, limits, left):
     capsules = Capsules(tmp_path / "kept", config, lambda _robot: TOPICS, limits)

@@ -88,7 +88,7 @@ WHOLE = {
             "x": {
                 **({} if {"all", "any", "at_least"} & {*entry} else {"all": [{"can": "lifting"}]}),
                 **entry,
-            },
+            }
         },
     },
     "Thresholds": lambda entry: {"profiles": {"default": {"values": [{"thresholds": entry}]}}},

@@ -398,6 +398,6 @@ def test_an_expression_is_as_good_as_the_kth_best(need, expected):
             Can(WantedCapability("it", need))(
                 level("lost", ERROR, confirm_after=99), level("bad", WARN)
             ),
-        ),
+        )
     )
     assert last.faults.abilities("r1")["it"].ability is expected

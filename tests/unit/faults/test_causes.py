@@ -405,12 +405,7 @@ def test_a_site_that_was_switched_off_in_its_window_is_one_if_it_outlives_it():
 
 
 def test_a_restart_is_no_outage_of_a_site():
-    play(
-        (0, sites(*SIX, site="hall")),
-        (10, restart()),
-        (35, on_robots(SIX, back_of)),
-        (500, None),
-    )
+    play((0, sites(*SIX, site="hall")), (10, restart()), (35, on_robots(SIX, back_of)), (500, None))
 
 
 def test_a_robot_that_is_taken_out_leaves_its_site():

@@ -44,11 +44,7 @@ def test_a_clock_that_differs_from_at_least_half_of_three_robots_is_the_exporter
 
 
 def test_of_two_robots_each_has_a_clock():
-    play(
-        (0, clocks(60.0, 60.0)),
-        (60, None, f"began {R1}", "began robot/clock r2"),
-        robots=FOUR,
-    )
+    play((0, clocks(60.0, 60.0)), (60, None, f"began {R1}", "began robot/clock r2"), robots=FOUR)
 
 
 def test_a_robots_fault_is_not_over_while_the_exporters_clock_is_wrong():

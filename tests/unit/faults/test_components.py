@@ -76,20 +76,6 @@ def test_the_clock_counts_time_in_trouble_and_not_in_one_level():
     )
 
 
-def test_critical_that_gets_better_is_a_warning_at_once():
-    play(
-        (0, level("motor", ERROR)),
-        (10, None, "began component/critical r1 motor"),
-        (
-            20,
-            level("motor", WARN),
-            "recovered component/critical r1 motor",
-            "began component/warning r1 motor",
-        ),
-        (30, level("motor", OK), "recovered component/warning r1 motor"),
-    )
-
-
 def test_critical_that_gets_better_and_worse_again_is_another_fault():
     last = play(
         (0, level("motor", ERROR)),
@@ -173,17 +159,6 @@ def test_stale_is_critical_too_where_the_config_says_so_and_nothing_where_it_is_
         (50, None, "began component/critical r1 arm"),
         (60, level("arm", STALE, planned_stale=True)),
         (70, level("arm", OK, planned_stale=True), "recovered component/critical r1 arm"),
-    )
-
-
-def test_a_second_fault_while_the_first_lasts():
-    play(
-        (0, level("motor", ERROR)),
-        (10, None, "began component/critical r1 motor"),
-        (20, level("arm", ERROR)),
-        (30, None, "began component/critical r1 arm"),
-        (40, level("motor", OK), "recovered component/critical r1 motor"),
-        (50, level("arm", OK), "recovered component/critical r1 arm"),
     )
 
 
@@ -320,11 +295,7 @@ def test_a_robot_that_returns_may_say_stale_for_a_moment():
     play(
         (30, silent()),
         (40, None, "began robot/silent r1"),
-        (
-            90,
-            back("r1", level("motor", STALE), level("arm", STALE)),
-            "recovered robot/silent r1",
-        ),
+        (90, back("r1", level("motor", STALE), level("arm", STALE)), "recovered robot/silent r1"),
         (95, level("motor", OK)),
         (100, None, "began component/stale r1 arm"),
     )

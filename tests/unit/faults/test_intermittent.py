@@ -1,16 +1,7 @@
 """Components whose faults are too short to be confirmed, and too many to be chance."""
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings, Flapping, Intermittent
-from support.fault_histories import (
-    ERROR,
-    OK,
-    STALE,
-    back,
-    level,
-    maintenance,
-    play,
-    silent,
-)
+from support.fault_histories import ERROR, OK, STALE, back, level, maintenance, play, silent
 
 INTERMITTENT = "flapping/intermittent r1 motor"
 CRITICAL = "component/critical r1 motor"
@@ -91,10 +82,7 @@ def test_silence_is_no_rest():
         *flick(0),
         *flick(310),
         (322, None, f"began {INTERMITTENT}"),
-        (
-            300,
-            silent(),
-        ),
+        (300, silent()),
         (340, None, "began robot/silent r1"),
         (5000, back("r1", level("motor", OK)), "recovered robot/silent r1"),
         (5599, None),

@@ -43,11 +43,7 @@ KINDS = {
         on_robots(SIX, lambda robot: level("motor", OK, robot)),
         ["common/critical motor"],
     ),
-    "outage": (
-        on_robots(SIX, silent),
-        on_robots(SIX, back),
-        ["site/silent hall"],
-    ),
+    "outage": (on_robots(SIX, silent), on_robots(SIX, back), ["site/silent hall"]),
     "silent": (silent(), back(), ["robot/silent r1"]),
 }
 

@@ -65,12 +65,7 @@ def test_a_person_takes_a_robot_out():
     play(
         (0, level("motor", ERROR)),
         (0, check(1, 2)),
-        (
-            10,
-            None,
-            "began check/critical r1 motors",
-            "began component/critical r1 motor",
-        ),
+        (10, None, "began check/critical r1 motors", "began component/critical r1 motor"),
         (20, silent()),
         (30, None, "began robot/silent r1"),
         (
@@ -213,29 +208,6 @@ def test_a_check_that_expects_nothing_any_more_was_taken_out():
 
 
 # -- maintenance -------------------------------------------------------------------------------
-
-
-def test_a_robot_switched_off_in_its_window_is_reported_if_it_outlives_it():
-    play(
-        (0, maintenance(planned=True)),
-        (10, silent()),
-        (100, maintenance(planned=False), "began robot/silent r1"),
-        (200, back(), "recovered robot/silent r1"),
-        (300, maintenance(planned=True)),
-        (310, silent()),
-        (350, back()),
-        (400, maintenance(planned=False)),
-    )
-
-
-def test_a_window_that_begins_in_a_fault_and_ends_in_it_changes_nothing():
-    play(
-        (0, level("motor", ERROR)),
-        (10, None, "began component/critical r1 motor"),
-        (20, maintenance(planned=True)),
-        (80, maintenance(planned=False)),
-        (90, level("motor", OK), "recovered component/critical r1 motor"),
-    )
 
 
 def test_what_began_before_a_window_and_is_well_at_its_end_ends_then_whatever_was_between():

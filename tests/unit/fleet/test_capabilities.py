@@ -141,14 +141,8 @@ WORK = "has lost drive and lift and tour, has no reserve for view, still has cha
 def test_the_fault_says_which_parts_and_what_still_works(driver):
     publish(driver, Status(ERROR, "Laser 1", "Blind"), Status(ERROR, "Lift", "Stuck"))
     assert {each.identity.check: (each.evidence, each.work) for each in driver.state.faults()} == {
-        "drive": (
-            "Laser 1 CRITICAL: Blind",
-            WORK,
-        ),
-        "lift": (
-            "Lift CRITICAL: Stuck",
-            WORK,
-        ),
+        "drive": ("Laser 1 CRITICAL: Blind", WORK),
+        "lift": ("Lift CRITICAL: Stuck", WORK),
     }
 
 

@@ -20,10 +20,7 @@ def robot(*names: str) -> KnownRobot:
     [
         ("{drive: Motor, view: [Laser], talk: {any: Speaker}}", []),
         ("{drive: Motor}", ["2 components in no capability: Laser 1, Speaker 1"]),
-        (
-            "{drive: [{check: motors}], tour: [{capability: drive}, {any: [Laser, Speaker]}]}",
-            [],
-        ),
+        ("{drive: [{check: motors}], tour: [{capability: drive}, {any: [Laser, Speaker]}]}", []),
         (
             "{drive: [Motor, Laser, Speaker], fly: Wing, soar: [{capability: fly}]}",
             [f"nothing that was received feeds capability {name}" for name in ("fly", "soar")],

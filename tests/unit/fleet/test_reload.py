@@ -127,10 +127,7 @@ def test_a_discovered_robot_that_is_declared_stays_the_same_robot_and_back():
     driver.agg(*tree(Motor=[HOT]))
 
     declared = Robot("r", topic_agg="/r/diagnostics_agg", topic_raw="/r/diagnostics")
-    for fleet in (
-        Fleet("f", (declared,), (discovery,)),
-        Fleet("f", discoveries=(discovery,)),
-    ):
+    for fleet in (Fleet("f", (declared,), (discovery,)), Fleet("f", discoveries=(discovery,))):
         driver.state.configure(fleet, driver.now)
         assert driver.level("Motor") == ERROR
 

@@ -58,7 +58,7 @@ def test_what_matches_is_not_reported(tmp_path):
     driver = driver_of(tmp_path, MATCHING)
 
     assert received(driver, 2 * GRACE) == []
-    assert driver.state.unmatched.counts() == EMPTY
+    assert driver.state.unmatched.counts == EMPTY
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_what_matches_nothing_is_reported_after_five_minutes(tmp_path, caplog, r
     what, _, entry = reported.partition(" ")
     expected = {"what": what, "entry": entry, "nearest": nearest}
     assert received(driver, 2 * GRACE) == [expected]
-    assert driver.state.unmatched.counts() == EMPTY | {what: 1}
+    assert driver.state.unmatched.counts == EMPTY | {what: 1}
     near = f"; the nearest is {nearest!r}" if nearest else ""
     lines = [each.getMessage() for each in caplog.records]
     assert lines == [f"fleet.yml: {reported} matches nothing{near}"]
@@ -108,13 +108,13 @@ def test_nothing_is_reported_until_something_was_received(tmp_path):
 def test_what_matches_later_is_reported_no_more(tmp_path):
     driver = driver_of(tmp_path, MATCHING.replace("key: Level\n", "key: Leval\n"))
     received(driver, 2 * GRACE)
-    assert driver.state.unmatched.counts()["value"] == 1
+    assert driver.state.unmatched.counts["value"] == 1
 
     driver.raw(MOTOR._replace(values=(("Leval", "3"),)))
     driver.at(2 * GRACE + 61)
     driver.state.tick(driver.now)
 
-    assert driver.state.unmatched.counts() == EMPTY
+    assert driver.state.unmatched.counts == EMPTY
 
 
 def test_a_rule_of_the_default_profile_may_match_in_another(tmp_path):

@@ -14,9 +14,9 @@ import pytest
 import yaml
 
 from support.committed_dashboards import filled, queries
-from support.shipped_rules import CENTRE_RULE_FILES, RULE_FILES, run_tool
+from support.shipped_rules import CENTRE_RULE_FILES, RULE_FILES, read_yaml, run_tool
 
-SITUATIONS = yaml.safe_load((Path(__file__).parent / "in_trouble.yml").read_text())
+SITUATIONS = read_yaml(Path(__file__).parent / "in_trouble.yml")
 QUERIES = {(each.board, each.place, each.ref): each for each in queries()}
 RULES = {"site": RULE_FILES, "centre": CENTRE_RULE_FILES, "none": []}
 

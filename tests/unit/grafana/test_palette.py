@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import json
+import re
 
 import pytest
 
@@ -11,6 +13,7 @@ pytest.importorskip("grafana_foundation_sdk", reason="Grafana's SDK needs Python
 from fleet_dashboards.lib import palette
 from ros_diagnostics_exporter.robots.units import _SPELLINGS
 from ros_diagnostics_exporter.severity import COLOURS
+from support.committed_dashboards import BOARDS, panels
 
 # Matrices for linear RGB: Machado, Oliveira, Fernandes 2009, severity 1.0.
 VISION = {
@@ -90,6 +93,7 @@ BACKGROUNDS = {
     "UNREACHABLE": palette.UNREACHABLE_COLOUR,
     "UNDETERMINED": palette.UNDETERMINED_COLOUR,
     "NEUTRAL": palette.NEUTRAL,
+    **{f"from {least:.2%} on": colour for least, colour in palette.SHARES},
 }
 
 
@@ -99,6 +103,18 @@ def test_text_on_a_colour_is_legible(background: str):
     darker, lighter = sorted((luminance(background), luminance(text_on(background))))
 
     assert (lighter + 0.05) / (darker + 0.05) >= 4.5
+
+
+def test_a_background_is_of_that_colour_in_both_themes():
+    """The graded background of a number is lighter in the light theme: 2.7:1 for OK."""
+    options = [panel.get("options", {}) for board in BOARDS.values() for panel in panels(board)]
+    modes = {each["colorMode"] for each in options if "colorMode" in each}
+    assert modes == {"background_solid", "value", "none"} & modes
+    cells = re.findall(
+        r'"mode": "(\w+)",\s*"type": "color-background"', json.dumps([*BOARDS.values()])
+    )
+    assert set(cells) == {"basic"}
+    assert len(cells) > 10
 
 
 def test_red_and_green_are_similar_in_the_simulation_of_deuteranopia():

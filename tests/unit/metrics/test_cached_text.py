@@ -393,7 +393,7 @@ def check_reported(state: FleetState, now: Instant) -> None:
         return  # nothing has come since the restore
     for robot in state.robots.values():
         reports._robots[robot.settings.name]._everything = True
-        reports._record(reports._robots[robot.settings.name].update(reports._faults, now))
+        reports._record(reports._robots[robot.settings.name].update(reports.engine, now))
     assert reported(state) == known
 
 
@@ -401,7 +401,7 @@ def reported(state: FleetState) -> object:
     """What is known of each problem, and how its component is judged."""
     return {
         each: (problem.verdict, problem.component and problem.component.settings)
-        for each, problem in state._faults._faults._book.problems.items()
+        for each, problem in state._faults.engine._book.problems.items()
     }
 
 
@@ -520,11 +520,7 @@ def report(feed: Feed, statuses: tuple[Status, ...], *, lossy: bool = False) -> 
     ]
 )
 @example(  # what was shown only is judged
-    [
-        (("again", ("level", OK)), "all"),
-        (report(SHADOW, GONE), "all"),
-        (report(GRAPH, GONE), "all"),
-    ]
+    [(("again", ("level", OK)), "all"), (report(SHADOW, GONE), "all"), (report(GRAPH, GONE), "all")]
 )
 @example([(("wait", 0.5), "all"), (("answer", LOAD, {"ap": OK}), "all")])
 @example([(("answer", PING, {"ap": ERROR}), "all"), (("wait", 3.0), "all")])
@@ -617,10 +613,7 @@ def report(feed: Feed, statuses: tuple[Status, ...], *, lossy: bool = False) -> 
     ]
 )
 @example(  # a value that no rule judges
-    [
-        (("raw", "/r1/d", (LASER,)), "all"),
-        (("again", ("values", (("Volt", "12.5"),))), "all"),
-    ]
+    [(("raw", "/r1/d", (LASER,)), "all"), (("again", ("values", (("Volt", "12.5"),))), "all")]
 )
 @example([(("again", ("level", OK)), "all"), (("dropped", "/r1/d"), "all")])
 @example([(("domain", True), "all"), (("undecodable", "/r1/d"), "all")])

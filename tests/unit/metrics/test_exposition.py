@@ -154,10 +154,7 @@ def full_scenario() -> StateDriver:
             ComponentRule(re.compile("Cam"), planned_stale=True),
         ),
         values=(
-            ValueRule(
-                key=re.compile("Voltage"),
-                thresholds=(Threshold("low", "warning", 22.0),),
-            ),
+            ValueRule(key=re.compile("Voltage"), thresholds=(Threshold("low", "warning", 22.0),)),
             ValueRule(key=re.compile("Charge"), metric="ros_battery_charge_ratio", scale=0.01),
         ),
         capabilities={

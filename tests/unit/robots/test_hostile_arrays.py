@@ -283,12 +283,7 @@ def robots_of_a_shared_topic(size: int) -> Callable[[], object]:
 
 @pytest.mark.parametrize(
     "attack",
-    [
-        equal_keys,
-        keys_in_the_way_of_numbers,
-        components_of_one_label,
-        robots_of_a_shared_topic,
-    ],
+    [equal_keys, keys_in_the_way_of_numbers, components_of_one_label, robots_of_a_shared_topic],
 )
 def test_twice_as_much_costs_twice_as_much(attack):
     once, twice = steps(attack(150)), steps(attack(300))

@@ -16,6 +16,7 @@ from support.shipped_rules import (
     ROOT,
     RULE_FILES,
     alerts,
+    read_yaml,
     rules,
     run_tool,
 )
@@ -90,9 +91,7 @@ def test_an_alert_has_a_severity_and_a_summary(name: str, rule: dict[str, Any]):
 
 
 @pytest.mark.parametrize(("name", "rule"), every_alert())
-def test_an_alert_queries_nothing_in_its_texts_and_blanks_only_what_differs_at_the_end(
-    name: str, rule: dict[str, Any]
-):
+def test_an_alert_queries_nothing_in_its_texts_and_blanks_only_what_differs_at_the_end(name, rule):
     texts = [*rule.get("annotations", {}).values(), *rule["labels"].values()]
 
     assert not [text for text in texts if re.search(r"\bquery\b", text)]
@@ -128,12 +127,29 @@ def test_only_the_hold_reads_what_it_records():
     }
 
 
+def test_no_alert_reads_the_history_for_dashboards():
+    """A site without dashboards and reports leaves those two files out."""
+    of_file = {
+        path.name: [
+            rule for group in yaml.safe_load(path.read_text())["groups"] for rule in group["rules"]
+        ]
+        for path in RULE_FILES
+    }
+    history = {"states.yml", "availability.yml"}
+    recorded = {rule["record"] for name in history for rule in of_file[name]}
+    others = [rule for name, found in of_file.items() if name not in history for rule in found]
+    assert recorded
+    for rule in others:
+        assert recorded.isdisjoint(RECORD.findall(rule["expr"])), rule
+    assert {rule.get("record") for rule in others}.isdisjoint(recorded)
+
+
 def read_from_exporters() -> list[Any]:
     """The alerts that an exporter's own metrics are for, not those about its absence."""
-    absence = {f"RosDiagnosticsExporter{what}" for what in ("Down", "Absent", "NeverAnswered")}
+    absence = {f"RosDiagnosticsExporter{what}" for what in ("Down", "NeverAnswered")}
     return [
         pytest.param(rule["alert"], rule["expr"], id=rule["alert"])
-        for group in yaml.safe_load((PROMETHEUS / "rules" / "monitoring.yml").read_text())["groups"]
+        for group in read_yaml(PROMETHEUS / "rules" / "monitoring.yml")["groups"]
         for rule in group["rules"]
         if "alert" in rule and rule["alert"] not in absence
     ]
@@ -156,7 +172,7 @@ def test_the_alerts_about_robots_are_short():
     lines = [
         line
         for name in files
-        for group in yaml.safe_load((PROMETHEUS / "rules" / name).read_text())["groups"]
+        for group in read_yaml(PROMETHEUS / "rules" / name)["groups"]
         for rule in group["rules"]
         for line in rule["expr"].splitlines()
         if line.strip()
@@ -177,7 +193,7 @@ def test_a_promtool_test_shows_the_alert_inactive_firing_and_resolved(name: str)
     firing = [
         [bool(c["exp_alerts"]) for c in test.get("alert_rule_test", ()) if c["alertname"] == name]
         for file in PROMTOOL_TESTS
-        for test in yaml.safe_load(file.read_text())["tests"]
+        for test in read_yaml(file)["tests"]
     ]
 
     assert any(when[:1] == [False] and when[-1:] == [False] and any(when) for when in firing)

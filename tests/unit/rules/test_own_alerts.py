@@ -1,4 +1,4 @@
-"""The rules and the test of docs/own-alerts.md are accepted by promtool, and the test passes."""
+"""The rules and the test of docs/own-alerts.md are accepted by promtool, and their tests pass."""
 
 from __future__ import annotations
 
@@ -16,3 +16,6 @@ def test_the_page_s_own_test_passes(tmp_path: Path):
 
     run_tool("promtool", "check", "rules", tmp_path / "site.yml", *RULE_FILES)
     run_tool("promtool", "test", "rules", tmp_path / "site_test.yml")
+    others = (ROOT / "tests" / "data" / "own_alerts_test.yml").read_text()
+    (tmp_path / "others_test.yml").write_text(others)
+    run_tool("promtool", "test", "rules", tmp_path / "others_test.yml")

@@ -14,23 +14,23 @@ import yaml
 
 from ros_diagnostics_exporter.metrics.families import FAULT_FAMILIES, FLEET_FAMILIES, PREFIX
 from ros_diagnostics_exporter.metrics.self_metrics import EXPORTER_FAMILIES
-from support.shipped_rules import PROMETHEUS, PROMTOOL_TESTS, run_tool
+from support.shipped_rules import PROMETHEUS, PROMTOOL_TESTS, read_yaml, run_tool
 
 
 def promtool_tests() -> list[Any]:
     return [
         pytest.param(file, number, id=f"{file.stem.removesuffix('_test')}: {test['name']}")
         for file in PROMTOOL_TESTS
-        for number, test in enumerate(yaml.safe_load(file.read_text())["tests"])
+        for number, test in enumerate(read_yaml(file)["tests"])
     ]
 
 
 @pytest.mark.parametrize(("file", "number"), promtool_tests())
 def test_rules(file: Path, number: int, tmp_path: Path):
     """Because promtool 2.42 cannot run one test of a file, each is written to its own file."""
-    document = yaml.safe_load(file.read_text())
-    document["tests"] = [document["tests"][number]]
-    document["rule_files"] = [str(file.parent / name) for name in document["rule_files"]]
+    whole = read_yaml(file)
+    names = [str(file.parent / name) for name in whole["rule_files"]]
+    document = {**whole, "tests": [whole["tests"][number]], "rule_files": names}
     alone = tmp_path / file.name
     alone.write_text(yaml.safe_dump(document, allow_unicode=True))
 
@@ -38,11 +38,7 @@ def test_rules(file: Path, number: int, tmp_path: Path):
 
 
 def test_names_are_unique():
-    names = [
-        test["name"]
-        for file in PROMTOOL_TESTS
-        for test in yaml.safe_load(file.read_text())["tests"]
-    ]
+    names = [test["name"] for file in PROMTOOL_TESTS for test in read_yaml(file)["tests"]]
 
     assert len(names) == len(set(names))
 
@@ -52,7 +48,7 @@ def test_the_exporters_families_that_are_fed_exist():
     fed = {
         re.match(r"\w+", each["series"])[0]
         for file in PROMTOOL_TESTS
-        for test in yaml.safe_load(file.read_text())["tests"]
+        for test in read_yaml(file)["tests"]
         for each in test.get("input_series") or ()
         if each["series"].startswith(PREFIX)
     }

@@ -86,17 +86,10 @@ EXPECTED: dict[str, dict[str, float]] = {
         f'{{{FAULT}, evidence="hot"}}': 30,
         f'{{{SILENT}, evidence="silent"}}': 20,
     },
-    "How many robots": {
-        '{fleet="f", state="critical"}': 1,
-        '{fleet="f", state="ok"}': 1,
-    },
-    "Components in ERROR": {
-        f'ros_diagnostics_component_message_info{{{MOTOR}, message="hot"}}': 1,
-    },
+    "How many robots": {'{fleet="f", state="critical"}': 1, '{fleet="f", state="ok"}': 1},
+    "Components in ERROR": {f'ros_diagnostics_component_message_info{{{MOTOR}, message="hot"}}': 1},
     "Robots by site": {'{fleet="f", site="hall"}': 1},
-    "Batteries below": {
-        f'ros_diagnostics_component_value{{{BATTERY}, key="Level", unit="%"}}': 20,
-    },
+    "Batteries below": {f'ros_diagnostics_component_value{{{BATTERY}, key="Level", unit="%"}}': 20},
     "What changed its level": {f"{{{MOTOR}}}": 3},
 }
 

@@ -54,8 +54,7 @@ def test_a_timeout_of_zero_or_less_is_none(tmp_path: Path, timeout: str, stale: 
 
 def test_a_discarded_item_is_counted_as_missing_by_num_items(tmp_path: Path) -> None:
     bench = Bench(
-        tmp_path,
-        f"m: {{{GENERIC}, path: M, contains: [Motor], num_items: 1, discard_stale: true}}",
+        tmp_path, f"m: {{{GENERIC}, path: M, contains: [Motor], num_items: 1, discard_stale: true}}"
     )
     bench.receive(0.0, "Motor 1")
     assert bench.rows(6.0) == {"/M": (ERROR, "No items found, expected 1")}
@@ -114,13 +113,7 @@ def test_groups_can_be_nested(tmp_path: Path) -> None:
     bench = Bench(tmp_path, f"path: R\n    g: {{{group}, path: G, analyzers: {{arm: {inner}}}}}")
     bench.receive(0.0, "joint a", level=WARN, message="hot")
     rows = bench.rows(0.5)
-    assert list(rows) == [
-        "/R/G/Arm/Joints",
-        "/R/G/Arm/Joints/joint a",
-        "/R/G/Arm",
-        "/R/G",
-        "/R",
-    ]
+    assert list(rows) == ["/R/G/Arm/Joints", "/R/G/Arm/Joints/joint a", "/R/G/Arm", "/R/G", "/R"]
     assert rows["/R"] == (WARN, "Warning")
 
 

@@ -65,9 +65,7 @@ def launch_file(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     return SimpleNamespace(**runpy.run_path(str(LAUNCH_FILE)))
 
 
-def test_each_robot_gets_a_real_aggregator_and_one_is_shown(
-    launch_file: SimpleNamespace,
-) -> None:
+def test_each_robot_gets_a_real_aggregator_and_one_is_shown(launch_file: SimpleNamespace) -> None:
     fleet, *aggregators, monitor = launch_file.robots(
         {"robots": "2", "kind": "kobuki", "monitor": "robot_2"}
     )

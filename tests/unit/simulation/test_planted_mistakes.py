@@ -23,13 +23,7 @@ def test_a_planted_mistake_is_found(mistake, tmp_path):
     environment = planted(tmp_path, *MISTAKES[mistake])
     argv = [sys.executable, "-m", "simulation", "--no-shrink", "--seeds", str(SEEDS), *OPTIONS]
 
-    done = subprocess.run(
-        argv,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = subprocess.run(argv, env=environment, capture_output=True, text=True, check=False)
 
     assert done.returncode == 1, done.stdout[-500:]
     # Some mistakes end in an exception of faults/ itself.

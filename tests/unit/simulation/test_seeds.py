@@ -27,10 +27,7 @@ STORIES = {
         0,
         2,
         200,
-        (
-            Event(30, "level", "r000", ("part 1", ERROR)),
-            Event(90, "level", "r000", ("part 1", OK)),
-        ),
+        (Event(30, "level", "r000", ("part 1", ERROR)), Event(90, "level", "r000", ("part 1", OK))),
     ),
     "trouble counts from when a component is missing": Story(
         11,
@@ -67,10 +64,7 @@ STORIES = {
         144,
         10,
         52,
-        (
-            Event(30, "level", "r008", ("part 2", WARN)),
-            Event(52, "declared", "r008", (False,)),
-        ),
+        (Event(30, "level", "r008", ("part 2", WARN)), Event(52, "declared", "r008", (False,))),
     ),
     "a fault may begin in the moment in which its component is taken out": Story(
         144,
@@ -95,13 +89,7 @@ STORIES = {
         ),
     ),
     "an exporter without its database waits for a robot as for one never received": Story(
-        111,
-        8,
-        240,
-        (
-            Event(31, "off", "r001", (True,)),
-            Event(38, "restart", "", (100, True)),
-        ),
+        111, 8, 240, (Event(31, "off", "r001", (True,)), Event(38, "restart", "", (100, True)))
     ),
     "the robots that are silent are many of a site that got smaller": Story(
         0,

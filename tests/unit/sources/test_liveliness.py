@@ -32,10 +32,7 @@ ARRAY = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
         (f"@/{BRIDGE}/@ros2_lv/MS/r1§x/diagnostic_msgs§msg§DiagnosticArray/:1:::;", None),
         ("@ros2_lv/2/aac3178e146ba6f1fc6e6a4085e77f21/0/0/NN/%/%/listener", Token("2/%")),
         ("@ros2_lv/0/aac3/0/0/NN/%/%r1/aggregator", Token("0/%r1")),
-        (
-            TALKER.format(ARRAY),
-            Token("2/%", "/2/chatter", f"2/chatter/{ARRAY}/{HASH}"),
-        ),
+        (TALKER.format(ARRAY), Token("2/%", "/2/chatter", f"2/chatter/{ARRAY}/{HASH}")),
         (
             TALKER.replace("%chatter", "%r1%diagnostics_agg").format(ARRAY),
             Token("2/%", "/2/r1/diagnostics_agg", f"2/r1/diagnostics_agg/{ARRAY}/{HASH}"),

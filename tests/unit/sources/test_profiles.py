@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ros_diagnostics_exporter.sources.dds import use_log_folder, use_profiles
+from ros_diagnostics_exporter.sources.ros_environment import use_log_folder, use_profiles
 
 VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ros_diagnostics_exporter.sources.dds import split_arguments
+from ros_diagnostics_exporter.sources.ros_environment import split_arguments
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ import pytest
 from ros_diagnostics_exporter import events
 from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.model import Instant, Status
-from ros_diagnostics_exporter.storage.storage import Retention, Storage
+from ros_diagnostics_exporter.storage.database import Retention
+from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, WALL, StateDriver
 
 HOT, COOL = Status(ERROR, "Motor", "Hot"), Status(OK, "Motor")

@@ -8,12 +8,7 @@ from pathlib import Path
 
 from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.storage import database
-from ros_diagnostics_exporter.storage.database import (
-    Changes,
-    Database,
-    find_events,
-    first_event,
-)
+from ros_diagnostics_exporter.storage.database import Changes, Database, find_events, first_event
 
 EVENTS = [
     Event(10.0, "level", "r", "/Motor", "Motor 1", "OK", "ERROR"),

@@ -7,13 +7,7 @@ import re
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import (
-    ComponentRule,
-    Discovery,
-    Fleet,
-    Robot,
-    Source,
-)
+from ros_diagnostics_exporter.config.fleet import ComponentRule, Discovery, Fleet, Robot, Source
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree

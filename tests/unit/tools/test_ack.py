@@ -120,13 +120,7 @@ def of(problem: dict[str, Any]) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (
-            ["r1"],
-            [
-                of(OFFSET),
-                *map(escalation, (SILENT, COMPONENT, VALUE, CHECK)),
-            ],
-        ),
+        (["r1"], [of(OFFSET), *map(escalation, (SILENT, COMPONENT, VALUE, CHECK))]),
         (["r1", "Motor 1"], [escalation(COMPONENT), escalation(VALUE)]),
         (["r1", "motors"], [escalation(CHECK)]),
         (["--site", "hall"], [escalation(SITE)]),
@@ -225,12 +219,7 @@ def test_a_step_that_was_sent_is_left_out_so_that_its_end_is_sent(server, capsys
     server.alerts = [COMPONENT, sent(steps[0]), sent(steps[1], state="suppressed"), sent(steps[2])]
     assert run("r1", "Motor 1") == 0
     (made,) = server.silences
-    assert made["matchers"][-1] == {
-        "name": "step",
-        "value": "1",
-        "isRegex": True,
-        "isEqual": False,
-    }
+    assert made["matchers"][-1] == {"name": "step", "value": "1", "isRegex": True, "isEqual": False}
     assert len(read(server.silences, "f")) == 1  # the exporter finds it nevertheless
     capsys.readouterr()
     assert run("r1", "Motor 1") == 0

@@ -261,9 +261,7 @@ def test_what_is_acknowledged_has_no_form_for_it_and_names_are_escaped(serve, tm
     evil = "\"'><script>alert(1)</script>"
     taken = {"author": "bob", "comment": "", "at": 1.0, "until": 2.0}
     known = robot(
-        evil,
-        component(evil, "ERROR"),
-        problems=[broken(evil, fault=FAULT, acknowledged=taken)],
+        evil, component(evil, "ERROR"), problems=[broken(evil, fault=FAULT, acknowledged=taken)]
     )
     site = Site(serve, tmp_path, fleet_snapshot=lambda: fleet(known))
     text = site.page(f"/faults/{FAULT}").text

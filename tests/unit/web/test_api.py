@@ -153,10 +153,7 @@ def test_targets_are_the_backends_and_an_unknown_job_is_404(serve):
     assert json.loads(ask(server, "/sd/node").body) == [group | {"port": None}]
     assert json.loads(ask(server, "/sd/node?port=19100").body) == [group | {"port": 19100}]
     answer = ask(server, "/sd/node?port=1")
-    assert (answer.status, json.loads(answer.body)) == (
-        400,
-        {"error": "that port is not allowed"},
-    )
+    assert (answer.status, json.loads(answer.body)) == (400, {"error": "that port is not allowed"})
     assert ask(server, "/sd/node").headers["Content-Type"] == "application/json"
     answer = ask(server, "/sd/nodes")
     assert (answer.status, json.loads(answer.body)) == (404, {"error": "no job nodes"})

@@ -3,16 +3,20 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import re
 from html.parser import HTMLParser
-from urllib.parse import quote, urljoin
+from urllib.parse import quote, urldefrag, urljoin
 
 import pytest
+import yaml
 from markupsafe import escape
 
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from ros_diagnostics_exporter.severity import QUIET, state_of
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_exporter.web.pages import SCRIPT, landing, missing_robot, robot_page
+from ros_diagnostics_exporter.web.runbooks import alert_of
+from support.committed_dashboards import ROOT
 from support.web_server import (
     ask,
     broken,
@@ -128,6 +132,64 @@ def test_each_robot_has_a_page_whose_links_work(serve, name):
             assert [each["robot"] for each in json.loads(there.body)["robots"]] == [name]
 
 
+RUNBOOKS = "http://10.0.0.1:9090/user/alerts/"
+
+
+def test_a_row_of_a_problem_links_its_runbook_why_and_the_forms(serve):
+    known = robot("a/b", component("Motor 1", "ERROR"), problems=[broken(fault=FAULT)])
+    soft = robot("c", problems=[broken("Motor 2", "warning", confirmed=None)])
+    common = problem("common", "critical", component="Map", confirmed=1_010.0, fault="f0")
+    given = fleet(known, soft, problems=[common])
+    server = serve(fleet_snapshot=lambda: given, runbooks=RUNBOOKS)
+    page = ask(server, "/").text
+    for link in ("runbooks/RosDiagnosticsComponentCritical", "robots/a%2Fb#why", "robots/c#why"):
+        assert f'href="{link}"' in page
+    assert page.count('<a href="runbooks/') == 3
+    assert "#act" not in page  # nobody may act
+    answer = ask(server, "/runbooks/RosDiagnosticsComponentCritical")
+    wanted = f"{RUNBOOKS}RosDiagnosticsComponentCritical.md"
+    assert (answer.status, answer.headers["Location"]) == (303, wanted)
+    acting = landing(given, "/metrics", acts=True)
+    assert acting.count("#act") == 2  # what is not confirmed has no page
+    assert f'href="faults/{FAULT}#act"' in acting
+
+    unknown = ask(serve(), "/runbooks/RosDiagnosticsComponentCritical")
+    assert unknown.status == 404
+    assert "--web.runbooks-url" in unknown.text
+
+
+@pytest.mark.parametrize(
+    ("query", "to"),
+    [
+        ("fault=0123&robot=a", "faults/0123"),
+        ("fault=&robot=a/b c", "robots/a%2Fb%20c"),
+        ("fault=//evil.example", "faults/%2F%2Fevil.example"),
+        ("robot=..", "robots/.."),
+        ("robot=\r\nX: y", "robots/%0D%0AX%3A%20y"),
+        ("", "./"),
+        ("fault=f&scope=component&state=stale", "runbooks/RosDiagnosticsComponentStale"),
+        ("fault=0123&scope=&state=", "faults/0123"),
+        ("scope=site&state=silent", "runbooks/RosDiagnosticsFleetPartDown"),
+    ],
+)
+def test_a_dashboard_leads_to_a_problem_by_what_it_knows_and_to_no_other_site(serve, query, to):
+    answer = ask(serve(), f"/problem?{quote(query, safe='=&')}")
+    assert (answer.status, answer.headers["Location"]) == (303, to)
+
+
+def test_the_runbook_of_a_fault_is_that_of_its_alert():
+    rules = yaml.safe_load((ROOT / "prometheus/rules/faults.yml").read_text())
+    found = {}
+    for rule in (each for group in rules["groups"] for each in group["rules"]):
+        of = re.search(r'latest\{scope="(\w+)"(?:, state="(\w+)")?', rule["expr"])
+        if "alert" in rule and of:
+            found[of[1], of[2] or ""] = rule["alert"]
+    assert len(found) == 20
+    assert {key: alert_of(*key) for key in found} == found
+    assert alert_of("check", "short") == "RosDiagnosticsCheckShort"
+    assert alert_of("", "") == alert_of("component", "x") == ""
+
+
 FAULT = "0123456789ab"
 CAPSULE = f"/api/v1/faults/{FAULT}/capsule.mcap"
 
@@ -135,14 +197,16 @@ CAPSULE = f"/api/v1/faults/{FAULT}/capsule.mcap"
 def test_a_fault_has_a_page_and_links_what_was_received(serve):
     recorded = broken("Motor 1", fault=FAULT, capsule=CAPSULE, evidence="over current")
     given = fleet(robot("a", component("Motor 1", "ERROR"), problems=[recorded]))
-    server = serve(fleet_snapshot=lambda: given, capsule=lambda *_: b"mcap")
+    server = serve(fleet_snapshot=lambda: given, capsule=lambda *_: b"mcap", runbooks=RUNBOOKS)
     for path in ("/", "/robots/a", f"/faults/{FAULT}"):
         answer = ask(server, path)
         assert answer.status == 200
         assert "/Motor/Motor 1" in answer.text
         links = [attrs["href"] for tag, attrs in read(answer.text).tags if tag == "a"]
         assert {urljoin(path, link) for link in links} >= {f"/faults/{FAULT}", CAPSULE}
-        assert {ask(server, urljoin(path, link)).status for link in links} == {200}
+        there = {urldefrag(urljoin(path, link)).url for link in links}
+        found = {ask(server, link).status for link in there}
+        assert found == {200, 303}  # the runbook is on another server
     assert "When confirmed: over current" in read(answer.text).text
 
 
@@ -218,8 +282,7 @@ def test_a_fault_that_lasts_has_the_times_before_too_and_removed_is_no_recovery(
     lasting = ENDED | {"until": None, "reason": None, "since": 1_050.0}
     given = fleet(robot("a", problems=[broken(fault=FAULT)]))
     server = serve(
-        fleet_snapshot=lambda: given,
-        fault_history=lambda _fault: history(lasting, ENDED, removed),
+        fleet_snapshot=lambda: given, fault_history=lambda _fault: history(lasting, ENDED, removed)
     )
     text = read(ask(server, f"/faults/{FAULT}").text).text
     assert "It has ended" not in text
@@ -277,11 +340,11 @@ def test_a_search_finds_robots_problems_and_messages_in_any_case(serve):
     assert field["value"] == "<3>"
 
 
-def test_a_page_has_landmarks_and_renews_itself_without_a_script_too():
+def test_a_page_has_landmarks_and_no_refresh_that_would_throw_focus_away():
     page = read(landing(fleet(robot("a")), "/metrics"))
     tags = [tag for tag, _ in page.tags]
     assert [tags.count(each) for each in ("header", "main", "footer", "h1")] == [1, 1, 1, 1]
-    assert tags.index("noscript") + 1 == tags.index("meta", tags.index("noscript"))
+    assert not [attrs for tag, attrs in page.tags if tag == "meta" and "http-equiv" in attrs]
     assert tags.count("noscript") == 1
 
 

@@ -32,11 +32,7 @@ PROMETHEUS = (
             "text/plain; version=0.0.4; charset=utf-8",
             b"text\n",
         ),
-        (
-            "application/openmetrics-text;q=0",
-            "text/plain; version=0.0.4; charset=utf-8",
-            b"text\n",
-        ),
+        ("application/openmetrics-text;q=0", "text/plain; version=0.0.4; charset=utf-8", b"text\n"),
         ("text/html;q=nonsense", "text/plain; version=0.0.4; charset=utf-8", b"text\n"),
     ],
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import http.client
+import itertools
 import socket
 import ssl
 import threading
@@ -13,7 +14,7 @@ import time
 import bcrypt
 import pytest
 
-from ros_diagnostics_exporter.web import connections, responses, scrape
+from ros_diagnostics_exporter.web import changes, connections, responses, scrape
 from ros_diagnostics_exporter.web.connections import Phase
 from support.web_server import ask, component, connect, fleet, robot, wait_until
 
@@ -424,3 +425,90 @@ def test_a_response_whose_client_has_gone_counts_no_more(serve, short, monkeypat
             crowd.enter_context(sock)
         wait_until(lambda: ask(server, path).status == 503)
     wait_until(lambda: ask(server, path).status == 200)
+
+
+CHANGES = GET.replace(b"/metrics", b"/-/changes")
+
+
+def read_until(sock: socket.socket, end: bytes) -> bytes:
+    received = b""
+    while end not in received:
+        part = sock.recv(1_000)
+        assert part, received
+        received += part
+    return received
+
+
+def test_an_event_is_sent_when_something_has_changed_and_not_before(serve, short, monkeypatch):
+    monkeypatch.setattr(changes, "LOOK", 0.01)
+    monkeypatch.setattr(changes, "PAUSE", 0.0)
+    last = [7]
+    server = serve(last_event=lambda: last[0])
+    with connect(server) as sock:
+        sock.sendall(CHANGES)
+        head = read_until(sock, b"retry: 2000\n\n")
+        assert b"content-type: text/event-stream" in head.lower()
+        assert b"data:" not in head
+        last[0] = 8
+        assert b"data: 8\n\n" in read_until(sock, b"data: 8\n\n")
+
+
+def test_streams_are_a_tenth_of_all_connections_and_none_hinders_a_scrape(serve, short):
+    server = serve()
+    server.connections.limit = 50
+    with contextlib.ExitStack() as crowd:
+        for sock in unread(server, 5, "127.0.0.2", b"/-/changes"):
+            crowd.enter_context(sock)
+            read_until(sock, b"retry")
+        answer = ask(server, "/-/changes")
+        assert (answer.status, answer.headers["Retry-After"]) == (503, "1")
+        for _ in range(3):
+            assert ask(server, "/metrics").status == 200
+    wait_until(lambda: not server.connections)  # streams end with their clients
+    with connect(server) as sock:
+        sock.sendall(CHANGES)
+        assert b"200 OK" in read_until(sock, b"retry")
+
+
+def test_a_stream_ends_before_its_response_would_time_out():
+    assert connections.TIMEOUTS[Phase.RESPONSE] > changes.LASTS
+
+
+def test_a_connection_can_be_used_again_after_a_stream(serve, short, monkeypatch):
+    monkeypatch.setattr(changes, "LASTS", 0.0)
+    with connect(serve()) as sock:
+        sock.sendall(CHANGES)
+        assert read_until(sock, b"\r\n0\r\n\r\n").count(b"HTTP/1.1") == 1
+        sock.sendall(GET)
+        assert read_metrics(sock).startswith(b"HTTP/1.1 200")
+
+
+def test_a_client_that_does_not_read_its_events_is_dropped_and_harms_nobody(
+    serve, short, monkeypatch
+):
+    """Its events are held back, in a buffer that does not grow, until the response times out."""
+    monkeypatch.setattr(changes, "LOOK", 0.0)
+    monkeypatch.setattr(changes, "PAUSE", 0.0)
+    monkeypatch.setattr(changes, "LASTS", 1_000.0)
+    number = itertools.count(10**60)
+    short(Phase.RESPONSE, 3.0)
+    server = serve(last_event=lambda: next(number))
+    with contextlib.ExitStack() as crowd:
+        for sock in unread(server, 5, "127.0.0.2", b"/-/changes"):
+            crowd.enter_context(sock)
+        connections = server._uvicorn.server_state.connections
+        wait_until(lambda: any(each.flow.write_paused for each in connections))
+        held = [each.transport.get_write_buffer_size() for each in connections if each.transport]
+        assert max(held) < 200_000
+        assert ask(server, "/metrics").status == 200
+        wait_until(lambda: not connections)
+
+
+def test_stopping_does_not_wait_for_streams(serve, short, monkeypatch):
+    monkeypatch.setattr("ros_diagnostics_exporter.web.server.GRACE", 1_000)
+    server = serve()
+    with connect(server) as sock:
+        sock.sendall(CHANGES)
+        read_until(sock, b"retry")
+        server.stop()
+    assert not server.alive

@@ -7,13 +7,7 @@ import re
 import pytest
 
 from ros_diagnostics_exporter.config.conditions import Condition
-from ros_diagnostics_exporter.config.fleet import (
-    ComponentRule,
-    Discovery,
-    Fleet,
-    Robot,
-    Source,
-)
+from ros_diagnostics_exporter.config.fleet import ComponentRule, Discovery, Fleet, Robot, Source
 from ros_diagnostics_exporter.regex import Pattern
 from support.bags import BEGIN, every_second, fleet, judged, texts, write_bag, write_json
 

@@ -126,10 +126,7 @@ def test_the_routes_load_with_the_shipped_ones(alertmanager):
     ("labels", "receivers"),
     [
         ("alertname=RosDiagnosticsComponentCritical robot=arm_1 component=Motor_2", "ben-problems"),
-        (
-            "alertname=RosDiagnosticsComponentCritical robot=arm_1 group=/MOTORS",
-            "ben-problems",
-        ),
+        ("alertname=RosDiagnosticsComponentCritical robot=arm_1 group=/MOTORS", "ben-problems"),
         ("alertname=RosDiagnosticsComponentWarning robot=arm_1 component=Motor_2", "nobody"),
         (
             "alertname=RosDiagnosticsComponentCritical robot=arm_1 component=Laser",

@@ -1,0 +1,194 @@
+"""The robots of a fleet behind one lock, and what the ROS graph shows of them."""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+
+from ros_diagnostics_exporter.config import fleet as config
+from ros_diagnostics_exporter.events import Event
+from ros_diagnostics_exporter.fleet.fault_reports import FaultReports
+from ros_diagnostics_exporter.fleet.registry import RobotRegistry
+from ros_diagnostics_exporter.loops import Timers
+from ros_diagnostics_exporter.model import (
+    Array,
+    Domain,
+    Endpoint,
+    Instant,
+    Stream,
+    Topic,
+    place,
+)
+from ros_diagnostics_exporter.robots.limits import truncate_array
+from ros_diagnostics_exporter.robots.robot import RobotState
+from ros_diagnostics_exporter.robots.updates import is_of_graph
+from ros_diagnostics_exporter.sources.graph import GraphWatch, Report
+from ros_diagnostics_exporter.sources.graph_messages import Message
+from ros_diagnostics_exporter.sources.graph_topics import TopicView
+from ros_diagnostics_exporter.sources.link import LinkReading, joined
+
+MAX_EVENTS = 100_000  # between two calls of take_events; the oldest are dropped beyond
+
+
+class WatchedFleet(ABC):
+    """What `FleetState` takes from the ROS graph: domains, nodes, endpoints, links, other topics.
+
+    What is seen there is kept under a lock of its own, which is taken before the fleet's, or alone.
+    """
+
+    def __init__(self, fleet: config.Fleet, now: Instant) -> None:
+        self.fleet = fleet
+        self._lock = threading.RLock()
+        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
+        self._ticks: Timers[RobotState] = Timers()  # when robots have to be looked at again
+        self._watch = GraphWatch()
+        self._watching = threading.Lock()  # of the watch
+        self.recorder: Callable[[Stream, bytes, Instant], None] | None = None  # of messages
+        self._faults = FaultReports(fleet, now, self._events)
+        self._registry = RobotRegistry(fleet, now, self._events, self._faults)
+
+    def wanted_topics(self, domain_id: Domain) -> dict[str, bool]:
+        """The topics to be subscribed in a domain: name -> whether robots share it."""
+        with self._lock:
+            return dict(self._registry.wanted_topics(domain_id))
+
+    def domain_joined(self, domain_id: Domain) -> None:
+        """Note that a domain was joined."""
+        self._set_domain_up(domain_id, up=True)
+
+    def domain_failed(self, domain_id: Domain, error: str, now: Instant) -> None:
+        """Note that a domain could not be joined."""
+        self._set_domain_up(domain_id, up=False)
+        with self._lock:
+            self._events.append(Event(now.wall, "config", message=f"{place(domain_id)}: {error}"))
+
+    def _set_domain_up(self, domain_id: Domain, *, up: bool) -> None:
+        with self._lock:
+            for robot in self._registry.robots.values():
+                if robot.settings.domain_id == domain_id:
+                    robot.network.domain_up = up
+
+    def update_graph(
+        self, domain_id: Domain, endpoints: Mapping[str, Endpoint], now: Instant
+    ) -> None:
+        """Discover robots in one domain's graph, and update which topics have publishers."""
+        with self._lock:
+            self._registry.discover(domain_id, endpoints, now)
+            for topic, bound in self._registry.bindings.items():
+                if topic.domain_id == domain_id:
+                    for robot, _raw in bound:
+                        robot.update_endpoint(topic.name, endpoints.get(topic.name), now)
+
+    def note_other_types(
+        self, domain_id: Domain, types: Mapping[str, tuple[str, ...]], now: Instant
+    ) -> None:
+        """Note the types of all topics of a domain that have no DiagnosticArray, by name."""
+        with self._lock:
+            self._registry.note_other_types(domain_id, types, now)
+
+    def update_nodes(self, domain_id: Domain, nodes: list[tuple[str, str]], now: Instant) -> bool:
+        """Take the name and namespace of all nodes of a domain, and judge what is due there.
+
+        Returns whether any robot there is watched.
+        """
+        with self._lock:
+            robots = [
+                robot.settings
+                for robot in self._registry.robots.values()
+                if robot.settings.domain_id == domain_id and not robot.shared
+            ]
+        with self._watching:
+            self._watch.follow(domain_id, robots, now)
+            self._watch.see_nodes(domain_id, nodes, now)
+            reports = list(self._watch.reports(domain_id, now))
+            watches = self._watch.watches(domain_id)
+        for report in reports:
+            self._receive_report(report, now)
+        return watches
+
+    def update_endpoints(
+        self, domain_id: Domain, topics: Mapping[str, TopicView], now: Instant
+    ) -> None:
+        """Take all endpoints of some topics of a domain, by name."""
+        with self._watching:
+            self._watch.see_topics(domain_id, topics, now)
+
+    def watched_topics(
+        self, domain_id: Domain, types: Mapping[str, Sequence[str]], now: Instant
+    ) -> dict[str, str]:
+        """Of the topics of a domain those to be subscribed beside diagnostics, with their types."""
+        with self._watching:
+            return self._watch.wanted(domain_id, types, now)
+
+    def record_watched(
+        self, domain_id: Domain, topic: str, kind: str, data: bytes, now: Instant
+    ) -> None:
+        """Keep a message of such a topic as it was received, where its robot asks for it."""
+        if self.recorder is None:
+            return
+        with self._watching:
+            robot = self._watch.owner(domain_id, topic, kind, data)
+        if robot is not None:
+            self.recorder(Stream(Topic(domain_id, topic), kind, robot), data, now)
+
+    def receive_watched(
+        self, domain_id: Domain, topic: str, message: Message, now: Instant
+    ) -> None:
+        """Take a message of such a topic."""
+        with self._watching:
+            self._watch.see_message(domain_id, topic, message, now)
+
+    def note_watched(self, domain_id: Domain, rates: Mapping[str, float], now: Instant) -> None:
+        """Take how many bytes per second such topics were in the last minute."""
+        with self._watching:
+            self._watch.note_watched(domain_id, rates, now)
+
+    def update_links(
+        self, domain_id: Domain, links: Mapping[str, LinkReading | None], now: Instant
+    ) -> None:
+        """Take what arrived of late on subscribed topics; None where one has several publishers."""
+        readings: dict[str, list[LinkReading]] = {}
+        with self._lock:
+            for name, reading in links.items():
+                for robot, _raw in self._registry.bindings.get(Topic(domain_id, name), ()):
+                    found = readings.setdefault(robot.settings.name, [])
+                    if reading is not None and not robot.shared:
+                        found.append(reading)
+            of_robots = {name: joined(each) if each else None for name, each in readings.items()}
+            for name, reading in of_robots.items():
+                self._registry.robots[name].update_link(reading)
+        with self._watching:
+            self._watch.see_links(of_robots, now)
+
+    def accept_graph(self, robot: str, now: Instant) -> int:
+        """Take what the ROS graph shows of a robot as expected; how many nodes are expected.
+
+        Raises:
+            LookupError: nothing of such a robot was ever seen in the graph.
+        """
+        with self._watching:
+            return self._watch.accept(robot, now)
+
+    def _receive_report(self, report: Report, now: Instant) -> None:
+        """Update a robot from what the ROS graph shows of it: what is not among it is forgotten."""
+        with self._lock:
+            robot = self._registry.robots.get(report.robot)
+            if robot is None:
+                return
+            robot.measure(report.feed, truncate_array(Array(0.0, report.statuses)).statuses, now)
+            names = {each.name for each in report.statuses} | report.held
+            for component in [each for each in robot.components if is_of_graph(each.identity)]:
+                if component.identity[0] not in names:
+                    robot.forget(component, now)
+            robot.network.expected_nodes = report.expected
+            robot.set_lossy(lossy=report.lossy)
+            robot.network.watched, robot.network.logs = report.watched, report.logs
+            for text in report.events:
+                self._events.append(Event(now.wall, "graph", report.robot, message=text))
+            self._follow(robot, now)
+
+    @abstractmethod
+    def _follow(self, robot: RobotState, now: Instant) -> None:
+        """Have the faults follow what changed of a robot, and it looked at when that is due."""

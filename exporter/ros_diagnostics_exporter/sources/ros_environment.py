@@ -1,0 +1,105 @@
+"""What ROS reads of the environment before it starts: middleware, profiles, folder of logs, flags.
+
+Knows no ROS, so that what is missing can be named before rclpy is imported.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Mapping, MutableMapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory, TemporaryFile
+
+RMW_VARIABLE = "RMW_IMPLEMENTATION"
+PROFILES_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+OWN_PROFILES = "DEFAULT_FASTRTPS_PROFILES.xml"
+
+log = logging.getLogger(__name__)
+
+
+class RosMissingError(Exception):
+    """rclpy or diagnostic_msgs cannot be imported; the text says what to do."""
+
+
+class MiddlewareMissingError(ImportError):
+    """The middleware that the environment names is not installed; the text says what to do."""
+
+
+def check_middleware(environment: Mapping[str, str]) -> None:
+    """Raise an ImportError where ROS lacks the middleware: it would end the process with a riddle.
+
+    Where nothing is known of the libraries' folders, nothing is said.
+    """
+    wanted = environment.get(RMW_VARIABLE, "")
+    paths = environment.get("LD_LIBRARY_PATH", "").split(":")
+    folders = [Path(sys.prefix, "lib"), *map(Path, filter(None, paths))]
+    found = {path.stem.removeprefix("lib") for each in folders for path in each.glob("librmw_*.so")}
+    if wanted and found and wanted not in found:
+        raise MiddlewareMissingError(
+            f"{RMW_VARIABLE} is {wanted!r}, and there is no lib{wanted}.so in "
+            f"{', '.join(map(str, folders))}: unset it, or install that middleware into ROS "
+            "(pip has rmw_fastrtps_cpp only)"
+        )
+
+
+def use_profiles(environment: MutableMapping[str, str], folder: Path) -> None:
+    """Have Fast DDS allocate less for each topic, unless the user has profiles of their own.
+
+    To be called before a domain is joined: Fast DDS reads the file once, when it starts.
+
+    Args:
+        environment: Of this process; the file's path is added.
+        folder: The working directory, where Fast DDS looks for a file, too.
+    """
+    if not environment.get(PROFILES_VARIABLE) and not (folder / OWN_PROFILES).exists():
+        environment[PROFILES_VARIABLE] = str(Path(__file__).with_name("fastdds.xml"))
+
+
+def use_log_folder(environment: MutableMapping[str, str]) -> TemporaryDirectory[str] | None:
+    """Have rcl log to a temporary folder where it cannot make its own: it would join no domain.
+
+    Args:
+        environment: Of this process; ``ROS_LOG_DIR`` is set where that is so.
+
+    Returns:
+        The temporary folder, which is removed with this object; None where rcl's own can be used.
+    """
+    try:
+        folder = _log_folder(environment)
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            return None
+    except OSError as error:
+        made = TemporaryDirectory(prefix="ros-diagnostics-exporter-")
+        log.warning("ROS logs to %s, because its own folder cannot be used: %s", made.name, error)
+        environment["ROS_LOG_DIR"] = made.name
+        return made
+
+
+def _log_folder(environment: Mapping[str, str]) -> Path:
+    """Where rcl will log; OSError where it knows no folder."""
+    if folder := environment.get("ROS_LOG_DIR"):
+        return Path(folder).expanduser()
+    if home := environment.get("ROS_HOME"):
+        return Path(home, "log").expanduser()
+    if home := environment.get("HOME"):
+        return Path(home, ".ros", "log")
+    raise OSError("HOME is not set")
+
+
+def split_arguments(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+    """(our own arguments, those for ROS): the latter stand between ``--ros-args`` and ``--``.
+
+    launch_ros appends them to every program that it starts; an enclave for SROS 2 is given so.
+    """
+    own: list[str] = []
+    for_ros: list[str] = []
+    into = own
+    for argument in arguments:
+        if argument == "--ros-args":
+            into = for_ros
+        into.append(argument)
+        if argument == "--" and into is for_ros:
+            into = own
+    return own, tuple(for_ros)
