@@ -26,7 +26,7 @@ from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.reloader import Reloader
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
-from ros_diagnostics_exporter.faults.model import Fault, fault_id, identity_of
+from ros_diagnostics_exporter.faults.model import Fault, fault_id
 from ros_diagnostics_exporter.firing import read as read_firing
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
@@ -108,7 +108,7 @@ class Service:
             read = partial(self._read_silences, alertmanager)
             self._others.append(Loop("alertmanager", alertmanager.INTERVAL, read))
         self._watched: list[Loop] = []  # that others made
-        self._join_at = self._adopt_at = self._forget_at = now.mono
+        self._join_at = self._adopt_at = self._forget_at = self._check_at = now.mono
         self._exposition = Exposition(self.state, self._acknowledged, self._notifications.lasting)
         self._listener = Listener(self.state, ros_arguments=ros_arguments)
         self._prometheus = Prometheus(self.state, prometheus, read_clocks)
@@ -127,7 +127,6 @@ class Service:
         )
         self._self_metrics = SelfMetrics(self._exporter)
         self._self_check = SelfCheck(self._exporter, now)
-        self._check_at = now.mono
 
     def start(self) -> None:
         """Begin all loops: join the fleet's domains, listen, judge."""
@@ -202,8 +201,9 @@ class Service:
 
     def _count_week(self) -> None:
         """Count what the event log has of seven days."""
-        lasting, now = self.faults()["faults"], read_clocks().wall
-        self._exporter.week = of_week.counted(self.find_events, lasting, now)
+        self._record_events()
+        lasting = self.faults()["faults"]
+        self._exporter.week = of_week.counted(self._find, lasting, read_clocks().wall)
 
     def _adopt(self, alertmanager: Alertmanager) -> None:
         """Go on with the faults that fire and that nobody here knows, as without the database.
@@ -262,12 +262,11 @@ class Service:
             self._record(*self.state.take_events())
 
     def _record(self, *events: Event) -> None:
-        fleet = self.state.fleet
         for event in events:
             self.events.record(event)
             self._notifications.note(event)
             if self._capsules is not None and event.kind == "fault_began" and event.robot:
-                fault = fault_id(fleet.name, fleet.exporter, identity_of(asdict(event)))
+                fault = fault_of(self.state.fleet, asdict(event))
                 self._capsules.note(fault, event, read_clocks())
                 self._capsules_loop.wake()
 
@@ -394,20 +393,13 @@ class Service:
         """The ledger of a robot as /api/v1/why returns it; LookupError if there is none."""
         self._record_events()
         now = read_clocks()
-        fleet, then = self.state.fleet.name, now.wall if at is None else at
+        fleet = self.state.fleet.name
         known = snapshot.robot_snapshot(self.state, robot, now, self._care())
-        sentences = ledger.standings(known, component, now.wall)
-        if ask:
-            sentences += explained(self._alertmanager, fleet, robot, component)
-        return {
-            "fleet": fleet,
-            "robot": robot,
-            "component": component,
-            "time": now.wall,
-            "at": then,
-            "entries": ledger.account(self._find, known, component, then),
-            "now": sentences,
-        }
+        found = ledger.account(
+            self._find, known, component, now.wall if at is None else at, now.wall
+        )
+        asked = explained(self._alertmanager, fleet, robot, component) if ask else []
+        return {"fleet": fleet, **found, "now": [*found["now"], *asked]}
 
     def capabilities(self, robot: str | None) -> dict[str, Any]:
         """What a robot or the fleet can do, as /api/v1/capabilities; LookupError if none."""

@@ -104,6 +104,8 @@ class Judge:
         if world.state is not None and world.tick % CHECK_EVERY == 0:
             self._check_liveness(now)
             self._fail_first(self._larger.missing())
+            own = self.world.own.missing(self._faults.values(), now.mono, world.started)
+            self._fail_first(own)
             self._fail_first(self._abilities.missing(self._faults))
 
     def _fail_first(self, found: Iterator[tuple[str, object]]) -> None:
@@ -128,6 +130,8 @@ class Judge:
             self._part_began(event)
         if event.scope == "robot" and event.state == "silent":
             self._silence_began(event)
+        if event.scope == "exporter":
+            self._fail_first(self.world.own.began(event, self._at(event)))
 
     def _part_began(self, event: Event) -> None:
         known, part = self._known(event)
@@ -198,6 +202,9 @@ class Judge:
         del self._faults[key]
         if self._scraped.pop(key, False):
             self._spans[key] = self._spans.get(key, 0) + 1
+        if event.scope == "exporter":
+            self._fail_first(self.world.own.ended(event))
+            return
         if event.reason == "removed":
             self._removed(event)
             return

@@ -11,6 +11,8 @@ TICK = 60  # seconds; the simulation's unit of time
 PERIOD = 10  # ticks between two messages of a robot
 DAY = 86_400 // TICK
 SITES = 4
+# Part of the exporter -> seconds until its trouble is a fault.
+OWN_PARTS = {"database": 0.0, "domain 7": 1200.0, "Alertmanager": 3600.0}
 COMPONENTS = tuple(f"part {number}" for number in range(10))
 OK, WARN, ERROR, STALE = range(4)
 
@@ -75,6 +77,7 @@ def generate(
     for number in range(robots if able else 0):
         for _ in range(1 + round(random.expovariate(1 / days))):
             events += _redundant(random, random.randrange(ticks), robot_name(number))
+    events += _of_exporter(Random(f"own {seed}"), ticks, days)  # all else stays as it is without
     kept = (event for event in events if event.at < ticks)
     ordered = tuple(sorted(kept, key=lambda event: event.at))
     return Story(seed, robots, ticks, ordered, able=able)
@@ -214,3 +217,24 @@ def _config(random: Random, at: int, _robots: int) -> Iterator[Event]:
 
 _OF_FLEET = (_partition, _common, _common, _maintenance, _maintenance, _restart, _restart, _clock,
              _config)  # fmt: skip
+
+
+# -- to the exporter itself --------------------------------------------------------------------
+
+_OWN_COURSES = (
+    (WARN, OK),
+    (ERROR, OK),
+    (WARN, ERROR, OK),
+    (ERROR, STALE, OK),
+    (WARN, STALE, WARN, OK),
+    (STALE, OK),
+    (ERROR, None),  # the part is no more, as a domain that fleet.yml has no longer
+)
+
+
+def _of_exporter(random: Random, ticks: int, days: float) -> Iterator[Event]:
+    for _ in range(1 + round(random.expovariate(1 / (2 * days)))):
+        part, at = random.choice(list(OWN_PARTS)), random.randrange(ticks)
+        for level in (*random.choice(_OWN_COURSES), OK):
+            yield Event(at, "own", part, (level,))
+            at += _length(random)

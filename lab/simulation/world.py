@@ -26,6 +26,7 @@ from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_tools.backtest.replay import Restarts
 from simulation.can import capabilities, of_fleet
+from simulation.own import OwnParts
 from simulation.story import (
     COMPONENTS,
     ERROR,
@@ -121,6 +122,7 @@ class World:
         self._network: dict[str, set[str]] = {"lose": set(), "repeat": set(), "swap": set()}
         self._late: dict[str, tuple[Status, ...]] = {}
         self._maintenance: list[Maintenance] = []
+        self.own = OwnParts()
         self.fleet = self._fleet()
         self.state: FleetState | None = FleetState(self.fleet, self.now)
         self.restarts = Restarts()
@@ -211,6 +213,7 @@ class World:
             if (self.tick + number) % self.story.period == 0:
                 self._publish(name)
         if self.state is not None:
+            self.state.report_own(self.own.reports(self.now.mono), self.now)
             self.state.tick(self.now)
         self._note_quiet()
 
@@ -271,6 +274,9 @@ class World:
             self.state.forget(robot, part, self.now)
             self._note_removal(robot, part)
             self.delivered[robot].parts.pop(part, None)
+
+    def _do_own(self, part: str, level: int | None) -> None:
+        self.own.set(part, level)
 
     def _do_declared(self, robot: str, declared: bool) -> None:
         (self._undeclared.discard if declared else self._undeclared.add)(robot)

@@ -1,16 +1,15 @@
 """The shipped rules, unchanged but for short durations, on every engine that may evaluate them.
 
 A fault and its recovery, the death of the exporter in it, and a silent robot, on the Prometheus in
-PATH (or $PROMETHEUS), the same with concurrent evaluation where it has that, and vmalert over
-VictoriaMetrics.
+PATH (or $PROMETHEUS), on Prometheus 3 (in the folder $PROMETHEUS_3) with concurrent evaluation, and
+on vmalert over VictoriaMetrics.
 """
 
 from __future__ import annotations
 
 import json
-import re
+import os
 import shutil
-import subprocess
 import urllib.request
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -128,10 +127,10 @@ def _start_prometheus(stack: ExitStack, folder: Path, config: Path, *, concurren
     address = f"127.0.0.1:{free_port()}"
     options = []
     if concurrent:
-        binary = programs.prometheus(config, address, folder / "tsdb")[0]
-        version = subprocess.run([binary, "--version"], capture_output=True, text=True, check=True)
-        if not re.search(r"version [3-9]\.", version.stdout + version.stderr):
-            pytest.skip("this Prometheus has no concurrent evaluation (3.x has: set $PROMETHEUS)")
+        if "PROMETHEUS_3" not in os.environ:
+            pytest.skip("no Prometheus 3: its folder in PROMETHEUS_3")
+        environment = stack.enter_context(pytest.MonkeyPatch.context())
+        environment.setenv("PROMETHEUS", f"{os.environ['PROMETHEUS_3']}/prometheus")
         options = ["--enable-feature=concurrent-rule-eval"]
     stack.enter_context(servers.running(servers.prometheus(folder, config, address, *options)))
     return address

@@ -6,7 +6,7 @@ from typing import Any
 
 from ros_diagnostics_exporter.faults.model import PartName
 from ros_diagnostics_exporter.faults.needs import AtLeast, Missing, Need, NeedView
-from ros_diagnostics_exporter.fleet.fleet_capabilities import counts
+from ros_diagnostics_exporter.fleet.capabilities import robot_counts
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant
 
@@ -37,7 +37,7 @@ def capability_tree(state: FleetState, robot: str | None, now: Instant) -> dict[
 def fleet_capabilities(state: FleetState) -> list[dict[str, Any]]:
     """What the fleet can do, with the number of robots by what they can."""
     return [
-        {"capability": name, "state": view.ability.name.lower(), "robots": counts(view)}
+        {"capability": name, "state": view.ability.name.lower(), "robots": robot_counts(view)}
         for name, view in state.fleet_needs().items()
     ]
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
+from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.severity import (
     downtime_texts,
-    event_text,
     notice,
     standing,
     subject,
@@ -53,15 +53,20 @@ def window(began: Iterable[Event], ended: Iterable[Event], at: float) -> Window:
 
 
 def account(
-    find: Callable[..., list[Event]], known: dict[str, Any], component: str | None, at: float
-) -> list[dict[str, Any]]:
-    """The entries of the ledger of a robot, or of one component of it, at a Unix time.
+    find: Callable[..., list[Event]],
+    known: dict[str, Any],
+    component: str | None,
+    at: float,
+    now: float,
+) -> dict[str, Any]:
+    """The ledger of a robot, or of one component of it, and how its problems stand.
 
     Args:
         find: The events that match, newest first; its arguments are those of `Wanted`.
-        known: The robot, with its labels.
-        component: Only this component's events and those of the whole robot; None for all.
-        at: Of what time the ledger is to be.
+        known: The robot as `snapshot.robot_snapshot` has it.
+        component: Only this component and the whole robot; None for all.
+        at: Of what Unix time the ledger is to be.
+        now: The present.
     """
     robot = known["robot"]
     began = find(kind="fault_began", robot=robot, component=component, until=at, limit=100)
@@ -69,7 +74,19 @@ def account(
     since, until = window(began, ended, at)
     own = find(robot=robot, since=since, until=until, limit=1_000)
     of_many = find(robot="", since=since, until=until, limit=100)
-    return entries(own, of_many, component, known["labels"].get("site", ""))
+    problems = [each for each in known["problems"] if component in (None, each["component"])]
+    recorded = [each["capsule"] for each in problems if each["capsule"]]
+    return {
+        "robot": robot,
+        "component": component,
+        "time": now,
+        "at": at,
+        "entries": entries(own, of_many, component, known["labels"].get("site", "")),
+        "now": [
+            *standings(problems, now, known),
+            *(f"recorded around its begin: {each}" for each in recorded),
+        ],
+    }
 
 
 def _fault(event: Event) -> tuple[Any, ...]:
@@ -97,15 +114,9 @@ def entries(
     return [{"time": each["time"], "text": one_line(event_text(each))} for each in kept]
 
 
-def standings(robot: dict[str, Any], component: str | None, now: float) -> list[str]:
-    """The robot's downtimes; of each problem how it stands, why it is quiet, who was notified.
-
-    Then of which problems a capsule is kept. Of one component, or of all where that is None.
-    """
-    problems = [each for each in robot["problems"] if component in (None, each["component"])]
-    found = [*map(one_line, downtime_texts(robot, now)), *_standings(problems, now, robot)]
-    kept = [each["capsule"] for each in problems if each["capsule"]]
-    return [*found, *(f"recorded around its begin: {capsule}" for capsule in kept)]
+def standings(problems: Iterable[dict[str, Any]], now: float, robot: dict[str, Any]) -> list[str]:
+    """The robot's downtimes; of each problem how it stands, why it is quiet, who was notified."""
+    return [*map(one_line, downtime_texts(robot, now)), *_standings(problems, now, robot)]
 
 
 def _standings(problems: Iterable[dict[str, Any]], now: float, robot: dict[str, Any]) -> list[str]:

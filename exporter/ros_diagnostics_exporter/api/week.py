@@ -12,33 +12,13 @@ from statistics import median
 from typing import Any
 
 from ros_diagnostics_exporter.api.story import KINDS, LABELS, WEEK, occurrences, spells
-from ros_diagnostics_exporter.events import Wanted
 from ros_diagnostics_exporter.metrics.week import FaultyPart, Lengths, Week
 from ros_diagnostics_exporter.severity import subject
 
 BEFORE = 2 * WEEK  # that are asked for before it, where faults of it may have begun
-MOST_PARTS = 10
 MOST = 20_000  # events of each kind above which the week is not counted
+MOST_PARTS = 10
 EVENING, MORNING = 22, 6  # o'clock: what is between them is the night
-
-
-def counted(
-    find: Callable[[Wanted], Iterable[dict[str, Any]]],
-    lasting: Iterable[dict[str, Any]],
-    now: float,
-) -> Week | None:
-    """The numbers of the seven days until now (Unix time), nights by this machine's time zone.
-
-    None where the log has more than ``MOST`` events of a kind: a part of them would count wrong.
-    """
-    events: list[dict[str, Any]] = []
-    for kind in KINDS:
-        found = list(find(Wanted(kind=kind, since=now - WEEK - BEFORE, limit=MOST)))
-        if len(found) == MOST:
-            return None
-        events += found
-    zone = datetime.fromtimestamp(now, timezone.utc).astimezone().tzinfo
-    return week(known(events, lasting), now, zone or timezone.utc)
 
 
 def week(faults: Iterable[dict[str, Any]], end: float, zone: tzinfo) -> Week:
@@ -53,6 +33,26 @@ def week(faults: Iterable[dict[str, Any]], end: float, zone: tzinfo) -> Week:
         worst_parts(found, begin, end),
         by_night(sent, begin, end, zone),
     )
+
+
+def counted(
+    find: Callable[..., list[dict[str, Any]]], lasting: Iterable[dict[str, Any]], wall: float
+) -> Week | None:
+    """The numbers of the seven days until now, by the host's clock; None of too many events.
+
+    Args:
+        find: The events that match, newest first; its arguments are those of `Wanted`.
+        lasting: The faults of /api/v1/faults.
+        wall: The present, Unix time.
+    """
+    events: list[dict[str, Any]] = []
+    for kind in KINDS:
+        found = find(kind=kind, since=wall - WEEK - BEFORE, limit=MOST)
+        if len(found) == MOST:
+            return None
+        events += found
+    zone = datetime.fromtimestamp(wall, timezone.utc).astimezone().tzinfo
+    return week(known(events, lasting), wall, zone or timezone.utc)
 
 
 def known(

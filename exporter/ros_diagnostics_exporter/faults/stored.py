@@ -1,15 +1,19 @@
 """The fields of the rows of faults, each described once: its name, its type and its limits.
 
-`rows` writes and reads them; times in them are Unix time.
+`rows` writes and reads them; times in them are Unix time. What of a file cannot be restored is
+named by `parse`.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, TypeAdapter
+from pydantic import Field, TypeAdapter, ValidationError
 
+from ros_diagnostics_exporter.config.errors import first_error
+from ros_diagnostics_exporter.faults.model import DOWNTIMES, LEARNED, Row
 from ros_diagnostics_exporter.faults.records import SLOTS
+from ros_diagnostics_exporter.sources.graph import Learned
 
 # Limits for what is read from the file: whatever passes them can be restored and served.
 Moment = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
@@ -137,3 +141,54 @@ def as_fields(stored: Stored | History | StoredSettings | StoredFault) -> dict[s
         name: as_fields(value) if isinstance(value, nested) else value
         for name, value in stored._asdict().items()
     }
+
+
+class _Downtime(NamedTuple):
+    robot: Text
+    component: Text
+    start: Moment
+    end: Moment
+    author: Text
+    comment: Text
+
+
+class _Downtimes(NamedTuple):
+    planned: Annotated[list[_Downtime], Field(max_length=1000)]
+
+
+_FIELDS = {**SCHEMAS, DOWNTIMES: TypeAdapter(_Downtimes), LEARNED: TypeAdapter(Learned)}
+_ROW: TypeAdapter[Any] = TypeAdapter(
+    tuple[
+        Text,
+        Annotated[tuple[Text, ...], Field(max_length=10)],
+        dict[str, Any],
+    ]
+)
+
+
+def parse(found: Any) -> tuple[list[Row], str]:
+    """The rows that are valid, and what is wrong with the others; "" for nothing."""
+    if not isinstance(found, list):
+        return [], "its faults are no list"
+    rows: list[Row] = []
+    wrong: list[str] = []
+    for number, each in enumerate(found, 1):
+        row = _row(each)
+        if isinstance(row, Row):
+            rows.append(row)
+        else:
+            wrong.append(f"row {number} of its faults: {row}")
+    more = f", and {len(wrong) - 1} more rows" if len(wrong) > 1 else ""
+    return rows, f"{wrong[0]}{more}" if wrong else ""
+
+
+def _row(found: Any) -> Row | str:
+    """One row, or what is wrong with it."""
+    try:
+        kind, key, fields = _ROW.validate_python(found)
+        _FIELDS[kind].validate_python(fields)
+    except KeyError as error:
+        return f"there are no rows of kind {error}"
+    except ValidationError as error:
+        return first_error(error)
+    return Row(kind, key, fields)

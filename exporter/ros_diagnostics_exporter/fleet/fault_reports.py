@@ -26,8 +26,7 @@ from ros_diagnostics_exporter.faults.model import (
     Scope,
     as_texts,
 )
-from ros_diagnostics_exporter.fleet import fleet_capabilities
-from ros_diagnostics_exporter.fleet.capabilities import work
+from ros_diagnostics_exporter.fleet.capabilities import fleet_evidence, wanted_of_fleet, work
 from ros_diagnostics_exporter.fleet.fault_evidence import (
     Evidence,
     evidence,
@@ -136,7 +135,7 @@ class FaultReports:
         source = self._fleet.capabilities, [each.robot.settings for each in every]
         if source != self._fleet_source:
             self._fleet_source = source
-            found = fleet_capabilities.wanted(self._fleet, source[1])
+            found = wanted_of_fleet(self._fleet, source[1])
             self._record(self.engine.configure_fleet(found, now))
 
     def own(self, reports: Iterable[OwnReport], now: Instant) -> None:
@@ -209,7 +208,7 @@ class FaultReports:
         reports = self._robots.get(identity.robot)
         if identity.scope is Scope.CAPABILITY and not identity.robot:
             view = self.engine.fleet_needs().get(identity.check)
-            return Evidence("" if view is None else fleet_capabilities.evidence(view), {})
+            return Evidence("" if view is None else fleet_evidence(view), {})
         if identity.scope is not Scope.CAPABILITY or reports is None:
             return evidence(identity, self._find, self._troubled(identity))
         of = self.engine.abilities(identity.robot).get(identity.check)

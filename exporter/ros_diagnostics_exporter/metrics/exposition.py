@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
 from ros_diagnostics_exporter.faults.model import End, Fault, Identity, as_texts, fault_id
-from ros_diagnostics_exporter.fleet.fleet_capabilities import counts
+from ros_diagnostics_exporter.fleet.capabilities import robot_counts
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.cache import STATES, RobotText, number
@@ -269,7 +269,7 @@ class Exposition:
         for name, view in self._state.fleet_needs().items():
             labels = label_pairs({**own, "capability": name})
             states.append(f"{{{labels}}} {STATES[view.ability]}")
-            numbers = counts(view)
+            numbers = robot_counts(view)
             robots += [
                 f'{{{labels},state="{state}"}} {number}' for state, number in numbers.items()
             ]

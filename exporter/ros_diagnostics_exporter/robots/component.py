@@ -6,6 +6,7 @@ A level changes only here, so that since, changes and the level before stale alw
 from __future__ import annotations
 
 import re
+from dataclasses import KW_ONLY, InitVar, dataclass, field
 from math import inf
 
 from ros_diagnostics_exporter.config.fleet import ComponentRule
@@ -38,6 +39,7 @@ Identity = tuple[
     resumes=Mark.ACCOUNT,
     stale_at_source=Mark.ACCOUNT,
 )
+@dataclass(slots=True, eq=False, repr=False)
 class Component:
     """One component of one robot.
 
@@ -47,70 +49,37 @@ class Component:
     ``missing``: the last array of its aggregator does not.
     """
 
-    __slots__ = (
-        "before_stale",
-        "changes",
-        "feed",
-        "gaps",
-        "group",
-        "hardware_id",
-        "identity",
-        "key_values",
-        "label",
-        "last",
-        "level",
-        "listed",
-        "marks",
-        "message",
-        "missing",
-        "name",
-        "quiet_because",
-        "raw_received",
-        "received",
-        "reported",
-        "resumes",
-        "rule",
-        "since",
-        "stale_at_source",
-        "values",
-    )
+    identity: Identity
+    name: str  # truncated, with its hardware_id where needed
+    rule: ComponentRule | None
+    values: ComponentValues
+    now: InitVar[Instant]
+    _: KW_ONLY
+    marks: Marks[Component]
+    group: str = ""
+    label: str = ""  # its name everywhere: no two of a group are the same
+    feed: Feed | None = None  # None: the robot's own topics
+    hardware_id: str = ""
+    level: int = -1  # nothing received yet
+    reported: int = STALE
+    message: str = ""
+    before_stale: int | None = None
+    quiet_because: str = ""  # the condition of fleet.yml by which its trouble is no fault now
+    changes: int = 0
+    since: float = field(init=False)
+    received: float | None = None
+    raw_received: float | None = None
+    listed: float = field(init=False)
+    missing: bool = False
+    gaps: tuple[float, ...] = ()  # none where only an aggregator lists it
+    last: Status | None = None
+    key_values: int = 0  # key-values that count against the robot's limit
+    # Level and since of before a start, until it is received or listed.
+    resumes: tuple[int, float] | None = None
+    stale_at_source: bool = False  # it was received as STALE
 
-    def __init__(
-        self,
-        identity: Identity,
-        name: str,
-        rule: ComponentRule | None,
-        values: ComponentValues,
-        now: Instant,
-        *,
-        marks: Marks[Component],
-    ) -> None:
-        self.marks = marks
-        self.identity = identity
-        self.name = name  # truncated, with its hardware_id where needed
-        self.group = ""
-        self.label = ""  # its name everywhere: no two of a group are the same
-        self.rule = rule
-        self.feed: Feed | None = None  # None: the robot's own topics
-        self.values = values
-        self.hardware_id = ""
-        self.level = -1  # nothing received yet
-        self.reported = STALE
-        self.message = ""
-        self.before_stale: int | None = None
-        self.since = now.wall
-        self.quiet_because = ""  # the condition of fleet.yml by which its trouble is no fault now
-        self.changes = 0
-        self.received: float | None = None
-        self.raw_received: float | None = None
-        self.listed = now.mono
-        self.missing = False
-        self.gaps: tuple[float, ...] = ()  # none where only an aggregator lists it
-        self.last: Status | None = None
-        self.key_values = 0  # key-values that count against the robot's limit
-        # Level and since of before a start, until it is received or listed.
-        self.resumes: tuple[int, float] | None = None
-        self.stale_at_source = False  # it was received as STALE
+    def __post_init__(self, now: Instant) -> None:
+        self.since, self.listed = now.wall, now.mono
 
     @property
     def is_stale(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
@@ -62,26 +63,19 @@ _NO_PUBLISHER = Endpoint(0)
     expected_nodes=Mark.RECEIPT,
     watched=Mark.RECEIPT,
 )
+@dataclass(slots=True, eq=False, repr=False)
 class Network:
     """The endpoints of one robot's topics as the ROS graph last showed them."""
 
-    __slots__ = (
-        *("_endpoints", "domain_up", "expected_nodes", "link", "logs", "lossy", "marks"),
-        *("uplink_up", "watched"),
-    )
-
-    def __init__(
-        self, marks: Marks[Any], *, domain_up: bool = True, uplink_up: bool = True
-    ) -> None:
-        self.marks = marks
-        self.domain_up = domain_up
-        self.uplink_up = uplink_up
-        self.link: LinkReading | None = None  # how messages arrive, where that is known
-        self.expected_nodes: int | None = None  # None: nothing of the graph is known
-        self.lossy = False  # so many are lost that what is not received says nothing
-        self.logs: tuple[str, ...] = ()  # of the last minute from ERROR on, the newest first
-        self.watched: float | None = None  # bytes per second beside diagnostics; None: nothing is
-        self._endpoints: dict[str, Endpoint] = {}
+    marks: Marks[Any]
+    domain_up: bool = True
+    uplink_up: bool = True
+    link: LinkReading | None = None  # how messages arrive, where that is known
+    expected_nodes: int | None = None  # None: nothing of the graph is known
+    lossy: bool = False  # so many are lost that what is not received says nothing
+    logs: tuple[str, ...] = ()  # of the last minute from ERROR on, the newest first
+    watched: float | None = None  # bytes per second beside diagnostics; None: nothing is
+    _endpoints: dict[str, Endpoint] = field(default_factory=dict, init=False)
 
     def update(self, topic: str, endpoint: Endpoint | None) -> bool:
         """Set a topic's endpoint; True if more than its reliability changed."""

@@ -215,11 +215,12 @@ class RobotGraph:
         expected = filter(None, map(self._own, self.settings.expect))
         problems = self._nodes.judge(learn_after, expected, now)
         problems |= self.messages.judge(self.settings.watch, now)
-        return problems | self._topics.judge(learn_after, self._is_there)
+        return problems | self._topics.judge(learn_after, self._there_since)
 
-    def _is_there(self, node: str) -> bool:
-        """Whether a node is, by its full name; of those of others nobody knows."""
-        return node.startswith(f"{self.namespace}/") and self._nodes.is_there(self._own(node))
+    def _there_since(self, node: str) -> float:
+        """Since when a node is there, by its full name; of those of others nobody knows."""
+        own = node.startswith(f"{self.namespace}/")
+        return self._nodes.there_since(self._own(node)) if own else inf
 
     def _take(self, problems: dict[str, tuple[int, str]], now: Instant) -> None:
         for name in self._problems.keys() - problems.keys():

@@ -77,9 +77,10 @@ class Nodes:
         """Whether any is there."""
         return any(each.count for each in self._nodes.values())
 
-    def is_there(self, name: str) -> bool:
-        """Whether a node is."""
-        return name in self._nodes and self._nodes[name].count > 0
+    def there_since(self, name: str) -> float:
+        """Since when exactly one node of this name is there, monotonic; never: infinity."""
+        since = self._nodes[name].since if name in self._nodes else None
+        return inf if since is None else since
 
     def update(self, found: Mapping[str, int], now: Instant) -> None:
         """Take how many nodes there are of each name."""

@@ -113,12 +113,15 @@ class _Topic:
         gids = [each for ids in self.publishers.values() for each in ids]
         return len(self.publishers) == 1 and len({each[:PARTICIPANT] for each in gids}) > 1
 
-    def lost(self, learn_after: float, is_there: Callable[[str], bool]) -> Iterator[str]:
-        """What it had on both sides for long and has on one, although the others' nodes go on."""
+    def lost(self, learn_after: float, there_since: Callable[[str], float]) -> Iterator[str]:
+        """What it had on both sides for long and has on one, although the others' nodes go on.
+
+        Those that are back have time to publish, or to subscribe, again.
+        """
         if self.broken is not None and self.matched >= learn_after:
             side, since = self.broken
             nodes = self.ends[side]
-            if self.read - since >= SEEN_FOR and all(map(is_there, nodes)):
+            if self.read - max(since, *map(there_since, nodes)) >= SEEN_FOR:
                 yield f"nobody {side} any more, as {', '.join(sorted(nodes))} did"
 
     @property
@@ -190,12 +193,16 @@ class Topics:
                 self._events.append(f"the publisher of {name} in {node} was restarted")
 
     def judge(
-        self, learn_after: float, is_there: Callable[[str], bool]
+        self, learn_after: float, there_since: Callable[[str], float]
     ) -> dict[str, tuple[int, str]]:
-        """(level, text) of each problem, by component; ``is_there`` says whether a node is."""
+        """(level, text) of each problem, by component.
+
+        ``there_since`` says since when a node is there, monotonic; infinity for one that is not.
+        """
         problems = {}
         for name, topic in self._topics.items():
-            if texts := sorted([*topic.problems(learn_after), *topic.lost(learn_after, is_there)]):
+            texts = sorted((*topic.problems(learn_after), *topic.lost(learn_after, there_since)))
+            if texts:
                 problems[f"topic {name}"] = int(Level.WARN), "; ".join(texts)
         unknown = sorted(name for name, topic in self._topics.items() if topic.is_unknown)
         if unknown:

@@ -23,12 +23,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from ros_diagnostics_exporter.config.errors import first_error
 from ros_diagnostics_exporter.events import EventLog, Numbered, Wanted
+from ros_diagnostics_exporter.faults import stored
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.files import read_regular
 from ros_diagnostics_exporter.model import Instant
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.persisted import Moment, PersistedRobot
-from ros_diagnostics_exporter.storage import fault_rows
 from ros_diagnostics_exporter.storage.database import (
     AgeClock,
     Changes,
@@ -102,7 +102,7 @@ class _Found:
 
     def add_rows(self, found: Any) -> None:
         """Keep the valid rows of the faults."""
-        self.rows, wrong = fault_rows.parse(found)
+        self.rows, wrong = stored.parse(found)
         self.add_damage(wrong)
 
 

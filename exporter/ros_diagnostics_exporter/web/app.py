@@ -26,7 +26,6 @@ from starlette.routing import Route
 
 from ros_diagnostics_exporter import __version__
 from ros_diagnostics_exporter.events import Wanted
-from ros_diagnostics_exporter.severity import alert_of
 from ros_diagnostics_exporter.web.actions import Actions
 from ros_diagnostics_exporter.web.api import (
     SNAPSHOT_AGE,
@@ -57,6 +56,7 @@ from ros_diagnostics_exporter.web.responses import (
     Workers,
     busy_response,
 )
+from ros_diagnostics_exporter.web.runbooks import alert_of
 from ros_diagnostics_exporter.web.scrape import Scrape
 from ros_diagnostics_exporter.web.webconfig import LiveWebConfig
 

@@ -15,20 +15,18 @@ from urllib.parse import quote
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.event_texts import event_text, notified_text
 from ros_diagnostics_exporter.model import place
 from ros_diagnostics_exporter.severity import (
     COLOURS,
     OF_ABILITY,
     SEVERITIES,
     ShownProblem,
-    alert_of,
     as_planned,
     clock,
     component_path,
     component_text,
     downtime_texts,
-    event_text,
-    notified_text,
     part_path,
     problem_state,
     query_text,
@@ -40,6 +38,7 @@ from ros_diagnostics_exporter.severity import (
     subject,
 )
 from ros_diagnostics_exporter.texts import natural, one_line
+from ros_diagnostics_exporter.web.runbooks import alert_of
 
 MAX_MESSAGE = 300  # characters of a text that a robot sent
 MAX_ROBOTS = 200  # robots with problems; the API has them all

@@ -33,8 +33,7 @@ from ros_diagnostics_exporter.web.connections import (
     Phase,
     connection_limit,
 )
-from ros_diagnostics_exporter.web.tls import reloading_context
-from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError
+from ros_diagnostics_exporter.web.webconfig import LiveWebConfig, WebConfigError, reloading_context
 
 BACKLOG = 1024
 RELOAD_INTERVAL = 1.0  # seconds between two checks of the web config's files

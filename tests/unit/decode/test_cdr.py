@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.decode.cdr import Decoder, decode
+from ros_diagnostics_exporter.decode.cdr import MAX_CACHED, Decoder, decode, is_cdr
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.sources import dds as ros
 from virtual_robots.model import Status as SentStatus
@@ -114,3 +114,20 @@ def test_after_a_damaged_message_the_next_is_decoded():
         decoder.decode(message[:-3])
 
     assert decoder.decode(message) == decode(message)
+
+
+@pytest.mark.parametrize(
+    ("header", "read"),
+    [(b"\0\0", True), (b"\0\1", True), (b"\0\2", False), (b"\0\3", False), (b"\1\1", False)],
+)
+def test_of_the_encodings_that_dds_knows_the_plain_ones_are_read(header, read):
+    assert is_cdr(header + b"\xff\xff") is read
+
+
+def test_a_name_is_stored_once_unless_it_is_long():
+    names = ["x" * MAX_CACHED, "x" * (MAX_CACHED + 1)]
+    first, second = (decode(encoded([Status(0, name) for name in names])) for _ in range(2))
+
+    short, long = zip(first.statuses, second.statuses, strict=True)
+    assert short[0].name is short[1].name
+    assert long[0].name is not long[1].name

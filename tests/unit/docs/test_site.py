@@ -5,9 +5,13 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+from e2e.dashboards.browser import CHROMIUM_OPTIONS, chromium
 
 CHECKOUT = Path(__file__).parents[3]
 pytest.importorskip("material", reason="./run docs installs it")
@@ -40,3 +44,57 @@ def test_nothing_is_taken_from_another_server(site: Path):
     assert not [
         found for page in site.rglob("*.html") for found in taken.findall(page.read_text("utf-8"))
     ]
+
+
+# Wider than the screen, and in nothing that scrolls.
+TOO_WIDE = """() => [...document.querySelectorAll('.md-content *')].filter((element) => {
+    const box = element.getBoundingClientRect();
+    if (!box.width || box.right <= document.documentElement.clientWidth + 1) return false;
+    for (let each = element.parentElement; each; each = each.parentElement)
+        if (['auto', 'scroll'].includes(getComputedStyle(each).overflowX)) return false;
+    return true;
+}).map((element) => element.outerHTML.slice(0, 80))"""
+FOUND = ".md-search-result__item a"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    sync_api = pytest.importorskip("playwright.sync_api", reason="no Python package playwright")
+    if chromium() is None:
+        pytest.skip("no Chromium")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=CHROMIUM_OPTIONS)
+        yield browser
+        browser.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1366, 390])
+def test_nothing_is_wider_than_the_screen(site: Path, browser: Any, width: int):
+    page = browser.new_context(viewport={"width": width, "height": 844}, offline=True).new_page()
+    wide = {}
+    for file in sorted(site.rglob("*.html")):
+        page.goto(file.as_uri(), wait_until="domcontentloaded")
+        wide[file.name] = page.evaluate(TOO_WIDE)
+
+    assert len(wide) > 50
+    assert {name: found for name, found in wide.items() if found} == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "page_name"),
+    [("PagerDuty", "receivers.html"), ("forget", "alerts.html"), ("test page", "commands.html")],
+)
+def test_a_search_finds_in_a_folder_without_a_network(
+    site: Path, browser: Any, words: str, page_name: str
+):
+    page = browser.new_context(viewport={"width": 1366, "height": 844}, offline=True).new_page()
+    page.goto((site / "index.html").as_uri())
+    page.wait_for_selector("[data-md-component=search-query]", state="attached")
+    page.click(".md-search__input")
+    page.keyboard.type(words)
+    page.wait_for_selector(FOUND, timeout=60_000)
+    links = page.eval_on_selector_all(FOUND, "found => found.map((each) => each.href)")
+
+    assert page_name in {link.partition("?")[0].rpartition("/")[2] for link in links}

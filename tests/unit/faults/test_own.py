@@ -43,6 +43,27 @@ def test_each_part_has_a_time_of_its_own():
     )
 
 
+def test_after_a_restart_a_part_that_was_wrong_waits_for_its_own_time_and_to_be_reported():
+    play(
+        (0, own(alertmanager=Level.WARN)),
+        (100, restart()),
+        (290, None),
+        (310, own(alertmanager=Level.WARN), "began exporter/warning Alertmanager"),
+        (320, own(alertmanager=Level.OK), "recovered exporter/warning Alertmanager"),
+        robots=(),
+    )
+
+
+def test_a_part_that_is_no_more_after_a_restart_is_removed():
+    play(
+        (0, own(database=Level.OK, domain=Level.ERROR)),
+        (60, None, f"began {DOMAIN}"),
+        (100, restart()),
+        (101, own(database=Level.OK), f"removed {DOMAIN}"),
+        robots=(),
+    )
+
+
 def test_a_part_that_is_right_again_in_time_is_no_fault():
     play(
         (0, own(database=Level.WARN)),
@@ -76,9 +97,7 @@ def adopt(fault: Any) -> Event:
 
 
 @pytest.mark.parametrize("starts", [True, False])
-def test_an_exporter_goes_on_with_its_own_fault_and_not_with_that_of_the_other_of_a_pair(
-    starts: bool,
-):
+def test_an_exporter_goes_on_with_its_own_fault_and_not_with_that_of_the_other_of_a_pair(starts):
     known = player([], FaultSettings())
     known.go(0, own(database=Level.WARN))
     [began] = known.go(60)

@@ -86,9 +86,7 @@ def test_amtool_accepts_the_configuration_with_all_routes_enabled(enabled: Path)
         ({}, "robots@example.org"),
     ],
 )
-def test_the_example_in_site_tmpl_routes_by_label(
-    labels: dict[str, str], address: str, tmp_path: Path
-):
+def test_the_example_in_site_tmpl_routes_by_label(labels, address, tmp_path):
     """The example is in a comment, to be copied into `site.email.to`."""
     text = (ALERTMANAGER / "templates" / "site.tmpl").read_text()
     [example] = re.findall(

@@ -92,18 +92,17 @@ def test_what_is_now_says_why_nobody_is_notified():
         f"critical /M/Motor 1: quiet: {until}; nobody is notified",
         "critical /Motor/Motor 1: confirmed; notified 1 min ago: email",
     ]
-    planned = robot("r", maintenance=True, maintenance_until=50_400.0, problems=problems)
-    assert standings(planned, None, 1_060.0) == [until, *stand]
+    planned = robot("r", maintenance=True, maintenance_until=50_400.0)
+    assert standings(problems, 1_060.0, planned) == [until, *stand]
 
 
 def test_who_planned_the_downtime_of_a_component_is_the_reason_for_quiet():
     quiet = problem("component", "critical", quiet="maintenance", group="/M", component="Motor 1")
     planned = "maintenance until 20:00 UTC (ann: new gears)"
     other = downtime("Motor 2", comment="other")
-    known = robot("r", downtimes=[downtime("Motor 1"), other], problems=[quiet])
-    assert standings(known, None, 1_060.0) == [
+    assert standings([quiet], 1_060.0, robot("r", downtimes=[downtime("Motor 1"), other])) == [
         f"Motor 1: {planned}",
         "Motor 2: maintenance until 20:00 UTC (ann: other)",
         f"critical /M/Motor 1: quiet: {planned}; nobody is notified",
     ]
-    assert standings(robot("r"), None, 1_060.0) == []
+    assert standings([], 1_060.0, robot("r")) == []

@@ -37,9 +37,7 @@ def parameters(body: str) -> str:
         ("critical: 'true'", "critical: is 'true', must be true or false"),
     ],
 )
-def test_a_value_that_aborts_the_real_one_names_file_and_key(
-    tmp_path: Path, body: str, what: str
-) -> None:
+def test_a_value_that_aborts_the_real_one_names_file_and_key(tmp_path, body, what):
     with pytest.raises(AnalyzerConfigError) as caught:
         aggregator(tmp_path, parameters(body))
     assert str(caught.value).startswith(f"{tmp_path / 'diagnostics.yaml'}: ")
@@ -87,9 +85,7 @@ def test_a_node_below_a_namespace_is_read(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_an_analyzer_that_the_real_one_runs_without_is_a_warning(
-    tmp_path: Path, body: str, what: str
-) -> None:
+def test_an_analyzer_that_the_real_one_runs_without_is_a_warning(tmp_path, body, what):
     warnings = aggregator(tmp_path, parameters(body)).warnings
     assert any(what in text for text in warnings), warnings
 

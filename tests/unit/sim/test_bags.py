@@ -93,9 +93,7 @@ def test_a_recording_never_overwrites_one(tmp_path: Path) -> None:
         ("a.txt", "junk", "a.txt: cannot be read as a bag"),
     ],
 )
-def test_a_file_that_is_no_recording_is_named(
-    tmp_path: Path, name: str, content: str, what: str
-) -> None:
+def test_a_file_that_is_no_recording_is_named(tmp_path, name, content, what):
     path = tmp_path / name
     path.write_text(content)
     with pytest.raises(DocumentError) as caught:
@@ -122,9 +120,7 @@ HEADER_JSON = {"stamp": {"sec": 1, "nanosec": 0}, "frame_id": ""}
         ({"header": {}}, "messages.1: header.stamp: is missing"),
     ],
 )
-def test_a_wrong_message_of_the_json_form_is_named_with_its_place(
-    tmp_path: Path, change: dict[str, object], what: str
-) -> None:
+def test_a_wrong_message_of_the_json_form_is_named_with_its_place(tmp_path, change, what):
     good = {"t": 0.5, "header": HEADER_JSON, "status": [STATUS_JSON]}
     path = tmp_path / "a.json"
     path.write_text(json.dumps({"topic": "/d", "t0_unix": 1, "messages": [good, good | change]}))
@@ -157,9 +153,7 @@ def long_bag(folder: Path, storage: str) -> Path:
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
 @settings(max_examples=60, deadline=None)
 @given(data=st.data())
-def test_a_damaged_bag_is_one_error_that_names_it_or_is_read(
-    storage: str, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_damaged_bag_is_one_error_that_names_it_or_is_read(storage, data, tmp_path_factory):
     folder = tmp_path_factory.getbasetemp() / f"long_{storage}"
     path = long_bag(folder, storage) if not folder.exists() else next(folder.glob("long_*.*"))
     content = bytearray(path.read_bytes())
@@ -177,9 +171,7 @@ def test_a_damaged_bag_is_one_error_that_names_it_or_is_read(
         assert str(error).startswith(f"{damaged}: ")  # noqa: PT017 - or none is raised
 
 
-def test_the_error_about_a_damaged_recording_has_the_number_of_messages_read(
-    tmp_path: Path,
-) -> None:
+def test_the_error_about_a_damaged_recording_has_the_number_of_messages_read(tmp_path):
     """Of mcap: sqlite3's whole file is looked at before its first message."""
     path = long_bag(tmp_path / "bag", "mcap")
     content = bytearray(path.read_bytes())

@@ -25,9 +25,7 @@ def read(message: object) -> Status:
 
 @settings(deadline=None)
 @given(st.lists(statuses, max_size=5), st.integers(0, 2**31 - 1), st.integers(0, 999_999), texts)
-def test_ros_reads_an_encoded_array_as_it_was(
-    given_statuses: list[Status], seconds: int, microseconds: int, frame_id: str
-) -> None:
+def test_ros_reads_an_encoded_array_as_it_was(given_statuses, seconds, microseconds, frame_id):
     data = encode_array(given_statuses, seconds + microseconds / 1e6, frame_id)
     array = serialization.deserialize_message(data, messages.DiagnosticArray)
     assert [read(status) for status in array.status] == given_statuses
@@ -61,8 +59,6 @@ def test_an_encoded_array_is_as_long_as_the_one_that_ros_makes() -> None:
 
 
 @pytest.mark.parametrize(("stamp", "seconds"), [(9e9, 2**31 - 1), (-9e9, -(2**31))])
-def test_a_clock_that_jumps_beyond_what_a_stamp_can_hold_stands_at_its_end(
-    stamp: float, seconds: int
-) -> None:
+def test_a_clock_that_jumps_beyond_what_a_stamp_can_hold_stands_at_its_end(stamp, seconds):
     array = encode_array([], stamp)
     assert int.from_bytes(array[4:8], "little", signed=True) == seconds

@@ -62,9 +62,7 @@ def test_a_kobuki_s_tree_has_no_stray_components() -> None:
     ("kind", "name", "fault"),
     [pytest.param(*each, marks=[pytest.mark.slow] * (each in LONG)) for each in EACH_FAULT],
 )
-def test_each_fault_of_a_kind_begins_takes_its_course_and_ends(
-    kind: str, name: str, fault: str
-) -> None:
+def test_each_fault_of_a_kind_begins_takes_its_course_and_ends(kind, name, fault):
     fleet = fleet_of(kind)
     before = of(fleet.advance(3.0), Topic.RAW)[-1]
     fleet.inject("robot_1", name, Fault(fault, fleet.now))
@@ -105,9 +103,7 @@ def test_a_fault_goes_as_fast_as_it_came() -> None:
         ("stale", STALE, "Stale"),
     ],
 )
-def test_a_level_brings_the_kind_s_message_unless_it_has_its_own(
-    what: str, level: int, message: str
-) -> None:
+def test_a_level_brings_the_kind_s_message_unless_it_has_its_own(what, level, message):
     part = component(message="fine", warn="so-so", error="broken")
     part.inject(Fault(what, 0.0))
     assert part.status(0.0)[:3:2] == (level, message)

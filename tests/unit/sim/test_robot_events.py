@@ -84,9 +84,7 @@ def test_messages_that_a_lost_network_swallows_are_missing_in_the_numbers() -> N
     assert presences(outputs) == []
 
 
-def test_a_network_that_is_lost_for_longer_than_the_lease_takes_the_robot_out_of_the_graph() -> (
-    None
-):
+def test_a_network_that_is_lost_for_longer_than_the_lease_takes_the_robot_out_of_the_graph():
     outputs = outputs_of(fleet_of(), 10.0, RobotEvent("network_loss", length=50.0), 80.0)
     assert presences(outputs) == [(10.0 + LEASE, False), (60.0, True)]
 
@@ -146,9 +144,7 @@ def test_the_other_robots_go_on() -> None:
         (RobotEvent("network_loss", length=10.0), RobotEvent("network_loss", length=4.0), False),
     ],
 )
-def test_the_end_of_an_order_does_not_end_a_later_one(
-    first: RobotEvent, second: RobotEvent, silent: bool
-) -> None:
+def test_the_end_of_an_order_does_not_end_a_later_one(first, second, silent):
     fleet = fleet_of()
     outputs_of(fleet, 5.0, first, 3.0)
     outputs_of(fleet, 8.0, second, 4.5)

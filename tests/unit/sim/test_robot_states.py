@@ -141,9 +141,7 @@ HISTORIES = st.lists(
 
 @settings(max_examples=60, deadline=None)
 @given(HISTORIES, st.booleans())
-def test_no_sequence_of_events_raises_or_publishes_outside_the_graph(
-    history: list[tuple[float, str | tuple[str, float, float]]], absent: bool
-) -> None:
+def test_no_sequence_of_events_raises_or_publishes_outside_the_graph(history, absent):
     fleet = Fleet([RobotSpec("robot_1", kind_path("thesis"), absent=absent)])
     graph = Graph(fleet)
     for gap, wanted in history:

@@ -118,9 +118,7 @@ def test_settings_lie_beside_the_scenario(tmp_path: Path) -> None:
         ("- 1", "must be a mapping of keys to values, is a list"),
     ],
 )
-def test_a_wrong_scenario_names_the_place_and_the_way_out(
-    tmp_path: Path, text: str, what: str
-) -> None:
+def test_a_wrong_scenario_names_the_place_and_the_way_out(tmp_path, text, what):
     path = tmp_path / "wrong.yaml"
     path.write_text(text)
     with pytest.raises(DocumentError) as caught:
@@ -166,9 +164,7 @@ def levels_at(outputs: list[Output], name: str, *seconds: int) -> list[int]:
         ("{at: 5, what: warn, for: 10}", [OK, WARN, WARN, OK]),
     ],
 )
-def test_the_end_of_a_fault_does_not_end_a_later_one(
-    tmp_path: Path, events: str, levels: list[int]
-) -> None:
+def test_the_end_of_a_fault_does_not_end_a_later_one(tmp_path, events, levels):
     path = tmp_path / "s.yaml"
     one = events.replace("{", "{robot: robot_1, component: Motor 2, ")
     path.write_text(f"robots: [{{count: 1}}]\nevents: [{one}]\n")

@@ -27,9 +27,7 @@ def levels(message: Message) -> Counter[int]:
 
 
 @pytest.mark.parametrize(("errors", "warnings"), [(0, 0), (1, 0), (2, 3), (8, 0), (3, 5)])
-def test_after_each_refresh_exactly_the_asked_numbers_are_faulty(
-    tmp_path: Path, errors: int, warnings: int
-) -> None:
+def test_after_each_refresh_exactly_the_asked_numbers_are_faulty(tmp_path, errors, warnings):
     path = settings(tmp_path, total_errors=errors, total_warnings=warnings, refresh_interval=5)
     raw = of(fleet_of(settings=path).advance(100.0), Topic.RAW)[1:]
     expected = {OK: 8 - errors - warnings, WARN: warnings, ERROR: errors}
@@ -62,9 +60,7 @@ def test_the_numbers_of_components_are_the_settings(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("charge", "level"), [(80, OK), (25, WARN), (10, ERROR)])
-def test_the_battery_is_judged_by_the_settings_levels(
-    tmp_path: Path, charge: float, level: int
-) -> None:
+def test_the_battery_is_judged_by_the_settings_levels(tmp_path, charge, level):
     path = settings(
         tmp_path, initial_battery_level=charge, warn_battery_level=40, error_battery_level=20
     )
@@ -100,9 +96,7 @@ def test_a_changed_file_is_read_again_and_the_rest_goes_on(tmp_path: Path) -> No
         ({"error_battery_level": 60}, "error_battery_level must not be above warn_battery_level"),
     ],
 )
-def test_wrong_settings_name_file_key_and_remedy(
-    tmp_path: Path, values: dict[str, float], what: str
-) -> None:
+def test_wrong_settings_name_file_key_and_remedy(tmp_path, values, what):
     path = settings(tmp_path, **values)
     with pytest.raises(DocumentError) as caught:
         load_settings(path)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -18,9 +17,7 @@ from virtual_robots.cli import PARSERS, main
         ("rosbags", ["record", "bag"], "recordings need the library rosbags"),
     ],
 )
-def test_without_a_library_a_sentence_says_how_to_get_it(
-    missing: str, words: list[str], sentence: str
-) -> None:
+def test_without_a_library_a_sentence_says_how_to_get_it(missing, words, sentence):
     code = (
         f"import sys; sys.modules['{missing}'] = None\n"
         f"from virtual_robots.cli import main; sys.exit(main({words}))"
@@ -56,9 +53,7 @@ def test_each_command_says_what_it_takes(command: str, capsys: pytest.CaptureFix
         (["replay"], "the following arguments are required: FILE"),
     ],
 )
-def test_wrong_usage_is_an_error(
-    words: list[str], what: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_usage_is_an_error(words, what, capsys):
     with pytest.raises(SystemExit) as ended:
         main(words)
     assert ended.value.code == 2
@@ -79,22 +74,14 @@ def test_wrong_usage_is_an_error(
         (["fault", "robot_1", "Motor 1", "ok", "--domain-id", "300"], "domain id 300 must be"),
     ],
 )
-def test_what_cannot_be_used_is_an_error(
-    words: list[str],
-    what: str,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_cannot_be_used_is_an_error(words, what, capsys, tmp_path, monkeypatch):
     pytest.importorskip("rclpy", reason="needs ROS 2")
     monkeypatch.chdir(tmp_path)
     assert main(words) == 2
     assert what in capsys.readouterr().err
 
 
-def test_an_environment_with_a_domain_that_is_no_number_is_an_error(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_environment_with_a_domain_that_is_no_number_is_an_error(capsys, monkeypatch):
     pytest.importorskip("rclpy", reason="needs ROS 2")
     monkeypatch.setenv("ROS_DOMAIN_ID", "seven")
     assert main(["fault", "robot_1", "Motor 1", "ok"]) == 2
@@ -110,9 +97,7 @@ def test_an_environment_with_a_domain_that_is_no_number_is_an_error(
         (20, "robot", "LOCALHOST", False),
     ],
 )
-def test_robots_that_will_not_be_discovered_are_warned_of(
-    robots: int, participants: str, discovery: str, warned: bool
-) -> None:
+def test_robots_that_will_not_be_discovered_are_warned_of(robots, participants, discovery, warned):
     transport = pytest.importorskip("virtual_robots.ros.transport", reason="needs ROS 2")
     environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": discovery}
     sentence = transport.too_many_for_localhost(

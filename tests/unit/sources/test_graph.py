@@ -296,6 +296,19 @@ def test_a_side_that_a_topic_lost_although_its_node_goes_on_is_a_problem(site):
     assert site.problems == {}
 
 
+def test_a_node_that_is_back_has_time_to_publish_again_before_its_topic_is_a_problem(site):
+    unheard = CHAT._replace(subscribers=())
+    site.learn(*USUAL, chat=CHAT)
+    site.look(60, *without("driver"), chat=unheard)
+    assert site.problems.keys() == {"node driver"}
+    site.look(25, *USUAL)  # the topic is not read again yet
+    assert site.problems == {}
+    site.look(1, *USUAL, chat=unheard)
+    assert site.problems == {}
+    site.look(10, *USUAL, chat=unheard)
+    assert site.problems.keys() == {"topic chat"}
+
+
 def test_endpoints_of_no_known_node_are_half_a_discovery(site):
     half = CHAT._replace(mismatches=(UNKNOWN,))
     site.look(25, *USUAL, chat=half, plan=half, other=CHAT)

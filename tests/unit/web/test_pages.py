@@ -12,9 +12,10 @@ import yaml
 from markupsafe import escape
 
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
-from ros_diagnostics_exporter.severity import QUIET, alert_of, state_of
+from ros_diagnostics_exporter.severity import QUIET, state_of
 from ros_diagnostics_exporter.texts import one_line
 from ros_diagnostics_exporter.web.pages import SCRIPT, landing, missing_robot, robot_page
+from ros_diagnostics_exporter.web.runbooks import alert_of
 from support.committed_dashboards import ROOT
 from support.web_server import (
     ask,

@@ -121,9 +121,7 @@ def people(receivers: list[str]) -> list[str]:
         (UNACKNOWLEDGED | {"step": "2"}, "2027-03-28T01:00", "maria"),
     ],
 )
-def test_one_person_is_notified(
-    built: dict[str, Any], labels: dict[str, str], at: str, expected: str
-):
+def test_one_person_is_notified(built, labels, at, expected):
     when = datetime.fromisoformat(at).replace(tzinfo=UTC)
 
     assert people(notified(built, when, labels)) == [expected]
@@ -184,9 +182,7 @@ def test_everything_else_stays_as_it_is(built: dict[str, Any], folder: Path):
         )
 
 
-def test_a_duty_has_the_same_receiver_and_hours_when_it_is_built_later(
-    run: Callable[..., Any], folder: Path, built: dict[str, Any]
-):
+def test_a_duty_has_the_same_receiver_and_hours_when_it_is_built_later(run, folder, built):
     """Alertmanager remembers by the receiver's name what it has sent."""
     run(FILE, "build", "--ahead", "2w", now=NOW + timedelta(days=5))
     later = yaml.safe_load((folder / "alertmanager-oncall.yml").read_text())
@@ -199,9 +195,7 @@ def test_a_duty_has_the_same_receiver_and_hours_when_it_is_built_later(
         assert each == first[each["name"]]
 
 
-def test_words_that_yaml_reads_in_several_ways_stay_as_they_are_written(
-    run: Callable[..., Any], folder: Path
-):
+def test_words_that_yaml_reads_in_several_ways_stay_as_they_are_written(run, folder):
     config = folder / "alertmanager.yml"
     text = config.read_text().replace('"07:00"', "17:00").replace('"19:00"', "24:00")
     config.write_text(text.replace("smtp_require_tls: false", "smtp_require_tls: no"))

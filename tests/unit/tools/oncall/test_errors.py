@@ -152,9 +152,7 @@ def test_gaps_and_overlaps_have_their_hours(errors: Callable[..., list[str]]):
     ]
 
 
-def test_zones_that_change_their_clocks_on_different_days_leave_a_gap(
-    errors: Callable[..., list[str]],
-):
+def test_zones_that_change_their_clocks_on_different_days_leave_a_gap(errors):
     """From New York's change until Berlin's, two weeks later, nobody has an hour of the morning."""
     shifts = """
           - {people: [anna], since: 2027-01-04T00:00, hours: [daily 08:00-20:00]}
@@ -251,9 +249,7 @@ def test_a_route_with_hours_of_its_own(errors: Callable[..., list[str]], folder:
         ("route: {group_interval: soon, routes: [{}]}", "'soon' is not a duration"),
     ],
 )
-def test_an_unusable_alertmanager_yml(
-    errors: Callable[..., list[str]], folder: Path, text: str, what: str
-):
+def test_an_unusable_alertmanager_yml(errors, folder, text, what):
     (folder / "alertmanager.yml").write_text(text)
 
     found = errors(BASE)

@@ -224,9 +224,7 @@ def test_instant(zone: ZoneInfo, text: str, expected: str):
 @pytest.mark.parametrize(
     ("direction", "length"), [(0, timedelta(hours=11)), (1, timedelta(hours=13))]
 )
-def test_a_night_shift_over_a_clock_change_is_one_hour_shorter_or_longer(
-    direction: int, length: timedelta
-):
+def test_a_night_shift_over_a_clock_change_is_one_hour_shorter_or_longer(direction, length):
     everyday = range(7)
     since = local("2027-02-01T08:00")
     day = Shift(("day",), since, WEEK, BERLIN, tuple((d, 480, 1200) for d in everyday))
