@@ -12,8 +12,8 @@ import argparse
 import json
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -24,10 +24,11 @@ from bench.robots import aggregated_array
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant, Topic
-from support import prometheus_site
 from support.committed_dashboards import Query, filled, queries
 from support.served_fleet import ServedFleet, serving
+from testbed import servers
 from testbed.polling import until
+from testbed.site import Site
 
 INTERVAL = 5  # seconds, of scrapes and evaluations, as shipped
 RANKED = 10  # seconds, of rules/states.yml
@@ -89,9 +90,9 @@ def big_fleet(robots: int) -> ServedFleet:
     return ServedFleet(Fleet("bench", tuple(declared)), publish)
 
 
-def notify(fleet: ServedFleet, site: prometheus_site.Site) -> None:
+def notify(fleet: ServedFleet, site: Site) -> None:
     """Have two receivers notified of all faults, as Alertmanager's webhook would."""
-    alerts = [{"status": "firing", "labels": each["labels"]} for each in site.alerts()]
+    alerts = [{"status": "firing", "labels": each["labels"]} for each in site.engine.alerts()]
     for receiver in ("email", "sms"):
         message = {"version": "4", "receiver": receiver, "alerts": alerts}
         fleet.notified(json.dumps(message).encode())
@@ -99,7 +100,7 @@ def notify(fleet: ServedFleet, site: prometheus_site.Site) -> None:
     until(lambda: site.query(sent), "notifications", 60, every=1)
 
 
-def measure(site: prometheus_site.Site, question: Query, hours: float, rounds: int) -> Cost:
+def measure(site: Site, question: Query, hours: float, rounds: int) -> Cost:
     """Send one query ``rounds`` times."""
     expr = filled(question.expr, {"__range": f"{hours:g}h"})
     seconds: list[float] = []
@@ -107,10 +108,10 @@ def measure(site: prometheus_site.Site, question: Query, hours: float, rounds: i
     for _ in range(rounds):
         now = time.time()
         if question.instant:
-            series = len(site.query(expr, now))
+            series = len(site.engine.query(expr, now))
         else:
             step = max(INTERVAL, hours * 3600 / (question.points or PIXELS))
-            series = len(site.query_range(expr, now - hours * 3600, now, step))
+            series = len(site.engine.query_range(expr, now - hours * 3600, now, step))
         seconds.append(time.time() - now)
     return Cost(question, seconds, series)
 
@@ -125,21 +126,31 @@ def report(costs: list[Cost], limit: float) -> None:
     print(f"{len(costs)} queries, {len(over)} over {limit:g} s")
 
 
+@contextmanager
+def running(prefix: str, samples: Iterable[str], exporters: Sequence[str] = ()) -> Iterator[Site]:
+    """Prometheus and Alertmanager with the shipped configuration, and a history."""
+    with tempfile.TemporaryDirectory(prefix=prefix) as folder, Site(Path(folder)) as site:
+        imported = site.folder / "history.txt"
+        with imported.open("w") as file:
+            file.writelines(samples)
+        servers.import_history(imported, site.folder)
+        imported.unlink()
+        site.start_alertmanager()
+        retention = "--storage.tsdb.retention.time=90d"
+        site.start_prometheus(retention, exporters=exporters, interval=INTERVAL)
+        site.wait_until_ready()
+        yield site
+
+
 def dashboard(options: argparse.Namespace) -> None:
     """Print what each query of one dashboard costs."""
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="bench-dashboards-")))
-        now = time.time()
-        imported = folder / "history.txt"
-        with imported.open("w") as file:
-            file.writelines(history(options.robots, now - options.hours * 3600, now))
-        fleet = big_fleet(options.robots)
-        address = stack.enter_context(serving(fleet.scrape))
-        site = stack.enter_context(
-            prometheus_site.running(
-                folder, {"bench": address}, interval=f"{INTERVAL}s", history=imported
-            )
-        )
+    now = time.time()
+    recorded = history(options.robots, now - options.hours * 3600, now)
+    fleet = big_fleet(options.robots)
+    with (
+        serving(fleet.scrape) as address,
+        running("bench-dashboards-", recorded, [address]) as site,
+    ):
         faulty = -(-options.robots // FAULTY)
         for what, expr in {
             "faulty robots": f"count(robot:ros_diagnostics_state:rank == 3) == {faulty}",
@@ -147,23 +158,15 @@ def dashboard(options: argparse.Namespace) -> None:
         }.items():
             until(partial(site.query, expr), what, 300, every=1)
         notify(fleet, site)
-        series = site.query("prometheus_tsdb_head_series")[0]["value"][1]
-        print(f"{options.robots} robots, {series} series, {options.hours:g} h")
+        series = site.engine.value("prometheus_tsdb_head_series")
+        print(f"{options.robots} robots, {series:.0f} series, {options.hours:g} h")
         chosen = [each for each in queries() if each.board == options.dashboard]
         report([measure(site, each, options.hours, options.rounds) for each in chosen], 1.0)
 
 
 def availability(options: argparse.Namespace) -> None:
     """Print what the reports about a month cost."""
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="bench-month-")))
-        imported = folder / "history.txt"
-        with imported.open("w") as file:
-            file.writelines(month.text(options.robots, time.time()))
-        site = stack.enter_context(
-            prometheus_site.running(folder, {}, interval=f"{INTERVAL}s", history=imported)
-        )
-        imported.unlink()
+    with running("bench-month-", month.text(options.robots, time.time())) as site:
         print(f"{options.robots} robots, {month.DAYS} days")
         chosen = [each for each in queries() if each.place.startswith("Availability ")]
         report([measure(site, each, month.DAYS * 24, options.rounds) for each in chosen], 10.0)

@@ -17,11 +17,10 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from statistics import mean
@@ -30,19 +29,14 @@ from typing import NamedTuple
 from bench.hostile import peak_megabytes
 from bench.scraper import MESSAGES, total
 from bench.sim import cpu_seconds, resident_megabytes
-from testbed import domains, http
+from bench.site import BenchSite, running
+from testbed import http
 from testbed.polling import until
-from testbed.ports import free_port
 from testbed.processes import Process
 
 EXPORTER = (Path(sys.executable).with_name("ros-diagnostics-exporter"),)
 WITHOUT_CAPSULES = (sys.executable, "-m", "bench.without_capsules")
-CONFIG = """\
-fleet: bench
-discovery:
-  - {{topic: "/{{robot}}/diagnostics_agg", {found}}}
-limits: {{robots: 10000}}
-"""
+LIMITS = "limits: {robots: 10000}\n"
 CHANGING = {"nothing changes": 0, "a quarter changes": 4, "every value changes": 16}
 THREADS = ("dds.", "acc-", "app-", "net-", "rx-", "tx-")  # of Fast DDS; of zenoh
 BEGIN = 300.0  # seconds until all robots are matched
@@ -71,14 +65,16 @@ class Cost(NamedTuple):
 class Fleet:
     """The robots, in several processes that publish until all is acknowledged."""
 
-    def __init__(self, site: Site, changing: int, seconds: float) -> None:
-        options = site.options
+    def __init__(
+        self, site: BenchSite, options: argparse.Namespace, changing: int, seconds: float
+    ) -> None:
         self._share = -(-options.robots // options.processes)
         self._turns = int(SETTLE + seconds + SETTLE)
         self.sent = options.robots * self._turns
         self._processes = [
             site.start_actor(
                 "fleet",
+                site.where,
                 str(min(self._share, options.robots - first)),
                 f"--first={first}",
                 f"--changing={changing}",
@@ -104,61 +100,6 @@ def _has_ended(process: Process) -> bool:
     return not process.alive
 
 
-class Site:
-    """A folder of its own, and a ROS domain or, with zenoh, a router."""
-
-    def __init__(
-        self, options: argparse.Namespace, domain_id: int, folder: Path, *, zenoh: bool
-    ) -> None:
-        self.options = options
-        self.domain_id = domain_id
-        self._environment = domains.environment(domain_id)
-        self._folder = folder
-        self._started: list[Process] = []
-        self._where = f"tcp/127.0.0.1:{free_port()}" if zenoh else str(domain_id)
-        self._config = CONFIG.format(found=f"domain_ids: [{domain_id}]")
-        if zenoh:
-            routers = f"zenoh: {{routers: [{self._where}]}}\n"
-            self._config = routers + CONFIG.format(found="zenoh: /")
-            self.start_actor("router", seconds=2 * BEGIN + options.seconds).wait_for_output("ready")
-
-    def start_exporter(
-        self, address: str, program: Sequence[str | Path] = EXPORTER, more: str = ""
-    ) -> Process:
-        """Start the exporter, which finds the fleet; ``more`` are lines of its fleet.yml."""
-        config = self._folder / "fleet.yml"
-        config.write_text(self._config + more)
-        arguments: list[str | Path] = ["--config.file", config, "--web.listen-address", address]
-        arguments += ["--storage.path", self._folder / "exporter.db"]
-        return self._start("exporter", [*program, *arguments])
-
-    def start_actor(self, kind: str, *arguments: str, seconds: float) -> Process:
-        """Start one of `bench.actors` in this domain, or at this router."""
-        argv = [sys.executable, "-m", "bench.actors", kind, self._where]
-        return self._start(f"{kind}-{len(self._started)}", [*argv, *arguments, str(seconds)])
-
-    def _start(self, name: str, argv: list[str | Path]) -> Process:
-        process = Process(name, argv, self._environment, self._folder / f"{name}.log")
-        self._started.append(process)
-        return process.start()
-
-    def close(self) -> None:
-        """End everything."""
-        for process in reversed(self._started):
-            process.stop()
-
-
-@contextmanager
-def site_for(options: argparse.Namespace, *, zenoh: bool = False) -> Iterator[Site]:
-    """A site that is closed at the end."""
-    with ExitStack() as stack:
-        domain_id = stack.enter_context(domains.lease())
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        site = Site(options, domain_id, folder, zenoh=zenoh)
-        stack.callback(site.close)
-        yield site
-
-
 def measure(process: Process, seconds: float) -> tuple[float, float]:
     """(cores of the whole process, of the middleware's threads) for so many seconds."""
     before, of_threads = cpu_seconds(process.pid), middleware_seconds(process.pid)
@@ -179,9 +120,10 @@ def middleware_seconds(pid: int) -> float:
 def taking(options: argparse.Namespace) -> Cost:
     """What it costs to take the messages alone."""
     seconds = min(options.seconds, YARDSTICK)
-    with site_for(options) as site:
-        taker = site.start_actor("taker", str(options.robots), seconds=2 * BEGIN + seconds)
-        fleet = Fleet(site, CHANGING["every value changes"], seconds)
+    lasting = 2 * BEGIN + seconds
+    with running(seconds=lasting, more=LIMITS) as site:
+        taker = site.start_actor("taker", site.where, str(options.robots), seconds=lasting)
+        fleet = Fleet(site, options, CHANGING["every value changes"], seconds)
         fleet.wait_until_all_publish()
         time.sleep(SETTLE)
         cpu, middleware = measure(taker, seconds)
@@ -200,11 +142,12 @@ def exporting(
     program: Sequence[str | Path] = EXPORTER,
 ) -> tuple[Cost, Fleet]:
     """What the exporter costs with the same messages."""
-    with site_for(options, zenoh=zenoh) as site:
-        address = f"127.0.0.1:{free_port()}"
-        exporter = site.start_exporter(address, program)
-        until(lambda: http.answers(address, "/-/ready"), exporter.describe, BEGIN)
-        fleet = Fleet(site, changing, options.seconds)
+    with running(zenoh=zenoh, seconds=2 * BEGIN + options.seconds, more=LIMITS) as site:
+        server = site.exporter
+        exporter, address = server.process, server.address
+        exporter.argv = [*map(str, program), *exporter.argv[1:]]
+        site.start(server).wait_until_ready(BEGIN)
+        fleet = Fleet(site, options, changing, options.seconds)
         fleet.wait_until_all_publish()
         with scraping(address) as scrapes:
             time.sleep(SETTLE)

@@ -21,9 +21,10 @@ from typing import NamedTuple
 import rclpy
 from rclpy.context import Context
 
-from bench.dds import BEGIN, SETTLE, Site, measure, parser_for, site_for
+from bench.dds import BEGIN, LIMITS, SETTLE, measure, parser_for
 from bench.scraper import robots_up
 from bench.sim import resident_megabytes
+from bench.site import BenchSite, running
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.fleet.state import FleetState
@@ -32,7 +33,6 @@ from ros_diagnostics_exporter.sources.dds import ROUND, ROUND_SHARE
 from ros_diagnostics_exporter.sources.graph_topics import Peer, TopicView
 from testbed import domains, http
 from testbed.polling import until
-from testbed.ports import free_port
 
 WALL = 1_700_000_000.0
 PROFILE = 'profiles: {{default: {{graph: {{mode: "{}"}}}}}}\n'
@@ -47,13 +47,13 @@ class Middleware(NamedTuple):
     topic: float
 
 
-def start_robots(site: Site) -> None:
+def start_robots(site: BenchSite, options: argparse.Namespace) -> None:
     """The real graph."""
-    options = site.options
     share = -(-options.robots // options.processes)
     actors = [
         site.start_actor(
             "graph",
+            site.where,
             *map(str, (min(share, options.robots - first), options.topics, options.nodes)),
             f"--first={first}",
             seconds=4 * (BEGIN + options.seconds),
@@ -64,29 +64,30 @@ def start_robots(site: Site) -> None:
         each.wait_for_output("nodes and endpoints", BEGIN)
 
 
-def exporting(site: Site, mode: str) -> tuple[float, float]:
+def exporting(site: BenchSite, options: argparse.Namespace, mode: str) -> tuple[float, float]:
     """(cores, MB) of an exporter that has received all robots."""
-    address = f"127.0.0.1:{free_port()}"
-    exporter = site.start_exporter(address, more=PROFILE.format(mode))
+    server = site.exporter
+    server.config.write_text(site.config + PROFILE.format(mode))
+    exporter, address = site.start(server).process, server.address
     try:
 
         def received() -> bool:
-            count: int = site.options.robots
+            count: int = options.robots
             return robots_up(http.get(address, "/metrics", seconds=60)) >= count
 
-        until(lambda: http.answers(address, "/-/ready"), exporter.describe, BEGIN)
+        server.wait_until_ready(BEGIN)
         until(received, exporter.describe, BEGIN, 1.0)
         time.sleep(SETTLE + ROUND)
-        cpu, _of_middleware = measure(exporter, site.options.seconds)
+        cpu, _of_middleware = measure(exporter, options.seconds)
         return cpu, resident_megabytes(exporter.pid)
     finally:
         exporter.stop()
 
 
-def asking(site: Site, domain_id: int) -> Middleware:
+def asking(options: argparse.Namespace, domain_id: int) -> Middleware:
     """What rclpy takes to answer a participant of the real graph."""
     os.environ.update(domains.environment(domain_id))
-    options, context = site.options, Context()
+    context = Context()
     rclpy.init(context=context, domain_id=domain_id)
     node = rclpy.create_node("bench", context=context, start_parameter_services=False)
     nodes = options.robots * options.nodes
@@ -196,14 +197,14 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0, help="of each exporter")
     parser.add_argument("--turns", type=int, default=2)
     options = parser.parse_args()
-    with site_for(options) as site:
-        start_robots(site)
+    with running(seconds=0, more=LIMITS) as site:
+        start_robots(site, options)
         print(f"{options.robots} robots of {options.nodes} nodes and {options.topics} topics")
         print(f"{'graph':<10}{'CPU':>7}{'MB':>6}")
         for mode in ("off", "on") * options.turns:
-            cpu, resident = exporting(site, mode)
+            cpu, resident = exporting(site, options, mode)
             print(f"{mode:<10}{cpu:>7.1%}{resident:>6.0f}", flush=True)
-        middleware = asking(site, site.domain_id)
+        middleware = asking(options, site.domain_id)
         print(
             f"rclpy takes {1e6 * middleware.node:.1f} us for a node,"
             f" {1e6 * middleware.topic:.0f} us for a topic's endpoints"

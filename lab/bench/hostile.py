@@ -25,34 +25,25 @@ import json
 import math
 import os
 import resource
-import sys
-import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable
+from contextlib import closing, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
 
 from bench.scraper import TIMEOUT, Scrape, ScrapeError, Scraper
 from bench.sim import cpu_seconds
-from testbed import domains, http
+from bench.site import BenchSite, running
 from testbed.polling import until
-from testbed.ports import free_port
 from testbed.processes import Process
 
-EXPORTER = Path(sys.executable).with_name("ros-diagnostics-exporter")
 ROBOTS = 20
 HOSTILE = "hostile"
 EVENTS = 10_000  # that the event log keeps
 SETTLE = 60.0  # seconds that anything may take to begin
 MOST_MEMORY = 6000.0  # MB of the exporter at which a case ends early
-CONFIG = """\
-fleet: bench
-discovery:
-  - {{topic: "/{{robot}}/diagnostics_agg", {found}}}
-"""
 
 
 @dataclass(frozen=True)
@@ -61,7 +52,7 @@ class Attack:
 
     what: str
     actor: tuple[str, ...]
-    prepare: Callable[[Site], None] | None = None
+    prepare: Callable[[Attacked], None] | None = None
     reports: int = 1  # that the actor has written when the attack counts as begun
 
 
@@ -101,52 +92,26 @@ COLUMNS = (  # of the table: title, field of Result, format
 )
 
 
-class Site:
-    """A fresh exporter and its fleet: a folder, and a ROS domain or router, of their own."""
+class Attacked:
+    """A fresh exporter, its fleet, and what attacks it."""
 
-    def __init__(self, domain_id: int, folder: Path, seconds: float, *, zenoh: bool) -> None:
-        self._where = f"tcp/127.0.0.1:{free_port()}" if zenoh else str(domain_id)
-        self._environment = domains.environment(domain_id)
-        self._folder = folder
-        self._seconds = seconds + 5 * SETTLE  # after which actors end by themselves
-        self._started: list[Process] = []
-        self.port = free_port()
-        self.address = f"127.0.0.1:{self.port}"
-        self.scraper = Scraper(self.address)
-        text = CONFIG.format(found=f"domain_ids: [{domain_id}]")
-        if zenoh:
-            text = CONFIG.format(found="zenoh: /") + f"zenoh: {{routers: [{self._where}]}}\n"
-            self.start_actor("router", "WHERE").wait_for_output("ready", SETTLE)
-        self.exporter = self._start_exporter(text)
+    def __init__(self, site: BenchSite, seconds: float) -> None:
+        self._site = site
+        self._seconds = seconds
+        self.exporter = site.start(site.exporter).process
+        self.address = site.exporter.address
+        self.scraper = site.use(closing(Scraper(self.address)))
         self.fleet = self.start_actor("fleet", "WHERE", str(ROBOTS))
 
-    def _start_exporter(self, text: str) -> Process:
-        config = self._folder / "fleet.yml"
-        config.write_text(text)
-        arguments: list[str | Path] = [
-            "--config.file",
-            config,
-            "--web.listen-address",
-            self.address,
-        ]
-        arguments += ["--storage.path", self._folder / "exporter.db"]
-        return self._start("exporter", [EXPORTER, *arguments])
-
-    def start_actor(self, *arguments: str) -> Process:
+    def start_actor(self, kind: str, *arguments: str) -> Process:
         """Start one of `bench.actors`; WHERE and PORT are replaced by this site's."""
-        places = {"WHERE": self._where, "PORT": str(self.port)}
+        places = {"WHERE": self._site.where, "PORT": self.address.rpartition(":")[2]}
         named = [places.get(argument, argument) for argument in arguments]
-        argv = [sys.executable, "-m", "bench.actors", *named, str(self._seconds)]
-        return self._start(f"actor-{len(self._started)}", argv)
-
-    def _start(self, name: str, argv: Sequence[str | Path]) -> Process:
-        process = Process(name, argv, self._environment, self._folder / f"{name}.log")
-        self._started.append(process)
-        return process.start()
+        return self._site.start_actor(kind, *named, seconds=self._seconds)
 
     def wait_until_ready(self) -> None:
         """Wait until each robot of the fleet is up."""
-        until(lambda: http.answers(self.address, "/-/ready"), self.exporter.describe, SETTLE)
+        self._site.exporter.wait_until_ready(SETTLE)
         self.wait_for(lambda scrape: robots_up(scrape) == ROBOTS, "all robots are up")
 
     def wait_for(self, condition: Callable[[Scrape], bool], what: str) -> None:
@@ -165,14 +130,8 @@ class Site:
         self.exporter.stop()
         return time.monotonic() - begin
 
-    def close(self) -> None:
-        """End everything, the attackers first."""
-        self.scraper.close()
-        for process in reversed(self._started):
-            process.stop()
 
-
-def fill_event_log(site: Site) -> None:
+def fill_event_log(site: Attacked) -> None:
     """Let a robot flap until the event log is full, as far as the exporter lets it."""
     flapping = site.start_actor("arrays", "WHERE", "flapping")
     try:
@@ -211,11 +170,9 @@ def robots_up(scrape: Scrape) -> int:
 
 def run_case(attack: Attack | None, options: argparse.Namespace) -> Result:
     """Measure a fresh exporter under the attack, or without one."""
-    with ExitStack() as stack:
-        domain_id = stack.enter_context(domains.lease())
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        site = Site(domain_id, folder, options.seconds, zenoh=options.zenoh)
-        stack.callback(site.close)
+    lasting = options.seconds + 5 * SETTLE  # after which actors end by themselves
+    with running(zenoh=options.zenoh, seconds=lasting) as bench:
+        site = Attacked(bench, lasting)
         site.wait_until_ready()
         attacker = None
         if attack is not None:
@@ -226,7 +183,7 @@ def run_case(attack: Attack | None, options: argparse.Namespace) -> Result:
         return measure(site, attacker, options.seconds)
 
 
-def measure(site: Site, attacker: Process | None, seconds: float) -> Result:
+def measure(site: Attacked, attacker: Process | None, seconds: float) -> Result:
     """Scrape each second for so long, then stop the exporter."""
     pid = site.exporter.pid
     forget_peak_memory(pid)
@@ -256,7 +213,7 @@ def measure(site: Site, attacker: Process | None, seconds: float) -> Result:
     )
 
 
-def scrape_each_second(site: Site, deadline: float) -> list[Scrape | None]:
+def scrape_each_second(site: Attacked, deadline: float) -> list[Scrape | None]:
     """Scrape until the deadline, None where it failed; one that takes long delays the next."""
     scrapes: list[Scrape | None] = []
     due = time.monotonic()

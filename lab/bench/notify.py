@@ -28,9 +28,9 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from support.shipped_rules import seconds_to_notify
 from testbed import http
-from testbed.mail import Inbox
 from testbed.polling import until
-from testbed.stack import Plan, Stack, running
+from testbed.site import Site
+from testbed.stack import Plan, running
 
 MOTOR = "Motor 2"
 ROBOTS = 40  # so many that the broken ones have no common cause
@@ -108,7 +108,7 @@ def _spin(executor: SingleThreadedExecutor) -> None:
         return
 
 
-def confirmed(stack: Stack, robot: str) -> float:
+def confirmed(stack: Site, robot: str) -> float:
     """Return when the exporter confirmed the fault of the robot's motor."""
     faults = http.get_json(stack.addresses.exporter, "/api/v1/faults")["faults"]
     return next(
@@ -118,14 +118,14 @@ def confirmed(stack: Stack, robot: str) -> float:
     )
 
 
-def first_sample(stack: Stack, series: str, since: float) -> float:
+def first_sample(stack: Site, series: str, since: float) -> float:
     """Return the time stamp of Prometheus' first sample of ``series`` since then."""
     answer = http.get_json(stack.addresses.prometheus, f"/api/v1/query?query={quote(series)}[2m]")
     times = [at for each in answer["data"]["result"] for at, _ in each["values"] if at >= since]
     return float(min(times))
 
 
-def fire(stack: Stack, robots: list[str]) -> dict[str, float]:
+def fire(stack: Site, robots: list[str]) -> dict[str, float]:
     """Break each robot's motor at a random moment; return when Alertmanager had each alert."""
     began = time.time()
     breaking = [
@@ -146,7 +146,7 @@ def fire(stack: Stack, robots: list[str]) -> dict[str, float]:
     return arrived
 
 
-def mails(stack: Stack, word: str, since: float) -> dict[str, float]:
+def mails(stack: Site, word: str, since: float) -> dict[str, float]:
     """Return when each robot's mail of this kind arrived."""
     return {
         mail.subject.split("/")[1].split()[0]: mail.received
@@ -155,7 +155,7 @@ def mails(stack: Stack, word: str, since: float) -> dict[str, float]:
     }
 
 
-def moments(stack: Stack, robot: str, arrivals: Arrivals, began: float) -> list[float]:
+def moments(stack: Site, robot: str, arrivals: Arrivals, began: float) -> list[float]:
     """Return when one robot's fault passed each step from DDS to the alert."""
     motor = f'robot="{robot}",component="{MOTOR}"'
     since = f"ros_diagnostics_component_since_timestamp_seconds{{{motor}}}"
@@ -172,7 +172,7 @@ def moments(stack: Stack, robot: str, arrivals: Arrivals, began: float) -> list[
     ]
 
 
-def measure(stack: Stack, robots: list[str]) -> list[list[float]]:
+def measure(stack: Site, robots: list[str]) -> list[list[float]]:
     """Break and repair the robots once; return for each the times of all steps.
 
     Raises:
@@ -197,7 +197,7 @@ def measure(stack: Stack, robots: list[str]) -> list[list[float]]:
     return rows
 
 
-def where_it_stands(stack: Stack, robots: set[str]) -> str:
+def where_it_stands(stack: Site, robots: set[str]) -> str:
     """Say how far each robot whose recovery is missing got."""
     alerts = http.get_json(stack.addresses.alertmanager, "/api/v2/alerts")
     states = {
@@ -248,7 +248,7 @@ def main() -> None:
     print(f"load before the start: {os.getloadavg()[0]:.1f} on {os.cpu_count()} CPUs")
     plan = Plan(robots=options.robots)
     rows: list[list[float]] = []
-    with tempfile.TemporaryDirectory() as folder, running(Path(folder), plan, Inbox()) as stack:
+    with tempfile.TemporaryDirectory() as folder, running(Path(folder), plan) as stack:
         for number in range(options.rounds):
             first = number * AT_A_TIME % options.robots
             rows += measure(stack, [f"robot_{first + each + 1}" for each in range(AT_A_TIME)])

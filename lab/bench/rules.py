@@ -16,19 +16,17 @@ series.
 from __future__ import annotations
 
 import argparse
-import json
+import os
 import shutil
 import subprocess
 import tempfile
 import time
-import urllib.parse
-import urllib.request
-from collections.abc import Collection
-from contextlib import ExitStack
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from statistics import median
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from bench.robots import COMPONENTS, GROUPS, aggregated_array
 from ros_diagnostics_exporter.config.fleet import (
@@ -47,11 +45,12 @@ from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.model import Instant, Part, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from support.served_fleet import serving
+from testbed import http
+from testbed.configuration import CHECKOUT
+from testbed.engine import Engine
 from testbed.polling import until
-from testbed.ports import free_port
-from testbed.processes import Process
+from testbed.site import Site
 
-PROMETHEUS = Path(__file__).resolve().parents[2] / "prometheus"
 INTERVAL = 5.0
 COMMON_CAUSE = 0.3  # of the fleet
 ALL = range(GROUPS * COMPONENTS)
@@ -131,55 +130,35 @@ class Target:
         return self.faults if parts == {Part.FAULTS} else self.text
 
 
-def copy_rules(folder: Path, commit: str | None) -> None:
-    """The folder prometheus of the checkout, with the rules of a commit where one is given."""
-    shutil.copytree(PROMETHEUS, folder / "prometheus")
-    if commit is None:
-        return
-    shutil.rmtree(folder / "prometheus" / "rules")
-    archive = ["git", "-C", str(PROMETHEUS.parent), "archive", commit, "prometheus/rules"]
-    packed = subprocess.run(archive, check=True, capture_output=True).stdout
-    subprocess.run(["tar", "-x", "-C", str(folder)], check=True, input=packed)
+@contextmanager
+def evaluating(exporter: str, commit: str | None = None) -> Iterator[Site]:
+    """A Prometheus that has scraped the target; it has the shipped rules, or those of a commit."""
+
+    def change(prometheus: Path) -> None:
+        (prometheus / "targets" / "alertmanager.yml").write_text("[]")
+        if commit is not None:
+            shutil.rmtree(prometheus / "rules")
+            archive = ["git", "-C", str(CHECKOUT), "archive", commit, "prometheus/rules"]
+            packed = subprocess.run(archive, check=True, capture_output=True).stdout
+            unpack = ["tar", "-x", "-C", str(prometheus.parent)]
+            subprocess.run(unpack, check=True, input=packed)
+
+    with tempfile.TemporaryDirectory() as folder, Site(Path(folder)) as site:
+        site.start_prometheus(exporters=[exporter], edit=change)
+        site.wait_until_ready()
+        scraped = 'up{job="ros-diagnostics"} == 1'
+        until(lambda: site.query(scraped), "the target is scraped", 60)
+        yield site
 
 
-def start_prometheus(
-    binary: str, folder: Path, exporter: str, port: int, commit: str | None = None
-) -> Process:
-    """The shipped configuration with the target's address put in, without Alertmanager."""
-    copy_rules(folder, commit)
-    targets = folder / "prometheus" / "targets"
-    (targets / "ros-diagnostics.yml").write_text(f'[{{targets: ["{exporter}"]}}]')
-    (targets / "alertmanager.yml").write_text("[]")
-    (targets / "prometheus.yml").write_text(f'[{{targets: ["127.0.0.1:{port}"]}}]')
-    argv = [
-        binary,
-        f"--config.file={folder / 'prometheus' / 'prometheus.yml'}",
-        f"--storage.tsdb.path={folder / 'data'}",
-        f"--web.listen-address=127.0.0.1:{port}",
-    ]
-    return Process("prometheus", argv, None, folder / "prometheus.log").start()
-
-
-def ask(port: int, path: str) -> Any:
-    """The data of one answer of Prometheus' API."""
-    with urllib.request.urlopen(f"http://127.0.0.1:{port}{path}", timeout=30) as answer:
-        return json.load(answer)["data"]
-
-
-def sample(port: int, expression: str) -> float:
-    """The value of the one series that the expression finds; 0 without one."""
-    result = ask(port, f"/api/v1/query?query={urllib.parse.quote(expression)}")["result"]
-    return float(result[0]["value"][1]) if result else 0.0
-
-
-def firing(port: int) -> int:
+def firing(engine: Engine) -> int:
     """How many alerts about faults fire."""
-    return int(sample(port, 'count(ALERTS{alertstate="firing", scope!="", step=""})'))
+    return int(engine.value('count(ALERTS{alertstate="firing", scope!="", step=""})'))
 
 
-def fires(port: int, expected: int) -> bool:
+def fires(engine: Engine, expected: int) -> bool:
     """Whether exactly so many alerts fire: those of the case before are resolved."""
-    return firing(port) == expected
+    return firing(engine) == expected
 
 
 class Costs(NamedTuple):
@@ -194,33 +173,24 @@ class Costs(NamedTuple):
         return [sum(each) for each in zip(*self.groups.values(), strict=True)]
 
 
-def watch(ports: list[int], rounds: int) -> list[Costs]:
+def watch(engines: Sequence[Engine], rounds: int) -> list[Costs]:
     """Look at each of the next evaluations of all; a longer interval counts by its share."""
-    all_costs = [Costs({}, {}, []) for _port in ports]
+    all_costs = [Costs({}, {}, []) for _engine in engines]
     for _ in range(rounds):
-        for port, costs in zip(ports, all_costs, strict=True):
-            look(port, costs)
+        for engine, costs in zip(engines, all_costs, strict=True):
+            look(engine, costs)
         time.sleep(INTERVAL)
     return all_costs
 
 
-def look(port: int, costs: Costs) -> None:
+def look(engine: Engine, costs: Costs) -> None:
     """Add what the last evaluation and scrape of a Prometheus took."""
-    for group in ask(port, "/api/v1/rules")["groups"]:
+    for group in http.get_json(engine.address, "/api/v1/rules")["data"]["groups"]:
         share = INTERVAL / group["interval"]
         costs.groups.setdefault(group["name"], []).append(group["evaluationTime"] * share)
         for rule in group["rules"]:
             costs.rules.setdefault(rule["name"], []).append(rule["evaluationTime"] * share)
-    costs.scrapes.append(sample(port, 'scrape_duration_seconds{job="ros-diagnostics"}'))
-
-
-def ready(port: int) -> bool:
-    """Whether Prometheus answers."""
-    try:
-        ask(port, "/api/v1/status/buildinfo")
-    except OSError:
-        return False
-    return True
+    costs.scrapes.append(engine.value('scrape_duration_seconds{job="ros-diagnostics"}'))
 
 
 def main() -> None:
@@ -228,20 +198,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", type=int, default=1000)
     parser.add_argument("--rounds", type=int, default=14, help="evaluations looked at per share")
-    parser.add_argument("--prometheus", default="prometheus", help="the binary to run")
+    parser.add_argument(
+        "--prometheus", default=os.environ.get("PROMETHEUS", ""), help="the binary to run"
+    )
     parser.add_argument("--rules", type=int, default=0, help="also print the N costliest rules")
     parser.add_argument("--against", metavar="COMMIT", help="also play the rules of this commit")
     parser.add_argument(
         "--case", action="append", choices=[each.title for each in CASES], help="only this one"
     )
     options = parser.parse_args()
+    os.environ["PROMETHEUS"] = options.prometheus
     target = Target(options.robots)
     with ExitStack() as stack:
         exporter = stack.enter_context(serving(target.scrape))
         target.breaks(CASES[0])
         commits = [None, *([options.against] if options.against else [])]
-        ports = [start(stack, options.prometheus, exporter, commit) for commit in commits]
-        version = ask(ports[0], "/api/v1/status/buildinfo")["version"]
+        sites = [stack.enter_context(evaluating(exporter, commit)) for commit in commits]
+        engines = [each.engine for each in sites]
+        version = engines[0].query("prometheus_build_info")[0].labels["version"]
         series = target.text.count(b"\n") - target.text.count(b"# ")
         print(f"Prometheus {version}, {options.robots} robots, {series} series")
         columns = "".join(f"{name:>9}" for name in ("median", "longest", "scrapes", "series"))
@@ -250,29 +224,18 @@ def main() -> None:
             if options.case and case.title not in options.case:
                 continue
             before = target.breaks(CASES[0])
-            for port in ports:
-                until(partial(fires, port, before), "the case before is over", 240)
+            for engine in engines:
+                until(partial(fires, engine, before), "the case before is over", 240)
             expected = target.breaks(case)
-            for port in ports:
-                until(partial(fires, port, expected), f"{expected} alerts", 240)
-            all_costs = watch(ports, options.rounds)
-            for port, costs, commit in zip(ports, all_costs, commits, strict=True):
-                counted = firing(port), int(sample(port, RECORDED))
+            for engine in engines:
+                until(partial(fires, engine, expected), f"{expected} alerts", 240)
+            all_costs = watch(engines, options.rounds)
+            for engine, costs, commit in zip(engines, all_costs, commits, strict=True):
+                counted = firing(engine), int(engine.value(RECORDED))
                 report(commit or case.title, counted, costs, options.rules)
             if options.against:
                 mine, theirs = (median(each.totals()) for each in all_costs)
                 print(f"    {mine / theirs:.2f} of the cost of the rules of {options.against}")
-
-
-def start(stack: ExitStack, binary: str, exporter: str, commit: str | None) -> int:
-    """A Prometheus that scrapes the target and evaluates the rules; its port."""
-    port = free_port()
-    folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-    prometheus = start_prometheus(binary, folder, exporter, port, commit)
-    stack.callback(prometheus.stop)
-    until(lambda: ready(port), "Prometheus answers", 60)
-    until(lambda: sample(port, 'up{job="ros-diagnostics"}'), "the target is scraped", 60)
-    return port
 
 
 def report(title: str, counted: tuple[int, int], costs: Costs, rules: int) -> None:

@@ -34,10 +34,11 @@ from bench.sim import cpu_seconds, resident_megabytes
 from support.loopback import answering
 from support.served_fleet import serving
 from support.shipped_rules import ALERTMANAGER
-from testbed import domains, http, programs, servers
+from testbed import http, servers
 from testbed.polling import until
 from testbed.ports import free_port
 from testbed.processes import Process
+from testbed.site import Site
 
 Numbers = dict[str, float]
 CONFIG = """
@@ -61,30 +62,16 @@ ALERTS = (50, 150, 1000, 5000)
 
 def measure_exporter(robots: int, seconds: float) -> Numbers:
     """CPU and memory of the exporter, what it received of what was sent, and its scrapes."""
-    address = f"127.0.0.1:{free_port()}"
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        leased = [stack.enter_context(domains.lease()) for _ in range(0, robots, OF_DOMAIN)]
-        (folder / "fleet.yml").write_text(CONFIG.format(domains=leased))
-        exporter = Process(
-            "exporter",
-            [
-                programs.own("ros-diagnostics-exporter"),
-                f"--config.file={folder / 'fleet.yml'}",
-                f"--web.listen-address={address}",
-                f"--storage.path={folder / 'exporter.db'}",
-            ],
-            domains.environment(leased[0]),
-            folder / "exporter.log",
-        )
+    with tempfile.TemporaryDirectory() as folder, Site(Path(folder)) as site:
+        leased = [site.lease() for _ in range(0, robots, OF_DOMAIN)]
+        config = site.write("fleet.yml", CONFIG.format(domains=leased))
+        server = site.make_exporter(config, domain_id=leased[0], alertmanager="")
+        exporter, address = site.start(server).process, server.address
         fleets = [
-            _fleet(folder, domain, first, min(OF_DOMAIN, robots - first))
+            _start_fleet(site, domain, first, min(OF_DOMAIN, robots - first))
             for domain, first in zip(leased, range(0, robots, OF_DOMAIN), strict=True)
         ]
-        for process in (exporter, *fleets):
-            stack.callback(process.stop)
-            process.start()
-        until(lambda: http.answers(address, "/-/ready"), exporter.describe, 120)
+        site.wait_until_ready()
         begin = time.monotonic()
         # Too many for this machine are never all received; how many are, is in the table.
         end = begin + DISCOVERY
@@ -99,17 +86,15 @@ def measure_exporter(robots: int, seconds: float) -> Numbers:
         found["received"] = (_received(address) - received) / (elapsed * robots)
         found["memory_mb"] = resident_megabytes(exporter.pid)
         found["up"] = _up(address) / robots
-        logs = [folder / f"fleet-{domain}.log" for domain in leased]
-        found["late"] = max(float(LATE.findall(log.read_text())[-1]) for log in logs)
+        found["late"] = max(float(LATE.findall(each.output())[-1]) for each in fleets)
     return found
 
 
-def _fleet(folder: Path, domain: int, first: int, robots: int) -> Process:
+def _start_fleet(site: Site, domain: int, first: int, robots: int) -> Process:
     """Robots in one domain: what participants send each other grows with both."""
     argv = [sys.executable, "-m", "bench.actors", "fleet", str(domain), str(robots), "600"]
     argv += ["--first", str(first)]
-    name = f"fleet-{domain}"
-    return Process(name, argv, domains.environment(domain), folder / f"{name}.log")
+    return site.start_program(f"fleet-{domain}", argv, domain_id=domain).process
 
 
 def _up(address: str) -> int:
@@ -149,27 +134,22 @@ def _scrape(address: str, end: float) -> Numbers:
 
 def measure_prometheus(robots: int, rounds: int) -> dict[str, Numbers]:
     """Its series, CPU and memory, and seconds of rules, by case."""
-    target, port = rules.Target(robots), free_port()
+    target = rules.Target(robots)
     found: dict[str, Numbers] = {}
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        exporter = stack.enter_context(serving(target.scrape))
-        target.breaks(rules.CASES[0])
-        prometheus = rules.start_prometheus("prometheus", folder, exporter, port)
-        stack.callback(prometheus.stop)
-        until(lambda: rules.ready(port), "Prometheus answers", 60)
-        until(lambda: rules.sample(port, 'up{job="ros-diagnostics"}'), "the target is scraped", 60)
+    target.breaks(rules.CASES[0])
+    with serving(target.scrape) as exporter, rules.evaluating(exporter) as site:
+        prometheus, engine = site.prometheus.process, site.engine
         for name, case in (("none", rules.CASES[0]), ("faulty", rules.Case("", components=FAULTY))):
             expected = target.breaks(case)
-            until(partial(rules.fires, port, expected), f"{expected} alerts", 240)
+            until(partial(rules.fires, engine, expected), f"{expected} alerts", 240)
             spent, begin = cpu_seconds(prometheus.pid), time.monotonic()
-            (costs,) = rules.watch([port], rounds)
+            (costs,) = rules.watch([engine], rounds)
             cpu = (cpu_seconds(prometheus.pid) - spent) / (time.monotonic() - begin)
             share = 2 / rules.INTERVAL  # of the group's interval
             found[name] = {
                 "alerts": expected,
-                "series": rules.sample(port, "prometheus_tsdb_head_series"),
-                "recorded": rules.sample(port, rules.RECORDED),
+                "series": engine.value("prometheus_tsdb_head_series"),
+                "recorded": engine.value(rules.RECORDED),
                 "cpu": cpu,
                 "memory_mb": resident_megabytes(prometheus.pid),
                 "rules": median(costs.totals()),

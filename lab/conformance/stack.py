@@ -40,11 +40,11 @@ from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Array, Instant, Status, Topic
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_tools.main import main
-from support import short_clocks
 from support.loopback import answering
-from support.prometheus_site import Site, running
 from support.served_fleet import ServedFleet, serving
+from testbed import short_clocks
 from testbed.polling import until
+from testbed.site import Site
 
 TICK = 8.0  # seconds: longer than a fault takes to its notification
 WELL = 3  # ticks of which all is well, before the first
@@ -125,23 +125,24 @@ def notifications(
         after = f"{REPEAT * TICK:g}s"
         short_clocks.set_escalation(rules, {"0": after, "1": after, "2": f"{2 * REPEAT * TICK:g}s"})
         change_rules(rules)
-        short_clocks.edit(
-            folder / "alertmanager" / "alertmanager.yml",
-            lambda config: _change_routes(config, webhook, histories, hours),
-        )
 
     with (
         serving(fleet.scrape) as exporter,
         _webhook(inbox) as webhook,
-        running(folder, {"f": exporter}, prepare=prepare) as site,
+        Site(folder) as site,
     ):
+        site.start_alertmanager(
+            edit=lambda config: _change_routes(config, webhook, histories, hours)
+        )
+        site.start_prometheus(exporters=[exporter], interval=1, edit=prepare)
+        site.wait_until_ready()
         _ready(fleet.state, histories, site)
         now = time.monotonic()
         begin = minute - time.time() + now - (HOURS_CHANGE - 0.5) * TICK
         if not any(each.hours for each in histories):
             begin = now + WELL * TICK
         assert begin >= now, "the servers took too long to start"
-        _Clock(fleet.state, histories, begin, site.alertmanager).run()
+        _Clock(fleet.state, histories, begin, site.addresses.alertmanager).run()
         _drained(site, inbox)
     return [_notifications(number, each, inbox, begin) for number, each in enumerate(histories)]
 
@@ -314,9 +315,8 @@ def _ready(state: FleetState, histories: Sequence[History], site: Site) -> None:
         for number, history in enumerate(histories):
             _publish(state, number, history, -1, now)
         state.tick(now)
-        found = site.query("count(ros_diagnostics_robot_up == 1)")
         settled = site.query("ros_diagnostics_exporter_settled == 1")
-        return bool(found and settled) and int(float(found[0]["value"][1])) == robots
+        return bool(settled) and site.engine.value("count(ros_diagnostics_robot_up == 1)") == robots
 
     until(seen, "Prometheus has seen all robots", 120, every=0.5)
 
@@ -332,7 +332,11 @@ def _drained(site: Site, inbox: Inbox) -> None:
             quiet, count = time.monotonic() + TICK, len(inbox.sent)
         return time.monotonic() >= quiet
 
-    until(over, lambda: f"messages keep coming: {inbox.sent[-3:]} of {site.alertmanager}", 120)
+    until(
+        over,
+        lambda: f"messages keep coming: {inbox.sent[-3:]} of {site.addresses.alertmanager}",
+        120,
+    )
 
 
 # -- messages to notifications ---------------------------------------------------------------

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from experiments import site
 from support import nagios_program
-from testbed import configuration, domains, programs
+from testbed import configuration, programs
 from testbed.polling import until
-from testbed.ports import free_port
 from testbed.processes import Process
 
 WAYS = ("subscriber", "exporter")
@@ -87,33 +85,30 @@ def running(robots: int, way: str) -> Iterator[NagiosFleet]:
     Raises:
         TimeoutError: It was not ready in time.
     """
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="experiment-")))
-        domain_id = stack.enter_context(domains.lease())
-        environment = site.environment(domain_id, folder)
-
-        def start(name: str, argv: list[str]) -> Process:
-            process = Process(name, argv, environment, folder / f"{name}.log")
-            stack.callback(process.stop)
-            return process.start()
-
-        fleet = start("robots", programs.virtual_robots(robots, 1, domain_id))
+    with site.started() as started:
+        domain_id, folder = started.domain_id, started.folder
+        fleet = started.start_robots(robots).process
         fleet.wait_for_output("ready: .*\n", START_SECONDS)
         if way == "subscriber":
             plugin = Path(__file__).with_name("check_by_subscription.py")
             check = f"{sys.executable} {plugin}"
-            yield NagiosFleet(folder, environment, domain_id, fleet, None, check)
+            yield NagiosFleet(folder, started.environment(), domain_id, fleet, None, check)
             return
-        address, config = f"127.0.0.1:{free_port()}", folder / "fleet.yml"
-        config.write_text(
+        config = started.write(
+            "fleet.yml",
             f"fleet: {configuration.FLEET}\ndiscovery:\n"
-            f'  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain_id}]}}\n'
+            f'  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain_id}]}}\n',
         )
-        argv = programs.exporter(config, address, folder / "exporter.db", "127.0.0.1:1")
-        exporter = start("exporter", argv)
-        until(lambda: site.up(address) == robots, f"{robots} robots", START_SECONDS, every=0.5)
-        check = f"{programs.own('check_ros_diagnostics')} --url http://{address}"
-        yield NagiosFleet(folder, environment, domain_id, fleet, exporter, check)
+        exporter = started.start_exporter(config)
+        until(
+            lambda: site.up(exporter.address) == robots,
+            f"{robots} robots",
+            START_SECONDS,
+            every=0.5,
+        )
+        check = f"{programs.own('check_ros_diagnostics')} --url http://{exporter.address}"
+        environment = started.environment()
+        yield NagiosFleet(folder, environment, domain_id, fleet, exporter.process, check)
 
 
 def nagios(

@@ -26,7 +26,6 @@ from bench.notify import measure as measure_faults
 from experiments import nagios_fleet, plots, results
 from experiments.results import Results, table
 from testbed import domains, programs
-from testbed.mail import Inbox
 from testbed.polling import until
 from testbed.stack import Plan, running
 
@@ -58,7 +57,7 @@ def _here(case: Case) -> Iterator[dict[str, float | str]]:
     plan = Plan(robots=case.robots, environment=domains.BETWEEN_MACHINES)
     with (
         tempfile.TemporaryDirectory() as folder,
-        running(Path(folder), plan, Inbox()) as stack,
+        running(Path(folder), plan) as stack,
     ):
         for _ in range(case.rounds):
             broken = [f"robot_{next(numbers)}" for _ in range(case.faults)]

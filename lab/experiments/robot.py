@@ -15,7 +15,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -29,12 +28,11 @@ from statistics import mean, stdev
 
 from experiments import plots, results
 from experiments.results import Results, table
-from experiments.site import environment, up
+from experiments.site import started
 from experiments.usage import usage
-from testbed import domains, programs
+from testbed import programs
 from testbed.polling import until
-from testbed.ports import free_port
-from testbed.processes import Process
+from testbed.site import Site
 
 NAME = "robot"
 ARMS = ("none", "exporter", "polled")
@@ -98,38 +96,29 @@ def _ip(*arguments: str) -> None:
 class Place:
     """The robot, and what is done to it."""
 
-    def __init__(self, stack: ExitStack, link: Cable) -> None:
+    def __init__(self, site: Site, link: Cable) -> None:
         self.link = link
-        self._folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="experiment-")))
-        domain_id = stack.enter_context(domains.lease())
-        self._environment = environment(domain_id, self._folder)
-        (self._folder / "fleet.yml").write_text(
+        self._site = site
+        fleet = site.write(
+            "fleet.yml",
             "fleet: bench\ndiscovery:\n"
-            f'  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain_id}]}}\n'
+            f'  - {{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{site.domain_id}]}}\n',
         )
+        self._exporter = site.make_exporter(fleet)
         inside = ["ip", "netns", "exec", link.namespace]
-        self.robot = self._process("robot", inside + programs.virtual_robots(1, 1, domain_id))
-        stack.callback(self.robot.stop)
-        self.robot.start()
+        argv = inside + programs.virtual_robots(1, 1, site.domain_id)
+        self.robot = site.start_program("robot", argv, domain_id=site.domain_id).process
         self.robot.wait_for_output("ready: .*\n", 60)
-
-    def _process(self, name: str, argv: list[str]) -> Process:
-        return Process(name, argv, self._environment, self._folder / f"{name}.log")
 
     @contextmanager
     def attached(self) -> Iterator[None]:
         """Have the exporter subscribed."""
-        address = f"127.0.0.1:{free_port()}"
-        fleet, database = self._folder / "fleet.yml", self._folder / "exporter.db"
-        exporter = self._process(
-            "exporter", programs.exporter(fleet, address, database, "127.0.0.1:1")
-        )
-        exporter.start()
+        process = self._site.start(self._exporter).process
         try:
-            until(lambda: up(address), exporter.describe, 60)
+            until(self._exporter.receives, process.describe, 60)
             yield
         finally:
-            exporter.stop()
+            process.stop()
 
     def poll(self) -> float:
         """Take one message with a fresh process; return the CPU seconds that it used.
@@ -141,7 +130,7 @@ class Place:
         before = os.times()
         argv = [sys.executable, str(plugin), "-H", "robot_1"]
         done = subprocess.run(
-            argv, env=self._environment, check=False, capture_output=True, text=True
+            argv, env=self._site.environment(), check=False, capture_output=True, text=True
         )
         if "sensors" not in done.stdout:
             raise RuntimeError(f"the poll failed: {done.stdout}{done.stderr}")
@@ -186,8 +175,8 @@ def measure_arm(place: Place, arm: str) -> dict[str, float | str]:
 def measure(block: int, seed: int) -> Iterator[dict[str, float | str]]:
     """Yield the three arms of a block, in random order, of a fresh robot."""
     order = Random(f"{seed} {block}").sample(ARMS, len(ARMS))
-    with ExitStack() as stack:
-        place = Place(stack, stack.enter_context(cable()))
+    with started() as site:
+        place = Place(site, site.use(cable()))
         threading.Event().wait(SETTLE)
         rows = [measure_arm(place, arm) for arm in order]
     for row in rows:

@@ -7,7 +7,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median, quantiles
@@ -19,11 +19,11 @@ from bench.scraper import MESSAGE_BYTES, MESSAGES, SEQUENCE, Scraper, robots_up,
 from experiments import fleet
 from experiments.usage import usage
 from ros_diagnostics_exporter.sources.ros_environment import use_profiles
-from testbed import configuration, domains, http, programs, servers
+from testbed import configuration, domains, http
 from testbed.polling import until
-from testbed.ports import free_port
 from testbed.processes import Process
 from testbed.servers import Server
+from testbed.site import Site
 
 START_SECONDS = 240.0
 SETTLE = 20.0  # seconds from when all is there: a scrape of all jobs, and some evaluations
@@ -55,29 +55,6 @@ class Workload(NamedTuple):
         return self.robots * self.rate
 
 
-@dataclass(frozen=True)
-class Site:
-    """The processes of the fleet, the measured programs by name, and where they listen."""
-
-    fleets: list[Server]
-    programs: dict[str, Server]
-    addresses: configuration.Addresses
-
-    @property
-    def exporter(self) -> str:
-        """HOST:PORT."""
-        return self.addresses.exporter
-
-    def query(self, promql: str) -> list[http.Sample]:
-        """Return the instant vector of an expression."""
-        return http.query(self.addresses.prometheus, promql)
-
-    def number(self, promql: str) -> float:
-        """Return the only value of an expression; NaN where there is none."""
-        found = self.query(promql)
-        return found[0].value if found else float("nan")
-
-
 @contextmanager
 def running(workload: Workload) -> Iterator[Site]:
     """Start everything, yield when Prometheus has every robot and fault, stop everything.
@@ -87,72 +64,61 @@ def running(workload: Workload) -> Iterator[Site]:
     Raises:
         TimeoutError: It was not ready in time.
     """
-    with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="experiment-")))
-        domain_id = stack.enter_context(domains.lease())
-        site = _prepare(folder, domain_id, workload)
-        for server in (*site.fleets, *site.programs.values()):
-            stack.callback(server.process.stop)
-            server.process.start()
-        for server in site.fleets:
+    with started() as site:
+        # Hundreds of robots share a participant, and so a socket: it needs room as the exporter's.
+        of_robots = site.environment() | {"PYTHONPATH": f"{CHECKOUT / 'lab'}:{CHECKOUT / 'tests'}"}
+        use_profiles(of_robots, site.folder)
+        for number, argv in enumerate(fleet.commands(*workload)):
+            log = site.folder / f"fleet-{number}.log"
+            site.start(Server(Process("fleet", argv, of_robots, log)))
+        fleets = list(site.started)
+        site.start_exporter(site.write("fleet.yml", FLEET_YML.format(domain_id=site.domain_id)))
+        site.start_prometheus()
+        site.start_alertmanager(recorder=site.exporter.address, links=True)
+        for server in fleets:
             server.process.wait_for_output("ready", START_SECONDS)
-        for server in site.programs.values():
-            server.wait_until_ready()
+        site.wait_until_ready()
         _wait_for_robots(site, workload)
         yield site
 
 
-def environment(domain_id: int, folder: Path) -> dict[str, str]:
-    """Return the variables of programs that speak to each other as computers in a network do."""
-    between = domains.environment(domain_id) | domains.BETWEEN_MACHINES
-    return between | {"ROS_LOG_DIR": str(folder / "ros-log")}
+@contextmanager
+def started() -> Iterator[Site]:
+    """A site in a folder of its own whose programs speak as computers in a network do."""
+    with (
+        tempfile.TemporaryDirectory(prefix="experiment-") as folder,
+        Site(Path(folder), environment=domains.BETWEEN_MACHINES) as site,
+    ):
+        yield site
 
 
-def _prepare(folder: Path, domain_id: int, workload: Workload) -> Site:
-    own = environment(domain_id, folder) | {
-        "PYTHONPATH": f"{CHECKOUT / 'lab'}:{CHECKOUT / 'tests'}"
+def number(site: Site, promql: str) -> float:
+    """The only value of an expression; NaN where there is none."""
+    found = site.query(promql)
+    return found[0].value if found else float("nan")
+
+
+def measured(site: Site) -> dict[str, Server]:
+    """The programs that are measured, by the names in the results."""
+    return {
+        "exporter": site.exporter,
+        "prometheus": site.prometheus,
+        "alertmanager": site.alertmanager,
     }
-    addresses = configuration.Addresses(*(f"127.0.0.1:{free_port()}" for _ in range(5)))
-    configs = configuration.write(folder, domain_id, addresses, configuration.Clocks())
-    configs.fleet.write_text(FLEET_YML.format(domain_id=domain_id))
-    exporter = programs.exporter(
-        configs.fleet, addresses.exporter, folder / "exporter.db", addresses.alertmanager
-    )
-    # Hundreds of robots share a participant, and so a socket: it needs room as the exporter's.
-    of_robots = dict(own)
-    use_profiles(of_robots, folder)
-    fleets = [
-        Server(Process("fleet", argv, of_robots, folder / f"fleet-{number}.log"))
-        for number, argv in enumerate(fleet.commands(*workload))
-    ]
-    return Site(
-        fleets,
-        {
-            "exporter": Server(
-                Process("exporter", exporter, own, folder / "exporter.log"),
-                addresses.exporter,
-            ),
-            "prometheus": servers.prometheus(folder, configs.prometheus, addresses.prometheus),
-            "alertmanager": servers.alertmanager(
-                folder, configs.alertmanager, addresses.alertmanager
-            ),
-        },
-        addresses,
-    )
 
 
 def _wait_for_robots(site: Site, workload: Workload) -> None:
     def there() -> bool:
         try:
-            known = site.number("count(ros_diagnostics_robot_up)")
-            faults = site.number('count(ALERTS{alertstate="firing",component!=""})')
+            known = number(site, "count(ros_diagnostics_robot_up)")
+            faults = number(site, 'count(ALERTS{alertstate="firing",component!=""})')
         except http.Unanswered:  # too busy
             return False
         return known == workload.robots and (workload.faults == 0 or faults >= workload.faults)
 
     until(there, f"{workload.robots} robots in Prometheus", START_SECONDS, every=1.0)
     with suppress(TimeoutError):  # how many are received stands in the result
-        until(lambda: up(site.exporter) == workload.robots, "all", START_SECONDS, every=5.0)
+        until(lambda: up(site.exporter.address) == workload.robots, "all", START_SECONDS, every=5.0)
 
 
 def up(address: str) -> int:
@@ -180,18 +146,18 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
     """
     pause = threading.Event()
     pause.wait(SETTLE)
-    scraper, samples = Scraper(site.exporter), _Samples()
+    scraper, samples = Scraper(site.exporter.address), _Samples()
     text, started = scraper.text(), time.monotonic()
     before, payload, dropped = _counts(text), total(MESSAGE_BYTES, text), _dropped()
     for _ in range(round(seconds / SLICE)):
         began = time.monotonic()
-        used = {name: usage(server.process.pid).cpu for name, server in site.programs.items()}
+        used = {name: usage(server.process.pid).cpu for name, server in measured(site).items()}
         for _ in range(AGES):
             pause.wait(random.uniform(0, 2 * SLICE / AGES))
             _sample_age(site, samples)
         pause.wait(max(0.0, began + SLICE - time.monotonic()))
         elapsed = time.monotonic() - began
-        for name, server in site.programs.items():
+        for name, server in measured(site).items():
             share = (usage(server.process.pid).cpu - used[name]) / elapsed
             samples.cpu.setdefault(name, []).append(share)
         _sample_evaluation(site, samples)
@@ -202,7 +168,7 @@ def measure(site: Site, workload: Workload, seconds: float) -> dict[str, float]:
     return {
         **workload._asdict(),
         **_usage(site, samples),
-        "up": site.number("count(ros_diagnostics_robot_up == 1)"),
+        "up": number(site, "count(ros_diagnostics_robot_up == 1)"),
         "messages": received,
         "lost": lost,
         "dropped": _dropped() - dropped,
@@ -232,7 +198,7 @@ def _usage(site: Site, samples: _Samples) -> dict[str, float]:
             f"{name}_cpu": round(sum(shares) / len(shares), 4),
             f"{name}_cpu_low": round(min(shares), 4),
             f"{name}_cpu_high": round(max(shares), 4),
-            f"{name}_memory": round(usage(site.programs[name].process.pid).memory, 1),
+            f"{name}_memory": round(usage(measured(site)[name].process.pid).memory, 1),
         }
     return row
 
@@ -279,21 +245,18 @@ def _dropped() -> int:
 def _scrapes(site: Site, seconds: float) -> dict[str, float]:
     """Return how long Prometheus' scrapes took, how many failed, and how much they transfer."""
     robots, faults = ('job="ros-diagnostics"', 'job="ros-diagnostics-faults"')
-    since = f"[{seconds:.0f}s]"
+    since, took = f"[{seconds:.0f}s]", "scrape_duration_seconds"
     sizes = {"robots": "exclude[]=faults", "faults": "collect[]=faults"}
     zipped = {name: _transferred(site, query) for name, query in sizes.items()}
     return {
-        "samples": site.number(f"scrape_samples_scraped{{{robots}}}"),
-        "scrape_seconds": site.number(f"avg_over_time(scrape_duration_seconds{{{robots}}}{since})"),
-        "scrape_seconds_max": site.number(
-            f"max_over_time(scrape_duration_seconds{{{robots}}}{since})"
-        ),
-        "faults_scrape_seconds": site.number(
-            f"avg_over_time(scrape_duration_seconds{{{faults}}}{since})"
-        ),
-        "scrapes_failed": site.number(
-            f'sum(count_over_time(up{{instance="{site.exporter}"}}{since})'
-            f' - sum_over_time(up{{instance="{site.exporter}"}}{since}))'
+        "samples": number(site, f"scrape_samples_scraped{{{robots}}}"),
+        "scrape_seconds": number(site, f"avg_over_time({took}{{{robots}}}{since})"),
+        "scrape_seconds_max": number(site, f"max_over_time({took}{{{robots}}}{since})"),
+        "faults_scrape_seconds": number(site, f"avg_over_time({took}{{{faults}}}{since})"),
+        "scrapes_failed": number(
+            site,
+            f'sum(count_over_time(up{{instance="{site.exporter.address}"}}{since})'
+            f' - sum_over_time(up{{instance="{site.exporter.address}"}}{since}))',
         ),
         # kB/s at the shipped intervals, 15 s and 2 s
         "scrape_rate": round((zipped["robots"] / 15 + zipped["faults"] / 2) / 1e3, 2),
@@ -302,7 +265,7 @@ def _scrapes(site: Site, seconds: float) -> dict[str, float]:
 
 def _transferred(site: Site, query: str) -> int:
     """Return the bytes of one answer as they are sent, compressed."""
-    url = f"http://{site.exporter}/metrics?{query}"
+    url = f"http://{site.exporter.address}/metrics?{query}"
     headers = {"Accept-Encoding": "gzip"}
     with (
         httpx.Client(trust_env=False) as client,

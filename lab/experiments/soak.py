@@ -34,8 +34,8 @@ from bench.scraper import MESSAGES, REJECTED, SEQUENCE, ScrapeError, Scraper, to
 from experiments import machine, soak_plot, soak_report, soak_scenario
 from experiments.usage import megabytes, usage
 from testbed import domains, http
-from testbed.mail import Inbox
-from testbed.stack import Plan, Stack, running
+from testbed.site import Site
+from testbed.stack import Plan, running
 
 SCRAPE_INTERVAL = 5.0
 SAMPLE_INTERVAL = 30.0
@@ -109,7 +109,7 @@ class Client:
 class Sampler:
     """One row of soak.csv at a time."""
 
-    def __init__(self, stack: Stack, client: Client, folder: Path) -> None:
+    def __init__(self, stack: Site, client: Client, folder: Path) -> None:
         self._stack = stack
         self._client = client
         self._folder = folder
@@ -127,14 +127,16 @@ class Sampler:
             RuntimeError: A program has ended; the text has its last output.
         """
         row: dict[str, float] = {"seconds": round(self.elapsed, 1)}
-        for server in self._stack.servers:
+        for server in self._stack.started:
+            if server.name not in PROGRAMS:  # Grafana, where it is installed
+                continue
             if not server.process.alive:
                 raise RuntimeError(server.process.describe())
             row |= {
                 f"{PROGRAMS[server.name]}_{name}": round(value, 3)
                 for name, value in usage(server.process.pid)._asdict().items()
             }
-        database = self._folder / "exporter.db"
+        database = self._stack.exporter.database
         row["exporter_database"] = megabytes([database])
         row["exporter_wal"] = megabytes([Path(f"{database}-wal")])
         row["prometheus_scrapes"], row["prometheus_failed"] = self._scrapes_of_prometheus()
@@ -169,7 +171,7 @@ class Sampler:
         return samples[0].value, samples[0].value - succeeded[0].value
 
 
-def _reload(stack: Stack, folder: Path, number: int) -> None:
+def _reload(stack: Site, folder: Path, number: int) -> None:
     """Change fleet.yml, reload the other programs, change how many motors some robots have."""
     fleet = folder / "fleet.yml"
     text = re.sub(r"\n# reload \d+\n\Z", "\n", fleet.read_text())
@@ -206,7 +208,7 @@ def soak(options: argparse.Namespace, out: Path) -> None:
         folder = Path(name)
         scenario = soak_scenario.write(folder, options.robots, seconds, options.seed)
         plan = Plan(seed=options.seed, scenario=scenario, environment=domains.BETWEEN_MACHINES)
-        with running(folder, plan, Inbox()) as stack:
+        with running(folder, plan) as stack:
             (out / "soak.json").write_text(json.dumps(about, indent=2) + "\n")
             steady = soak_scenario.fleet_of(options.robots).steady_robots()
             client = Client(stack.addresses.exporter, frozenset(steady))

@@ -21,9 +21,9 @@ from demo.liveness import ProgramEndedError
 from demo.run import DemoRun
 from demo.screen import Screen
 from testbed import grafana
-from testbed.mail import Inbox
 from testbed.programs import MissingProgram
-from testbed.stack import Plan, Stack, running
+from testbed.site import Site
+from testbed.stack import Plan, running
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -105,7 +105,7 @@ def _demo(seconds: float | None, plan: Plan, console: Console) -> list[str]:
     console.print(f"starting {robots}, {links}the exporter, Prometheus and Alertmanager ...")
     with (
         tempfile.TemporaryDirectory(prefix="fleet-demo-") as folder,
-        running(Path(folder), plan, Inbox()) as stack,
+        running(Path(folder), plan) as stack,
         Screen(console) as screen,
     ):
         for line in _addresses(stack):
@@ -114,7 +114,7 @@ def _demo(seconds: float | None, plan: Plan, console: Console) -> list[str]:
         return DemoRun(stack, screen, inject=not scripted).run(seconds)
 
 
-def _addresses(stack: Stack) -> list[str]:
+def _addresses(stack: Site) -> list[str]:
     where = stack.addresses
     return [
         f"  robots        ROS domain {stack.domain_id} (ROS_DOMAIN_ID={stack.domain_id})",

@@ -8,7 +8,7 @@ from demo.liveness import Liveness
 from demo.screen import Screen
 from demo.snapshot import Snapshot, changes, take_snapshot
 from demo.steps import Fault, Pace, Step, mail_errors, next_step, out_of_time
-from testbed.stack import Stack
+from testbed.site import Site
 
 INTERVAL = 0.5  # seconds between two snapshots
 PATIENCE = 20.0  # seconds that a program may be down
@@ -20,12 +20,12 @@ class DemoRun:
     With ``inject`` False the robots run a scenario of their own, and emails are not checked.
     """
 
-    def __init__(self, stack: Stack, screen: Screen, *, inject: bool = True) -> None:
+    def __init__(self, stack: Site, screen: Screen, *, inject: bool = True) -> None:
         self._inject = inject
         self._stack = stack
         self._screen = screen
         self._fault = Fault()
-        self._liveness = Liveness(stack.programs, PATIENCE)
+        self._liveness = Liveness(stack.started, PATIENCE)
         self._step = Step.HEALTHY
         self._step_began = 0.0
         self._snapshot = take_snapshot(stack.addresses)

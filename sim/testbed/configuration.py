@@ -1,18 +1,21 @@
 """The configuration of one run: the shipped folders copied, with this run's addresses written in.
 
-The same edits that a site makes. Rules, routes, templates and clocks stay as shipped.
+The same edits that a site makes. Rules, routes, templates and clocks stay as shipped, but for what
+is asked for.
 """
 
 from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
+
+from testbed import short_clocks
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 FLEET = "demo"
@@ -51,7 +54,7 @@ class Configs:
 def write(
     folder: Path, domain_id: int, addresses: Addresses, clocks: Clocks, zenoh: str = ""
 ) -> Configs:
-    """Write the configuration of one run to ``folder``.
+    """Write the configuration of the demo to ``folder``.
 
     Args:
         folder: Where to.
@@ -63,18 +66,81 @@ def write(
     Raises:
         LookupError: The shipped configuration lacks what is edited here.
     """
-    fleet = folder / "fleet.yml"
-    fleet.write_text(_fleet(domain_id, clocks, zenoh))
-    shutil.copytree(CHECKOUT / "prometheus", folder / "prometheus")
-    _list_targets(folder / "prometheus" / "targets", addresses)
-    shutil.copytree(CHECKOUT / "alertmanager", folder / "alertmanager")
-    _set_links(folder / "alertmanager" / "templates" / "site.tmpl", addresses)
-    alertmanager = folder / "alertmanager" / "alertmanager.yml"
-    _edit(alertmanager, lambda it: set_addresses(it, addresses))
-    return Configs(fleet, folder / "prometheus" / "prometheus.yml", alertmanager)
+    path = folder / "fleet.yml"
+    path.write_text(fleet(domain_id, clocks, zenoh))
+    return Configs(
+        path,
+        prometheus(folder, [addresses.exporter], addresses),
+        alertmanager(folder, addresses, recorder=addresses.exporter, links=True),
+    )
 
 
-def _fleet(domain_id: int, clocks: Clocks, zenoh: str) -> str:
+def prometheus(
+    folder: Path,
+    exporters: Sequence[str],
+    addresses: Addresses,
+    *,
+    interval: int | None = None,
+    tenth: bool = False,
+) -> Path:
+    """Copy the shipped folder; return its prometheus.yml.
+
+    Args:
+        folder: Where to.
+        exporters: HOST:PORT of each.
+        addresses: Of Prometheus and Alertmanager.
+        interval: Seconds between two scrapes and two evaluations, in place of the shipped ones.
+        tenth: Whether ranges, offsets and holds last a tenth of what is shipped.
+    """
+    copy = folder / "prometheus"
+    shutil.copytree(CHECKOUT / "prometheus", copy)
+    for job, targets in {
+        "ros-diagnostics": exporters,
+        "prometheus": [addresses.prometheus],
+        "alertmanager": [addresses.alertmanager],
+    }.items():
+        path = copy / "targets" / f"{job}.yml"
+        if not path.exists():  # else Prometheus would read another file
+            raise LookupError(f"prometheus/targets/{path.name} is no longer shipped")
+        path.write_text(yaml.safe_dump([{"targets": list(targets)}]))
+    if interval is not None:
+        short_clocks.set_interval(copy, interval)
+    if tenth:
+        short_clocks.scale(copy / "rules")
+    return copy / "prometheus.yml"
+
+
+def alertmanager(
+    folder: Path,
+    addresses: Addresses,
+    *,
+    recorder: str = "",
+    links: bool = False,
+    edit: Callable[[dict[str, Any]], object] = lambda _: None,
+) -> Path:
+    """Copy the shipped folder; return its alertmanager.yml.
+
+    Args:
+        folder: Where to.
+        addresses: Of the mail server, and of what the links lead to.
+        recorder: The exporter that is told who was notified, "" for none.
+        links: Whether the links in notifications lead to this run's servers.
+        edit: Changes the content, before the addresses are set.
+    """
+    copy = folder / "alertmanager"
+    shutil.copytree(CHECKOUT / "alertmanager", copy)
+    if links:
+        _set_links(copy / "templates" / "site.tmpl", addresses)
+
+    def change(content: dict[str, Any]) -> None:
+        edit(content)
+        _set_addresses(content, addresses.smtp, recorder)
+
+    short_clocks.edit(copy / "alertmanager.yml", change)
+    return copy / "alertmanager.yml"
+
+
+def fleet(domain_id: int, clocks: Clocks, zenoh: str) -> str:
     """Return a fleet.yml that finds every robot of one ROS domain, or router, by its topic."""
     where, routers = f"domain_ids: [{domain_id}]", ""
     if zenoh:
@@ -107,26 +173,17 @@ discovery:
 """
 
 
-def _list_targets(folder: Path, addresses: Addresses) -> None:
-    targets: dict[str, dict[str, Any]] = {
-        "ros-diagnostics": {"targets": [addresses.exporter]},
-        "prometheus": {"targets": [addresses.prometheus]},
-        "alertmanager": {"targets": [addresses.alertmanager]},
-    }
-    for job, group in targets.items():
-        path = folder / f"{job}.yml"
-        if not path.exists():  # else Prometheus would read another file
-            raise LookupError(f"prometheus/targets/{path.name} is no longer shipped")
-        path.write_text(yaml.safe_dump([group]))
-
-
-def set_addresses(alertmanager: dict[str, Any], addresses: Addresses) -> None:
-    """Set the mail server, and the exporter that records who was notified."""
-    alertmanager["global"]["smtp_smarthost"] = addresses.smtp
-    for receiver in alertmanager["receivers"]:
-        for webhook in receiver.get("webhook_configs", ()):
-            if webhook["url"].endswith(NOTIFICATIONS):
-                webhook["url"] = f"http://{addresses.exporter}{NOTIFICATIONS}"
+def _set_addresses(content: dict[str, Any], smtp: str, recorder: str) -> None:
+    """Set the mail server, and the exporter that is told who was notified, "" for none."""
+    content["global"]["smtp_smarthost"] = smtp
+    for receiver in content["receivers"]:
+        for webhook in list(receiver.get("webhook_configs", ())):
+            if not webhook["url"].endswith(NOTIFICATIONS):
+                continue
+            if recorder:
+                webhook["url"] = f"http://{recorder}{NOTIFICATIONS}"
+            else:
+                receiver["webhook_configs"].remove(webhook)
 
 
 def _set_links(site: Path, addresses: Addresses) -> None:
@@ -150,9 +207,3 @@ def _set_links(site: Path, addresses: Addresses) -> None:
         if found != 1:
             raise LookupError(f"alertmanager/templates/site.tmpl no longer defines {name}")
     site.write_text(text)
-
-
-def _edit(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
-    content = yaml.safe_load(path.read_text())
-    change(content)
-    path.write_text(yaml.safe_dump(content, sort_keys=False))

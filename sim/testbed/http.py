@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import httpx
 
@@ -11,13 +12,6 @@ import httpx
 _CLIENT = httpx.Client(trust_env=False, limits=httpx.Limits(max_keepalive_connections=0))
 # No connection, a timeout, or a status other than 2xx.
 Unanswered = httpx.HTTPError
-
-
-class Sample(NamedTuple):
-    """One element of an instant vector."""
-
-    labels: dict[str, str]
-    value: float
 
 
 def get(address: str, path: str, seconds: float = 5.0) -> bytes:
@@ -40,15 +34,17 @@ def get_json(address: str, path: str) -> Any:
     return json.loads(get(address, path))
 
 
-def query(address: str, promql: str) -> list[Sample]:
-    """Return the instant vector of an expression from Prometheus.
+def ask(address: str, path: str, form: Mapping[str, Any]) -> Any:
+    """Return the parsed JSON of the answer to a form.
 
     Raises:
-        Unanswered: As `get`; also for an invalid expression.
+        Unanswered: As `get`.
+        ValueError: The form is rejected; the text has the reason, and the form.
     """
-    url = httpx.URL("/api/v1/query", params={"query": promql})
-    result = get_json(address, str(url))["data"]["result"]
-    return [Sample(each["metric"], float(each["value"][1])) for each in result]
+    response = _CLIENT.post(f"http://{address}{path}", data=form, timeout=60.0)
+    if response.status_code in {400, 422}:
+        raise ValueError(f"{response.json()['error']}\n{form}")
+    return response.raise_for_status().json()
 
 
 def answers(address: str, path: str) -> bool:

@@ -59,6 +59,10 @@ class Inbox:
         with self._lock:
             return list(self._mails)
 
+    def subjects(self, to: str = "") -> list[str]:
+        """Return the subjects of all mails received until now, or of those to one address."""
+        return [mail.subject for mail in self.mails() if not to or to in mail.recipients]
+
     async def handle_DATA(self, _server: SMTP, _session: Session, envelope: Envelope) -> str:  # noqa: N802 - aiosmtpd calls it by this name
         """Store a mail (aiosmtpd's hook)."""
         mail = _read(envelope)

@@ -60,14 +60,18 @@ def fault(robot: str, component: str, level: str, message: str, domain_id: int) 
     return [own("virtual-robots"), "fault", robot, component, level, *text, *where]
 
 
-def exporter(config: Path, address: str, storage: Path, alertmanager: str) -> list[str]:
-    """Return the command that serves the fleet of ``config`` at ``address``."""
+def exporter(config: Path, address: str, storage: Path, alertmanager: str = "") -> list[str]:
+    """Return the command that serves the fleet of ``config`` at ``address``.
+
+    ``alertmanager`` is the address of the one that it asks, "" for none.
+    """
+    asked = [f"--alertmanager.url=http://{alertmanager}"] if alertmanager else []
     return [
         own("ros-diagnostics-exporter"),
         f"--config.file={config}",
         f"--web.listen-address={address}",
         f"--storage.path={storage}",
-        f"--alertmanager.url=http://{alertmanager}",
+        *asked,
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -18,7 +19,8 @@ class Server:
 
     process: Process
     address: str = ""
-    health: str = "/-/healthy"  # the path that answers 200 while it is up
+    health: str = "/-/healthy"  # the path that answers 2xx while it is up
+    ready: str = "/-/ready"  # and once it is ready; "" where nobody waits for it
 
     @property
     def name(self) -> str:
@@ -33,13 +35,19 @@ class Server:
         """Whether it answers 2xx there."""
         return http.answers(self.address, path)
 
+    def restart(self) -> None:
+        """Stop it, start it again and wait until it is ready; raises as `wait_until_ready`."""
+        self.process.stop()
+        self.process.start()
+        self.wait_until_ready()
+
     def wait_until_ready(self, seconds: float = 60.0) -> None:
-        """Wait for its /-/ready.
+        """Wait until it is ready.
 
         Raises:
             TimeoutError: Not ready in time; the text has its last output.
         """
-        until(lambda: self.answers("/-/ready"), self.process.describe, seconds)
+        until(lambda: self.answers(self.ready), self.process.describe, seconds)
 
 
 def prometheus(
@@ -79,6 +87,14 @@ def alertmanager(
     """
     argv = [*programs.alertmanager(config, address, folder / "nflog", cluster), *options]
     return Server(Process("Alertmanager", argv, environment, folder / "Alertmanager.log"), address)
+
+
+def import_history(samples: Path, folder: Path) -> None:
+    """Give a Prometheus that has not run yet the samples of an OpenMetrics file."""
+    # Blocks as long as those of compaction: promtool reads the whole text for each.
+    argv = ["promtool", "tsdb", "create-blocks-from", "--max-block-duration=744h"]
+    argv += ["openmetrics", "--quiet", str(samples), str(folder / "tsdb")]
+    subprocess.run(argv, check=True, capture_output=True, timeout=1800)
 
 
 @contextmanager

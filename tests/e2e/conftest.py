@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from support.sns import SENT
-from testbed import http
-from testbed.mail import Inbox
+from support import sns
 from testbed.polling import until
-from testbed.stack import Plan, Stack, running
+from testbed.site import Site
+from testbed.stack import Plan, running
 
 HERE = Path(__file__).parent
 
@@ -25,20 +22,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture
-def stack(tmp_path: Path) -> Iterator[Stack]:
+def site(tmp_path: Path) -> Iterator[Site]:
+    """A site in which nothing is started yet."""
+    with Site(tmp_path) as site:
+        yield site
+
+
+@pytest.fixture
+def stack(tmp_path: Path) -> Iterator[Site]:
     """Three virtual robots, the exporter, Prometheus, Alertmanager and a mail server, all ready."""
-    with running(tmp_path, Plan(robots=3), Inbox()) as stack:
+    with running(tmp_path, Plan(robots=3)) as stack:
         yield stack
 
 
 @pytest.fixture
-def wait_for_mails(stack: Stack) -> Callable[[int], list[str]]:
+def wait_for_mails(stack: Site) -> Callable[[int], list[str]]:
     """A function: waits until so many mails have come, returns all subjects."""
 
     def wait(number: int) -> list[str]:
-        def subjects() -> list[str]:
-            return [mail.subject for mail in stack.inbox.mails()]
-
+        subjects = stack.inbox.subjects
         until(lambda: len(subjects()) >= number, lambda: f"{number} mails: {subjects()}", 60)
         return subjects()
 
@@ -46,7 +48,7 @@ def wait_for_mails(stack: Stack) -> Callable[[int], list[str]]:
 
 
 @pytest.fixture
-def wait_for_scrapes(stack: Stack) -> Callable[[int], None]:
+def wait_for_scrapes(stack: Site) -> Callable[[int], None]:
     """A function: waits until Prometheus has scraped the exporter successfully so many times more.
 
     Rules are evaluated as often, and group_interval is as long: all mails about what was scraped
@@ -65,11 +67,6 @@ def wait_for_scrapes(stack: Stack) -> Callable[[int], None]:
 
 
 @pytest.fixture
-def sns_server(free_port: Callable[[], int], start_process: Callable[..., Any]) -> str:
+def sns_server(site: Site) -> str:
     """The address of moto's server, which receives text messages as Amazon SNS does."""
-    port = free_port()
-    argv = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)]
-    start_process("moto", argv)
-    address = f"127.0.0.1:{port}"
-    until(lambda: http.answers(address, SENT), "moto's server answers", 60)
-    return address
+    return sns.start_server(site)

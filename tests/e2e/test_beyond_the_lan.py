@@ -21,8 +21,8 @@ from typing import IO
 import pytest
 from zenoh import Config
 
-from support import short_clocks, subnets
-from testbed import configuration, domains, programs, zenoh
+from support import subnets
+from testbed import configuration, domains, programs, short_clocks, zenoh
 from testbed.configuration import CHECKOUT, Addresses, Clocks
 from testbed.polling import until
 from testbed.processes import Process

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -18,13 +16,11 @@ import yaml
 
 from support.alerts import post_alerts
 from support.existing_site import ALERTMANAGER, OWN_RULES, PROMETHEUS, added
-from support.prometheus_site import Site
-from testbed import domains, http, programs, servers
+from testbed import servers
 from testbed.configuration import CHECKOUT
-from testbed.mail import Inbox, Mail, MailServer
+from testbed.mail import Inbox
 from testbed.polling import until
-from testbed.ports import free_port
-from testbed.processes import Process
+from testbed.site import Site
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -45,15 +41,12 @@ def alert(name: str, severity: str, **labels: str) -> dict[str, Any]:
 class Mails:
     """What the mail server received."""
 
-    def __init__(self) -> None:
-        self.inbox = Inbox()
-
-    def to(self, recipient: str) -> list[Mail]:
-        return [mail for mail in self.inbox.mails() if mail.recipients == (recipient,)]
+    def __init__(self, inbox: Inbox) -> None:
+        self.to = inbox.subjects
 
     def subjects(self) -> list[str]:
         """Of the mails about robots."""
-        return [mail.subject for mail in self.to("robots@localhost")]
+        return self.to("robots@localhost")
 
     def until_robots(self, *subjects: str, seconds: float = 60) -> None:
         """Wait until exactly these were sent about robots, in this order."""
@@ -62,25 +55,20 @@ class Mails:
 
 
 @pytest.fixture
-def mails() -> Mails:
-    return Mails()
+def mails(site: Site) -> Mails:
+    return Mails(site.inbox)
 
 
 @pytest.fixture
-def alertmanager(tmp_path: Path, mails: Mails) -> Iterator[str]:
+def alertmanager(site: Site) -> str:
     """The address of an Alertmanager that others use, with the page's pieces."""
-    smtp = f"127.0.0.1:{free_port()}"
-    config = tmp_path / "alertmanager.yml"
-    config.write_text(added(ALERTMANAGER.format(smtp=smtp), config.name))
-    shutil.copytree(CHECKOUT / "alertmanager" / "templates", tmp_path / "ros-diagnostics")
-    mail_server = MailServer(smtp, mails.inbox)
-    mail_server.start()
-    server = servers.alertmanager(tmp_path, config, f"127.0.0.1:{free_port()}")
-    try:
-        with servers.running(server):
-            yield server.address
-    finally:
-        mail_server.stop()
+    name = "alertmanager.yml"
+    config = site.write(name, added(ALERTMANAGER.format(smtp=site.addresses.smtp), name))
+    shutil.copytree(CHECKOUT / "alertmanager" / "templates", site.folder / "ros-diagnostics")
+    site.start_mail_server()
+    address = site.addresses.alertmanager
+    site.start(servers.alertmanager(site.folder, config, address)).wait_until_ready()
+    return address
 
 
 def broken(robot: str) -> dict[str, Any]:
@@ -112,12 +100,8 @@ def test_what_others_have_goes_on(alertmanager: str, mails: Mails):
     until(lambda: mails.to("ops@example.org"), "the mail about disks", 120)
     until(lambda: mails.to("pager@example.org"), "the mail about hosts", 60)
 
-    assert [mail.subject for mail in mails.to("ops@example.org")] == [
-        "[FIRING:2] DiskFull prod (warning)"
-    ]
-    assert [mail.subject for mail in mails.to("pager@example.org")] == [
-        "[FIRING:1] HostDown prod (critical)"
-    ]
+    assert mails.to("ops@example.org") == ["[FIRING:2] DiskFull prod (warning)"]
+    assert mails.to("pager@example.org") == ["[FIRING:1] HostDown prod (critical)"]
     assert mails.to("heartbeat@example.org")
     assert not mails.subjects()
 
@@ -136,99 +120,59 @@ def test_a_critical_alert_mutes_no_warning_about_another_robot(alertmanager: str
 class Chain:
     """Two virtual robots, their exporter, and a Prometheus and an Alertmanager that others use."""
 
-    def __init__(self, folder: Path, mails: Mails, alertmanager: str) -> None:
-        self.folder = folder
-        self.mails = mails
-        self.exporter = f"127.0.0.1:{free_port()}"
-        self.site = Site(f"127.0.0.1:{free_port()}", alertmanager)
-        self._ending = ExitStack()
-        self._domain = self._ending.enter_context(domains.lease())
-        log = {"ROS_LOG_DIR": str(folder / "ros-log")}
-        self._environment = domains.environment(self._domain) | log
+    def __init__(self, site: Site) -> None:
+        self.site = site
+        site.start_robots(2)
+        fleet = site.write("fleet.yml", FLEET.format(domain=site.domain_id))
+        self.exporter = site.start_exporter(fleet)
+        until(lambda: len(self.exporter.receives()) == 2, "the exporter receives both robots", 120)
 
     def start(self, interval: str, edit: Callable[[str], str] = str) -> None:
-        """Start all; ``edit`` changes the text of prometheus.yml."""
-        (self.folder / "fleet.yml").write_text(FLEET.format(domain=self._domain))
-        storage = self.folder / "state"
-        self._run("robots", programs.virtual_robots(2, 1, self._domain))
-        self._run(
-            "exporter",
-            programs.exporter(
-                self.folder / "fleet.yml", self.exporter, storage, self.site.alertmanager
-            ),
+        """Start Prometheus; ``edit`` changes the text of prometheus.yml."""
+        site, name = self.site, "prometheus.yml"
+        text = PROMETHEUS.format(
+            interval=interval,
+            prometheus=site.addresses.prometheus,
+            alertmanager=site.addresses.alertmanager,
         )
-        until(self._receives_both, "the exporter receives both robots", 120)
-        config = self.folder / "prometheus.yml"
-        text = PROMETHEUS.format(interval=interval, **self._servers())
-        config.write_text(edit(added(text, config.name).replace("localhost:9877", self.exporter)))
-        self._copy_rules()
-        server = servers.prometheus(self.folder, config, self.site.prometheus)
-        self._ending.enter_context(servers.running(server))
-
-    def _servers(self) -> dict[str, str]:
-        return {"prometheus": self.site.prometheus, "alertmanager": self.site.alertmanager}
-
-    def _copy_rules(self) -> None:
-        (self.folder / "own").mkdir()
-        (self.folder / "own" / "rules.yml").write_text(OWN_RULES)
+        text = added(text, name).replace("localhost:9877", self.exporter.address)
+        site.write("own/rules.yml", OWN_RULES)
         for rules in (CHECKOUT / "prometheus" / "rules").glob("*.yml"):
             if rules.name != "servers.yml":
-                shutil.copy(rules, self.folder / "ros-diagnostics" / rules.name)
-
-    def _run(self, name: str, argv: list[str]) -> None:
-        process = Process(name, argv, self._environment, self.folder / f"{name}.log")
-        self._ending.callback(process.stop)
-        process.start()
-
-    def _receives_both(self) -> bool:
-        if not http.answers(self.exporter, "/-/ready"):
-            return False
-        robots = http.get_json(self.exporter, "/api/v1/fleet")["robots"]
-        return [each["up"] for each in robots] == [True, True]
-
-    def fault(self, robot: str, level: str) -> None:
-        argv = programs.fault(robot, "Motor 1", level, "", self._domain)
-        done = Process("fault", argv, self._environment, self.folder / f"{robot}-{level}.log")
-        done.start()
-        until(lambda: not done.alive, done.describe, 60)
-        assert done.exit_code == 0, done.describe()
+                shutil.copy(rules, site.folder / "ros-diagnostics" / rules.name)
+        config, address = site.write(name, edit(text)), site.addresses.prometheus
+        site.start(servers.prometheus(site.folder, config, address)).wait_until_ready()
 
     def firing(self) -> set[str]:
-        alerts = self.site.alerts()
-        return {each["labels"]["alertname"] for each in alerts if each["state"] == "firing"}
-
-    def stop(self) -> None:
-        self._ending.close()
+        return {labels["alertname"] for labels in self.site.engine.firing()}
 
 
 @pytest.fixture
-def chain(tmp_path: Path, mails: Mails, alertmanager: str) -> Iterator[Chain]:
-    chain = Chain(tmp_path, mails, alertmanager)
-    yield chain
-    chain.stop()
+def chain(site: Site, alertmanager: str) -> Chain:
+    return Chain(site)
 
 
 @pytest.mark.parametrize("interval", ["15s", "60s"])
-def test_two_faults_within_a_minute_are_two_mails(chain: Chain, interval: str):
-    chain.start(interval, lambda text: with_labels(text, chain.exporter, "{env: prod}"))
+def test_two_faults_within_a_minute_are_two_mails(chain: Chain, mails: Mails, interval: str):
+    chain.start(interval, lambda text: with_labels(text, chain.exporter.address, "{env: prod}"))
     until(lambda: chain.site.query("ros_diagnostics_exporter_settled == 1"), "a scrape", 120)
     until(lambda: {"Watchdog", "DiskFull"} <= chain.firing(), "the rules of others", 120)
 
     problems = [
         f"** PROBLEM ** hall/{robot} Motor 1 is CRITICAL" for robot in ("robot_1", "robot_2")
     ]
-    chain.fault("robot_1", "error")
-    chain.mails.until_robots(problems[0], seconds=150)
-    chain.fault("robot_2", "error")
-    chain.mails.until_robots(*problems, seconds=150)
+    chain.site.fault("robot_1", "Motor 1", "error")
+    mails.until_robots(problems[0], seconds=150)
+    chain.site.fault("robot_2", "Motor 1", "error")
+    mails.until_robots(*problems, seconds=150)
     assert {each for each in chain.firing() if each.startswith("Ros")} == {
         "RosDiagnosticsComponentCritical"
     }
 
-    chain.fault("robot_1", "ok")
+    chain.site.fault("robot_1", "Motor 1", "ok")
     recovery = "** RECOVERY ** hall/robot_1 Motor 1 is no longer CRITICAL"
-    chain.mails.until_robots(*problems, recovery, seconds=150)
-    assert not chain.mails.to("pager@example.org")
+    mails.until_robots(*problems, recovery, seconds=150)
+    assert not mails.to("pager@example.org")
 
 
 def with_labels(text: str, exporter: str, labels: str) -> str:
@@ -246,7 +190,7 @@ def with_labels(text: str, exporter: str, labels: str) -> str:
 def test_labels_that_hide_the_exporters_own_are_one_alert(chain: Chain, label: str):
     def edit(text: str) -> str:
         text = re.sub(r"^ +honor_labels: true.*\n", "", text, flags=re.MULTILINE)
-        return with_labels(text, chain.exporter, f"{{{label}}}")
+        return with_labels(text, chain.exporter.address, f"{{{label}}}")
 
     chain.start("15s", edit)
 

@@ -5,18 +5,12 @@ Each fault is one alert, which fires without a gap from its beginning to evidenc
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import ExitStack
-from pathlib import Path
-
 import pytest
 
-from e2e.rule_scenarios.stack import Orders
-from support import prometheus_site, short_clocks
-from testbed import domains, http, programs
+from support.orders import Orders
+from testbed import http
 from testbed.polling import until
-from testbed.ports import free_port
-from testbed.processes import Process
+from testbed.site import Site
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -37,13 +31,11 @@ COMMON: Alert = ("CommonCause", "", "Motor 1")
 class Half:
     """An exporter, with a configuration and a database of its own."""
 
-    def __init__(self, folder: Path, domain: int, *, empty_domain: int) -> None:
-        self._config, self.database = folder / "fleet.yml", folder / "state"
-        self._domain, self._empty = domain, empty_domain
-        self.address = f"127.0.0.1:{free_port()}"
+    def __init__(self, site: Site, name: str, empty_domain: int) -> None:
+        self._domain, self._empty = site.domain_id, empty_domain
+        self.server = site.make_exporter(site.folder / f"{name}.yml", name=name)
+        self.database, self.address = self.server.database, self.server.address
         self.write()
-        self._log, self._environment = folder / "log", domains.environment(domain)
-        self.process: Process | None = None
 
     def write(self, *, name: str = "", deaf_to: list[str] | None = None) -> None:
         """Write fleet.yml with a name, and robots whose messages do not come here."""
@@ -51,30 +43,17 @@ class Half:
         for robot in ROBOTS:
             domain = self._empty if robot in (deaf_to or []) else self._domain
             lines.append(f"  - {{name: {robot}, namespace: /{robot}, domain_id: {domain}}}")
-        self._config.write_text("\n".join(lines) + "\n")
-
-    def start(self, alertmanager: str) -> None:
-        argv = programs.exporter(self._config, self.address, self.database, alertmanager)
-        self.process = Process("exporter", argv, self._environment, self._log).start()
+        self.server.config.write_text("\n".join(lines) + "\n")
 
     def stop(self) -> None:
-        if self.process is not None:
-            self.process.stop()
+        self.server.process.stop()
 
     def kill(self) -> None:
-        assert self.process is not None
-        self.process.kill()
-
-    def receives(self) -> list[str]:
-        """The robots that it receives now."""
-        if not http.answers(self.address, "/-/ready"):
-            return []
-        robots = http.get_json(self.address, "/api/v1/fleet")["robots"]
-        return [each["robot"] for each in robots if each["up"]]
+        self.server.process.kill()
 
     def serves(self, *parts: str) -> bool:
         """Whether a line of its metrics has all parts."""
-        if not http.answers(self.address, "/-/ready"):
+        if not self.server.answers("/-/ready"):
             return False
         lines = http.get(self.address, "/metrics").decode().splitlines()
         return any(all(part in line for part in parts) for line in lines)
@@ -83,16 +62,19 @@ class Half:
 class Pair:
     """Both halves, their robots, and what fires about them."""
 
-    def __init__(self, first: Half, second: Half, servers: prometheus_site.Site, orders: Orders):
-        self.first, self.second = first, second
-        self._servers, self._orders = servers, orders
+    def __init__(self, site: Site) -> None:
+        empty_domain = site.lease()
+        self.first, self.second = (Half(site, name, empty_domain) for name in ("first", "second"))
+        self._site, self._engine = site, site.engine
+        self._orders = site.use(Orders(site.domain_id))
 
     def start(self, half: Half, *, receives: list[str]) -> None:
         """Start a half and wait until Prometheus has it settled, receiving just these robots."""
-        half.start(self._servers.alertmanager)
-        until(lambda: half.receives() == receives, lambda: f"{half.receives()}", 120)
+        server = half.server
+        self._site.start(server)
+        until(lambda: server.receives() == receives, lambda: f"{server.receives()}", 120)
         settled = f'ros_diagnostics_exporter_settled{{instance="{half.address}"}} == 1'
-        until(lambda: bool(self._servers.query(settled)), "it has settled", 120)
+        until(lambda: bool(self._engine.query(settled)), "it has settled", 120)
 
     def restart(self, half: Half, *, receives: list[str]) -> None:
         half.stop()
@@ -106,8 +88,7 @@ class Pair:
         self._orders.give([(robot, order)])
 
     def firing(self) -> set[Alert]:
-        found = (each["labels"] for each in self._servers.alerts() if each["state"] == "firing")
-        return {_alert(labels) for labels in found if "fault" in labels}
+        return {_alert(labels) for labels in self._engine.firing() if "fault" in labels}
 
     def becomes(self, *alerts: Alert) -> None:
         """Wait until just these fire, and whatever comes late has come."""
@@ -126,18 +107,13 @@ class Pair:
     def evaluations(self, number: int) -> None:
         """Wait for so many more evaluations of the rules."""
         count = 'sum(prometheus_rule_group_iterations_total{rule_group=~".*faults"})'
-
-        def evaluated() -> float:
-            found = self._servers.query(count)
-            return float(found[0]["value"][1]) if found else 0.0
-
-        wanted = evaluated() + number
-        until(lambda: evaluated() >= wanted, f"{number} evaluations", 90)
+        wanted = self._engine.value(count) + number
+        until(lambda: self._engine.value(count) >= wanted, f"{number} evaluations", 90)
 
     def fired(self) -> dict[Alert, int]:
         """How many times each alert has begun to fire."""
         found: dict[Alert, set[str]] = {}
-        for series in self._servers.query('ALERTS_FOR_STATE{fault!="", step=""}[1h]'):
+        for series in self._engine.series('ALERTS_FOR_STATE{fault!="", step=""}[1h]'):
             times = {value for _at, value in series["values"]}
             found.setdefault(_alert(series["metric"]), set()).update(times)
         return {alert: len(times) for alert, times in found.items()}
@@ -149,35 +125,15 @@ def _alert(labels: dict[str, str]) -> Alert:
 
 
 @pytest.fixture
-def pair(tmp_path: Path) -> Iterator[Pair]:
+def pair(site: Site) -> Pair:
     """A pair of which the first half is started."""
-    with ExitStack() as stack:
-        domain, empty_domain = (stack.enter_context(domains.lease()) for _ in range(2))
-        halves = []
-        for name in ("first", "second"):
-            (tmp_path / name).mkdir()
-            halves.append(Half(tmp_path / name, domain, empty_domain=empty_domain))
-            stack.callback(halves[-1].stop)
-        robots = Process(
-            "robots",
-            programs.virtual_robots(len(ROBOTS), 1, domain),
-            domains.environment(domain),
-            tmp_path / "robots.log",
-        )
-        stack.callback(robots.stop)
-        robots.start()
-        servers = stack.enter_context(
-            prometheus_site.running(
-                tmp_path,
-                {half.address: half.address for half in halves},
-                prepare=lambda prometheus: short_clocks.scale(prometheus / "rules"),
-            )
-        )
-        orders = Orders(domain)
-        stack.callback(orders.close)
-        pair = Pair(halves[0], halves[1], servers, orders)
-        pair.start(pair.first, receives=ROBOTS)
-        yield pair
+    site.start_robots(len(ROBOTS))
+    pair = Pair(site)
+    site.start_alertmanager()
+    site.start_prometheus(interval=1, tenth=True)
+    site.wait_until_ready()
+    pair.start(pair.first, receives=ROBOTS)
+    return pair
 
 
 def test_what_ended_does_not_fire_again_by_a_half_that_went_deaf_in_it(pair: Pair):

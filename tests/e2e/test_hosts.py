@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from support import host_checks, prometheus_site
-from testbed import domains, programs
-from testbed.http import answers
+from support import host_checks
 from testbed.polling import until
-from testbed.ports import free_port
-from testbed.processes import Process
+from testbed.site import Site
 
 FLEET = """
 fleet: hall
@@ -43,37 +38,20 @@ def jobs(exporter: str, node: str, blackbox: str, module: str) -> list[dict[str,
 
 
 @pytest.fixture(params=["icmp", "tcp_connect"])
-def probed(request, tmp_path: Path) -> Iterator[tuple[prometheus_site.Site, str]]:
-    """A site whose hosts are probed with either module, and blackbox_exporter's error, if any."""
-    exporter = f"127.0.0.1:{free_port()}"
-    with domains.lease() as domain, host_checks.running(tmp_path) as (node, blackbox):
-        config = tmp_path / "fleet.yml"
-        config.write_text(FLEET.format(domain=domain))
-        process = Process(
-            "exporter",
-            [
-                programs.own("ros-diagnostics-exporter"),
-                f"--config.file={config}",
-                f"--web.listen-address={exporter}",
-                f"--storage.path={tmp_path / 'exporter.db'}",
-            ],
-            domains.environment(domain),
-            tmp_path / "exporter.log",
-        )
-        try:
-            process.start()
-            until(lambda: answers(exporter, "/-/ready"), process.describe, 60)
-            probes = jobs(exporter, node, blackbox, request.param)
-            with prometheus_site.running(tmp_path, {"hall": exporter}, probes=probes) as running:
-                pings = request.param == "icmp"
-                yield running, host_checks.ping_error(blackbox) if pings else ""
-        finally:
-            process.stop()
+def ping_error(request: pytest.FixtureRequest, site: Site) -> str:
+    """A site whose hosts are probed with either module: blackbox_exporter's error, if any."""
+    node, blackbox = host_checks.start(site)
+    site.start_exporter(site.write("fleet.yml", FLEET.format(domain=site.domain_id)))
+    site.wait_until_ready()
+    site.start_alertmanager()
+    probes = jobs(site.exporter.address, node, blackbox, request.param)
+    site.start_prometheus(interval=1, probes=probes)
+    site.wait_until_ready()
+    return host_checks.ping_error(blackbox) if request.param == "icmp" else ""
 
 
-def test_robots_and_uplinks_are_probed(probed):
-    site, error = probed
-    success = 0 if error else 1
+def test_robots_and_uplinks_are_probed(site: Site, ping_error: str):
+    success = 0 if ping_error else 1
     robot = {"robot": "robot_1", "site": "north"}
     uplink = {"fleet": "hall", "robot": "ap_1"}
     wanted = {
@@ -81,13 +59,13 @@ def test_robots_and_uplinks_are_probed(probed):
         f'probe_success{{job="ros-diagnostics-ping"}} == {success}': robot,
         f'probe_success{{job="ros-diagnostics-uplink"}} == {success}': uplink,
     }
-    if error:  # an ordinary user: docs/alerts.md says what blackbox_exporter needs then
-        assert "not permitted" in error or "permission denied" in error
+    if ping_error:  # an ordinary user: docs/alerts.md says what blackbox_exporter needs then
+        assert "not permitted" in ping_error or "permission denied" in ping_error
     for expr, labels in wanted.items():
         until(lambda expr=expr: site.query(expr), lambda expr=expr: _why(site, expr), 60)
         (found,) = site.query(expr)
-        assert found["metric"].items() >= labels.items(), expr
+        assert found.labels.items() >= labels.items(), expr
 
 
-def _why(site: prometheus_site.Site, expr: str) -> str:
+def _why(site: Site, expr: str) -> str:
     return f"{expr} finds nothing; up: {site.query('up')}, {site.query('probe_success')}"

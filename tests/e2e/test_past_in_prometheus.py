@@ -5,21 +5,18 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 
 from ros_diagnostics_tools.main import main
 from support import host_checks
 from support.bags import BEGIN, every_second, write_bag
-from support.prometheus_site import Site
-from testbed import servers
+from support.past import start_with
 from testbed.configuration import CHECKOUT
+from testbed.engine import Engine
 from testbed.http import get
-from testbed.ports import free_port
+from testbed.site import Site
 
 STEP = 15.0
 FLEET = "fleet: f\nrobots: [{name: r, namespace: /r, source: raw, labels: {site: hall}}]\n"
@@ -33,34 +30,17 @@ robots:
 QUERIES = CHECKOUT / "docs" / "examples" / "queries" / "queries.d"
 
 
-@contextmanager
-def having(samples: Path) -> Iterator[Site]:
-    """A Prometheus that has never run, with blocks made of these samples, as OpenMetrics."""
-    folder = samples.parent
-    make = ["promtool", "tsdb", "create-blocks-from", "openmetrics", samples, folder / "tsdb"]
-    subprocess.run(make, check=True)
-    (folder / "prometheus.yml").write_text("scrape_configs: []\n")
-    address = f"127.0.0.1:{free_port()}"
-    retention = "--storage.tsdb.retention.time=50y"
-    with servers.running(servers.prometheus(folder, folder / "prometheus.yml", address, retention)):
-        yield Site(address, "")
-
-
 @pytest.fixture
-def prometheus(tmp_path: Path):
+def prometheus(site: Site) -> Engine:
     """A Prometheus that has never run, and has the blocks of a bag."""
-    bag = write_bag(
-        tmp_path / "bag", every_second(range(1200), {"motor": range(300, 900), "laser": []})
-    )
-    (tmp_path / "fleet.yml").write_text(FLEET)
-    samples = tmp_path / "bag.om"
-    config = str(tmp_path / "fleet.yml")
-    assert main(["backtest", "--config", config, "--openmetrics", str(samples), str(bag)]) == 0
-    with having(samples) as site:
-        yield site
+    failing = {"motor": range(300, 900), "laser": []}
+    bag = write_bag(site.folder / "bag", every_second(range(1200), failing))
+    config, samples = site.write("fleet.yml", FLEET), site.folder / "bag.om"
+    assert main(["backtest", "--config", str(config), "--openmetrics", str(samples), str(bag)]) == 0
+    return start_with(site, samples)
 
 
-def test_a_fault_of_the_past_is_found_by_a_query(prometheus: Site):
+def test_a_fault_of_the_past_is_found_by_a_query(prometheus: Engine):
     (series,) = prometheus.query_range(
         "ros_diagnostics_fault_start_timestamp_seconds", BEGIN, BEGIN + 1200, STEP
     )
@@ -75,13 +55,12 @@ def test_a_fault_of_the_past_is_found_by_a_query(prometheus: Site):
     assert ended <= values[-1][0] <= ended + 300 + STEP
 
 
-def test_levels_and_values_are_there_with_the_labels_of_a_scrape(prometheus: Site):
+def test_levels_and_values_are_there_with_the_labels_of_a_scrape(prometheus: Engine):
     query = 'max_over_time(ros_diagnostics_component_level{job="ros-diagnostics"}[20m])'
 
     found = prometheus.query(query, BEGIN + 1200)
 
-    levels = {each["metric"]["component"]: each["value"][1] for each in found}
-    assert levels == {"motor": "2", "laser": "0"}
+    assert {each.labels["component"]: each.value for each in found} == {"motor": 2, "laser": 0}
     assert prometheus.query('up{instance="backtest"}', BEGIN + 600)
 
 
@@ -107,18 +86,18 @@ def measured(node: str, seconds: Sequence[int]) -> Iterator[str]:
 
 
 @pytest.mark.slow
-def test_a_recording_is_judged_with_what_prometheus_had_measured_then(tmp_path: Path, capsys):
+def test_a_recording_is_judged_with_what_prometheus_had_measured_then(site: Site, capsys):
     received = [*range(800), *range(1010, 1200)]
-    bag = write_bag(tmp_path / "bag", every_second(received, {"motor": range(100, 150)}))
-    (tmp_path / "fleet.yml").write_text(MEASURED)
-    shutil.copytree(QUERIES, tmp_path / "queries.d")
-    samples = tmp_path / "measured.om"
+    bag = write_bag(site.folder / "bag", every_second(received, {"motor": range(100, 150)}))
+    config = site.write("fleet.yml", MEASURED)
+    shutil.copytree(QUERIES, site.folder / "queries.d")
     own = ("--collector.disable-defaults", "--collector.loadavg", "--collector.filesystem")
-    with host_checks.running(tmp_path, *own) as (node, _blackbox):
-        samples.write_text("".join(measured(node, range(0, 1200, 15))))
+    node, _blackbox = host_checks.start(site, *own)
+    site.wait_until_ready()
+    samples = site.write("measured.om", "".join(measured(node, range(0, 1200, 15))))
 
     def found(*arguments: str) -> dict[str, tuple[str, int, int]]:
-        given = ("--config", str(tmp_path / "fleet.yml"), "--output", "json", *arguments)
+        given = ("--config", str(config), "--output", "json", *arguments)
         assert main(["backtest", *given, str(bag)]) == 0
         return {
             each["component"] or each["state"]: (
@@ -131,8 +110,8 @@ def test_a_recording_is_judged_with_what_prometheus_had_measured_then(tmp_path: 
         }
 
     assert set(found()) == {"motor", "silent"}
-    with having(samples) as site:
-        asked = found("--prometheus", f"http://{site.prometheus}")
+    engine = start_with(site, samples)
+    asked = found("--prometheus", f"http://{engine.address}")
 
     motor, load, uplink = asked.pop("motor"), asked.pop("load 1m"), asked.pop("uplink")
     assert asked == {}  # the silence is the uplink's, for which 800 s to 1,010 s

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import closing
 from http.server import BaseHTTPRequestHandler
 from math import inf
 from pathlib import Path
@@ -18,16 +17,13 @@ import pytest
 import yaml
 
 from ros_diagnostics_tools.main import main
-from support import host_checks, prometheus_site, short_clocks
+from support import host_checks
 from support.link import Link
 from support.loopback import answering
-from testbed import domains, programs
 from testbed.configuration import CHECKOUT
-from testbed.http import answers, get, get_json
-from testbed.mail import Inbox, MailServer
+from testbed.http import get, get_json
 from testbed.polling import until
-from testbed.ports import free_port
-from testbed.processes import Process
+from testbed.site import Site
 
 pytestmark = pytest.mark.slow
 
@@ -53,19 +49,54 @@ class Page(BaseHTTPRequestHandler):
         self.end_headers()
 
 
-class Site:
+class Host:
     """A robot whose computer is measured; its exporter, Prometheus and mails."""
 
-    def __init__(self, folder: Path, inbox: Inbox) -> None:
-        self.folder = folder
-        self.inbox = inbox
-        self.exporter = ""
-        self.prometheus: Link  # as the exporter reaches it
-        self.uplink: Link  # as it is probed
-        self.robots: Process
-        self.alertmanager = ""
-        self.servers: prometheus_site.Site
+    def __init__(self, site: Site) -> None:
+        self.site = site
+        self.folder = site.folder
+        self.subjects = site.inbox.subjects
         self.load(0.5)
+        (self.folder / "proc" / "1").mkdir()
+        mounts = f"/dev/disk {self.folder} ext4 rw 0 0\n"
+        (self.folder / "proc" / "1" / "mounts").write_text(mounts)
+        page = site.use(answering(Page))
+        self.prometheus = site.use(closing(Link(site.addresses.prometheus)))  # of the exporter
+        self.uplink = site.use(closing(Link(page)))  # as it is probed
+        site.start_mail_server()
+        site.start_robots()
+        site.write("queries.d/hosts.yml", yaml.safe_dump(queries(self.folder)))
+        fleet = site.write("fleet.yml", FLEET.format(domain=site.domain_id))
+        self.exporter = site.start_exporter(
+            fleet, f"--prometheus.url=http://{self.prometheus.address}"
+        ).address
+        node, blackbox = host_checks.start(
+            site,
+            "--collector.disable-defaults",
+            "--collector.loadavg",
+            "--collector.filesystem",
+            f"--path.procfs={self.folder / 'proc'}",
+        )
+        site.wait_until_ready()
+        site.start_alertmanager(edit=lambda it: it["route"].update(group_interval="1s"))
+        jobs = self._jobs(node, blackbox, _port(page))
+        site.start_prometheus(interval=1, tenth=True, probes=jobs)
+        site.wait_until_ready()
+
+    def _jobs(self, node: str, blackbox: str, page: str) -> list[dict[str, Any]]:
+        return host_checks.jobs(
+            {
+                "localhost:9877": self.exporter,
+                "localhost:9115": blackbox,
+                "/sd/node": f"/sd/node?port={_port(node)}",
+                "/sd/http": f"/sd/http?port={page}",
+                "?port=11311": f"?port={page}",
+                # What may not send pings finds every host down (test_hosts.py).
+                "[icmp]": "[tcp_connect]",
+                "/sd/uplink": f"/sd/uplink?port={_port(self.uplink.address)}",
+            },
+            ["ros-diagnostics-ping", "ros-diagnostics-ssh"],  # nobody serves SSH
+        )
 
     def load(self, one: float) -> None:
         """Set the load average."""
@@ -88,8 +119,9 @@ class Site:
     def level(self, name: str) -> str:
         return str(self.component(name).get("level"))
 
-    def subjects(self) -> list[str]:
-        return [mail.subject for mail in self.inbox.mails()]
+
+def _port(address: str) -> str:
+    return address.rpartition(":")[2]
 
 
 def queries(folder: Path) -> list[dict[str, Any]]:
@@ -104,133 +136,53 @@ def queries(folder: Path) -> list[dict[str, Any]]:
     return entries
 
 
-def mails_to(smtp: str) -> Any:
-    """Edits Alertmanager's configuration."""
-
-    def change(config: dict[str, Any]) -> None:
-        config["global"]["smtp_smarthost"] = smtp
-        config["route"]["group_interval"] = "1s"
-        for receiver in config["receivers"]:
-            receiver.pop("webhook_configs", None)
-
-    return change
-
-
 @pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
-    inbox, smtp = Inbox(), f"127.0.0.1:{free_port()}"
-    found = Site(tmp_path, inbox)
-    (tmp_path / "proc" / "1").mkdir()
-    (tmp_path / "proc" / "1" / "mounts").write_text(f"/dev/disk {tmp_path} ext4 rw 0 0\n")
-    exporter, prometheus = (f"127.0.0.1:{free_port()}" for _ in range(2))
-    found.exporter = exporter
-    with ExitStack() as stack:
-        mail_server = MailServer(smtp, inbox)
-        stack.callback(mail_server.stop)
-        mail_server.start()
-        page = stack.enter_context(answering(Page))
-        node, blackbox = stack.enter_context(
-            host_checks.running(
-                tmp_path,
-                "--collector.disable-defaults",
-                "--collector.loadavg",
-                "--collector.filesystem",
-                f"--path.procfs={tmp_path / 'proc'}",
-            )
-        )
-        domain = stack.enter_context(domains.lease())
-        (tmp_path / "queries.d").mkdir()
-        (tmp_path / "queries.d" / "hosts.yml").write_text(yaml.safe_dump(queries(tmp_path)))
-        (tmp_path / "fleet.yml").write_text(FLEET.format(domain=domain))
-        found.prometheus, found.uplink = Link(prometheus), Link(page)
-        stack.callback(found.prometheus.close)
-        stack.callback(found.uplink.close)
-        commands = {
-            "robots": programs.virtual_robots(1, 1, domain),
-            "exporter": [
-                *programs.exporter(
-                    tmp_path / "fleet.yml", exporter, tmp_path / "db", "127.0.0.1:1"
-                ),
-                f"--prometheus.url=http://{found.prometheus.address}",
-            ],
-        }
-        for name, argv in commands.items():
-            process = Process(name, argv, domains.environment(domain), tmp_path / f"{name}.log")
-            stack.callback(process.stop)
-            process.start()
-            if name == "robots":
-                found.robots = process
-        until(lambda: answers(exporter, "/-/ready"), "the exporter is ready", 120)
-        port = page.rpartition(":")[2]
-        jobs = host_checks.jobs(
-            {
-                "localhost:9877": exporter,
-                "localhost:9115": blackbox,
-                "/sd/node": f"/sd/node?port={node.rpartition(':')[2]}",
-                "/sd/http": f"/sd/http?port={port}",
-                "?port=11311": f"?port={port}",
-                # What may not send pings finds every host down (test_hosts.py).
-                "[icmp]": "[tcp_connect]",
-                "/sd/uplink": f"/sd/uplink?port={found.uplink.address.rpartition(':')[2]}",
-            },
-            ["ros-diagnostics-ping", "ros-diagnostics-ssh"],  # nobody serves SSH
-        )
-        servers = stack.enter_context(
-            prometheus_site.running(
-                tmp_path,
-                {"hall": exporter},
-                probes=jobs,
-                receivers=mails_to(smtp),
-                prepare=lambda prometheus: short_clocks.scale(prometheus / "rules"),
-                prometheus=prometheus,
-            )
-        )
-        found.servers, found.alertmanager = servers, servers.alertmanager
-        yield found
+def host(site: Site) -> Host:
+    return Host(site)
 
 
 def test_a_hosts_disk_load_and_services_are_components_with_a_mail_and_a_recovery(
-    site: Site, capsys: pytest.CaptureFixture[str]
+    host: Host, capsys: pytest.CaptureFixture[str]
 ):
-    disk = f"disk {site.folder}"
-    until(lambda: site.level(disk) == "WARN", lambda: str(site.robot()["components"]), 60)
-    until(lambda: site.level("load 1m") == "OK", "the load is measured", 60)
-    until(lambda: site.level("http") == site.level("node_exporter") == "OK", "the services", 60)
-    assert site.component(disk)["group"] == "Host"
-    text = get(site.exporter, "/metrics").decode()
+    disk = f"disk {host.folder}"
+    until(lambda: host.level(disk) == "WARN", lambda: str(host.robot()["components"]), 60)
+    until(lambda: host.level("load 1m") == "OK", "the load is measured", 60)
+    until(lambda: host.level("http") == host.level("node_exporter") == "OK", "the services", 60)
+    assert host.component(disk)["group"] == "Host"
+    text = get(host.exporter, "/metrics").decode()
     assert f'component="{disk}"' in text
-    assert disk in get(site.exporter, "/robots/robot_1").decode()
+    assert disk in get(host.exporter, "/robots/robot_1").decode()
 
-    site.load(11)
+    host.load(11)
     problem = "** PROBLEM ** hall/robot_1 load 1m is CRITICAL"
-    until(lambda: problem in site.subjects(), lambda: str(site.subjects()), 90)
-    url = f"http://{site.alertmanager}"
+    until(lambda: problem in host.subjects(), lambda: str(host.subjects()), 90)
+    url = f"http://{host.site.addresses.alertmanager}"
     who = ("--author", "ann", "--comment", "a map is being built", "--alertmanager", url)
     assert main(["ack", "robot_1", "load 1m", *who]) == 0
     assert "hall/robot_1 load 1m CRITICAL" in capsys.readouterr().out
-    site.load(0.5)
+    host.load(0.5)
     recovery = "** RECOVERY ** hall/robot_1 load 1m is no longer CRITICAL"
-    until(lambda: recovery in site.subjects(), lambda: str(site.subjects()), 90)
+    until(lambda: recovery in host.subjects(), lambda: str(host.subjects()), 90)
 
 
 def test_without_prometheus_components_are_stale_no_fault_begins_or_ends_and_one_alert_fires(
-    site: Site,
+    host: Host,
 ):
-    disk = f"disk {site.folder}"
+    disk = f"disk {host.folder}"
 
     def faults() -> list[tuple[str, str]]:
-        found = get_json(site.exporter, "/api/v1/faults")["faults"]
+        found = get_json(host.exporter, "/api/v1/faults")["faults"]
         return [(each["component"], each["state"]) for each in found if each["robot"]]
 
     until(lambda: (disk, "warning") in faults(), lambda: str(faults()), 60)
 
     def errors() -> dict[str, str]:
-        queries = get_json(site.exporter, "/api/v1/fleet")["queries"]
+        queries = get_json(host.exporter, "/api/v1/fleet")["queries"]
         return {each["name"]: each["error"] for each in queries if each["error"]}
 
     def alerts() -> list[str]:
         """What the exporter says of its queries, of each alert."""
-        found = site.servers.alerts()
+        found = host.site.engine.alerts()
         own = [each for each in found if each["labels"]["alertname"].endswith("ExporterFault")]
         fails = [each for each in own if each["labels"]["component"] == "queries"]
         return [each["annotations"]["evidence"] for each in fails if each["state"] == "firing"]
@@ -239,76 +191,76 @@ def test_without_prometheus_components_are_stale_no_fault_begins_or_ends_and_one
     before = faults()
 
     # The exporter no longer reaches Prometheus, which itself goes on.
-    site.prometheus.cut()
-    until(lambda: site.level(disk) == "STALE", "the disk is STALE", 60)
-    until(lambda: site.level("load 1m") == "STALE", "so is the load", 60)
+    host.prometheus.cut()
+    until(lambda: host.level(disk) == "STALE", "the disk is STALE", 60)
+    until(lambda: host.level("load 1m") == "STALE", "so is the load", 60)
     until(alerts, "it fires that the queries fail", 120)
     (all_queries,) = alerts()
-    number = len(queries(site.folder))
+    number = len(queries(host.folder))
     assert f"{number} of {number} have no answer" in all_queries
-    assert site.robot()["up"]
+    assert host.robot()["up"]
     assert faults() == before
-    site.prometheus.heal()
-    until(lambda: site.level(disk) == "WARN", "the disk is measured again", 60)
+    host.prometheus.heal()
+    until(lambda: host.level(disk) == "WARN", "the disk is measured again", 60)
     until(lambda: not alerts(), "the queries are answered", 60)
     assert faults() == before
 
-    wrong = [*queries(site.folder), {"expr": "no_such(", "component": "wrong"}]
-    (site.folder / "queries.d" / "hosts.yml").write_text(yaml.safe_dump(wrong))
+    wrong = [*queries(host.folder), {"expr": "no_such(", "component": "wrong"}]
+    (host.folder / "queries.d" / "hosts.yml").write_text(yaml.safe_dump(wrong))
     until(lambda: "parse error" in errors().get("Host/wrong", ""), lambda: str(errors()), 60)
     until(alerts, "it fires that one fails", 120)
     assert errors().keys() == {"Host/wrong"}
     assert f"1 of {number + 1} have no answer: Host/wrong: " in " ".join(alerts())
-    fired = site.servers.query('ALERTS_FOR_STATE{component="queries"}[1h]')
+    fired = host.site.engine.series('ALERTS_FOR_STATE{component="queries"}[1h]')
     assert len({value for series in fired for _at, value in series["values"]}) == 2
 
 
-def test_an_uplink_that_is_gone_is_one_mail_and_its_robot_none(site: Site):
-    until(lambda: site.robot()["up"] and site.level("http") == "OK", "the robot is well", 90)
-    site.uplink.cut()
-    site.robots.stop()
+def test_an_uplink_that_is_gone_is_one_mail_and_its_robot_none(host: Host):
+    until(lambda: host.robot()["up"] and host.level("http") == "OK", "the robot is well", 90)
+    host.uplink.cut()
+    host.site.robots.process.stop()
     problem = "** PROBLEM ** hall/ap_1 uplink is CRITICAL"
-    until(lambda: problem in site.subjects(), lambda: str(site.subjects()), 90)
+    until(lambda: problem in host.subjects(), lambda: str(host.subjects()), 90)
 
     def silence() -> dict[str, Any]:
-        found = (each for each in site.robot()["problems"] if each["state"] == "silent")
+        found = (each for each in host.robot()["problems"] if each["state"] == "silent")
         return next(found, {"due": inf, "quiet": ""})
 
     # All that could have made it a fault is over.
     until(lambda: time.time() > silence()["due"], lambda: str(silence()), 90)
     assert silence()["quiet"] == "unreachable"
-    assert site.robot()["silent_reason"] == "uplink_down"
+    assert host.robot()["silent_reason"] == "uplink_down"
 
-    site.uplink.heal()
-    site.robots.start()
+    host.uplink.heal()
+    host.site.robots.process.start()
     recovery = "** RECOVERY ** hall/ap_1 uplink is no longer CRITICAL"
-    until(lambda: recovery in site.subjects(), lambda: str(site.subjects()), 90)
-    until(lambda: site.robot()["up"], "the robot is back", 90)
+    until(lambda: recovery in host.subjects(), lambda: str(host.subjects()), 90)
+    until(lambda: host.robot()["up"], "the robot is back", 90)
     disk = "** PROBLEM ** hall/robot_1 disk"
-    assert [each for each in site.subjects() if not each.startswith(disk)] == [problem, recovery]
+    assert [each for each in host.subjects() if not each.startswith(disk)] == [problem, recovery]
 
 
 def test_in_maintenance_a_hosts_fault_is_quiet_and_one_that_outlives_it_a_mail_at_its_end(
-    site: Site,
+    host: Host,
 ):
-    until(lambda: site.robot()["up"] and site.level("load 1m") == "OK", "the load", 120)
-    folder = site.folder / "maintenance.d"
+    until(lambda: host.robot()["up"] and host.level("load 1m") == "OK", "the load", 120)
+    folder = host.site.folder / "maintenance.d"
     folder.mkdir()
     window = folder / "robot_1.yml"
     weekly = ["daily 00:00-24:00"]
     of = {"name": "computer", "comment": "new one", "selector": {"robot": "robot_1"}}
     window.write_text(yaml.safe_dump({**of, "weekly": weekly}))
-    until(lambda: site.robot()["maintenance"], "the maintenance", 60)
-    site.load(11)
+    until(lambda: host.robot()["maintenance"], "the maintenance", 60)
+    host.load(11)
 
     def problem() -> dict[str, Any]:
-        found = (each for each in site.robot()["problems"] if each["component"] == "load 1m")
+        found = (each for each in host.robot()["problems"] if each["component"] == "load 1m")
         return next(found, {"due": inf, "quiet": ""})
 
     until(lambda: time.time() > problem()["due"], lambda: str(problem()), 90)
     assert problem()["quiet"] == "maintenance"
     subject = "** PROBLEM ** hall/robot_1 load 1m is CRITICAL"
-    assert subject not in site.subjects()
+    assert subject not in host.subjects()
     window.unlink()
-    until(lambda: subject in site.subjects(), lambda: str(site.subjects()), 120)
-    assert site.subjects().count(subject) == 1
+    until(lambda: subject in host.subjects(), lambda: str(host.subjects()), 120)
+    assert host.subjects().count(subject) == 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import time
 from collections.abc import Callable, Iterator
 from datetime import datetime, timezone
@@ -17,11 +16,10 @@ from ros_diagnostics_exporter.metrics.families import EXPORTER
 from ros_diagnostics_exporter.metrics.week import ROWS
 from ros_diagnostics_tools.main import main
 from support.committed_dashboards import filled, queries
-from support.prometheus_site import Site
+from support.past import start_with
 from support.web_server import serve
-from testbed import servers
-from testbed.mail import Inbox, MailServer
-from testbed.ports import free_port
+from testbed.engine import Engine
+from testbed.site import Site
 
 __all__ = ["serve"]  # a fixture
 CHECKOUT = Path(__file__).parents[2]
@@ -92,18 +90,9 @@ def families_of_the_week() -> Iterator[str]:
 
 
 @pytest.fixture
-def prometheus(tmp_path: Path):
+def prometheus(site: Site) -> Engine:
     """A Prometheus that has the records of two weeks."""
-    (tmp_path / "weeks.om").write_text(samples())
-    command = ["promtool", "tsdb", "create-blocks-from", "openmetrics", "--quiet"]
-    command += ["--max-block-duration", "480h"]  # as few blocks as possible
-    subprocess.run([*command, tmp_path / "weeks.om", tmp_path / "tsdb"], check=True)
-    (tmp_path / "prometheus.yml").write_text("scrape_configs: []\n")
-    address = f"127.0.0.1:{free_port()}"
-    retention = "--storage.tsdb.retention.time=50y"
-    server = servers.prometheus(tmp_path, tmp_path / "prometheus.yml", address, retention)
-    with servers.running(server):
-        yield Site(address, "")
+    return start_with(site, site.write("weeks.om", samples()))
 
 
 def log() -> list[dict[str, Any]]:
@@ -144,10 +133,10 @@ def panel(title: str) -> str:
 
 
 def test_the_report_has_the_numbers_of_the_dashboards_and_is_mailed(
-    prometheus, exporter, tmp_path, capsys
+    site, prometheus, exporter, capsys
 ):
     flags = ["--url", f"http://{exporter.addresses[0]}", "--until", f"{_iso(END)}"]
-    flags += ["--prometheus", f"http://{prometheus.prometheus}", "--target", "95"]
+    flags += ["--prometheus", f"http://{prometheus.address}", "--target", "95"]
     assert main(["report", "--week", "--output", "json", *flags]) == 0
     found = json.loads(capsys.readouterr().out)
 
@@ -156,9 +145,9 @@ def test_the_report_has_the_numbers_of_the_dashboards_and_is_mailed(
         ("Availability of the fleets", ""),
     ):
         shown = {
-            each["metric"].get(names, ""): float(each["value"][1])
+            each.labels.get(names, ""): each.value
             for each in prometheus.query(panel(title), END)
-            if each["metric"]["part"] == "available"
+            if each.labels["part"] == "available"
         }
         reported = {each["robot"]: each["availability"] for each in found["robots"]}
         mine = reported if names else {"": found["week"]["availability"]}
@@ -189,26 +178,23 @@ def test_the_report_has_the_numbers_of_the_dashboards_and_is_mailed(
     [part] = found["worst_parts"]
     assert (part["robot"], part["times"], part["seconds"]) == ("a", 2, 1_320.0)
 
-    inbox = Inbox()
-    mail = MailServer(f"127.0.0.1:{free_port()}", inbox)
-    mail.start()
+    site.start_mail_server()
     to = ["--mail-to", "shift@example.org", "--mail-from", "portal@example.org"]
-    assert main(["report", "--week", *flags, *to, "--smtp", mail.address]) == 0
-    mail.stop()
-    [sent] = inbox.mails()
+    assert main(["report", "--week", *flags, *to, "--smtp", site.addresses.smtp]) == 0
+    [sent] = site.inbox.mails()
     assert sent.recipients == ("shift@example.org",)
     assert sent.subject.startswith("hall: robots, week until ")
     share = f"{found['week']['availability'] * 100:.2f} %"
     assert f"Availability: {share}" in sent.text
     assert f"<td>{share}</td>" in sent.html
-    file = tmp_path / "report.html"
+    file = site.folder / "report.html"
     assert main(["report", "--week", *flags, "--file", str(file)]) == 0
     assert file.read_text().split() == sent.html.split()
 
 
 def test_the_dashboard_of_the_week_has_the_numbers_of_the_report(prometheus, exporter, capsys):
     flags = ["--url", f"http://{exporter.addresses[0]}", "--until", f"{_iso(END)}"]
-    flags += ["--prometheus", f"http://{prometheus.prometheus}", "--target", "95"]
+    flags += ["--prometheus", f"http://{prometheus.address}", "--target", "95"]
     assert main(["report", "--week", "--output", "json", *flags]) == 0
     found = json.loads(capsys.readouterr().out)
     chosen = {"fleet": "hall", "target": "95", "__range": "7d"}
@@ -220,7 +206,7 @@ def test_the_dashboard_of_the_week_has_the_numbers_of_the_report(prometheus, exp
 
     def values(title: str, ref: str, *by: str) -> dict[tuple[str, ...], float]:
         rows = shown[title, ref]
-        return {tuple(row["metric"].get(n, "") for n in by): float(row["value"][1]) for row in rows}
+        return {tuple(row.labels.get(n, "") for n in by): row.value for row in rows}
 
     def beside(title: str, refs: str, of: Callable[[dict[str, Any]], float]) -> None:
         weeks = [of(found[name]) for name in ("week", "week_before")]

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 
-from testbed.ports import free_port
+from support.loopback import answering
 
 
 class Heartbeat:
     """What a service for heartbeats knows; ``url`` is where it is posted to."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, beats: list[float]) -> None:
         self.url = url
-        self.beats: list[float] = []  # monotonic times
+        self.beats = beats  # monotonic times
 
     @property
     def quiet(self) -> float:
@@ -27,26 +26,15 @@ class Heartbeat:
 @contextmanager
 def listening() -> Iterator[Heartbeat]:
     """Listen on a port of this machine while the context lasts."""
-    port = free_port()
-    heartbeat = Heartbeat(f"http://127.0.0.1:{port}/heartbeat")
+    beats: list[float] = []
 
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
             self.rfile.read(int(self.headers["Content-Length"]))
-            heartbeat.beats.append(time.monotonic())
+            beats.append(time.monotonic())
             self.send_response(200)
             self.send_header("Content-Length", "0")
             self.end_headers()
 
-        def log_message(self, *_: object) -> None:
-            """Say nothing of every beat."""
-
-    server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
-    thread = threading.Thread(target=server.serve_forever, args=(0.05,))
-    thread.start()
-    try:
-        yield heartbeat
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
+    with answering(Handler) as address:
+        yield Heartbeat(f"http://{address}/heartbeat", beats)

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import yaml
 
 from testbed.configuration import CHECKOUT
-from testbed.http import answers, get
-from testbed.polling import until
-from testbed.ports import free_port
-from testbed.processes import Process
+from testbed.http import get
 from testbed.programs import distributed
+from testbed.site import Site, free_address
 
 NODE = ("prometheus-node-exporter", "node_exporter")  # Debian's name first
 BLACKBOX = ("prometheus-blackbox-exporter", "blackbox_exporter")
@@ -63,43 +59,35 @@ def jobs(replaced: Mapping[str, str], removed: Sequence[str] = ()) -> list[dict[
     return [job for job in found if job["job_name"] not in removed]
 
 
-@contextmanager
-def running(folder: Path, *options: str) -> Iterator[tuple[str, str]]:
-    """Start both exporters; yields the addresses of node_exporter and blackbox_exporter.
+def start(site: Site, *options: str) -> tuple[str, str]:
+    """Start both; returns the addresses of node_exporter and blackbox_exporter.
 
     ``options`` are further ones of node_exporter.
 
     Raises:
         testbed.programs.MissingProgram: One is not installed.
     """
-    (folder / "sensors").mkdir()
-    (folder / "sensors" / "temperature.prom").write_text(SENSOR)
-    (folder / "blackbox.yml").write_text(MODULES)
-    node, blackbox = (f"127.0.0.1:{free_port()}" for _ in range(2))
-    commands = {
-        node: [
-            distributed(*NODE),
-            f"--web.listen-address={node}",
-            f"--collector.textfile.directory={folder / 'sensors'}",
-            "--no-collector.hwmon",
-            "--no-collector.thermal_zone",
-            *options,
-        ],
-        blackbox: [
-            distributed(*BLACKBOX),
-            f"--web.listen-address={blackbox}",
-            f"--config.file={folder / 'blackbox.yml'}",
-        ],
-    }
-    processes = [
-        Process(Path(argv[0]).name, argv, None, folder / f"{Path(argv[0]).name}.log")
-        for argv in commands.values()
+    sensors = site.write("sensors/temperature.prom", SENSOR).parent
+    address = free_address()
+    argv = [
+        distributed(*NODE),
+        f"--web.listen-address={address}",
+        f"--collector.textfile.directory={sensors}",
+        "--no-collector.hwmon",
+        "--no-collector.thermal_zone",
+        *options,
     ]
-    try:
-        for address, process in zip(commands, processes, strict=True):
-            process.start()
-            until(lambda at=address: answers(at, "/metrics"), process.describe, 30)
-        yield node, blackbox
-    finally:
-        for process in processes:
-            process.stop()
+    site.start_program("node_exporter", argv, address, "/metrics")
+    return address, start_blackbox(site)
+
+
+def start_blackbox(site: Site) -> str:
+    """Start blackbox_exporter alone; returns its address."""
+    config, address = site.write("blackbox.yml", MODULES), free_address()
+    argv = [
+        distributed(*BLACKBOX),
+        f"--web.listen-address={address}",
+        f"--config.file={config}",
+    ]
+    site.start_program("blackbox_exporter", argv, address, "/metrics")
+    return address

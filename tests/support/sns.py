@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from dataclasses import dataclass
 from typing import Any
 
-import yaml
-
+from support.uncommented import uncommented
 from testbed import http
-from testbed.configuration import CHECKOUT
+from testbed.site import Site, free_address
 
 SENT = "/moto-api/data.json"
 # The shipped routes, commented out.
@@ -26,14 +26,21 @@ COMMENTED = """\
 
 def with_text_messages(sns_server: str) -> dict[str, Any]:
     """Return the shipped configuration with its routes for text messages enabled."""
-    text = (CHECKOUT / "alertmanager" / "alertmanager.yml").read_text()
-    assert COMMENTED in text
-    config = yaml.safe_load(text.replace(COMMENTED, COMMENTED.replace("# ", "")))
+    config = uncommented(COMMENTED)
     for receiver in config["receivers"]:
         for sns in receiver.get("sns_configs", ()):
             sns["api_url"] = f"http://{sns_server}"
             sns["sigv4"] = {"region": "eu-central-1", "access_key": "any", "secret_key": "any"}
-    return config  # type: ignore[no-any-return]
+    return config
+
+
+def start_server(site: Site) -> str:
+    """Start moto's server; returns its address."""
+    address = free_address()
+    host, _, port = address.partition(":")
+    argv = [sys.executable, "-m", "moto.server", "-H", host, "-p", port]
+    site.start_program("moto", argv, address, SENT).wait_until_ready()
+    return address
 
 
 def sent(sns_server: str) -> list[str]:

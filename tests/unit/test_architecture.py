@@ -75,10 +75,12 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("cli",),
     ),
     "testbed": (
-        ("configuration", "http", "locks", "mail", "polling"),
+        ("http", "locks", "mail", "polling", "short_clocks"),
+        ("configuration", "engine"),
         ("domains", "grafana", "ports", "processes", "programs"),
         ("zenoh",),
         ("servers",),
+        ("site",),
         ("stack",),
     ),
     "demo": (("liveness", "snapshot", "steps"), ("screen",), ("run",), ("__main__",)),

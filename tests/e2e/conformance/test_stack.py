@@ -9,7 +9,7 @@ import pytest
 from conformance import nagios, stack
 from conformance.histories import HOSTS, LEVELS, SEVERAL, SOFT_AND_HARD
 from conformance.history import History
-from support import short_clocks
+from testbed import short_clocks
 
 LONGEST = 12  # ticks, so that it takes minutes only
 HISTORIES = [

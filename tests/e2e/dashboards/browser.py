@@ -6,17 +6,14 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
-from support.prometheus_site import Site
 from testbed import grafana
-from testbed.configuration import Addresses
 from testbed.http import answers
 from testbed.polling import until
-from testbed.ports import free_port
 from testbed.processes import Process
+from testbed.site import Site
 
 # Without a sandbox, which root may not use; without connections to other hosts.
 CHROMIUM_OPTIONS = [
@@ -51,13 +48,11 @@ def missing() -> str:
 
 
 @contextmanager
-def serving(folder: Path, site: Site) -> Iterator[str]:
+def serving(site: Site) -> Iterator[str]:
     """Run Grafana with the data sources of ``site``; yields its address when it answers."""
-    address = f"127.0.0.1:{free_port()}"
-    nobody = "127.0.0.1:1"
-    addresses = Addresses(nobody, site.prometheus, site.alertmanager, nobody, address)
+    address, folder = site.addresses.grafana, site.folder / "grafana"
     folder.mkdir()
-    grafana.write_provisioning(folder / "provisioning", addresses)
+    grafana.write_provisioning(folder / "provisioning", site.addresses)
     command = grafana.command()
     assert command is not None
     process = Process("Grafana", command, grafana.environment(folder, address), folder / "log.txt")

@@ -11,10 +11,10 @@ import pytest
 
 from e2e.dashboards import browser, odd_names
 from e2e.dashboards.watched_fleet import WatchedFleet
-from support import prometheus_site
 from support.committed_dashboards import BOARDS
 from support.served_fleet import serving
 from testbed.polling import until
+from testbed.site import Site
 
 ABSENT = browser.missing()
 pytestmark = [
@@ -40,7 +40,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def grafana(watched: WatchedFleet, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    with browser.serving(tmp_path_factory.mktemp("grafana") / "data", watched.site) as address:
+    with browser.serving(watched.site) as address:
         yield address
 
 
@@ -259,26 +259,27 @@ def test_on_a_wall_one_screen_has_problems_robots_and_the_time(chromium: Any, gr
 
 
 class OddSite(NamedTuple):
-    """A fleet with odd names, and how to end its exporter and Prometheus."""
+    """A fleet with odd names, and how to end its exporter."""
 
     grafana: str
     fleet: odd_names.OddFleet
-    site: prometheus_site.Site
+    site: Site
     exporter: ExitStack
-    servers: ExitStack
 
 
 @pytest.fixture(scope="module")
 def odd(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OddSite]:
     folder = tmp_path_factory.mktemp("odd")
     fleet = odd_names.OddFleet(folder)
-    with ExitStack() as exporter, ExitStack() as servers:
+    with ExitStack() as exporter, Site(folder) as site:
         address = exporter.enter_context(serving(fleet.served.scrape))
-        site = servers.enter_context(prometheus_site.running(folder, {"odd": address}))
-        with browser.serving(folder / "grafana", site) as grafana:
+        site.start_alertmanager()
+        site.start_prometheus(exporters=[address], interval=1)
+        site.wait_until_ready()
+        with browser.serving(site) as grafana:
             fault = 'fleet:ros_diagnostics_fault_start:held{scope="component"}'
             until(lambda: site.query(fault), "a confirmed fault", 60, every=0.5)
-            yield OddSite(grafana, fleet, site, exporter, servers)
+            yield OddSite(grafana, fleet, site, exporter)
 
 
 @pytest.fixture
@@ -316,10 +317,12 @@ def test_a_healthy_fleet_has_no_problems(odd: OddSite, odd_page: browser.Page):
 
 
 def test_a_dead_alertmanager_is_announced_and_faults_stay(odd: OddSite, odd_page: browser.Page):
-    odd.site.stop_alertmanager()
+    odd.site.alertmanager.process.stop()
     odd_page.open(FLEET)
 
-    odd_page.wait_for("Monitoring", f"Alertmanager {odd.site.alertmanager} does not answer")
+    odd_page.wait_for(
+        "Monitoring", f"Alertmanager {odd.site.addresses.alertmanager} does not answer"
+    )
     odd_page.wait_for("Problems", odd_names.COMPONENT)
     odd_page.wait_for("Number of problems", "1")
     odd_page.open(ALERTS)
@@ -344,7 +347,7 @@ def test_a_dead_exporter_is_announced_and_its_faults_stay(odd: OddSite, odd_page
 
 def test_a_dead_prometheus_looks_well_nowhere(odd: OddSite, odd_page: browser.Page):
     odd.exporter.close()
-    odd.servers.close()
+    odd.site.prometheus.process.stop()
 
     for board in BOARDS:
         odd_page.open(board)

@@ -21,9 +21,9 @@ ANNOTATION_RANGE = 240  # long enough for all changes since the start
 def run_query(watched: WatchedFleet, query: Query, view: View, now: float):
     expr = filled(query.expr, view.variables)
     if query.instant:
-        return watched.site.query(expr, now)
+        return watched.site.engine.series(expr, now)
     seconds = ANNOTATION_RANGE if query.ref == "annotation" else RANGE
-    return watched.site.query_range(expr, now - seconds, now, 1)
+    return watched.site.engine.query_range(expr, now - seconds, now, 1)
 
 
 @pytest.mark.parametrize("view", VIEWS, ids=str)
@@ -62,7 +62,9 @@ def test_shares_of_availability_sum_to_one(watched: WatchedFleet):
     for report, by in (("robots", "robot"), ("groups", "robot_group"), ("fleets", "fleet")):
         query = QUERIES["ros-diagnostics-alerts", f"Availability of the {report}", "A"]
         sums: dict[str, float] = {}
-        for cell in watched.site.query(filled(query.expr, {"__range": "5h"}), watched.history_end):
+        for cell in watched.site.engine.series(
+            filled(query.expr, {"__range": "5h"}), watched.history_end
+        ):
             if cell["metric"]["part"] not in {"available", "faults", "longest"}:
                 name = cell["metric"][by]
                 sums[name] = sums.get(name, 0.0) + float(cell["value"][1])

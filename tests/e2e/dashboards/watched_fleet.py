@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from functools import partial
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from e2e.dashboards import every_state, history
 from ros_diagnostics_exporter.alertmanager import Alertmanager
 from ros_diagnostics_tools.main import main
-from support import host_checks, prometheus_site
+from support import host_checks
 from support.served_fleet import ServedFleet, serving
+from testbed import servers
 from testbed.polling import until
-from testbed.ports import free_port
+from testbed.site import Site, free_address
 
+ACKNOWLEDGED = "ros_diagnostics_fault_acknowledged_timestamp_seconds"
 # Conditions before the first query of a test: each expression must return something.
 READY = {
     "every state": "count(count by (state) (robot:ros_diagnostics_state:info)) == 7",
@@ -56,7 +57,7 @@ READY = {
 class WatchedFleet(NamedTuple):
     """The servers, the end of the recorded history as Unix time, exporters' addresses -> fleets."""
 
-    site: prometheus_site.Site
+    site: Site
     history_end: float
     fleets: dict[str, str]
 
@@ -67,45 +68,48 @@ def running(folder: Path) -> Iterator[WatchedFleet]:
     hall, annex = every_state.every_state(folder), every_state.all_well(folder)
     annex.exporter.listener.domain_ids = (0,)  # domain 7 could not be joined
     history_end = history.write(folder / "history.txt", hall.started.wall)
-    with ExitStack() as stack:
+    with Site(folder) as site:
         serve = {
-            "hall": stack.enter_context(serving(hall.scrape, hall.notified)),
-            "annex": stack.enter_context(serving(annex.scrape)),
+            "hall": site.use(serving(hall.scrape, hall.notified)),
+            "annex": site.use(serving(annex.scrape)),
         }
-        node, blackbox = stack.enter_context(host_checks.running(folder))
+        node, blackbox = host_checks.start(site)
         probes = [
             _job("node", node, robot="well"),
             _probe("ping", serve["hall"], blackbox, robot="well"),
-            _probe("uplink", f"127.0.0.1:{free_port()}", blackbox, robot="ap_9"),
-            _probe("http", f"127.0.0.1:{free_port()}", blackbox, robot="warned", site="north"),
+            _probe("uplink", free_address(), blackbox, robot="ap_9"),
+            _probe("http", free_address(), blackbox, robot="warned", site="north"),
         ]
-        site = stack.enter_context(
-            prometheus_site.running(
-                folder,
-                serve,
-                probes=probes,
-                history=folder / "history.txt",
-                receivers=partial(_notify, serve["hall"]),
-            )
+        servers.import_history(folder / "history.txt", folder)
+        site.start_alertmanager(
+            "--cluster.advertise-address=127.0.0.1:1",
+            cluster=free_address(),
+            recorder=serve["hall"],
+            edit=_notify_team,
         )
+        site.start_prometheus(
+            "--storage.tsdb.retention.time=90d",
+            exporters=[*serve.values()],
+            interval=1,
+            probes=probes,
+        )
+        site.wait_until_ready()
         for what, expr in READY.items():
             until(lambda expr=expr: site.query(expr), what, 90, every=0.5)
         _acknowledge(site, hall)
-        yield WatchedFleet(site, history_end, {address: fleet for fleet, address in serve.items()})
+        fleets = {address: fleet for fleet, address in serve.items()}
+        yield WatchedFleet(site, history_end, fleets)
 
 
-def _notify(exporter: str, config: dict[str, Any]) -> None:
-    """Post notifications to ``exporter``, and send those of one robot to two receivers."""
-    for receiver in config["receivers"]:
-        for webhook in receiver.get("webhook_configs", ()):
-            webhook["url"] = f"http://{exporter}/api/v1/notifications"
+def _notify_team(config: dict[str, Any]) -> None:
+    """Send the notifications of one robot to two receivers."""
     route = {"matchers": ["robot = broken", "severity = critical"], "receiver": "team"}
     config["route"]["routes"].insert(0, {**route, "continue": True})
 
 
-def _acknowledge(site: prometheus_site.Site, hall: ServedFleet) -> None:
+def _acknowledge(site: Site, hall: ServedFleet) -> None:
     """Acknowledge a fault and a silent robot, and wait until Prometheus has both."""
-    url = f"http://{site.alertmanager}"
+    url = f"http://{site.addresses.alertmanager}"
     hall.alertmanager = Alertmanager([url])
     for arguments in (
         ("broken", "Motor 1", "--author", "ann", "--comment", "spare part ordered"),
@@ -116,19 +120,13 @@ def _acknowledge(site: prometheus_site.Site, hall: ServedFleet) -> None:
             f"an alert of {arguments[0]}",
             30,
         )
-    until(
-        lambda: (
-            site.query("count(ros_diagnostics_fault_acknowledged_timestamp_seconds) == 2")
-            and site.query(
-                'ros_diagnostics_exporter_series{family="ros_diagnostics_fault_acknowledged_'
-                'timestamp_seconds"} == 2'
-            )
-            and site.query('sum(alertmanager_silences{state="active"}) == 2')
-            and site.query("ros_diagnostics_exporter_alertmanager_up == 1")
-        ),
-        "acknowledged faults",
-        30,
-    )
+    for expr in (
+        f"count({ACKNOWLEDGED}) == 2",
+        f'ros_diagnostics_exporter_series{{family="{ACKNOWLEDGED}"}} == 2',
+        'sum(alertmanager_silences{state="active"}) == 2',
+        "ros_diagnostics_exporter_alertmanager_up == 1",
+    ):
+        until(lambda expr=expr: site.query(expr), expr, 30)
 
 
 def _job(kind: str, address: str, **labels: str) -> dict[str, Any]:

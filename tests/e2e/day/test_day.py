@@ -20,7 +20,7 @@ from e2e.day.record import of_message
 from e2e.day.stack import Day, RejectingInbox
 from support.sns import Phone
 from testbed.polling import until
-from testbed.stack import Plan, running
+from testbed.site import Site
 
 TOO_MANY = 15  # seconds after the last expected message, in which one too many would arrive
 
@@ -29,9 +29,9 @@ TOO_MANY = 15  # seconds after the last expected message, in which one too many 
 def day(tmp_path: Path, sns_server: str) -> Iterator[Day]:
     inbox = RejectingInbox()
     phone = Phone(sns_server)
-    with running(tmp_path, Plan(robots=6), inbox) as stack:
+    with Site(tmp_path, inbox) as site:
         phone.start()
-        yield Day(stack, inbox, sns_server, phone)
+        yield Day(site, inbox, sns_server, phone)
     phone.stop()
 
 
@@ -39,7 +39,6 @@ def day(tmp_path: Path, sns_server: str) -> Iterator[Day]:
 @pytest.mark.timeout(600)
 def test_the_day_of_six_robots(day: Day):
     """Each problem is followed by exactly one recovery; none is missing, extra, early or late."""
-    day.shorten_durations()
     day.start_robots()
     for event in sorted(DAY, key=lambda each: each.at):
         if event.act:

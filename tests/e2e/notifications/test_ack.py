@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-import urllib.request
 from collections.abc import Callable
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import pytest
 
 from ros_diagnostics_tools.main import main
 from support.alerts import post_alerts
-from testbed.configuration import CHECKOUT
-from testbed.http import answers
+from testbed.http import get_json
 from testbed.polling import until
-from testbed.programs import alertmanager
+from testbed.site import Site
 
 # As the rules make them: a fault's alert and its escalation have the labels of the fault.
 MOTOR = {
@@ -56,21 +52,19 @@ class Alertmanager:
 
     def __init__(self, address: str) -> None:
         self.url = f"http://{address}"
+        self.post = partial(post_alerts, address)
 
-    def post(self, *alerts: dict[str, Any]) -> None:
-        post_alerts(self.url.removeprefix("http://"), *alerts)
+    def _alerts(self) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = get_json(self.url.removeprefix("http://"), "/api/v2/alerts")
+        return found
 
     def states(self) -> dict[str, str]:
         """The state of each alert by its name: unprocessed, active, suppressed."""
-        with urllib.request.urlopen(f"{self.url}/api/v2/alerts", timeout=10) as answer:
-            alerts = json.load(answer)
-        return {alert["labels"]["alertname"]: alert["status"]["state"] for alert in alerts}
+        return {each["labels"]["alertname"]: each["status"]["state"] for each in self._alerts()}
 
     def silenced(self) -> list[dict[str, str]]:
         """The labels of all alerts that are silenced."""
-        with urllib.request.urlopen(f"{self.url}/api/v2/alerts", timeout=10) as answer:
-            alerts = json.load(answer)
-        return [alert["labels"] for alert in alerts if alert["status"]["silencedBy"]]
+        return [each["labels"] for each in self._alerts() if each["status"]["silencedBy"]]
 
     def suppressed(self) -> set[tuple[str, str]]:
         """Name and since of all alerts that are silenced."""
@@ -78,15 +72,10 @@ class Alertmanager:
 
 
 @pytest.fixture
-def running(
-    tmp_path: Path, free_port: Callable[[], int], start_process: Callable[..., Any]
-) -> Alertmanager:
-    shutil.copytree(CHECKOUT / "alertmanager", tmp_path / "alertmanager")
-    address = f"127.0.0.1:{free_port()}"
-    config = tmp_path / "alertmanager" / "alertmanager.yml"
-    start_process("alertmanager", alertmanager(config, address, tmp_path / "data"))
-    until(lambda: answers(address, "/-/ready"), "Alertmanager is ready", 30)
-    return Alertmanager(address)
+def running(site: Site) -> Alertmanager:
+    site.start_alertmanager()
+    site.wait_until_ready()
+    return Alertmanager(site.addresses.alertmanager)
 
 
 @pytest.fixture

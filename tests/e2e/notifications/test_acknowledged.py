@@ -10,9 +10,9 @@ import pytest
 from ros_diagnostics_tools.main import main
 from support.committed_dashboards import filled, queries
 from testbed.configuration import Clocks
-from testbed.mail import Inbox
 from testbed.polling import until
-from testbed.stack import Plan, Stack, running
+from testbed.site import Site
+from testbed.stack import Plan, running
 
 PROBLEMS = {
     question.ref: filled(question.expr)
@@ -23,12 +23,12 @@ MOTOR = ("robot_1", "Motor 1")
 
 
 @pytest.fixture
-def stack(tmp_path: Path) -> Iterator[Stack]:
-    with running(tmp_path, Plan(robots=1, clocks=Clocks(confirm_after=2)), Inbox()) as stack:
+def stack(tmp_path: Path) -> Iterator[Site]:
+    with running(tmp_path, Plan(robots=1, clocks=Clocks(confirm_after=2))) as stack:
         yield stack
 
 
-def care(stack: Stack) -> dict[tuple[str, str], str]:
+def care(stack: Site) -> dict[tuple[str, str], str]:
     """Robot and component of each row of the table: what its column Care says."""
     found = [sample.labels for sample in stack.query(PROBLEMS["C"])]
     problems = [each for each in found if "robot" in each]  # without any: a row that says so
@@ -36,7 +36,7 @@ def care(stack: Stack) -> dict[tuple[str, str], str]:
 
 
 @pytest.mark.slow
-def test_the_table_of_problems_names_the_acknowledgement_of_this_fault_only(stack: Stack):
+def test_the_table_of_problems_names_the_acknowledgement_of_this_fault_only(stack: Site):
     url = f"http://{stack.addresses.alertmanager}"
     arguments = ["ack", "robot_1", "--author", "ann", "--comment", "spare part ordered"]
     arguments += ["--alertmanager", url]

@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 import pytest
 import yaml
 
-from support import heartbeat, short_clocks
+from support import heartbeat
+from testbed import short_clocks
 from testbed.configuration import CHECKOUT
-from testbed.mail import Inbox
 from testbed.polling import until
-from testbed.stack import Plan, Stack, running
+from testbed.site import Site
+from testbed.stack import Plan, running
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
@@ -34,7 +35,7 @@ PROBLEM = "** PROBLEM ** demo/robot_2 Motor 2 is CRITICAL"
 class Watched(NamedTuple):
     """The stack, and what receives its heartbeat."""
 
-    stack: Stack
+    stack: Site
     outside: heartbeat.Heartbeat
     folder: Path
 
@@ -55,7 +56,7 @@ class Watched(NamedTuple):
 
 @pytest.fixture
 def watched(tmp_path: Path) -> Iterator[Watched]:
-    with running(tmp_path, Plan(robots=3), Inbox()) as stack, heartbeat.listening() as outside:
+    with running(tmp_path, Plan(robots=3)) as stack, heartbeat.listening() as outside:
         watched = Watched(stack, outside, tmp_path)
         hurry(tmp_path / "prometheus" / "rules")
         watched.edit(lambda config: uncomment_heartbeat(config, outside.url))
@@ -103,13 +104,13 @@ def receiver(config: dict[str, Any], name: str) -> dict[str, Any]:
     return webhook
 
 
-def count(stack: Stack) -> float:
+def count(stack: Site) -> float:
     """How many canaries Prometheus knows of."""
     found = stack.query(COUNT)
     return found[0].value if found else 0.0
 
 
-def seen_by_people(stack: Stack) -> list[Any]:
+def seen_by_people(stack: Site) -> list[Any]:
     """What any place that people look at has of the canary."""
     found: list[Any] = []
     for path in ("faults", "events?limit=1000", "fleet"):
@@ -182,7 +183,7 @@ def test_the_heartbeat_stops_while_the_canary_does_not_come_back(watched):
     watched.beats()
 
 
-def subjects(stack: Stack) -> str:
+def subjects(stack: Site) -> str:
     """All subjects in the mailbox."""
     return "\n".join(mail.subject for mail in stack.inbox.mails())
 

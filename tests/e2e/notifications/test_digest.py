@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Iterator
 from datetime import datetime, timedelta, timezone
-from pathlib import Path
 from typing import Any
 
-import pytest
-import yaml
-
 from support.alerts import post_alerts
-from testbed.configuration import CHECKOUT
-from testbed.http import answers
-from testbed.mail import Inbox, MailServer
+from support.uncommented import uncommented
 from testbed.polling import until
-from testbed.processes import Process
-from testbed.programs import alertmanager
+from testbed.site import Site
 
 COMMENTED = """\
     # - matchers: [severity = warning, step = "0"]
@@ -48,34 +39,20 @@ ALERTS = [
 ]
 
 
-@pytest.fixture
-def start(
-    tmp_path: Path, free_port: Callable[[], int], start_process: Callable[..., Process]
-) -> Iterator[Callable[..., tuple[str, Inbox]]]:
-    """A function: starts the Alertmanager within or outside of its digest time."""
-    inbox = Inbox()
-    server = MailServer(f"127.0.0.1:{free_port()}", inbox)
-    server.start()
+def start(site: Site, *, now: bool) -> str:
+    """Start the Alertmanager within or outside of its digest time; returns its address."""
 
-    def start(*, now: bool) -> tuple[str, Inbox]:
-        shutil.copytree(CHECKOUT / "alertmanager", tmp_path / "alertmanager")
-        config = tmp_path / "alertmanager" / "alertmanager.yml"
-        text = config.read_text()
-        assert COMMENTED in text
-        content = yaml.safe_load(text.replace(COMMENTED, COMMENTED.replace("# ", "")))
-        content["global"]["smtp_smarthost"] = server.address
+    def enable_digest(content: dict[str, Any]) -> None:
+        content.update(uncommented(COMMENTED))
         [digest] = [each for each in content["route"]["routes"] if each["receiver"] == "digest"]
         digest |= {"group_wait": "1s", "group_interval": "1s", "repeat_interval": "4s"}
         [hours] = [each for each in content["time_intervals"] if each["name"] == "digest-time"]
         hours["time_intervals"] = [{"weekdays": sorted(_days(now=now))}]
-        config.write_text(yaml.safe_dump(content))
-        address = f"127.0.0.1:{free_port()}"
-        start_process("alertmanager", alertmanager(config, address, tmp_path / "data"))
-        until(lambda: answers(address, "/-/ready"), "Alertmanager is ready", 30)
-        return address, inbox
 
-    yield start
-    server.stop()
+    site.start_mail_server()
+    site.start_alertmanager(edit=enable_digest)
+    site.wait_until_ready()
+    return site.addresses.alertmanager
 
 
 def _days(*, now: bool) -> set[str]:
@@ -85,21 +62,21 @@ def _days(*, now: bool) -> set[str]:
     return set(names[:3] if now else names[3:])
 
 
-def test_warnings_of_a_team_are_one_mail_again_and_again(start):
-    address, inbox = start(now=True)
+def test_warnings_of_a_team_are_one_mail_again_and_again(site: Site):
+    address, subjects = start(site, now=True), site.inbox.subjects
 
     post_alerts(address, *ALERTS, fault("Arm", "critical", team="arms"))
 
     arms = "** DIGEST ** 2 warnings of team arms"
     carts = "** DIGEST ** 1 warning of team carts"
     until(
-        lambda: min(subjects(inbox).count(arms), subjects(inbox).count(carts)) == 2,
-        lambda: f"two digests of each team: {subjects(inbox)}",
+        lambda: min(subjects().count(arms), subjects().count(carts)) == 2,
+        lambda: f"two digests of each team: {subjects()}",
         60,
     )
-    assert set(subjects(inbox)) == {arms, carts, CRITICAL}
-    assert subjects(inbox).count(CRITICAL) == 1
-    mail = next(each for each in inbox.mails() if each.subject == arms)
+    assert set(subjects()) == {arms, carts, CRITICAL}
+    assert subjects().count(CRITICAL) == 1
+    mail = next(each for each in site.inbox.mails() if each.subject == arms)
     assert "- Motor 1 of r1 (fleet f) is WARNING since " in mail.text
     for part in (mail.text, mail.html):
         assert "Motor 2 is worn" in part
@@ -107,15 +84,11 @@ def test_warnings_of_a_team_are_one_mail_again_and_again(start):
         assert "Arm" not in part
 
 
-def test_outside_of_its_time_there_is_no_digest(start):
-    address, inbox = start(now=False)
+def test_outside_of_its_time_there_is_no_digest(site: Site):
+    address, subjects = start(site, now=False), site.inbox.subjects
 
     post_alerts(address, *ALERTS)
     post_alerts(address, fault("Arm", "critical", team="arms"))  # sent after the warnings' wait
-    until(lambda: subjects(inbox), "the critical one", 60)
+    until(subjects, "the critical one", 60)
 
-    assert subjects(inbox) == [CRITICAL]
-
-
-def subjects(inbox: Inbox) -> list[str]:
-    return [mail.subject for mail in inbox.mails()]
+    assert subjects() == [CRITICAL]

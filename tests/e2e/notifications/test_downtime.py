@@ -12,7 +12,8 @@ from testbed import http
 from testbed.configuration import Clocks
 from testbed.mail import Inbox
 from testbed.polling import until
-from testbed.stack import Plan, Stack, running
+from testbed.site import Site
+from testbed.stack import Plan, running
 
 pytestmark = pytest.mark.slow
 
@@ -26,18 +27,18 @@ def inbox() -> Inbox:
 
 
 @pytest.fixture
-def stack(tmp_path: Path, inbox: Inbox) -> Iterator[Stack]:
+def stack(tmp_path: Path, inbox: Inbox) -> Iterator[Site]:
     with running(tmp_path, Plan(robots=1, clocks=Clocks(confirm_after=2)), inbox) as stack:
         yield stack
 
 
-def run(stack: Stack, *arguments: str) -> int:
+def run(stack: Site, *arguments: str) -> int:
     urls = ["--alertmanager", f"http://{stack.addresses.alertmanager}"]
     urls += ["--url", f"http://{stack.addresses.exporter}"]
     return main(["downtime", *arguments, "--author", "ann", *urls])
 
 
-def standings(stack: Stack) -> dict[str, tuple[bool, str | None]]:
+def standings(stack: Site) -> dict[str, tuple[bool, str | None]]:
     """Of each component with a problem whether it is confirmed, and why it is quiet."""
     (robot,) = http.get_json(stack.addresses.exporter, "/api/v1/fleet")["robots"]
     return {
@@ -52,7 +53,7 @@ def subjects(inbox: Inbox) -> list[str]:
 
 
 def test_a_component_in_a_downtime_is_quiet_and_everybody_can_see_why(
-    stack: Stack,
+    stack: Site,
     inbox: Inbox,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,

@@ -10,23 +10,23 @@ import pytest
 from ros_diagnostics_tools.main import main
 from testbed.configuration import Clocks
 from testbed.http import get_json
-from testbed.mail import Inbox
 from testbed.polling import until
-from testbed.stack import Plan, Stack, running
+from testbed.site import Site
+from testbed.stack import Plan, running
 
 BROKEN = "\nno_such_key: true\n"
 
 
 @pytest.fixture
-def stack(tmp_path: Path) -> Iterator[Stack]:
-    with running(tmp_path, Plan(robots=1, clocks=Clocks(confirm_after=2)), Inbox()) as stack:
+def stack(tmp_path: Path) -> Iterator[Site]:
+    with running(tmp_path, Plan(robots=1, clocks=Clocks(confirm_after=2))) as stack:
         yield stack
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_a_reload_that_fails_is_one_mail_can_be_acknowledged_and_has_one_recovery(
-    stack: Stack, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    stack: Site, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     (config,) = tmp_path.rglob("fleet.yml")
     valid = config.read_text()

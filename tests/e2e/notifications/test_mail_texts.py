@@ -8,28 +8,23 @@ from __future__ import annotations
 
 import html
 import re
-import shutil
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
+from support import sns
 from support.alerts import post_alerts
 from support.every_alert import ENDED, ESCALATION, every_alert
 from support.notification_samples import updated
-from support.sns import SENT, with_text_messages
-from testbed import http
+from testbed import configuration, http
 from testbed.configuration import CHECKOUT
-from testbed.mail import Inbox, Mail, MailServer
+from testbed.mail import Mail
 from testbed.polling import until
-from testbed.ports import free_port
-from testbed.processes import Process
 from testbed.programs import alertmanager
+from testbed.site import Site
 
 PICTURED = CHECKOUT / "tests" / "data" / "mails"
 DOCUMENT = CHECKOUT / "docs" / "notifications.md"
@@ -74,40 +69,24 @@ class Sent:
     text_recoveries: dict[str, str]
 
 
-class Site:
+class Sender:
     """An Alertmanager with the shipped configuration and templates, and what it sent.
 
     The alerts are numbered: each has its own address and telephone number.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.sns, smtp, self.address = (f"127.0.0.1:{free_port()}" for _ in range(3))
-        shutil.copytree(CHECKOUT / "alertmanager", folder / "alertmanager")
-        config = folder / "alertmanager" / "alertmanager.yml"
-        config.write_text(yaml.safe_dump(_numbered(with_text_messages(self.sns), smtp)))
-        self.inbox = Inbox()
-        self.smtp = MailServer(smtp, self.inbox)
-        moto = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", self.sns[10:]]
-        options = alertmanager(config, self.address, folder / "data")
-        external = "--web.external-url="
-        argv = [each for each in options if not each.startswith(external)]
-        argv.append(f"{external}http://alertmanager.example.org:9093/")
-        self.programs = [
-            Process("moto", moto, None, folder / "moto.log"),
-            Process("alertmanager", argv, None, folder / "alertmanager.log"),
-        ]
-
-    def start(self) -> None:
-        self.smtp.start()
-        for each in self.programs:
-            each.start()
-        until(lambda: http.answers(self.address, "/-/ready"), "Alertmanager is ready", 60)
-        until(lambda: http.answers(self.sns, SENT), "moto's server answers", 60)
-
-    def stop(self) -> None:
-        for each in self.programs:
-            each.stop()
-        self.smtp.stop()
+    def __init__(self, site: Site) -> None:
+        self.address, self.inbox = site.addresses.alertmanager, site.inbox
+        self.sns = sns.start_server(site)
+        site.start_mail_server()
+        config = configuration.alertmanager(
+            site.folder, site.addresses, edit=lambda content: _number(content, self.sns)
+        )
+        argv = alertmanager(config, self.address, site.folder / "data")
+        own, external = f"http://{self.address}/", "http://alertmanager.example.org:9093/"
+        argv = [each.replace(f"url={own}", f"url={external}") for each in argv]
+        site.start_program("Alertmanager", argv, self.address)
+        site.wait_until_ready()
 
     def post(self, alerts: dict[str, dict[str, Any]], **more: str) -> None:
         """Send the alerts, with more fields."""
@@ -131,52 +110,35 @@ class Site:
         return [(names[int(number)], text) for number, text in sent_to(self.sns)]
 
 
-@contextmanager
-def running(folder: Path) -> Iterator[Site]:
-    site = Site(folder)
-    try:
-        site.start()
-        yield site
-    finally:
-        site.stop()
-
-
-def sent_to(sns: str) -> list[tuple[str, str]]:
-    services = http.get_json(sns, SENT)
+def sent_to(address: str) -> list[tuple[str, str]]:
+    services = http.get_json(address, sns.SENT)
     return [
         (each["phone_number"].removeprefix(NUMBER), each["message"])
         for each in services.get("sns", {}).get("SMS", [])
     ]
 
 
-def _numbered(config: dict[str, Any], smtp: str) -> dict[str, Any]:
-    config["global"]["smtp_smarthost"] = smtp
+def _number(config: dict[str, Any], sns_server: str) -> None:
+    config.update(sns.with_text_messages(sns_server))
     config["route"]["group_interval"] = "1s"
     for receiver in config["receivers"]:
         for each in receiver.get("email_configs", ()):
             each["to"] = "{{ .CommonLabels.number }}@localhost"
         for each in receiver.get("sns_configs", ()):
             each["phone_number"] = f"{NUMBER}{{{{ .CommonLabels.number }}}}"
-    return config
-
-
-@pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
-    """An Alertmanager that has sent nothing yet."""
-    with running(tmp_path) as site:
-        yield site
 
 
 @pytest.fixture(scope="module")
 def received(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sent]:
     """All alerts of ALERTS as firing, then all as resolved."""
-    with running(tmp_path_factory.mktemp("site")) as site:
-        site.post(ALERTS)
-        problems = _all(site.mails, ALERTS)
-        texts = _all(site.texts, BY_TEXT)
-        site.post(ALERTS, endsAt=ENDED)
-        recoveries = _all(site.mails, [*problems, *RECOVERING])[len(problems) :]
-        text_recoveries = _all(site.texts, [*texts, *BY_TEXT_RECOVERING])[len(texts) :]
+    with Site(tmp_path_factory.mktemp("site")) as site:
+        sender = Sender(site)
+        sender.post(ALERTS)
+        problems = _all(sender.mails, ALERTS)
+        texts = _all(sender.texts, BY_TEXT)
+        sender.post(ALERTS, endsAt=ENDED)
+        recoveries = _all(sender.mails, [*problems, *RECOVERING])[len(problems) :]
+        text_recoveries = _all(sender.texts, [*texts, *BY_TEXT_RECOVERING])[len(texts) :]
         yield Sent(dict(problems), dict(recoveries), dict(texts), dict(text_recoveries))
 
 
@@ -311,23 +273,24 @@ HOSTILE = (
 
 
 def test_what_a_robot_publishes_neither_adds_a_header_nor_breaks_a_mail(site: Site):
+    sender = Sender(site)
     names = {"fleet": "f", "robot": HOSTILE, "component": HOSTILE}
     labels = {**ALERTS["RosDiagnosticsComponentCritical"]["labels"], **names}
     texts = dict.fromkeys(("summary", "evidence", "description"), HOSTILE)
     other = {"alertname": "SomebodyElses", "severity": "critical", "number": "1"}
 
     post_alerts(
-        site.address,
+        sender.address,
         {"labels": {**labels, "number": "0"}, "annotations": texts},
         {"labels": other, "annotations": texts},
     )
 
-    until(lambda: len(site.inbox.mails()) == 2, lambda: f"{site.inbox.mails()}", 60)
-    for mail in site.inbox.mails():
+    until(lambda: len(sender.inbox.mails()) == 2, lambda: f"{sender.inbox.mails()}", 60)
+    for mail in sender.inbox.mails():
         assert mail.recipients in (("0@localhost",), ("1@localhost",))
         assert "a??Bcc: all@example.org????<b>?{{ .ExternalURL }}?[2J$(reboot)x" in mail.subject
         assert len(mail.subject) < 300
         assert not set("\u202e\x1b") & set(mail.text + mail.html + mail.subject)
         assert "<b>" not in mail.html.replace("<b>First step:", "")
-    until(lambda: len(sent_to(site.sns)) == 2, lambda: f"{sent_to(site.sns)}", 60)
-    assert all(len(text) == 160 for _, text in sent_to(site.sns))
+    until(lambda: len(sent_to(sender.sns)) == 2, lambda: f"{sent_to(sender.sns)}", 60)
+    assert all(len(text) == 160 for _, text in sent_to(sender.sns))

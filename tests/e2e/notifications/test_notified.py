@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from ros_diagnostics_tools.main import main
-from support import short_clocks
-from testbed import http
+from testbed import http, short_clocks
 from testbed.polling import until
 
 WITHIN = 10.0  # seconds between a mail and its record; machines are noisy

@@ -9,10 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -21,11 +18,11 @@ from ros_diagnostics_tools.commands import oncall
 from ros_diagnostics_tools.main import main
 from support.alerts import post_alerts, reload
 from support.oncall import with_marker
+from testbed import servers
 from testbed.configuration import CHECKOUT
-from testbed.http import answers
-from testbed.mail import Inbox, MailServer
 from testbed.polling import until
-from testbed.programs import alertmanager, own
+from testbed.programs import own
+from testbed.site import Site
 
 UTC = timezone.utc
 MINUTE, HOUR, DAY = timedelta(minutes=1), timedelta(hours=1), timedelta(days=1)
@@ -68,15 +65,20 @@ def recovery(component: str) -> str:
     return f"** RECOVERY ** f/r {component} is no longer CRITICAL"
 
 
-@dataclass
-class Site:
+class OnCall:
     """An Alertmanager, not yet started, and the mails that it sends."""
 
-    folder: Path
-    address: str
-    inbox: Inbox
-    start_process: Callable[..., Any]
-    zones: Path
+    def __init__(self, site: Site) -> None:
+        self._site = site
+        self.address = site.addresses.alertmanager
+        self.folder = site.folder / "alertmanager"
+        shutil.copytree(CHECKOUT / "alertmanager", self.folder)
+        config = self.folder / "alertmanager.yml"
+        with_marker(config)
+        config.write_text(config.read_text().replace("localhost:25", site.addresses.smtp))
+        self._zones = site.folder / "zones"
+        self._zones.mkdir()
+        site.start_mail_server()
 
     def start(self, teams: str, *options: str, zone: str = "Asia/Kolkata") -> None:
         """Build with these teams and start Alertmanager."""
@@ -86,19 +88,17 @@ class Site:
         subprocess.run(
             [own("ros-diagnostics"), "oncall", "build", *options],
             cwd=self.folder,
-            env=os.environ | {"PYTHONTZPATH": f"{self.zones}:/usr/share/zoneinfo"},
+            env=os.environ | {"PYTHONTZPATH": f"{self._zones}:/usr/share/zoneinfo"},
             check=True,
             timeout=60,
         )
         config = self.folder / "alertmanager-oncall.yml"
-        argv = alertmanager(config, self.address, self.folder / "data")
-        self.start_process("alertmanager", argv)
-        until(lambda: answers(self.address, "/-/ready"), "Alertmanager is ready", 30)
+        server = servers.alertmanager(self._site.folder, config, self.address)
+        self._site.start(server).wait_until_ready()
 
     def subjects(self, person: str) -> list[str]:
         """The subjects of all mails to the person, in the order of their arrival."""
-        address = f"{person}@localhost"
-        return [each.subject for each in self.inbox.mails() if address in each.recipients]
+        return self._site.inbox.subjects(f"{person}@localhost")
 
     def wait_for(self, person: str, *subjects: str, seconds: float = 30) -> None:
         """Wait until the person has exactly these mails, in any order."""
@@ -110,31 +110,18 @@ class Site:
 
     def make_zone(self, name: str, change: datetime, before: int, after: int) -> None:
         """A zone whose clocks change at an instant; offsets from UTC in hours."""
-        source = self.zones / f"{name}.zone"
+        source = self._zones / f"{name}.zone"
         end = f"{change:%Y %b %d %H:%M}u"
         source.write_text(
             f"Zone\tTest/{name}\t{before}\t-\tT{before}\t{end}\n\t{after}\t-\tT{after}\n"
         )
         zic = shutil.which("zic") or "/usr/sbin/zic"
-        subprocess.run([zic, "-d", self.zones, source], check=True, timeout=60)
+        subprocess.run([zic, "-d", self._zones, source], check=True, timeout=60)
 
 
 @pytest.fixture
-def site(
-    tmp_path: Path, free_port: Callable[[], int], start_process: Callable[..., Any]
-) -> Iterator[Site]:
-    shutil.copytree(CHECKOUT / "alertmanager", tmp_path / "alertmanager")
-    zones = tmp_path / "zones"
-    zones.mkdir()
-    inbox, smtp = Inbox(), f"127.0.0.1:{free_port()}"
-    config = tmp_path / "alertmanager" / "alertmanager.yml"
-    with_marker(config)
-    config.write_text(config.read_text().replace("localhost:25", smtp))
-    server = MailServer(smtp, inbox)
-    server.start()
-    address = f"127.0.0.1:{free_port()}"
-    yield Site(tmp_path / "alertmanager", address, inbox, start_process, zones)
-    server.stop()
+def on_call(site: Site) -> OnCall:
+    return OnCall(site)
 
 
 def team(name: str, matcher: str, since: datetime, people: str, zone: str = "UTC") -> str:
@@ -151,7 +138,7 @@ def team(name: str, matcher: str, since: datetime, people: str, zone: str = "UTC
 
 
 @pytest.mark.slow
-def test_across_a_handover_and_across_clock_changes_everybody_gets_what_is_theirs(site: Site):
+def test_across_a_handover_and_across_clock_changes_everybody_gets_what_is_theirs(on_call: OnCall):
     """One team hands over at T.
 
     At T the clocks of a second team go forward by an hour, and it hands over half an hour after
@@ -160,8 +147,8 @@ def test_across_a_handover_and_across_clock_changes_everybody_gets_what_is_their
     """
     change = next_minute(at_least=20)
     local = change.replace(tzinfo=None)
-    site.make_zone("Forward", change, 1, 2)
-    site.make_zone("Back", change, 2, 1)
+    on_call.make_zone("Forward", change, 1, 2)
+    on_call.make_zone("Back", change, 2, 1)
     yesterday = local - DAY
     teams = "teams:" + "".join(
         (
@@ -173,57 +160,59 @@ def test_across_a_handover_and_across_clock_changes_everybody_gets_what_is_their
             team("back", "team = back", yesterday + 2 * HOUR, "eva, finn", "Test/Back"),
         )
     )  # fmt: skip
-    site.start(teams)
+    on_call.start(teams)
 
     lasting = [fault("Lasting", name) for name in ("plain", "forward", "back")]
-    post_alerts(site.address, *lasting)
+    post_alerts(on_call.address, *lasting)
     for person in ("anna", "carla", "eva"):
-        site.wait_for(person, problem("Lasting"))
+        on_call.wait_for(person, problem("Lasting"))
     assert now() < change, "the machine is too slow for this test"
     # Groups of which some are looked at just before T, some after it.
     short = [fault(f"Short {n}", "plain") for n in range(GROUP_INTERVAL)]
     for n, each in enumerate(short):
         wait_until(change - timedelta(seconds=GROUP_INTERVAL + 2 - n))
-        post_alerts(site.address, each)
+        post_alerts(on_call.address, each)
     wait_until(change - timedelta(seconds=0.5))
-    post_alerts(site.address, *short, resolved=True)
+    post_alerts(on_call.address, *short, resolved=True)
 
     # Who comes on call gets what lasts; who is not gets nothing.
-    site.wait_for("ben", problem("Lasting"))
-    site.wait_for("dan", problem("Lasting"))
+    on_call.wait_for("ben", problem("Lasting"))
+    on_call.wait_for("dan", problem("Lasting"))
     # What was resolved before T is a recovery for the person who had the problem.
     names = [f"Short {n}" for n in range(GROUP_INTERVAL)]
     pairs = [text(name) for name in names for text in (problem, recovery)]
-    site.wait_for("anna", problem("Lasting"), *pairs)
-    post_alerts(site.address, *lasting, resolved=True)
+    on_call.wait_for("anna", problem("Lasting"), *pairs)
+    post_alerts(on_call.address, *lasting, resolved=True)
     for person in ("ben", "dan", "eva"):
-        site.wait_for(person, problem("Lasting"), recovery("Lasting"))
-    site.wait_for("anna", problem("Lasting"), recovery("Lasting"), *pairs)
-    assert site.subjects("finn") == []
+        on_call.wait_for(person, problem("Lasting"), recovery("Lasting"))
+    on_call.wait_for("anna", problem("Lasting"), recovery("Lasting"), *pairs)
+    assert on_call.subjects("finn") == []
 
 
 def test_after_the_end_of_what_was_built_everybody_is_notified(
-    site: Site, monkeypatch: pytest.MonkeyPatch
+    on_call: OnCall, monkeypatch: pytest.MonkeyPatch
 ):
-    site.start("teams:" + team("plain", 'robot = "r"', now() - 40 * DAY, "anna, ben"))
-    monkeypatch.chdir(site.folder)
+    on_call.start("teams:" + team("plain", 'robot = "r"', now() - 40 * DAY, "anna, ben"))
+    monkeypatch.chdir(on_call.folder)
     then = now() - 15 * DAY
     monkeypatch.setattr(oncall, "_now", lambda: then)
     assert main(["oncall", "build", "--ahead", "2w"]) == 0
-    reload(site.address)
+    reload(on_call.address)
 
-    post_alerts(site.address, fault("Motor"))
+    post_alerts(on_call.address, fault("Motor"))
 
     for person in ("anna", "ben"):
-        site.wait_for(person, problem("Motor"))
-    post_alerts(site.address, fault("Motor"), resolved=True)
+        on_call.wait_for(person, problem("Motor"))
+    post_alerts(on_call.address, fault("Motor"), resolved=True)
     for person in ("anna", "ben"):
-        site.wait_for(person, problem("Motor"), recovery("Motor"))
+        on_call.wait_for(person, problem("Motor"), recovery("Motor"))
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(400)
-def test_who_is_back_after_minutes_gets_a_fault_that_ended_meanwhile_and_begins_again(site: Site):
+def test_who_is_back_after_minutes_gets_a_fault_that_ended_meanwhile_and_begins_again(
+    on_call: OnCall,
+):
     """Alertmanager remembers for days that a receiver got a problem, and not that it ended."""
     first = next_minute(at_least=15)
     teams = "teams:" + team("plain", 'robot = "r"', now() - 8 * DAY, "anna")
@@ -231,19 +220,19 @@ def test_who_is_back_after_minutes_gets_a_fault_that_ended_meanwhile_and_begins_
         f"\noverrides:\n  - {{person: ben, start: '{first.isoformat()}', "
         f"end: '{(first + 2 * MINUTE).isoformat()}'}}\n"
     )
-    site.start(teams + override)
-    post_alerts(site.address, fault("Motor"))
-    site.wait_for("anna", problem("Motor"))
+    on_call.start(teams + override)
+    post_alerts(on_call.address, fault("Motor"))
+    on_call.wait_for("anna", problem("Motor"))
     wait_until(first + MINUTE + timedelta(seconds=2))  # anna is not notified any more
-    site.wait_for("ben", problem("Motor"))
-    post_alerts(site.address, fault("Motor"), resolved=True)
-    site.wait_for("ben", problem("Motor"), recovery("Motor"))
-    assert site.subjects("anna") == [problem("Motor")]
+    on_call.wait_for("ben", problem("Motor"))
+    post_alerts(on_call.address, fault("Motor"), resolved=True)
+    on_call.wait_for("ben", problem("Motor"), recovery("Motor"))
+    assert on_call.subjects("anna") == [problem("Motor")]
 
     wait_until(first + 3 * MINUTE + timedelta(seconds=2))  # and neither is ben
-    post_alerts(site.address, fault("Motor"))
+    post_alerts(on_call.address, fault("Motor"))
 
-    site.wait_for("anna", problem("Motor"), problem("Motor"))
-    post_alerts(site.address, fault("Motor"), resolved=True)
-    site.wait_for("anna", problem("Motor"), problem("Motor"), recovery("Motor"))
-    assert site.subjects("ben") == [problem("Motor"), recovery("Motor")]
+    on_call.wait_for("anna", problem("Motor"), problem("Motor"))
+    post_alerts(on_call.address, fault("Motor"), resolved=True)
+    on_call.wait_for("anna", problem("Motor"), problem("Motor"), recovery("Motor"))
+    assert on_call.subjects("ben") == [problem("Motor"), recovery("Motor")]

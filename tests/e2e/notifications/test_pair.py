@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Iterator
-from pathlib import Path
-
 import pytest
 import yaml
 
 from support.alertmanager_cluster import PEER_TIMEOUT, clustered, sees_two
 from support.alerts import post_alerts
 from support.mailbox import settled
+from testbed import configuration
 from testbed.configuration import CHECKOUT
-from testbed.mail import Inbox, MailServer
 from testbed.polling import until
-from testbed.processes import Process
 from testbed.programs import alertmanager
+from testbed.servers import Server
+from testbed.site import Site, free_address
 
 PROBLEM = "** PROBLEM ** f/r1 Motor 1 is CRITICAL"
 RECOVERY = "** RECOVERY ** f/r1 Motor 1 is no longer CRITICAL"
@@ -28,56 +25,40 @@ SHIPPED = CONFIG["route"]["group_interval"]
 class Pair:
     """Two Alertmanagers in a cluster; alerts are sent to both, as Prometheus does."""
 
-    def __init__(self, inbox: Inbox) -> None:
-        self.inbox = inbox
-        self.halves: list[tuple[str, Process]] = []
+    def __init__(self, site: Site, group_interval: str) -> None:
+        self.inbox = site.inbox
+        site.start_mail_server()
+        config = configuration.alertmanager(
+            site.folder,
+            site.addresses,
+            edit=lambda it: it["route"].update(group_interval=group_interval),
+        )
+        gossip = [free_address() for _ in range(2)]
+        self.halves: list[Server] = []
+        for number, (mine, other) in enumerate([gossip, gossip[::-1]]):
+            address = free_address()
+            alone = alertmanager(config, address, site.folder / f"data{number}")
+            argv = clustered(alone, mine, other)
+            self.halves.append(site.start_program(f"half{number}", argv, address))
+        until(lambda: all(sees_two(each.address) for each in self.halves), "the pair", 60)
 
     def post(self, *, resolved: bool = False) -> None:
         labels = {"alertname": "RosDiagnosticsComponentCritical", "fleet": "f", "robot": "r1"}
         labels |= {"scope": "component", "state": "critical", "severity": "critical"}
-        for address, process in self.halves:
-            if process.alive:
-                post_alerts(
-                    address, {"labels": {**labels, "component": "Motor 1"}}, resolved=resolved
-                )
-
-    def subjects(self) -> list[str]:
-        return [mail.subject for mail in self.inbox.mails()]
+        alert = {"labels": {**labels, "component": "Motor 1"}}
+        for each in self.halves:
+            if each.process.alive:
+                post_alerts(each.address, alert, resolved=resolved)
 
     def settled(self, number: int) -> list[str]:
         """All subjects, once so many mails have arrived and each half had time for one too many."""
-        return settled(self.subjects, number, within=60, pause=2 * PEER_TIMEOUT + 2)
+        return settled(self.inbox.subjects, number, within=60, pause=2 * PEER_TIMEOUT + 2)
 
 
 @pytest.fixture
-def pair(
-    request: pytest.FixtureRequest,
-    tmp_path: Path,
-    free_port: Callable[[], int],
-    start_process: Callable[..., Process],
-) -> Iterator[Pair]:
+def pair(request: pytest.FixtureRequest, site: Site) -> Pair:
     """The pair; its parameter is group_interval, by default shorter than the shipped one."""
-    shutil.copytree(CHECKOUT / "alertmanager", tmp_path / "alertmanager")
-    config = tmp_path / "alertmanager" / "alertmanager.yml"
-    smtp = f"127.0.0.1:{free_port()}"
-    content = yaml.safe_load(config.read_text())
-    content["global"]["smtp_smarthost"] = smtp
-    content["route"]["group_interval"] = getattr(request, "param", "1s")
-    for receiver in content["receivers"]:
-        receiver.pop("webhook_configs", None)  # no exporter is running
-    config.write_text(yaml.safe_dump(content))
-    pair = Pair(Inbox())
-    server = MailServer(smtp, pair.inbox)
-    server.start()
-    gossip = [f"127.0.0.1:{free_port()}" for _ in range(2)]
-    for number, (mine, other) in enumerate([gossip, gossip[::-1]]):
-        address = f"127.0.0.1:{free_port()}"
-        alone = alertmanager(config, address, tmp_path / f"data{number}")
-        process = start_process(f"half{number}", clustered(alone, mine, other))
-        pair.halves.append((address, process))
-    until(lambda: all(sees_two(address) for address, _ in pair.halves), "the pair", 60)
-    yield pair
-    server.stop()
+    return Pair(site, getattr(request, "param", "1s"))
 
 
 @pytest.mark.parametrize("killed", [0, pytest.param(1, marks=pytest.mark.slow)])
@@ -85,7 +66,7 @@ def test_with_one_half_killed_every_mail_is_sent_once(pair: Pair, killed: int):
     pair.post()
     assert pair.settled(1) == [PROBLEM]
 
-    pair.halves[killed][1].kill()
+    pair.halves[killed].process.kill()
     pair.post(resolved=True)
     assert pair.settled(2) == [PROBLEM, RECOVERY]
 

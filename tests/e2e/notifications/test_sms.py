@@ -2,36 +2,23 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
-from typing import Any
 
 import pytest
-import yaml
 
 from support.alerts import post_alerts
 from support.sns import sent, with_text_messages
-from testbed import http
-from testbed.configuration import CHECKOUT
 from testbed.polling import until
-from testbed.programs import alertmanager
+from testbed.site import Site
 
 
 @pytest.fixture
-def post(
-    tmp_path: Path, sns_server: str, free_port: Callable[[], int], start_process: Callable[..., Any]
-) -> Callable[..., None]:
+def post(site: Site, sns_server: str) -> Callable[..., None]:
     """Sends an alert to an Alertmanager with the shipped route for text messages enabled."""
-    shutil.copytree(CHECKOUT / "alertmanager", tmp_path / "alertmanager")
-    path = tmp_path / "alertmanager" / "alertmanager.yml"
-    path.write_text(yaml.safe_dump(with_text_messages(sns_server)))
-    address = f"127.0.0.1:{free_port()}"
-    start_process("alertmanager", alertmanager(path, address, tmp_path / "data"))
-    until(lambda: http.answers(address, "/-/ready"), "Alertmanager is ready", 30)
-
-    return partial(post_alerts, address)
+    site.start_alertmanager(edit=lambda it: it.update(with_text_messages(sns_server)))
+    site.wait_until_ready()
+    return partial(post_alerts, site.addresses.alertmanager)
 
 
 def test_a_critical_and_its_recovery_are_sent_as_text_messages(post, sns_server):

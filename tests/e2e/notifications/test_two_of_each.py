@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,12 +15,10 @@ import yaml
 
 from support.alertmanager_cluster import PEER_TIMEOUT, clustered, sees_two
 from support.mailbox import settled
-from testbed import http
-from testbed.mail import Inbox
+from testbed import http, servers, short_clocks
+from testbed.engine import Engine
 from testbed.polling import until
-from testbed.processes import Process
-from testbed.programs import alertmanager, prometheus
-from testbed.stack import Plan, Stack, running
+from testbed.site import Site, free_address
 
 PROBLEM = "** PROBLEM ** demo/robot_{} Motor 2 is CRITICAL"
 RECOVERY = "** RECOVERY ** demo/robot_{} Motor 2 is no longer CRITICAL"
@@ -31,59 +27,60 @@ RECOVERY = "** RECOVERY ** demo/robot_{} Motor 2 is no longer CRITICAL"
 class Pairs:
     """The stack with two of each server, by name and number."""
 
-    def __init__(self, stack: Stack, folder: Path, free_port: Callable[[], int]) -> None:
+    def __init__(self, stack: Site) -> None:
         self.stack = stack
-        self.folder = folder
-        self.alertmanagers = [stack.addresses.alertmanager, f"127.0.0.1:{free_port()}"]
-        self.prometheuses = [stack.addresses.prometheus, f"127.0.0.1:{free_port()}"]
-        self.gossip = [f"127.0.0.1:{free_port()}" for _ in range(2)]
-        self.processes: dict[tuple[str, int], Process] = {
-            ("prometheus", 0): stack.prometheus.process,
-            ("alertmanager", 0): stack.alertmanager.process,
-        }
+        self.alertmanagers = [stack.alertmanager]
+        self.prometheuses = [stack.prometheus]
+        self._pair_alertmanagers([free_address() for _ in range(2)])
+        self._pair_prometheuses()
 
-    def pair_alertmanagers(self, start: Callable[..., Process]) -> None:
+    def _pair_alertmanagers(self, gossip: list[str]) -> None:
         """Start the second, and restart the first with the second as its peer."""
-        config = self.folder / "alertmanager" / "alertmanager.yml"
-        first = self.stack.alertmanager.process
-        first.stop()
-        first.argv = verbose(clustered(first.argv, *self.gossip))
-        first.start()
-        alone = alertmanager(config, self.alertmanagers[1], self.folder / "nflog-1")
-        second = start("alertmanager-1", verbose(clustered(alone, *self.gossip[::-1])))
-        self.processes["alertmanager", 1] = second
-        until(lambda: all(map(sees_two, self.alertmanagers)), "the pair of Alertmanagers", 60)
+        first, folder = self.stack.alertmanager, self.stack.folder
+        first.process.stop()
+        config = folder / "alertmanager" / "alertmanager.yml"
+        (folder / "1").mkdir()
+        second = servers.alertmanager(folder / "1", config, free_address())
+        self.alertmanagers.append(second)
+        for server, addresses in ((first, gossip), (second, gossip[::-1])):
+            server.process.argv = verbose(clustered(server.process.argv, *addresses))
+            self.stack.start(server)
+        addresses = [each.address for each in self.alertmanagers]
+        until(lambda: all(map(sees_two, addresses)), "the pair of Alertmanagers", 60)
 
-    def pair_prometheuses(self, start: Callable[..., Process]) -> None:
+    def _pair_prometheuses(self) -> None:
         """Start the second; give both all Alertmanagers, and each its replica label."""
-        targets = self.folder / "prometheus" / "targets" / "alertmanager.yml"
-        targets.write_text(yaml.safe_dump([{"targets": self.alertmanagers}]))
-        shutil.copytree(self.folder / "prometheus", self.folder / "prometheus-1")
-        for number, folder in enumerate(["prometheus", "prometheus-1"]):
-            path = self.folder / folder / "prometheus.yml"
-            content = yaml.safe_load(path.read_text())
-            content["global"]["external_labels"] = {"replica": str(number)}
-            path.write_text(yaml.safe_dump(content))
-        self.stack.prometheus.process.stop()
-        self.stack.prometheus.process.start()
-        config = self.folder / "prometheus-1" / "prometheus.yml"
-        argv = prometheus(config, self.prometheuses[1], self.folder / "tsdb-1")
-        self.processes["prometheus", 1] = start("prometheus-1", argv)
+        folder = self.stack.folder
+        targets = folder / "prometheus" / "targets" / "alertmanager.yml"
+        addresses = [each.address for each in self.alertmanagers]
+        targets.write_text(yaml.safe_dump([{"targets": addresses}]))
+        shutil.copytree(folder / "prometheus", folder / "1" / "prometheus")
+        for number, config in enumerate(
+            (
+                folder / "prometheus" / "prometheus.yml",
+                folder / "1" / "prometheus" / "prometheus.yml",
+            )
+        ):
+            label = {"external_labels": {"replica": str(number)}}
+            short_clocks.edit(config, lambda content, label=label: content["global"].update(label))
+        self.stack.prometheus.restart()
+        self.prometheuses.append(
+            self.stack.start(servers.prometheus(folder / "1", config, free_address()))
+        )
         until(self._all_send_to_all, "both Prometheus, with the states of all robots", 90)
 
     def _all_send_to_all(self) -> bool:
         try:
             return all(
-                len(http.query(each, "robot:ros_diagnostics_state:rank == 0")) == 3
-                and len(self._alertmanagers_of(each)) == 2
-                for each in self.prometheuses
+                len(engine.query("robot:ros_diagnostics_state:rank == 0")) == 3
+                and len(_alertmanagers_of(engine.address)) == 2
+                for engine in self._engines()
             )
         except http.Unanswered:
             return False
 
-    def _alertmanagers_of(self, address: str) -> list[Any]:
-        found = http.get_json(address, "/api/v1/alertmanagers")
-        return list(found["data"]["activeAlertmanagers"])
+    def _engines(self) -> list[Engine]:
+        return [Engine(each.address) for each in self.prometheuses]
 
     def have_given_up(self, robot: str) -> bool:
         """Whether the robot's alert has ended, and no Alertmanager tries to send it any more.
@@ -92,13 +89,13 @@ class Pairs:
         one after the other, so none does once one has begun with the end.
         """
         firing = FIRING.format(robot)
-        return not any(http.query(each, firing) for each in self.prometheuses) and all(
+        return not any(each.query(firing) for each in self._engines()) and all(
             self._last_attempt(number, robot).endswith("[resolved]]") for number in range(2)
         )
 
     def _last_attempt(self, alertmanager: int, robot: str) -> str:
         """What it last tried to send of the robot's alerts, as it logs it."""
-        log = self.processes["alertmanager", alertmanager].output()
+        log = self.alertmanagers[alertmanager].process.output()
         found = [
             line.rstrip('"')
             for line in log.splitlines()
@@ -108,8 +105,7 @@ class Pairs:
 
     def subjects(self) -> list[str]:
         """The mails about robots; after a minute there is one about the killed Alertmanager too."""
-        mails = self.stack.inbox.mails()
-        return [mail.subject for mail in mails if " demo/robot_" in mail.subject]
+        return [each for each in self.stack.inbox.subjects() if " demo/robot_" in each]
 
     def settled(self, number: int) -> list[str]:
         """All subjects, once so many mails arrived and each server had time for one too many."""
@@ -123,30 +119,27 @@ def verbose(argv: list[str]) -> list[str]:
     return [part.replace("--log.level=warn", "--log.level=debug") for part in argv]
 
 
+def _alertmanagers_of(address: str) -> list[Any]:
+    found = http.get_json(address, "/api/v1/alertmanagers")
+    return list(found["data"]["activeAlertmanagers"])
+
+
 @pytest.fixture
-def pairs(
-    tmp_path: Path, free_port: Callable[[], int], start_process: Callable[..., Process]
-) -> Iterator[Pairs]:
-    with running(tmp_path, Plan(robots=3), Inbox()) as stack:
-        pairs = Pairs(stack, tmp_path, free_port)
-        pairs.pair_alertmanagers(start_process)
-        pairs.pair_prometheuses(start_process)
-        yield pairs
+def pairs(stack: Site) -> Pairs:
+    return Pairs(stack)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "killed", [("prometheus 0", "alertmanager 0"), ("prometheus 1", "alertmanager 0")]
-)
+@pytest.mark.parametrize(("prometheus", "alertmanager"), [(0, 0), (1, 0)])
 def test_with_one_half_of_each_killed_every_mail_is_sent_once(
-    pairs: Pairs, killed: tuple[str, str]
+    pairs: Pairs, prometheus: int, alertmanager: int
 ):
     pairs.stack.fault("robot_2", "Motor 2", "error", "winding at 131 C")
     expected = [PROBLEM.format(2)]
     assert pairs.settled(1) == expected
 
-    for name, _, number in (each.partition(" ") for each in killed):
-        pairs.processes[name, int(number)].kill()
+    pairs.prometheuses[prometheus].process.kill()
+    pairs.alertmanagers[alertmanager].process.kill()
     pairs.stack.fault("robot_2", "Motor 2", "ok")
     expected += [RECOVERY.format(2)]
     assert pairs.settled(2) == expected

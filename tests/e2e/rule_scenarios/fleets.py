@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-INTERVAL = "2s"  # of scrapes and evaluations
+INTERVAL = 2  # seconds, of scrapes and evaluations
 
 FAULTS = {
     "restart_grace": "10s",

@@ -15,7 +15,6 @@ from e2e.rule_scenarios.all_scenarios import SCENARIOS
 from e2e.rule_scenarios.recording import name_of, owns
 from e2e.rule_scenarios.scenario import Scenario, Step
 from e2e.rule_scenarios.stack import ScenarioSite, running
-from support.prometheus_site import Site
 from testbed.polling import until
 
 SECONDS = 480  # for all; less than half of it on two idle cores
@@ -41,9 +40,9 @@ class Progress:
 class Run:
     """All scenarios on one site."""
 
-    def __init__(self, site: ScenarioSite, servers: Site) -> None:
+    def __init__(self, site: ScenarioSite) -> None:
         self.site = site
-        self.servers = servers
+        self.engine = site.engine
         self.progress = [Progress(scenario) for scenario in SCENARIOS]
         self.started = time.time()
 
@@ -57,7 +56,7 @@ class Run:
             self._next(each)
 
         def finished() -> bool:
-            alerts = self.servers.alerts()
+            alerts = self.engine.alerts()
             for each in self.progress:
                 if not each.finished and self._settled(each, alerts):
                     self._next(each)
@@ -69,26 +68,26 @@ class Run:
         """What Prometheus recorded of the run, once the last slot of availability is complete."""
         slot = "min(timestamp(robot:ros_diagnostics_part_seconds:sum5m))"
         ended = time.time()
-        until(lambda: self.servers.query(f"{slot} > {ended + 4}"), "the last slot", 90, every=1)
+        until(lambda: self.engine.query(f"{slot} > {ended + 4}"), "the last slot", 90, every=1)
         now = time.time()
         window = f"[{int(now - self.started) + 30}s]"
 
         def recorded(expr: str) -> list[dict[str, Any]]:
-            return self.servers.query_range(expr, self.started, now, 1)
+            return self.engine.query_range(expr, self.started, now, 1)
 
         return {
             "began": {each.scenario.title: each.began for each in self.progress},
             "until": now,
             "alerts": recorded('ALERTS{alertstate="firing", fleet!=""}'),
             "ranks": recorded("robot:ros_diagnostics_state:rank"),
-            "parts": self.servers.query(
+            "parts": self.engine.series(
                 "sum by (fleet, robot, part)"
                 f" (sum_over_time(robot:ros_diagnostics_part_seconds:sum5m{window}))"
             ),
-            "slots": self.servers.query(
+            "slots": self.engine.series(
                 "sum by (fleet, robot) (robot:ros_diagnostics_part_seconds:sum5m)"
             ),
-            "version": self.servers.query("prometheus_build_info")[0]["metric"]["version"],
+            "version": self.engine.query("prometheus_build_info")[0].labels["version"],
         }
 
     def _next(self, progress: Progress) -> None:
@@ -111,7 +110,7 @@ class Run:
             if words not in descriptions.get(alert, ""):
                 progress.waits_for = f"{words!r} in {descriptions.get(alert)!r}"
         expr = step.until.replace("BEGAN", str(progress.began[-1]))
-        if not progress.waits_for and expr and not self.servers.query(expr):
+        if not progress.waits_for and expr and not self.engine.query(expr):
             progress.waits_for = expr
         return not progress.waits_for
 
@@ -125,8 +124,8 @@ class Run:
 
 def run_all(folder: Path) -> dict[str, Any]:
     """Run all scenarios in ``folder``; returns what Prometheus recorded, as plain data."""
-    with running(folder) as (site, servers):
-        run = Run(site, servers)
+    with running(folder) as site:
+        run = Run(site)
         problem = ""
         try:
             run.run()

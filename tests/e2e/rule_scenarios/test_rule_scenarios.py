@@ -1,7 +1,7 @@
 """Rule scenarios: virtual robots over real DDS, exporters, blackbox_exporter and Prometheus.
 
 All scenarios run at once, on different robots of three fleets, with a tenth of the shipped
-durations (`support/short_clocks.py`); the tests compare the series ALERTS of the whole run.
+durations (`testbed/short_clocks.py`); the tests compare the series ALERTS of the whole run.
 PROMETHEUS=/path/to/prometheus runs them on another release.
 
 The first process of the test run that needs them runs them; the others read its result.

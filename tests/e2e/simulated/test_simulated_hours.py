@@ -14,43 +14,33 @@ import yaml
 from e2e.simulated import plan
 from simulation.hours import ROBOTS, TICKS, hours, mails
 from simulation.story import Event, Story
-from testbed import programs
-from testbed.mail import Inbox
 from testbed.polling import until
-from testbed.stack import Plan, Stack, running
+from testbed.site import Site
 
 SEED = 3
 LATE = 90.0  # seconds that a mail may take on a busy machine
 TOO_MANY = 20.0  # seconds after the last expected mail, in which one too many would arrive
 RELOADED = "reloaded the config: SIGHUP"
-# The stack begins with another fleet, whose exporter is gone as soon as the history's begins.
-BEFORE = "** PROBLEM ** demo exporter is missing from the targets of Prometheus"
 _OF_FAULTS = re.compile(r"\*\* (PROBLEM|RECOVERY|REMOVED|FLAPPING) \*\*")
 
 
 class Hours:
-    """The running stack, and the time since the history's begin."""
+    """The running site, and the time since the history's begin."""
 
-    def __init__(self, stack: Stack, story: Story) -> None:
-        self._stack = stack
+    def __init__(self, site: Site, story: Story) -> None:
+        self._site = site
         self._story = story
-        self._folder = stack.prometheus.process.log_path.parent
         self._done: list[tuple[Event, float]] = []
-        self._began = 0.0
-
-    def start(self) -> None:
-        """Replace robots and fleet by those of the simulation."""
-        self._stack.robots.process.stop()
-        self._configure()
-        kind = self._folder / "simulated.yaml"
-        kind.write_text(yaml.safe_dump(plan.KIND))
-        (self._folder / "simulated.analyzers.yaml").write_text(yaml.safe_dump(plan.ANALYZERS))
-        scenario = self._folder / "hours.yaml"
-        scenario.write_text(plan.scenario(self._story, "./simulated.yaml"))
-        robots = self._stack.robots.process
-        robots.log_path = self._folder / "hours.log"  # the old log already has the line "ready"
-        robots.argv = programs.virtual_robots(0, 0, self._stack.domain_id, scenario)
-        robots.start()
+        self.mails = site.inbox.subjects
+        site.start_mail_server()
+        exporter = site.start_exporter(site.write("fleet.yml", self._fleet()))
+        site.start_prometheus()
+        site.start_alertmanager(recorder=exporter.address, links=True)
+        site.wait_until_ready()
+        site.write("simulated.yaml", yaml.safe_dump(plan.KIND))
+        site.write("simulated.analyzers.yaml", yaml.safe_dump(plan.ANALYZERS))
+        scenario = site.write("hours.yaml", plan.scenario(story, "./simulated.yaml"))
+        robots = site.start_robots(scenario=scenario).process
         robots.wait_for_output(f"ready: {ROBOTS} virtual robots", 60)
         # The robots' time starts when they write this line.
         self._began = robots.log_path.stat().st_mtime + plan.START
@@ -63,7 +53,7 @@ class Hours:
     def act(self, event: Event) -> None:
         """Do what happens to the exporter."""
         self.reach(event.at)
-        exporter = self._stack.exporter.process
+        exporter = self._site.exporter.process
         if event.what == "restart":
             exporter.kill()
             self.reach(event.at + int(str(event.how[0])))
@@ -72,27 +62,24 @@ class Hours:
         self._done.append((event, time.time()))
         self._configure()
 
+    def _fleet(self) -> str:
+        return plan.fleet_config(self._story, self._site.domain_id, self._done)
+
     def _configure(self) -> None:
-        text = plan.fleet_config(self._story, self._stack.domain_id, self._done)
-        (self._folder / "fleet.yml").write_text(text)
-        exporter = self._stack.exporter.process
+        self._site.write("fleet.yml", self._fleet())
+        exporter = self._site.exporter.process
         before = exporter.output().count(RELOADED)
         exporter.signal(signal.SIGHUP)
         until(lambda: exporter.output().count(RELOADED) > before, exporter.describe, 60)
-
-    def mails(self) -> list[str]:
-        """The subjects of all mails until now."""
-        return [each.subject for each in self._stack.inbox.mails()]
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 def test_three_hours_of_the_simulation(tmp_path: Path):
     story = hours(SEED)
-    expected = plan.subjects(mails(story)) + Counter([BEFORE])
-    with running(tmp_path, Plan(robots=1), Inbox()) as stack:
-        played = Hours(stack, story)
-        played.start()
+    expected = plan.subjects(mails(story))
+    with Site(tmp_path) as site:
+        played = Hours(site, story)
         for event in story.events:
             if event.what in plan.ACTS:
                 played.act(event)

@@ -7,11 +7,11 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from prometheus_client.parser import text_string_to_metric_families
 
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.model import ALL_PARTS
 from ros_diagnostics_exporter.service import Service
+from support.exposition import parsed
 from support.ros_publisher import Publisher, publisher
 from support.zenoh_robots import Bridge, Router
 from testbed.polling import until
@@ -28,13 +28,8 @@ class Running:
     def samples(self, name: str) -> dict[tuple[tuple[str, str], ...], float]:
         """Sorted labels -> value of every sample of ros_diagnostics_``name``."""
         pieces = self.service.render_metrics(openmetrics=False, parts=ALL_PARTS)
-        text = b"".join(pieces).decode()
-        return {
-            tuple(sorted(sample.labels.items())): sample.value
-            for family in text_string_to_metric_families(text)
-            for sample in family.samples
-            if sample.name == f"ros_diagnostics_{name}"
-        }
+        found = parsed(b"".join(pieces).decode(), name)
+        return {tuple(sorted(each.labels.items())): each.value for each in found}
 
     def sample(self, name: str, **labels: str) -> float | None:
         found = [

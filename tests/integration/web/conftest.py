@@ -3,71 +3,64 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
-import sys
 import urllib.request
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from testbed import domains, ports
+from testbed import ports, programs
+from testbed.polling import until
 from testbed.processes import Process
+from testbed.servers import Server
+from testbed.site import Site
 
-BIN = Path(sys.executable).parent
+SERVES = "serving fleet"
+FLEET = """\
+fleet: hall
+profiles: {{default: {{stale_after: 5s, confirm_after: 5s}}}}
+discovery: [{{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain}]}}]
+"""
 
 
-class Site:
-    """A ROS domain, a fleet.yml for it, and the commands that use both."""
+class Hall(Site):
+    """A site with a fleet.yml, whose exporter is started with other flags again and again."""
 
-    def __init__(self, folder: Path, domain_id: int) -> None:
-        self.folder = folder
-        self.domain_id = domain_id
-        self.port = ports.free_port()
-        self.fleet_file = folder / "fleet.yml"
-        self.fleet_file.write_text(
-            "fleet: hall\n"
-            "profiles: {default: {stale_after: 5s, confirm_after: 5s}}\n"
-            f'discovery: [{{topic: "/{{robot}}/diagnostics_agg", domain_ids: [{domain_id}]}}]\n'
-        )
-        environment = domains.environment(domain_id)
-        self.environment = environment | {"NOTIFY_SOCKET": str(folder / "notify")}
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder, environment={"NOTIFY_SOCKET": str(folder / "notify")})
+        self.address = self.addresses.exporter
+        self.port = int(self.address.rpartition(":")[2])
+        self.database = folder / "exporter.db"
+        self.fleet_file = self.write("fleet.yml", FLEET.format(domain=self.domain_id))
 
-    def exporter(self, *flags: str | Path) -> Process:
+    def _argv(self, *flags: str | Path) -> list[str]:
+        argv = programs.exporter(self.fleet_file, self.address, self.database)
+        return [*argv, *map(str, flags)]
+
+    def process(self, *flags: str | Path) -> Process:
         """The exporter, not yet started."""
-        command = [BIN / "ros-diagnostics-exporter", "--config.file", self.fleet_file]
-        address = ["--web.listen-address", f"127.0.0.1:{self.port}"]
         log = self.folder / "exporter.log"
-        flags = ("--storage.path", self.folder / "exporter.db", *flags)
-        return Process("exporter", [*command, *address, *flags], self.environment, log)
+        return Process("exporter", self._argv(*flags), self.environment(), log)
+
+    def begin(self, process: Process) -> Process:
+        """Start a program, which ends with the site."""
+        return self.start(Server(process)).process
+
+    def serve(self, *flags: str | Path, process: Process | None = None) -> Process:
+        """Start the exporter, or this one, and wait until it serves."""
+        started = process or self.process(*flags)
+        before = started.output().count(SERVES)
+        self.begin(started)
+        until(lambda: started.output().count(SERVES) > before, started.describe, 60)
+        return started
 
     def run(self, *flags: str | Path) -> subprocess.CompletedProcess[str]:
-        """Run the exporter until it exits."""
-        flags = ("--storage.path", self.folder / "exporter.db", *flags)
-        command = [BIN / "ros-diagnostics-exporter", "--config.file", self.fleet_file, *flags]
-        return subprocess.run(
-            list(map(str, command)), capture_output=True, text=True, timeout=60, check=False
-        )
-
-    def robots(self, number: int) -> Process:
-        """Virtual robots, not yet started."""
-        command = [BIN / "virtual-robots", "--robots", str(number)]
-        domain = ["--domain-id", str(self.domain_id)]
-        log = self.folder / "robots.log"
-        return Process("virtual-robots", [*command, *domain], self.environment, log)
-
-    def fault(self, level: str) -> None:
-        """Set the second motor of robot_1 to a level."""
-        command = [BIN / "virtual-robots", "fault", "robot_1", "Motor 2", level]
-        subprocess.run(
-            [*map(str, command), "--domain-id", str(self.domain_id)],
-            check=True,
-            timeout=60,
-            env=os.environ | self.environment,
-        )
+        """Run the exporter until it exits, at a port of its own."""
+        address = ("--web.listen-address", f"127.0.0.1:{ports.free_port()}")
+        argv = self._argv(*address, *flags)
+        return subprocess.run(argv, capture_output=True, text=True, timeout=60, check=False)
 
     def ask(self, path: str, method: str = "GET", port: int = 0) -> Any:
         """JSON from the exporter."""
@@ -82,17 +75,6 @@ class Site:
 
 
 @pytest.fixture
-def site(tmp_path: Path, ros_domain: int) -> Site:
-    return Site(tmp_path, ros_domain)
-
-
-@pytest.fixture
-def ends() -> Iterator[Callable[[Process], Process]]:
-    """Stops the given processes when the test ends."""
-    with ExitStack() as stack:
-
-        def end(process: Process) -> Process:
-            stack.callback(process.stop)
-            return process
-
-        yield end
+def site(tmp_path: Path) -> Iterator[Hall]:
+    with Hall(tmp_path) as site:
+        yield site

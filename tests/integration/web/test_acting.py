@@ -64,7 +64,7 @@ def cancels(site, token: str) -> None:
     assert "there is no such downtime any more" in error.value.read().decode()
 
 
-def test_a_technician_acknowledges_a_fault_and_plans_a_downtime_with_a_browser(site, ends):
+def test_a_technician_acknowledges_a_fault_and_plans_a_downtime_with_a_browser(site):
     users = site.folder / "web.yml"
     hashed = bcrypt.hashpw(b"secret", bcrypt.gensalt(rounds=4)).decode()
     users.write_text(f"basic_auth_users: {{ann: {hashed}}}")
@@ -77,12 +77,11 @@ def test_a_technician_acknowledges_a_fault_and_plans_a_downtime_with_a_browser(s
         pytest.skip(str(missing))
     with running(server):
         flags = ["--alertmanager.url", f"http://{address}", "--web.enable-actions"]
-        exporter = ends(site.exporter("--web.config.file", users, *flags)).start()
-        exporter.wait_for_output("serving fleet")
-        ends(site.robots(1)).start()
+        exporter = site.serve("--web.config.file", users, *flags)
+        site.start_robots(1)
         until(lambda: told(site, "/api/v1/fleet")["robots"], exporter.describe, 60)
         until(lambda: "Motor 2" in ask(site, "/robots/robot_1"), exporter.describe, 60)
-        site.fault("error")
+        site.fault("robot_1", "Motor 2", "error")
         until(lambda: told(site, "/api/v1/faults")["faults"], exporter.describe, 60)
         [fault] = told(site, "/api/v1/faults")["faults"]
         page = f"/faults/{fault['fault']}"

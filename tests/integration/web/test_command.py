@@ -37,9 +37,8 @@ def test_a_port_in_use_is_named(site):
     assert f"cannot listen on {address}: Address already in use" in ended.stderr
 
 
-def test_the_database_of_another_exporter_is_not_used(site, ends):
-    exporter = ends(site.exporter()).start()
-    exporter.wait_for_output("serving fleet")
+def test_the_database_of_another_exporter_is_not_used(site):
+    exporter = site.serve()
     ended = site.run("--web.listen-address", f"127.0.0.1:{ports.free_port()}")
     assert ended.returncode == 1
     database = site.folder / "exporter.db"
@@ -48,9 +47,8 @@ def test_the_database_of_another_exporter_is_not_used(site, ends):
     assert exporter.stop() == 0
 
 
-def test_a_folder_that_is_missing_is_no_reason_not_to_start(site, ends, tmp_path):
-    exporter = ends(site.exporter("--storage.path", tmp_path / "missing" / "data" / "exporter.db"))
-    exporter.start()
+def test_a_folder_that_is_missing_is_no_reason_not_to_start(site, tmp_path):
+    exporter = site.serve("--storage.path", tmp_path / "missing" / "data" / "exporter.db")
     exporter.wait_for_output("exporter.db cannot be written: .* No such file or directory")
     assert site.ask("/api/v1/fleet")["robots"] == []
     assert exporter.stop() == 0
@@ -71,21 +69,19 @@ def notified(tmp_path: Path) -> Iterator[socket.socket]:
         yield sock
 
 
-def test_from_ready_to_sigterm(site, ends, notified):
+def test_from_ready_to_sigterm(site, notified):
     second = ports.free_port()
-    exporter = ends(
-        site.exporter(
-            *("--web.listen-address", f"127.0.0.1:{second}", "--web.enable-lifecycle"),
-            *("--log.format", "json"),
-        )
-    ).start()
+    exporter = site.serve(
+        *("--web.listen-address", f"127.0.0.1:{second}", "--web.enable-lifecycle"),
+        *("--log.format", "json"),
+    )
     assert notified.recv(100) == b"READY=1"
-    robots = ends(site.robots(2)).start()
+    robots = site.start_robots(2).process
     until(lambda: site.up() == site.up(second) == 2, exporter.describe)
 
-    site.fault("error")
+    site.fault("robot_1", "Motor 2", "error")
     until(lambda: levels(site)[:1] == [("OK", "ERROR")], exporter.describe)
-    site.fault("ok")
+    site.fault("robot_1", "Motor 2", "ok")
     until(lambda: levels(site)[:1] == [("ERROR", "OK")], exporter.describe)
     found = site.ask(f"{CHANGES}&limit=2")["events"]
     assert [event["after"] for event in found] == ["OK", "ERROR"]
@@ -100,12 +96,12 @@ def test_from_ready_to_sigterm(site, ends, notified):
     assert all(json.loads(line)["logger"] for line in exporter.output().splitlines())
 
 
-def test_the_json_log_wraps_the_lines_of_the_middleware(site, ends, tmp_path):
+def test_the_json_log_wraps_the_lines_of_the_middleware(site, tmp_path):
     profiles = tmp_path / "profiles.xml"
     profiles.write_text("<nonsense")
-    site.environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(profiles)
-    exporter = ends(site.exporter("--log.format", "json")).start()
-    exporter.wait_for_output("serving fleet")
+    exporter = site.process("--log.format", "json")
+    exporter.env = {**exporter.env, "FASTRTPS_DEFAULT_PROFILES_FILE": str(profiles)}
+    site.serve(process=exporter)
     exporter.wait_for_output("XMLPARSER")  # from Fast DDS
     assert exporter.stop() == 0
     records = [json.loads(line) for line in exporter.output().splitlines()]
@@ -118,11 +114,11 @@ def levels(site) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("home", [{}, {"HOME": "/dev/null"}, {"ROS_LOG_DIR": "/proc/none"}])
-def test_without_a_folder_for_ros_logs_the_domain_is_joined_all_the_same(site, ends, home):
-    exporter = site.exporter()
+def test_without_a_folder_for_ros_logs_the_domain_is_joined_all_the_same(site, home):
+    exporter = site.process()
     taken = ("HOME", "ROS_HOME", "ROS_LOG_DIR")
     exporter.env = {**exporter.env, **dict.fromkeys(taken, ""), **home}
-    ends(exporter).start()
+    site.begin(exporter)
     until(lambda: ready(site), exporter.describe)
     assert "ROS logs to " in exporter.describe()
 

@@ -51,14 +51,14 @@ def in_maintenance(site) -> bool | None:
     return None
 
 
-def test_a_downtime_outlives_a_restart_while_alertmanager_does_not_answer(site, ends):
+def test_a_downtime_outlives_a_restart_while_alertmanager_does_not_answer(site):
     site.fleet_file.write_text(FLEET.format(domain=site.domain_id))
     with alertmanager(planned()) as url:
-        exporter = ends(site.exporter("--alertmanager.url", url)).start()
+        exporter = site.serve("--alertmanager.url", url)
         until(lambda: in_maintenance(site), exporter.describe)
     assert exporter.stop() == 0
 
-    exporter = ends(site.exporter("--alertmanager.url", url)).start()
+    exporter = site.serve("--alertmanager.url", url)
     until(lambda: in_maintenance(site) is not None, exporter.describe)
     until(lambda: "Alertmanager does not answer" in exporter.describe(), exporter.describe)
     assert in_maintenance(site)

@@ -10,51 +10,42 @@ from pathlib import Path
 from urllib.error import HTTPError
 
 import pytest
-from prometheus_client.parser import text_string_to_metric_families
+from prometheus_client.samples import Sample
 
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
+from support import exposition
 from testbed.polling import until
-from testbed.processes import Process
 
 pytestmark = pytest.mark.integration
 
 MOTOR = {"scope": "component", "robot": "robot_1", "component": "Motor 2"}
 
 
-def samples(site, name: str, **labels: str) -> list[tuple[dict[str, str], float]]:
-    """Those of ros_diagnostics_``name`` with these labels among their own."""
-    with urllib.request.urlopen(f"http://127.0.0.1:{site.port}/metrics", timeout=20) as answer:
-        text = answer.read().decode()
-    return [
-        (sample.labels, sample.value)
-        for family in text_string_to_metric_families(text)
-        for sample in family.samples
-        if sample.name == f"ros_diagnostics_{name}" and labels.items() <= sample.labels.items()
-    ]
+def samples(site, name: str, **labels: str) -> list[Sample]:
+    return exposition.samples(site.address, name, **labels)
 
 
-def test_a_motor_that_fails_is_a_fault_after_confirm_after_until_it_is_ok(site, ends):
-    exporter = ends(site.exporter()).start()
-    exporter.wait_for_output("serving fleet")
-    ends(site.robots(2)).start()
+def test_a_motor_that_fails_is_a_fault_after_confirm_after_until_it_is_ok(site):
+    exporter = site.serve()
+    site.start_robots(2)
     until(lambda: site.up() == 2, exporter.describe, 60)
     until(lambda: samples(site, "component_level", component="Motor 2"), exporter.describe)
 
-    site.fault("error")
+    site.fault("robot_1", "Motor 2", "error")
 
     start = "fault_start_timestamp_seconds"
     until(lambda: samples(site, start, **MOTOR, state="critical"), "the fault is confirmed", 60)
-    [(_labels, since)] = samples(site, start, **MOTOR, state="critical")
-    [(_labels, level_since)] = samples(
+    [fault] = samples(site, start, **MOTOR, state="critical")
+    [level] = samples(
         site, "component_since_timestamp_seconds", robot="robot_1", component="Motor 2"
     )
-    assert since == level_since
-    [(info, _one)] = samples(site, "fault_info", **MOTOR, state="critical")
-    assert info["evidence"]
+    assert fault.value == level.value
+    [info] = samples(site, "fault_info", **MOTOR, state="critical")
+    assert info.labels["evidence"]
     assert not samples(site, start, robot="robot_2")
-    assert samples(site, "component_problem_level", component="Motor 2")[0][1] == 2
+    assert samples(site, "component_problem_level", component="Motor 2")[0].value == 2
 
-    site.fault("ok")
+    site.fault("robot_1", "Motor 2", "ok")
 
     until(lambda: not samples(site, start, robot="robot_1"), "the fault is over", 60)
     assert not samples(site, "fault_info", robot="robot_1")
@@ -69,19 +60,16 @@ def recorded(path) -> list[bytes]:
         return [each.content for each in recordings.messages() if each.topic.name == TOPIC]
 
 
-def test_a_capsule_has_the_bytes_that_another_subscriber_recorded_and_replays(site, ends):
-    exporter = ends(site.exporter()).start()
-    exporter.wait_for_output("serving fleet")
+def test_a_capsule_has_the_bytes_that_another_subscriber_recorded_and_replays(site):
+    exporter = site.serve()
     bag, bin_folder = site.folder / "beside", Path(sys.executable).parent
     command = [bin_folder / "virtual-robots", "record", bag, "--topic", TOPIC]
     domain = ["--domain-id", str(site.domain_id)]
-    recorder = ends(
-        Process("recorder", [*command, *domain], site.environment, site.folder / "recorder.log")
-    ).start()
-    ends(site.robots(2)).start()
+    recorder = site.start_program("recorder", [*command, *domain], domain_id=site.domain_id).process
+    site.start_robots(2)
     until(lambda: site.up() == 2, exporter.describe, 60)
 
-    site.fault("error")
+    site.fault("robot_1", "Motor 2", "error")
     until(lambda: site.ask("/api/v1/faults")["faults"], "the fault is confirmed", 60)
     [fault] = site.ask("/api/v1/faults")["faults"]
     url = f"http://127.0.0.1:{site.port}/api/v1/faults/{fault['fault']}/capsule.mcap"
@@ -117,11 +105,6 @@ def test_a_capsule_has_the_bytes_that_another_subscriber_recorded_and_replays(si
     assert '"component": "Motor 2"' in ended.stdout
 
 
-def is_serving(site, starts: int) -> bool:
-    """Whether the exporter serves after so many starts, which have one log."""
-    return (site.folder / "exporter.log").read_text().count("serving fleet") == starts
-
-
 def page(site, fault: str) -> tuple[int, str]:
     """Status and text of the page of a fault."""
     try:
@@ -133,21 +116,19 @@ def page(site, fault: str) -> tuple[int, str]:
         return error.code, error.read().decode()
 
 
-def test_the_page_of_a_fault_knows_its_end_after_a_restart_and_says_what_is_forgotten(site, ends):
-    exporter = ends(site.exporter()).start()
-    exporter.wait_for_output("serving fleet")
-    ends(site.robots(1)).start()
+def test_the_page_of_a_fault_knows_its_end_after_a_restart_and_says_what_is_forgotten(site):
+    exporter = site.serve()
+    site.start_robots(1)
     until(lambda: samples(site, "component_level", component="Motor 2"), exporter.describe, 60)
-    site.fault("error")
+    site.fault("robot_1", "Motor 2", "error")
     until(lambda: site.ask("/api/v1/faults")["faults"], "the fault is confirmed", 60)
     [lasting] = site.ask("/api/v1/faults")["faults"]
     assert page(site, lasting["fault"])[1].count("It has ended") == 0
-    site.fault("ok")
+    site.fault("robot_1", "Motor 2", "ok")
     until(lambda: not site.ask("/api/v1/faults")["faults"], "the fault is over", 60)
 
     exporter.stop()
-    again = ends(site.exporter()).start()
-    until(lambda: is_serving(site, 2), again.describe, 60)
+    again = site.serve()
     status, text = page(site, lasting["fault"])
     assert (status, "It has ended" in text) == (200, True)
     [known] = site.ask(f"/api/v1/faults/{lasting['fault']}")["occurrences"]
@@ -159,8 +140,7 @@ def test_the_page_of_a_fault_knows_its_end_after_a_restart_and_says_what_is_forg
 
     again.stop()
     (site.folder / "exporter.db").unlink()
-    forgetful = ends(site.exporter()).start()
-    until(lambda: is_serving(site, 3), forgetful.describe, 60)
+    forgetful = site.serve()
     until(site.up, forgetful.describe, 60)
     status, text = page(site, lasting["fault"])
     assert (status, "The log goes back to" in text) == (404, True)

@@ -7,36 +7,24 @@ import sqlite3
 import sys
 import threading
 import urllib.error
-import urllib.request
 from contextlib import closing
 
 import pytest
 
+from support.exposition import value
 from testbed.polling import until
 from testbed.processes import Process
 
 pytestmark = pytest.mark.integration
 
 
-def serving(process: Process) -> Process:
-    """Start an exporter, and wait until it answers."""
-    line = "serving fleet hall"
-    before = process.output().count(line)
-    process.start()
-    until(lambda: process.output().count(line) > before, process.describe)
-    return process
+def metric(site, name: str) -> float | None:
+    return value(site.address, f"exporter_{name}")
 
 
-def metric(site, name: str) -> float:
-    with urllib.request.urlopen(f"http://127.0.0.1:{site.port}/metrics", timeout=20) as answer:
-        lines = answer.read().decode().splitlines()
-    (line,) = (each for each in lines if each.startswith(f"ros_diagnostics_exporter_{name}{{"))
-    return float(line.rpartition(" ")[2])
-
-
-def test_a_fifo_among_the_files_is_named_and_silent_robots_are_detected(site, ends):
-    exporter = serving(ends(site.exporter()))
-    robots = ends(site.robots(2)).start()
+def test_a_fifo_among_the_files_is_named_and_silent_robots_are_detected(site):
+    exporter = site.serve()
+    robots = site.start_robots(2).process
     until(lambda: site.up() == 2, exporter.describe)
 
     folder = site.folder / "robots.d"
@@ -69,12 +57,12 @@ sys.exit(cli.main())
 """
 
 
-def test_a_hanging_file_blocks_neither_ingest_nor_scrapes_nor_sigterm(site, ends):
-    program = site.exporter("--web.enable-lifecycle")
+def test_a_hanging_file_blocks_neither_ingest_nor_scrapes_nor_sigterm(site):
+    program = site.process("--web.enable-lifecycle")
     command = [sys.executable, "-c", HUNG, *program.argv[1:]]
-    exporter = Process("exporter", command, site.environment, site.folder / "hung.log")
-    serving(ends(exporter))
-    robots = ends(site.robots(2)).start()
+    exporter = Process("exporter", command, site.environment(), site.folder / "hung.log")
+    site.serve(process=exporter)
+    robots = site.start_robots(2).process
     until(lambda: site.up() == 2, exporter.describe)
 
     folder = site.folder / "robots.d"
@@ -92,8 +80,8 @@ def test_a_hanging_file_blocks_neither_ingest_nor_scrapes_nor_sigterm(site, ends
     assert exporter.stop(30) == 0
 
 
-def test_an_ever_changing_file_does_not_prevent_reloads(site, ends):
-    exporter = serving(ends(site.exporter()))
+def test_an_ever_changing_file_does_not_prevent_reloads(site):
+    exporter = site.serve()
     stop = threading.Event()
 
     def touch() -> None:
@@ -117,8 +105,8 @@ def test_an_ever_changing_file_does_not_prevent_reloads(site, ends):
     assert exporter.stop() == 0
 
 
-def test_the_number_of_logged_problems_is_limited(site, ends):
-    exporter = serving(ends(site.exporter()))
+def test_the_number_of_logged_problems_is_limited(site):
+    exporter = site.serve()
     before = len(exporter.output())
     with site.fleet_file.open("a") as file:
         file.writelines(f"key_{number}: 1\n" for number in range(60_000))
@@ -134,13 +122,13 @@ def test_the_number_of_logged_problems_is_limited(site, ends):
 
 
 @pytest.fixture
-def database(site, ends):
+def database(site):
     """The database of an exporter with two robots, one of them with a fault."""
     path = site.folder / "exporter.db"
-    exporter = serving(ends(site.exporter()))
-    robots = ends(site.robots(2)).start()
+    exporter = site.serve()
+    robots = site.start_robots(2).process
     until(lambda: site.up() == 2, exporter.describe)
-    site.fault("error")
+    site.fault("robot_1", "Motor 2", "error")
     until(lambda: "ERROR" in levels(site, "robot_1"), exporter.describe)
     assert exporter.stop() == 0
     robots.stop()
@@ -160,7 +148,7 @@ def changed(path, statement: str) -> bytes:
     return path.read_bytes()
 
 
-def test_damaged_databases_are_renamed_and_the_exporter_starts(site, ends, database):
+def test_damaged_databases_are_renamed_and_the_exporter_starts(site, database):
     whole = database.read_bytes()
     wrong_level = "json_set(data, '$.components[0].level', 7)"
     wrong_robot = changed(
@@ -170,7 +158,7 @@ def test_damaged_databases_are_renamed_and_the_exporter_starts(site, ends, datab
     damages = (zeros, b'{"version": 1, "robots": []}', wrong_robot)
     for number, damaged in enumerate(damages, 1):
         database.write_bytes(damaged)
-        exporter = serving(ends(site.exporter()))
+        exporter = site.serve()
         aside = database.with_name(f"exporter.db.damaged-{number}")
         exporter.wait_for_output(f"it is kept as {aside}")
         until(lambda: metric(site, "storage_last_write_successful") == 1, exporter.describe)
@@ -182,11 +170,11 @@ def test_damaged_databases_are_renamed_and_the_exporter_starts(site, ends, datab
         assert list(connection.execute("SELECT name FROM robots")) == [("robot_1",)]
 
 
-def test_an_unreadable_database_is_not_overwritten(site, ends, database):
+def test_an_unreadable_database_is_not_overwritten(site, database):
     target = database.rename(site.folder / "elsewhere.db")
     whole = target.read_bytes()
     database.symlink_to(target)
-    exporter = serving(ends(site.exporter()))
+    exporter = site.serve()
     assert metric(site, "storage_last_write_successful") == 0
     assert "cannot be read (Too many levels of symbolic links)" in exporter.output()
     assert exporter.stop() == 0
@@ -194,8 +182,8 @@ def test_an_unreadable_database_is_not_overwritten(site, ends, database):
     assert target.read_bytes() == whole
 
 
-def test_state_faults_and_events_are_there_after_a_restart(site, ends, database):
-    exporter = serving(ends(site.exporter()))
+def test_state_faults_and_events_are_there_after_a_restart(site, database):
+    exporter = site.serve()
     robots = {robot["robot"]: robot for robot in site.ask("/api/v1/fleet")["robots"]}
     assert robots.keys() == {"robot_1", "robot_2"}
     found = site.ask("/api/v1/events?robot=robot_1&level=ERROR")["events"]
@@ -218,12 +206,12 @@ sys.exit(cli.main())
 """
 
 
-def test_a_hanging_disk_of_the_database_stops_nothing(site, ends):
-    program = site.exporter()
+def test_a_hanging_disk_of_the_database_stops_nothing(site):
+    program = site.process()
     command = [sys.executable, "-c", HANGING, *program.argv[1:]]
-    exporter = Process("exporter", command, site.environment, site.folder / "hanging.log")
-    serving(ends(exporter))
-    robots = ends(site.robots(2)).start()
+    exporter = Process("exporter", command, site.environment(), site.folder / "hanging.log")
+    site.serve(process=exporter)
+    robots = site.start_robots(2).process
     until(lambda: site.up() == 2, exporter.describe)
     until(lambda: metric(site, "storage_last_write_successful") == 0, exporter.describe)
     robots.stop()

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import urllib.request
-
 import pytest
-from prometheus_client.parser import text_string_to_metric_families
 
 from ros_diagnostics_exporter.model import Level, Status
+from support.exposition import value
 from support.ros_publisher import publisher
 from testbed.polling import until
 
@@ -20,37 +18,23 @@ ALL_IS_WELL = (
 )
 
 
-def sample(port: int, name: str, **labels: str) -> float | None:
-    """The one sample of a family that has these labels; None where there is none."""
-    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=20) as answer:
-        text = answer.read().decode()
-    found = [
-        each.value
-        for family in text_string_to_metric_families(text)
-        for each in family.samples
-        if each.name == f"ros_diagnostics_{name}" and labels.items() <= each.labels.items()
-    ]
-    assert len(found) <= 1
-    return found[0] if found else None
-
-
-def test_a_second_publisher_that_denies_a_fault_is_visible_and_does_not_resolve_it(site, ends):
-    exporter = ends(site.exporter()).start()
-    ends(site.robots(1)).start()
+def test_a_second_publisher_that_denies_a_fault_is_visible_and_does_not_resolve_it(site):
+    exporter = site.serve()
+    site.start_robots(1)
     motor = {"robot": "robot_1", "component": "Motor 2"}
 
-    def becomes(value: float, name: str, **labels: str) -> None:
+    def becomes(wanted: float, name: str, **labels: str) -> None:
         until(
-            lambda: sample(site.port, name, **labels) == value,
-            lambda: f"{name} {value}, is {sample(site.port, name, **labels)}",
+            lambda: value(site.address, name, **labels) == wanted,
+            lambda: f"{name} {wanted}, is {value(site.address, name, **labels)}",
         )
 
     exporter.wait_for_output("serving fleet")
-    until(lambda: sample(site.port, "robot_publishers", robot="robot_1"), exporter.describe)
-    site.fault("error")
+    until(lambda: value(site.address, "robot_publishers", robot="robot_1"), exporter.describe)
+    site.fault("robot_1", "Motor 2", "error")
     becomes(2, "component_level", **motor)
-    honest = sample(site.port, "robot_publishers", robot="robot_1")
-    changes = sample(site.port, "component_changes_total", **motor)
+    honest = value(site.address, "robot_publishers", robot="robot_1")
+    changes = value(site.address, "component_changes_total", **motor)
     with publisher(site.domain_id) as forger:
         forger.offer(TOPIC)
         forger.wait_for_listeners()
@@ -58,9 +42,9 @@ def test_a_second_publisher_that_denies_a_fault_is_visible_and_does_not_resolve_
         forger.send(TOPIC, *ALL_IS_WELL)
         # The robot keeps sending ERROR once a second: to OK and back are two changes.
         until(
-            lambda: (sample(site.port, "component_changes_total", **motor) or 0) >= changes + 2,
-            lambda: f"two changes, are {sample(site.port, 'component_changes_total', **motor)}",
+            lambda: (value(site.address, "component_changes_total", **motor) or 0) >= changes + 2,
+            lambda: f"two changes, are {value(site.address, 'component_changes_total', **motor)}",
         )
-        assert (sample(site.port, "component_flap_ratio", **motor) or 0) > 0
+        assert (value(site.address, "component_flap_ratio", **motor) or 0) > 0
         becomes(2, "component_level", **motor)
     becomes(honest, "robot_publishers", robot="robot_1")

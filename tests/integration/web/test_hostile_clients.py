@@ -34,14 +34,13 @@ MEGABYTE = 1_000_000
 
 
 @pytest.fixture
-def attack(site, ends) -> Callable[..., Process]:
+def attack(site) -> Callable[..., Process]:
     """Starts a number of clients at an address that request a path and do not read."""
 
     def start(number: int, source: str, path: str) -> Process:
         options = map(str, (site.port, number, source, path))
         command = [sys.executable, hostile_clients.__file__, *options]
-        clients = Process("clients", command, None, site.folder / "clients.log")
-        ends(clients).start()
+        clients = site.start_program("clients", command).process
         clients.wait_for_output("ready", seconds=60)
         return clients
 
@@ -88,10 +87,9 @@ def declare(site, robots: int) -> None:
         pytest.param("/api/v1/fleet", "127.0.0.1", marks=pytest.mark.slow),
     ],
 )
-def test_clients_that_do_not_read_do_not_block_prometheus(site, ends, attack, source, path):
+def test_clients_that_do_not_read_do_not_block_prometheus(site, attack, source, path):
     declare(site, ROBOTS)
-    exporter = ends(site.exporter()).start()
-    exporter.wait_for_output("serving fleet", seconds=60)
+    exporter = site.serve()
     size, before = len(scrape(site.port)), memory(exporter)
     assert size > MEGABYTE
     attack(CLIENTS, source, path)
@@ -101,20 +99,18 @@ def test_clients_that_do_not_read_do_not_block_prometheus(site, ends, attack, so
     assert "Traceback" not in exporter.output()
 
 
-def test_clients_without_a_password_do_not_block_prometheus(site, ends, attack, tmp_path):
+def test_clients_without_a_password_do_not_block_prometheus(site, attack, tmp_path):
     web, login = tmp_path / "web.yml", base64.b64encode(b"prometheus:x").decode()
     hashed = bcrypt.hashpw(b"x", bcrypt.gensalt(rounds=10)).decode()
     web.write_text(f"basic_auth_users: {{prometheus: {hashed}}}")
-    exporter = ends(site.exporter("--web.config.file", web)).start()
-    exporter.wait_for_output("serving fleet", seconds=60)
+    site.serve("--web.config.file", web)
     attack(CLIENTS, "127.0.0.1", "/metrics?" + "x" * 2_000)
     for _ in range(SCRAPES):
         assert b"ros_diagnostics_exporter_robots" in scrape(site.port, f"Basic {login}")
 
 
-def test_the_memory_of_unread_events_is_limited(site, ends, attack):
-    exporter = ends(site.exporter()).start()
-    exporter.wait_for_output("serving fleet", seconds=60)
+def test_the_memory_of_unread_events_is_limited(site, attack):
+    exporter = site.serve()
     with publisher(site.domain_id) as robot:
         robot.offer("/robot_1/diagnostics_agg")
         robot.wait_for_listeners()
@@ -136,11 +132,10 @@ def test_the_memory_of_unread_events_is_limited(site, ends, attack):
     assert memory(exporter) - before < 300 * MEGABYTE
 
 
-def test_a_low_limit_of_open_files_is_logged_and_survived(site, ends, attack):
-    exporter = site.exporter()
+def test_a_low_limit_of_open_files_is_logged_and_survived(site, attack):
+    exporter = site.process()
     exporter.argv = ["prlimit", "--nofile=38:38", *exporter.argv]  # it has 22 before any client
-    ends(exporter).start()
-    exporter.wait_for_output("serving fleet", seconds=60)
+    site.serve(process=exporter)
     assert "only 38 files may be open" in exporter.output()
     assert "LimitNOFILE" in exporter.output()
     # Joining a domain imports modules, which takes files too.
@@ -153,11 +148,10 @@ def test_a_low_limit_of_open_files_is_logged_and_survived(site, ends, attack):
     assert "Traceback" not in exporter.output()
 
 
-def test_connections_leave_files_for_the_domains(site, ends, attack):
-    exporter = site.exporter()
+def test_connections_leave_files_for_the_domains(site, attack):
+    exporter = site.process()
     exporter.argv = ["prlimit", "--nofile=128:1024", *exporter.argv]
-    ends(exporter).start()
-    exporter.wait_for_output("serving fleet", seconds=60)
+    site.serve(process=exporter)
     attack(CLIENTS, "127.0.0.2", "/metrics")
     files = Path(f"/proc/{exporter.pid}/fd")
     # The soft limit was raised.

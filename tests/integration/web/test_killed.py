@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
 import pytest
-from prometheus_client.parser import text_string_to_metric_families
 
 from ros_diagnostics_exporter.model import Status
+from support.exposition import samples
 from support.ros_publisher import publisher, repeating
+from testbed.http import Unanswered
 from testbed.polling import until
 from testbed.processes import Process
 
@@ -23,7 +23,6 @@ profiles: {{default: {{stale_after: 5s, confirm_after: 500ms}}}}
 robots:
   - {{name: r1, domain_id: {domain}, topic: /r1/diagnostics, source: raw, labels: {{site: a}}}}
 """
-FAULT = "ros_diagnostics_fault_start_timestamp_seconds"
 
 
 @contextmanager
@@ -42,15 +41,9 @@ def changing(domain_id: int) -> Iterator[None]:
 
 def faults(site) -> dict[tuple[tuple[str, str], ...], float]:
     """The faults of the motor: labels -> since when."""
-    with suppress(OSError):
-        with urllib.request.urlopen(f"http://127.0.0.1:{site.port}/metrics", timeout=20) as answer:
-            families = text_string_to_metric_families(answer.read().decode())
-        return {
-            tuple(sorted(each.labels.items())): each.value
-            for family in families
-            for each in family.samples
-            if each.name == FAULT and each.labels.get("component") == "Motor"
-        }
+    with suppress(Unanswered):
+        found = samples(site.address, "fault_start_timestamp_seconds", component="Motor")
+        return {tuple(sorted(each.labels.items())): each.value for each in found}
     return {}
 
 
@@ -69,16 +62,16 @@ def kill_later_than_a_second(site, exporter: Process) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("rounds", [2, pytest.param(10, marks=pytest.mark.slow)])
-def test_a_kill_loses_no_fault_and_no_event_older_than_a_second(site, ends, rounds):
+def test_a_kill_loses_no_fault_and_no_event_older_than_a_second(site, rounds):
     site.fleet_file.write_text(FLEET.format(domain=site.domain_id))
     with changing(site.domain_id):
-        exporter = ends(site.exporter()).start()
+        exporter = site.serve()
         until(lambda: len(faults(site)) == 1, exporter.describe)
         before = faults(site)
         until(lambda: newest(site)["id"] > 0, exporter.describe)
         for _ in range(rounds):
             event = kill_later_than_a_second(site, exporter)
-            exporter = ends(site.exporter()).start()
+            exporter = site.serve()
             until(lambda: faults(site), exporter.describe)
             assert faults(site) == before
             found = site.ask(f"/api/v1/events?limit=1&before={event['id'] + 1}")["events"]

@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
 import pytest
-from prometheus_client.parser import text_string_to_metric_families
+from prometheus_client.samples import Sample
 
 from ros_diagnostics_exporter.model import Status
+from support.exposition import samples
 from support.ros_publisher import Publisher, publisher, repeating
 from testbed.polling import until
 
@@ -26,36 +27,22 @@ def topic(robot: str) -> str:
     return f"/{robot}/diagnostics_agg"
 
 
-def scrape(site) -> list:
-    with urllib.request.urlopen(f"http://127.0.0.1:{site.port}/metrics", timeout=60) as answer:
-        text = answer.read().decode()
-    return [each for family in text_string_to_metric_families(text) for each in family.samples]
+def scrape(site) -> list[Sample]:
+    return samples(site.address)
 
 
 def values(site, name: str, label: str, **labels: str) -> dict[str, float]:
     """A label -> the value of every sample of ros_diagnostics_``name`` with ``labels``."""
-    return {
-        each.labels[label]: each.value
-        for each in scrape(site)
-        if each.name == f"ros_diagnostics_{name}" and labels.items() <= each.labels.items()
-    }
+    return {each.labels[label]: each.value for each in samples(site.address, name, **labels)}
 
 
 @contextmanager
 def running(site, *flags: str) -> Iterator[None]:
-    process = site.exporter(*flags).start()
+    process = site.serve(*flags)
     try:
-        until(lambda: _answers(site), "the exporter answers")
         yield
     finally:
         process.stop()
-
-
-def _answers(site) -> bool:
-    try:
-        return bool(scrape(site))
-    except OSError:
-        return False
 
 
 def small(turn: int) -> list[Status]:

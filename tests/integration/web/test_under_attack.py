@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import socket
-import urllib.request
 
 import pytest
-from prometheus_client.parser import text_string_to_metric_families
 
+from support.exposition import samples
 from testbed.polling import until
 
 pytestmark = pytest.mark.integration
@@ -17,23 +16,17 @@ ROBOTS = 3
 GET = b"GET /metrics HTTP/1.1\r\nHost: x\r\n"
 
 
-def messages(port: int) -> dict[str, float]:
+def messages(site) -> dict[str, float]:
     """Robot -> messages received, by a scrape like Prometheus'."""
-    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=20) as answer:
-        text = answer.read().decode()
-    return {
-        sample.labels["robot"]: sample.value
-        for family in text_string_to_metric_families(text)
-        for sample in family.samples
-        if sample.name == "ros_diagnostics_robot_messages_total"
-    }
+    found = samples(site.address, "robot_messages_total")
+    return {each.labels["robot"]: each.value for each in found}
 
 
-def test_ingest_and_scrapes_continue(site, ends):
-    exporter = ends(site.exporter()).start()
-    ends(site.robots(ROBOTS)).start()
+def test_ingest_and_scrapes_continue(site):
+    exporter = site.serve()
+    site.start_robots(ROBOTS)
     exporter.wait_for_output("serving fleet")
-    until(lambda: len(messages(site.port)) == ROBOTS, exporter.describe)
+    until(lambda: len(messages(site)) == ROBOTS, exporter.describe)
     with contextlib.ExitStack() as crowd:
 
         def connect(*sent: bytes) -> socket.socket:
@@ -52,13 +45,13 @@ def test_ingest_and_scrapes_continue(site, ends):
             connect(b"GET /api/v1/fleet HTTP/1.1\r\nHost: x\r\n\r\n" * 20)
             connect(b"POST /-/reload HTTP/1.1\r\nHost: x\r\nContent-Length: 1000000000\r\n\r\n")
             connect(GET + b"X: " + b"a" * 20_000)
-        before = messages(site.port)
+        before = messages(site)
 
         def received_more() -> bool:
             for sock in slow:
                 with contextlib.suppress(OSError):
                     sock.sendall(b"a")
-            now = messages(site.port)
+            now = messages(site)
             return all(now[robot] >= before[robot] + 5 for robot in before)
 
         # Each poll is a scrape; a failed one ends the test.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
 from rich.console import Console
 
@@ -9,21 +11,21 @@ from demo import run
 from demo.liveness import ProgramEndedError
 from demo.run import DemoRun
 from demo.screen import Screen
-from testbed import configuration, programs
-from testbed.mail import Inbox, MailServer
-from testbed.servers import Server
-from testbed.stack import Stack
+from testbed import programs
+from testbed.processes import Process
+from testbed.site import Site
 
 
 @pytest.fixture
-def stack(start_process, free_port) -> Stack:
-    names = ("robots", "exporter", "Prometheus", "Alertmanager", "Grafana")
-    servers = [Server(start_process(name, ["sleep", "600"])) for name in names]
-    addresses = configuration.Addresses(*(f"127.0.0.1:{free_port()}" for _ in range(5)))
-    inbox = Inbox()
-    robots, *others = servers
-    mail_server = MailServer(addresses.smtp, inbox)
-    return Stack(0, {}, addresses, inbox, mail_server, robots, (), *others)
+def stack(tmp_path) -> Iterator[Site]:
+    with Site(tmp_path) as site:
+        for name in ("robots", "exporter", "Prometheus", "Alertmanager", "Grafana"):
+            site.start_program(name, ["sleep", "600"])
+        yield site
+
+
+def process(stack: Site, name: str) -> Process:
+    return next(each.process for each in stack.started if each.name == name)
 
 
 @pytest.fixture
@@ -33,8 +35,7 @@ def demo_run(stack) -> DemoRun:
 
 @pytest.mark.parametrize("dead", ["exporter", "Grafana"])
 def test_a_program_that_was_killed_is_reported(stack, demo_run, dead, capsys):
-    servers = (*stack.servers, stack.grafana)
-    next(each for each in servers if each.name == dead).process.kill()
+    process(stack, dead).kill()
 
     assert demo_run.run(0.1) == [f"{dead} was killed by SIGKILL"]
     assert f"{dead} was killed by SIGKILL; the demo gives up" in capsys.readouterr().out
@@ -42,7 +43,7 @@ def test_a_program_that_was_killed_is_reported(stack, demo_run, dead, capsys):
 
 def test_a_grafana_that_does_not_come_back_ends_the_demo(stack, monkeypatch):
     monkeypatch.setattr(run, "PATIENCE", 0.0)
-    stack.grafana.process.kill()
+    process(stack, "Grafana").kill()
 
     with pytest.raises(ProgramEndedError, match="Grafana was killed by SIGKILL and did not come"):
         DemoRun(stack, Screen(Console()), inject=False).run(5.0)

@@ -1,4 +1,4 @@
-"""support/short_clocks.py finds every duration of the shipped rules."""
+"""testbed/short_clocks.py finds every duration of the shipped rules."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from support import short_clocks
 from support.shipped_rules import ROOT, run_tool
+from testbed import short_clocks
 
 LONG = re.compile(r"\b\d+[mhd]\b")
 

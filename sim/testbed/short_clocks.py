@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ def scale(rules: Path) -> None:
         LookupError: The rules have no such duration any more.
     """
     for name in SCALED:
-        edit(rules / name, lambda document, name=name: _scale_file(document, name))
+        edit(rules / name, partial(_scale_file, name=name))
 
 
 def set_interval(prometheus: Path, seconds: int) -> None:
@@ -43,10 +44,8 @@ def set_interval(prometheus: Path, seconds: int) -> None:
     for path in (prometheus / "rules").glob("*.yml"):
         edit(path, lambda document: _set_intervals(document, seconds))
     for slot in SLOTS:
-        edit(
-            prometheus / "rules" / "availability.yml",
-            lambda document, slot=slot: _set_number(document, slot, "10", str(seconds)),
-        )
+        change = partial(_set_number, name=slot, shipped="10", wanted=str(seconds))
+        edit(prometheus / "rules" / "availability.yml", change)
 
 
 def set_escalation(rules: Path, after: Mapping[str, str]) -> None:
