@@ -24,8 +24,8 @@ def _node_name(value: Any) -> str:
 
 NodeName = Annotated[str, Value(_node_name, "name of a node", type="string", pattern=f"^{_NODE}$")]
 NO_RATES = (
-    "rates cannot be subscribed: this takes a filter in the publisher, which rclpy of ROS 2 Jazzy "
-    "cannot ask for (that of Kilted can, from 9.1)"
+    "rates cannot be subscribed: this takes a filter in the publisher, which the exporter does not "
+    "ask for (rclpy can only from 7.1.8 of ROS 2 Jazzy on)"
 )
 OTHER_RATES = (
     "remove it, and have the driver report its rate, with TopicDiagnostic of diagnostic_updater"
