@@ -104,6 +104,8 @@ class Link:
 
     def _note_least(self, at: float, delay: float) -> None:
         minute = int(at // 60)
+        while self._least and self._least[0][0] <= minute - LEAST_KEPT:
+            self._least.popleft()  # after a pause the clocks may differ by something else
         if self._least and self._least[-1][0] == minute:
             self._least[-1] = minute, min(self._least[-1][1], delay)
         else:

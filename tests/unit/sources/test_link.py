@@ -74,6 +74,16 @@ def test_a_restart_a_pause_and_another_publishers_numbers_are_no_loss(sender):
     assert (sender.reading.expected, sender.reading.lost) == (45, 0)
 
 
+def test_what_was_the_least_before_a_long_pause_counts_no_more(sender):
+    sender.send(600, delays=(0.01,))
+    sender.wall += 9 * 60
+    sender.send(30, delays=(0.11,))
+    assert sender.reading.delay == pytest.approx(0.1, abs=1e-5)
+    sender.wall += 86_400
+    sender.send(30, delays=(0.51,))  # the robot's clock has drifted
+    assert sender.reading.delay == pytest.approx(0.0, abs=1e-5)
+
+
 def test_a_message_that_was_overtaken_or_came_twice_is_not_lost(sender):
     sender.send(10)
     sender.arrive(12, sender.wall + 0.2, 0.01)
