@@ -92,7 +92,7 @@ PATH = click.Path(path_type=Path)
 @click.command(
     epilog="""\b
 Record on the robot, judge on any machine (no ROS needed):
-  ros2 bag record /diagnostics_agg
+  ros2 bag record --topics /diagnostics_agg
   ros-diagnostics backtest --config fleet.yml rosbag2_2026_11_01-08_00_00
 
 \b
