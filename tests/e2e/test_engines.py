@@ -1,21 +1,19 @@
 """The shipped rules, unchanged but for short durations, on every engine that may evaluate them.
 
 A fault and its recovery, the death of the exporter in it, and a silent robot, on the Prometheus in
-PATH (or $PROMETHEUS), the same with concurrent evaluation where it has that, and vmalert over
-VictoriaMetrics.
+PATH (or $PROMETHEUS), on Prometheus 3 (in the folder $PROMETHEUS_3) with concurrent evaluation, and
+on vmalert over VictoriaMetrics.
 """
 
 from __future__ import annotations
 
-import re
-import subprocess
-from pathlib import Path
+import os
 
 import pytest
 
 from support import victoriametrics
 from support.orders import Orders
-from testbed import configuration, http, programs
+from testbed import configuration, http
 from testbed.engine import Engine
 from testbed.polling import until
 from testbed.processes import Process
@@ -70,24 +68,23 @@ class Fleet:
 
 
 @pytest.fixture(params=["prometheus", "concurrent", "vmalert"])
-def fleet(request: pytest.FixtureRequest, site: Site) -> Fleet:
+def fleet(request: pytest.FixtureRequest, site: Site, monkeypatch: pytest.MonkeyPatch) -> Fleet:
     site.start_robots(2)
     site.start_exporter(site.write("fleet.yml", FLEET.format(domain=site.domain_id)))
     if request.param == "vmalert":
         engine = _vmalert(site)
     else:
-        options = _concurrent() if request.param == "concurrent" else []
+        options = _concurrent(monkeypatch) if request.param == "concurrent" else []
         site.start_prometheus(*options, interval=SECONDS, tenth=True)
         engine = site.engine
     site.wait_until_ready()
     return Fleet(site, engine)
 
 
-def _concurrent() -> list[str]:
-    binary = programs.prometheus(Path(), "", Path())[0]
-    version = subprocess.run([binary, "--version"], capture_output=True, text=True, check=True)
-    if not re.search(r"version [3-9]\.", version.stdout + version.stderr):
-        pytest.skip("this Prometheus has no concurrent evaluation (3.x has: set $PROMETHEUS)")
+def _concurrent(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    if "PROMETHEUS_3" not in os.environ:
+        pytest.skip("no Prometheus 3: its folder in PROMETHEUS_3")
+    monkeypatch.setenv("PROMETHEUS", f"{os.environ['PROMETHEUS_3']}/prometheus")
     return ["--enable-feature=concurrent-rule-eval"]
 
 

@@ -238,3 +238,29 @@ def test_an_uplink_that_is_gone_is_one_mail_and_its_robot_none(host: Host):
     until(lambda: host.robot()["up"], "the robot is back", 90)
     disk = "** PROBLEM ** hall/robot_1 disk"
     assert [each for each in host.subjects() if not each.startswith(disk)] == [problem, recovery]
+
+
+def test_in_maintenance_a_hosts_fault_is_quiet_and_one_that_outlives_it_a_mail_at_its_end(
+    host: Host,
+):
+    until(lambda: host.robot()["up"] and host.level("load 1m") == "OK", "the load", 120)
+    folder = host.folder / "maintenance.d"
+    folder.mkdir()
+    window = folder / "robot_1.yml"
+    weekly = ["daily 00:00-24:00"]
+    of = {"name": "computer", "comment": "new one", "selector": {"robot": "robot_1"}}
+    window.write_text(yaml.safe_dump({**of, "weekly": weekly}))
+    until(lambda: host.robot()["maintenance"], "the maintenance", 60)
+    host.load(11)
+
+    def problem() -> dict[str, Any]:
+        found = (each for each in host.robot()["problems"] if each["component"] == "load 1m")
+        return next(found, {"due": inf, "quiet": ""})
+
+    until(lambda: time.time() > problem()["due"], lambda: str(problem()), 90)
+    assert problem()["quiet"] == "maintenance"
+    subject = "** PROBLEM ** hall/robot_1 load 1m is CRITICAL"
+    assert subject not in host.subjects()
+    window.unlink()
+    until(lambda: subject in host.subjects(), lambda: str(host.subjects()), 120)
+    assert host.subjects().count(subject) == 1

@@ -7,6 +7,7 @@ users make these, collides with nothing on this machine, and is gone with its fi
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -60,6 +61,12 @@ done
 echo ready
 exec sleep infinity
 """
+# In one subnet, whose network loses and delays frames as a file says.
+RELAYED = f"""
+mount -t tmpfs tmpfs /run
+for host in "$@"; do ip netns add "$host"; done
+exec {sys.executable} {Path(__file__).with_name("relay.py")} "$RELAY_CONTROL" "$RELAY_SEED" "$@"
+"""
 FETCH = "import sys, urllib.request as u; print(u.urlopen(sys.argv[1], timeout=5).read().decode())"
 
 
@@ -83,7 +90,8 @@ class Subnets:
         folder: For what the programs write.
         hosts: Their names.
         layout: ``ROUTED``, each in a subnet of its own, ``APART``, the same without a route from
-            one to another, or ``SWITCHED``, all in one.
+            one to another, ``SWITCHED``, all in one, or ``RELAYED``, too, by a network that loses
+            and delays frames; ``disturb`` says how many.
     """
 
     def __init__(
@@ -92,11 +100,23 @@ class Subnets:
         self._stack = stack
         self._folder = folder
         self._started = 0
+        self._control = folder / "relay"
+        self.disturb(0.0, 0.0)
         unshare = ["unshare", "--user", "--map-root-user", "--net", "--mount", "--"]
-        self._router = self._start("router", [*unshare, "sh", "-ec", layout, "sh", *hosts], None)
+        env = {**os.environ, "RELAY_CONTROL": str(self._control), "RELAY_SEED": "1"}
+        self._router = self._start("router", [*unshare, "sh", "-ec", layout, "sh", *hosts], env)
         self._router.wait_for_output("ready")
         # Fast DDS uses the interfaces that have a carrier when a participant starts.
         until(lambda: all(map(self._is_up, hosts)), "the interfaces of the hosts are up")
+
+    def disturb(self, loss: float, delay: float) -> None:
+        """From now on lose this share of the frames in a RELAYED network, and delay the others.
+
+        ``delay`` is in seconds.
+        """
+        new = self._control.with_suffix(".new")
+        new.write_text(f"{loss} {delay}")
+        new.replace(self._control)
 
     def start(self, host: str, argv: Sequence[str | Path], env: Mapping[str, str]) -> Process:
         """Start a program on a host ("": the router); it ends with the stack."""
@@ -133,7 +153,7 @@ class Subnets:
         argv = [*self._enter(), "ip", "-json", "-n", host, "link", "show", "eth0"]
         done = subprocess.run(argv, capture_output=True, text=True, check=True)
         (link,) = json.loads(done.stdout)
-        return bool(link["operstate"] == "UP")
+        return link["operstate"] in ("UP", "UNKNOWN")  # a TAP device does not say
 
     def _enter(self) -> list[str]:
         into = ["--user", "--preserve-credentials", "--net", "--mount"]

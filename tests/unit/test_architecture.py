@@ -30,6 +30,7 @@ LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
         ("model", "durations", "files", "regex", "texts", "weekly", "zstd"),
         ("events", "http_client", "logs", "loops", "severity"),
+        ("event_texts",),
         ("config",),
         ("decode",),
         ("sources",),
@@ -92,7 +93,7 @@ MAY_KNOW = {"demo": {"testbed"}, TOOLS: {EXPORTER}}
 TOOLS_DO_NOT_KNOW = {"canary", "logs", "notifications", "web", "service", "cli"}
 # What the web shows it is given by its Backend; of the config it knows how YAML is read.
 WEB_KNOWS = {
-    *("web", "model", "durations", "events", "files", "loops", "severity", "texts"),
+    *("web", "model", "durations", "event_texts", "events", "files", "loops", "severity", "texts"),
 }
 WEB_READS_BY = f"{EXPORTER}.config.yaml_file"
 KNOW_ROS = {

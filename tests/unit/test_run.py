@@ -340,3 +340,28 @@ def test_the_demo_through_zenoh_builds_the_bridge_unless_it_is_built(machine):
     assert machine.run("demo", "--zenoh").returncode == 0
     assert "build-zenoh " not in machine.calls()
     assert machine.calls()[-1] == "python -m demo --zenoh"
+
+
+def test_the_nightly_runs_prometheus_3_and_each_python_and_says_which_is_not_there(machine):
+    for name in ("chromium", "go"):
+        machine.program(name, FAKE)
+    machine.program("python3.12", PYTHON.replace("REAL", sys.executable))
+    machine.program("part", '#!/bin/sh\necho "part $* $RUN_VENV" >>FOLDER/calls\n')
+    run = machine.checkout / "run"
+    run.write_text(run.read_text().replace(" ./run ", " part "))
+
+    done = machine.run("nightly")
+
+    assert done.returncode == 0, done.stderr
+    module = "github.com/prometheus/prometheus/cmd"
+    assert f"go install {module}/promtool@v0.311.3 {module}/prometheus@v0.311.3" in machine.calls()
+    assert [call.strip() for call in machine.calls() if call.startswith("part ")] == [
+        "part lint",
+        "part generate --check",
+        "part test --all --no-skips",
+        "part mutate --report survivors.txt",
+        "part test tests/unit/rules tests/unit/grafana",
+        "part test tests/unit tests/integration .venv-python3.12",
+    ]
+    lines = [line for line in done.stderr.splitlines() if line.startswith("nightly: not run with")]
+    assert [line.split()[5].rstrip(",") for line in lines] == ["3.10", "3.11", "3.13"]

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
+from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.severity import (
     downtime_texts,
-    event_text,
     notice,
     standing,
     subject,

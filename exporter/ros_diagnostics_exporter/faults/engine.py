@@ -43,6 +43,7 @@ from ros_diagnostics_exporter.faults.model import (
     ProblemView,
     RobotSettings,
     Row,
+    Scope,
     ValueReport,
     Verdict,
     at_mono,
@@ -95,6 +96,9 @@ class Faults:
         book.timers.set(("settled", None), book.grace_until)
         book.written[FLEET_ROW] = None
         judge.set_hours_timer(book, now)
+        for problem in book.problems.values():
+            if problem.identity.scope is Scope.EXPORTER:
+                problem.verdict = Verdict.HELD  # until its part is reported, with its time
         for robot in book.robots.values():
             if robot.up:
                 presence.fall_silent(book, robot, now, now, counts=False)

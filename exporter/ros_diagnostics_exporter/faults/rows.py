@@ -368,7 +368,6 @@ def give_to_owner(book: Book, problem: Problem) -> None:
     robot = problem.robot = book.robots[identity.robot] if identity.robot else None
     if identity.scope is Scope.EXPORTER:
         book.own.setdefault(identity.component, CLOCK_TIME)
-        problem.verdict = Verdict.HELD  # until its part is reported, with its time
         return
     if robot is None and identity.scope is Scope.CAPABILITY:
         problem.capability = fleet_capabilities.adopt(book, identity.check)

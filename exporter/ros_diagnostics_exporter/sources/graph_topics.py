@@ -201,9 +201,8 @@ class Topics:
         """
         problems = {}
         for name, topic in self._topics.items():
-            if texts := sorted(
-                [*topic.problems(learn_after), *topic.lost(learn_after, there_since)]
-            ):
+            texts = sorted((*topic.problems(learn_after), *topic.lost(learn_after, there_since)))
+            if texts:
                 problems[f"topic {name}"] = int(Level.WARN), "; ".join(texts)
         unknown = sorted(name for name, topic in self._topics.items() if topic.is_unknown)
         if unknown:

@@ -231,7 +231,7 @@ def build(
         backend: What is served.
         threads: Where the backend is called.
         connections: The clients'.
-        changes: Tells open pages that something has changed.
+        changes: Notifies open pages of changes.
         web_config: Users, rate limit and headers.
         telemetry_path: Where the metrics are; first, so that it may be "/".
         lifecycle: Whether /-/reload is enabled, and /-/forget for everybody.

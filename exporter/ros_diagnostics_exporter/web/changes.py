@@ -1,4 +1,4 @@
-"""Server-sent events: an open page is told that something has changed, and renews itself.
+"""Server-sent events: an open page is notified of changes, and renews itself.
 
 A stream ends after less than the time-out of a response, and the browser opens the next. A client
 that does not read holds back its own stream only, until that time-out. Streams are a tenth of all

@@ -15,6 +15,7 @@ from urllib.parse import quote
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ros_diagnostics_exporter import __version__
+from ros_diagnostics_exporter.event_texts import event_text, notified_text
 from ros_diagnostics_exporter.model import place
 from ros_diagnostics_exporter.severity import (
     COLOURS,
@@ -26,8 +27,6 @@ from ros_diagnostics_exporter.severity import (
     component_path,
     component_text,
     downtime_texts,
-    event_text,
-    notified_text,
     part_path,
     problem_state,
     query_text,

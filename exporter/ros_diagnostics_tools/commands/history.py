@@ -8,7 +8,8 @@ from datetime import datetime
 import click
 from rich.console import Console
 
-from ros_diagnostics_exporter.severity import clock, event_text, span
+from ros_diagnostics_exporter.event_texts import event_text
+from ros_diagnostics_exporter.severity import clock, span
 from ros_diagnostics_exporter.texts import printable
 from ros_diagnostics_tools.servers import Servers, with_servers
 from ros_diagnostics_tools.terminal import cells, make_table, print_json, with_output

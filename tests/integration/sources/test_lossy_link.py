@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -40,6 +42,8 @@ node.create_timer(0.1, lambda: sender.publish(array))
 print("ready", flush=True)
 rclpy.spin(node)
 """
+COUNTED = 30.0  # seconds in which bytes are counted
+NOISE = 0.02  # of the bytes: acknowledgements and announcements that fall into one time or another
 STEADY = 200.0  # seconds until a minute of so many losses is known, on a busy machine
 
 
@@ -47,6 +51,7 @@ class Site:
     """A robot that publishes ten times a second by best effort, and an exporter."""
 
     def __init__(self, stack: ExitStack, folder: Path) -> None:
+        self.folder = folder
         self.hosts = subnets.Subnets(stack, folder, ("robot", "office"), subnets.SWITCHED)
         env = domains.environment(0) | {"ROS_LOG_DIR": str(folder / "ros-log")}
         del env["ROS_AUTOMATIC_DISCOVERY_RANGE"]
@@ -74,6 +79,26 @@ class Site:
                     return sample.value
         return None
 
+    def watch(self, mode: str) -> None:
+        """Have the exporter look at the graph or not, by a reload."""
+        path = self.folder / "fleet.yml"
+        path.write_text(re.sub('mode: "[a-z]+"', f'mode: "{mode}"', path.read_text()))
+        until(lambda: self.is_watching() == (mode == "on"), self.exporter.describe, 90, 0.5)
+
+    def is_watching(self) -> bool:
+        return self.sample("robot_expected_nodes") is not None
+
+    def count_bytes(self) -> int:
+        """How many bytes the robot sends and receives in some time."""
+
+        def counted() -> int:
+            names = [f"/sys/class/net/eth0/statistics/{each}_bytes" for each in ("rx", "tx")]
+            return sum(map(int, self.hosts.output("robot", "cat", *names).split()))
+
+        before = counted()
+        time.sleep(COUNTED)
+        return counted() - before
+
     def faults(self) -> list[tuple[str, str]]:
         found = json.loads(self.hosts.fetch("office", f"{URL}/api/v1/faults"))
         return [(each["component"], each["state"]) for each in found["faults"]]
@@ -92,6 +117,16 @@ def site(tmp_path: Path) -> Iterator[Site]:
         pytest.skip(why)
     with ExitStack() as stack:
         yield Site(stack, tmp_path)
+
+
+def test_watching_the_graph_adds_no_byte(site):
+    until(lambda: site.sample("robot_expected_nodes") == 1, site.exporter.describe, 90, 0.5)
+    counted: dict[str, list[int]] = {"on": [], "off": []}
+    for mode in ("on", "off", "off", "on"):
+        site.watch(mode)
+        counted[mode].append(site.count_bytes())
+    on, off = sum(counted["on"]), sum(counted["off"])
+    assert abs(on - off) < NOISE * off, counted
 
 
 def test_a_network_that_loses_packets_is_the_fault_of_the_link_alone(site):

@@ -20,11 +20,11 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
+from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.events import filled
 from ros_diagnostics_exporter.faults.model import State
 from ros_diagnostics_exporter.fleet.registry import TIME_TO_PUBLISH
 from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Status, Stream, Topic
-from ros_diagnostics_exporter.severity import event_text
 from support.recordings import CASES, aggregated, raw
 from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
 

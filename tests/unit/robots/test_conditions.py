@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
+from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.robots.conditions import RobotConditions
-from ros_diagnostics_exporter.severity import event_text, shown_problems, state_of
+from ros_diagnostics_exporter.severity import shown_problems, state_of
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver
 
 LOW, FULL = Status(ERROR, "Battery", "Low"), Status(OK, "Battery", "Full")

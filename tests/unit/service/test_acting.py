@@ -15,9 +15,9 @@ from ros_diagnostics_exporter.acknowledging import (
     silence,
 )
 from ros_diagnostics_exporter.alertmanager import read, read_downtimes
+from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
 from ros_diagnostics_exporter.model import Person
-from ros_diagnostics_exporter.severity import event_text
 from support.silences import BEGAN, LABELS, SINCE, listed
 
 NOW = BEGAN + 300.0

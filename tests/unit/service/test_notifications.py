@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 from prometheus_client.parser import text_string_to_metric_families
 
 from ros_diagnostics_exporter import notifications
+from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, as_texts, fault_id
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.exposition import FaultText
 from ros_diagnostics_exporter.notifications import Notifications, key_of, parse
-from ros_diagnostics_exporter.severity import event_text, notice
+from ros_diagnostics_exporter.severity import notice
 from support.silences import BEGAN, LABELS, MOTOR
 from support.web_server import broken, problem
 
