@@ -15,6 +15,7 @@ import metrics_reference
 import prometheus_operator
 import versions
 from bench import scaling
+from experiments import silent_report
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 SDK = "grafana_foundation_sdk"
@@ -36,6 +37,7 @@ GENERATORS: dict[str, Callable[[], Files]] = {
     "rules for Kubernetes": prometheus_operator.files,
     "dashboards": dashboards,
     "tables of docs/scaling.md": scaling.files,
+    "table of docs/silent-faults.md": silent_report.files,
     "versions": versions.files,
 }
 

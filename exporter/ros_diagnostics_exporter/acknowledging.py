@@ -194,25 +194,25 @@ def acknowledge(
 def plan_downtime(
     alertmanager: Alertmanager,
     fleet: str,
-    of: tuple[str, str],
+    of: tuple[str, str, float],
     person: Person,
-    times: tuple[float, float],
+    now: float,
 ) -> Event:
-    """Plan a downtime ``of`` a robot and its component ("" for all); what was done, as an event.
+    """Plan a downtime ``of`` a robot and its component ("" for all) for so many seconds from now.
 
-    ``times`` are its begin and end, Unix time.
+    Returns what was done, as an event.
 
     Raises:
         UnreachableError: No Alertmanager answers.
     """
-    robot, component = of
-    begin, end = (datetime.fromtimestamp(each, timezone.utc) for each in times)
+    robot, component, seconds = of
+    begin, end = (datetime.fromtimestamp(each, timezone.utc) for each in (now, now + seconds))
     author, comment = _words(person)
     matchers = downtime_matchers(fleet, robot, component)
     alertmanager.add(plain_silence(matchers, begin, end, author, comment))
-    until = clock(times[1], times[0], local=False)
+    until = clock(now + seconds, now, local=False)
     return Event(
-        times[0],
+        now,
         "action",
         robot=robot,
         component=component,

@@ -436,32 +436,27 @@ class Service:
         lasting = self._lasting()
         if fault not in lasting:
             raise LookupError("it has ended, or there was never one of this id")
-        now = read_clocks().wall
-        self._act(lambda by: acknowledge(by, self.state.fleet.name, lasting[fault], person, now))
+        self._act(acknowledge, lasting[fault], person)
 
     def plan_downtime(self, robot: str, component: str, seconds: float, person: Person) -> None:
         """Plan a downtime from now on, as Backend says."""
-        now = read_clocks()
         known = self.state.components_of(robot)
         if known is None:
             raise LookupError(f"there is no robot {robot!r:.60}")
         if component and component not in known:
             raise LookupError(f"{robot} has no component {component!r:.60}")
-        times = now.wall, now.wall + seconds
-        fleet, of = self.state.fleet.name, (robot, component)
-        self._act(lambda by: plan_downtime(by, fleet, of, person, times))
+        self._act(plan_downtime, (robot, component, seconds), person)
 
     def cancel_downtime(self, robot: str, component: str, until: float, person: Person) -> None:
         """End a downtime that a person planned, as Backend says."""
-        of, now = (robot, component, until), read_clocks().wall
-        self._act(lambda by: cancel_downtime(by, self.state.fleet.name, of, person, now))
+        self._act(cancel_downtime, (robot, component, until), person)
 
-    def _act(self, do: Callable[[Alertmanager], Event]) -> None:
+    def _act(self, do: Callable[..., Event], of: Any, person: Person) -> None:
         """Do it, record it, and read the silences anew."""
         if self._alertmanager is None:
             raise ConnectionError("the exporter runs without --alertmanager.url")
         try:
-            event = do(self._alertmanager)
+            event = do(self._alertmanager, self.state.fleet.name, of, person, read_clocks().wall)
         except UnreachableError as error:
             raise ConnectionError(f"Alertmanager does not answer: {error}") from error
         log.info("%s by %s: %s", event.after, event.author, event.message)

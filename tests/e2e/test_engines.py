@@ -69,18 +69,31 @@ class Fleet:
 
 @pytest.fixture(params=["prometheus", "concurrent", "vmalert"])
 def fleet(request: pytest.FixtureRequest, site: Site, monkeypatch: pytest.MonkeyPatch) -> Fleet:
+<<<<<<< HEAD
+=======
+    options = []
+    if request.param == "concurrent":
+        if "PROMETHEUS_3" not in os.environ:
+            pytest.skip("no Prometheus 3: its folder in PROMETHEUS_3")
+        monkeypatch.setenv("PROMETHEUS", f"{os.environ['PROMETHEUS_3']}/prometheus")
+        options = ["--enable-feature=concurrent-rule-eval"]
+>>>>>>> main
     site.start_robots(2)
     site.start_exporter(site.write("fleet.yml", FLEET.format(domain=site.domain_id)))
     if request.param == "vmalert":
         engine = _vmalert(site)
     else:
+<<<<<<< HEAD
         options = _concurrent(monkeypatch) if request.param == "concurrent" else []
+=======
+>>>>>>> main
         site.start_prometheus(*options, interval=SECONDS, tenth=True)
         engine = site.engine
     site.wait_until_ready()
     return Fleet(site, engine)
 
 
+<<<<<<< HEAD
 def _concurrent(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     if "PROMETHEUS_3" not in os.environ:
         pytest.skip("no Prometheus 3: its folder in PROMETHEUS_3")
@@ -88,6 +101,8 @@ def _concurrent(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return ["--enable-feature=concurrent-rule-eval"]
 
 
+=======
+>>>>>>> main
 def _vmalert(site: Site) -> Engine:
     config = configuration.prometheus(
         site.folder, [site.exporter.address], site.addresses, interval=SECONDS, tenth=True

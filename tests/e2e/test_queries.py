@@ -244,7 +244,11 @@ def test_in_maintenance_a_hosts_fault_is_quiet_and_one_that_outlives_it_a_mail_a
     host: Host,
 ):
     until(lambda: host.robot()["up"] and host.level("load 1m") == "OK", "the load", 120)
+<<<<<<< HEAD
     folder = host.folder / "maintenance.d"
+=======
+    folder = host.site.folder / "maintenance.d"
+>>>>>>> main
     folder.mkdir()
     window = folder / "robot_1.yml"
     weekly = ["daily 00:00-24:00"]

@@ -216,12 +216,12 @@ def _pages(matchers: str, states: str) -> str:
     return f"group by ({IDENTITY}, fault, instance) (\n{found}\n)"
 
 
-ROBOT = Column("robot", "Robot", link=links.TO_ROBOT, width=92, filtered=True)
+ROBOT = Column("robot", "Robot", link=links.TO_ROBOT, width=106, filtered=True)
 # On a screen of 1366 pixels all of them; on a phone the first three, of which the message wraps.
 _COLUMNS = (
-    tables.STATE._replace(width=88),
+    tables.STATE._replace(width=86),
     ROBOT,
-    Column("message", "Message", mappings=palette.reason_mappings(), min_width=175, wrapped=True),
+    Column("message", "Message", mappings=palette.reason_mappings(), min_width=160, wrapped=True),
     Column("component", "Component", link=links.TO_COMPONENT, width=120, filtered=True),
     Column("B", "Since", unit=tables.TIME, width=150),
     Column("care", "Care", width=230, wrapped=True, links=links.OF_PROBLEM),

@@ -241,7 +241,7 @@ def test_on_a_phone_the_first_screen_has_problems(chromium: Any, grafana: str):
         box = page.panel("Problems").bounding_box()
         assert box["y"] < browser.PHONE[1] - 200
         message = page.panel("Problems").get_by_role("columnheader", name="Message").bounding_box()
-        assert message["x"] + 165 <= box["x"] + box["width"]
+        assert message["x"] + 155 <= box["x"] + box["width"]
 
 
 def test_on_a_wall_one_screen_has_problems_robots_and_the_time(chromium: Any, grafana: str):

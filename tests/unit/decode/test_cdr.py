@@ -118,7 +118,12 @@ def test_after_a_damaged_message_the_next_is_decoded():
 
 @pytest.mark.parametrize(
     ("header", "read"),
-    [(b"\0\0", True), (b"\0\1", True), (b"\0\2", False), (b"\0\3", False), (b"\1\1", False)],
+    [
+        pytest.param(b"\0\0", True, id="big-endian"),
+        pytest.param(b"\0\1", True, id="little-endian"),
+        pytest.param(b"\0\2", False, id="parameter list"),
+        pytest.param(b"\1\1", False, id="of a vendor"),
+    ],
 )
 def test_of_the_encodings_that_dds_knows_the_plain_ones_are_read(header, read):
     assert is_cdr(header + b"\xff\xff") is read
@@ -131,3 +136,11 @@ def test_a_name_is_stored_once_unless_it_is_long():
     short, long = zip(first.statuses, second.statuses, strict=True)
     assert short[0].name is short[1].name
     assert long[0].name is not long[1].name
+
+
+def test_a_zero_ends_a_text_as_in_the_strings_of_ros():
+    sent = Status(0, "name\0x", "message\0x", "id\0x", (("key\0x", "value\0x"),))
+
+    (found,) = decode(encoded([sent])).statuses
+
+    assert found == Status(0, "name", "message", "id", (("key", "value"),))

@@ -111,7 +111,7 @@ def test_what_somebody_has_acknowledged_is_not_acknowledged_again():
 @pytest.mark.parametrize("component", ["", "Motor 1"])
 def test_a_downtime_is_what_exporters_read_as_one(component):
     by = FakeAlertmanager()
-    event = plan_downtime(by, "f", ("r", component), ANN, (NOW, NOW + 3_600))
+    event = plan_downtime(by, "f", ("r", component, 3_600.0), ANN, NOW)
 
     [found] = read_downtimes([as_listed(by.added[0])], "f")
     assert (found.robot, found.component, found.author) == ("r", component, "ann")
@@ -123,7 +123,7 @@ def test_a_downtime_is_what_exporters_read_as_one(component):
 
 def planned(robot: str, component: str, hours: float, name: str) -> dict[str, Any]:
     by = FakeAlertmanager()
-    plan_downtime(by, "f", (robot, component), ANN, (NOW, NOW + hours * 3_600))
+    plan_downtime(by, "f", (robot, component, hours * 3_600), ANN, NOW)
     return as_listed(by.added[0]) | {"id": name}
 
 
