@@ -59,7 +59,9 @@ def test_every_test_that_a_claim_names_exists(request: pytest.FixtureRequest):
     tests = cases | {case.partition("[")[0] for case in cases}
     # A file that is skipped as a whole, such as without a browser, has no cases.
     for file in set(files) - {case.partition("::")[0] for case in cases}:
-        functions = re.findall(r"^def (test_\w+)", (CHECKOUT / file).read_text("utf-8"), re.M)
+        functions = re.findall(
+            r"^def (test_\w+)", (CHECKOUT / file).read_text("utf-8"), re.MULTILINE
+        )
         tests |= {f"{file}::{name}" for name in functions}
 
     assert named - tests == set()
