@@ -60,7 +60,7 @@ class Service:
     CAPSULES = 1.0  # ... of the one that compresses what was received
     FORGET = 60.0  # ... between two looks of that loop what is not received any more
     UNMATCHED = 60.0  # ... of the one that looks for entries of fleet.yml that match nothing
-    WEEK = 300.0  # ... of the one that counts what the week had
+    WEEK = 60.0  # ... of the one that counts what the week had
     ADOPT = 60.0  # ... between two looks at which alerts fire, once it has settled
     HANGING = 30.0  # seconds after which a turn of a vital loop hangs
     JOIN = 30.0  # seconds until a domain that could not be joined is tried again

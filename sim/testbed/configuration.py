@@ -123,7 +123,7 @@ def alertmanager(
     Args:
         folder: Where to.
         addresses: Of the mail server, and of what the links lead to.
-        recorder: The exporter that is told who was notified, "" for none.
+        recorder: The exporter to whose webhook it posts what was sent, "" for none.
         links: Whether the links in notifications lead to this run's servers.
         edit: Changes the content, before the addresses are set.
     """
@@ -174,7 +174,7 @@ discovery:
 
 
 def _set_addresses(content: dict[str, Any], smtp: str, recorder: str) -> None:
-    """Set the mail server, and the exporter that is told who was notified, "" for none."""
+    """Set the mail server, and the exporter that what was sent is posted to, "" for none."""
     content["global"]["smtp_smarthost"] = smtp
     for receiver in content["receivers"]:
         for webhook in list(receiver.get("webhook_configs", ())):

@@ -52,7 +52,7 @@ class Engine:
 
     def alerts(self) -> list[dict[str, Any]]:
         """All alerts that are pending or firing, with annotations."""
-        found = http.get_json(self.address, "/api/v1/alerts")["data"]["alerts"]
+        found = http.get_json(self.address, "/api/v1/alerts", 60.0)["data"]["alerts"]
         return found or []  # vmalert's is null while there is none
 
     def firing(self) -> list[dict[str, str]]:

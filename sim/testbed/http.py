@@ -29,9 +29,9 @@ def get(address: str, path: str, seconds: float = 5.0) -> bytes:
     return response.raise_for_status().content
 
 
-def get_json(address: str, path: str) -> Any:
+def get_json(address: str, path: str, seconds: float = 5.0) -> Any:
     """Return the parsed JSON of ``http://ADDRESS PATH``; raises as `get`."""
-    return json.loads(get(address, path))
+    return json.loads(get(address, path, seconds))
 
 
 def ask(address: str, path: str, form: Mapping[str, Any]) -> Any:

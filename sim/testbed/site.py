@@ -200,7 +200,7 @@ class Site:
 
         Args:
             options: Of its command line.
-            recorder: The exporter that is told who was notified, "" for none.
+            recorder: The exporter to whose webhook it posts what was sent, "" for none.
             links: Whether the links in notifications lead to the site's servers.
             edit: Changes its configuration, before addresses are set.
             cluster: Its address in a cluster, "" for none.
