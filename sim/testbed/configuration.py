@@ -25,7 +25,7 @@ NOTIFICATIONS = "/api/v1/notifications"  # of the exporter
 
 @dataclass(frozen=True)
 class Addresses:
-    """Where each server of the run listens, as HOST:PORT."""
+    """Where each server of the run listens, as HOST:PORT; ``grafana`` is "" where there is none."""
 
     exporter: str
     prometheus: str
@@ -188,17 +188,19 @@ def _set_addresses(content: dict[str, Any], smtp: str, recorder: str) -> None:
 
 def _set_links(site: Path, addresses: Addresses) -> None:
     """Set the links in notifications to this run's servers; Prometheus serves the runbooks."""
-    grafana, exporter = f"http://{addresses.grafana}", f"http://{addresses.exporter}"
+    exporter, grafana = f"http://{addresses.exporter}", f"http://{addresses.grafana}"
     fault = exporter + '{{ template "ros_diagnostics.fault_path" . }}'
     path = '{{ template "ros_diagnostics.dashboard_path" . }}'
-    text = site.read_text()
-    for name, link in {
+    links = {
         "site.runbooks_url": f"http://{addresses.prometheus}/user/alerts",
-        "site.dashboard.text": f"Dashboard:  {grafana}{path}\n",
-        "site.dashboard.html": f'<a href="{grafana}{path}">Dashboard</a> &middot; ',
         "site.exporter.text": f"Fault:      {fault}\n",
         "site.exporter.html": f'<a href="{fault}">Fault</a> &middot; ',
-    }.items():
+    }
+    if addresses.grafana:
+        links["site.dashboard.text"] = f"Dashboard:  {grafana}{path}\n"
+        links["site.dashboard.html"] = f'<a href="{grafana}{path}">Dashboard</a> &middot; '
+    text = site.read_text()
+    for name, link in links.items():
         define = re.compile(
             rf'^\{{\{{ define "{re.escape(name)}" \}}\}}.*?\{{\{{ end \}}\}}$', re.MULTILINE
         )

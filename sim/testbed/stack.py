@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from testbed import configuration, grafana, http, zenoh
@@ -43,6 +43,8 @@ def running(folder: Path, plan: Plan, inbox: Inbox | None = None) -> Iterator[Si
         TimeoutError: Not ready in time; the text says what is missing.
     """
     with Site(folder, inbox, plan.environment) as site:
+        if grafana.command() is None:  # no mail links to it
+            site.addresses = replace(site.addresses, grafana="")
         endpoint = f"tcp/{free_address()}" if plan.zenoh else ""
         fleet = configuration.fleet(site.domain_id, plan.clocks, endpoint)
         exporter = site.addresses.exporter

@@ -119,18 +119,34 @@ class Host:
     def level(self, name: str) -> str:
         return str(self.component(name).get("level"))
 
+    def faults(self) -> list[tuple[str, str]]:
+        """Component and state of each fault of a robot."""
+        return [(each["component"], each["state"]) for each in self._faults() if each["robot"]]
+
+    def own_faults(self) -> list[tuple[str, str]]:
+        """The same of the exporter's own."""
+        return [(each["component"], each["state"]) for each in self._faults() if not each["robot"]]
+
+    def _faults(self) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = get_json(self.exporter, "/api/v1/faults")["faults"]
+        return found
+
 
 def _port(address: str) -> str:
     return address.rpartition(":")[2]
 
 
 def queries(folder: Path) -> list[dict[str, Any]]:
-    """The shipped ones, asked often and confirmed soon; the disk is WARN as full as it is now."""
+    """The shipped ones, asked often and confirmed soon, of which any STALE could be a fault.
+
+    The disk is WARN as full as it is now.
+    """
     found = os.statvfs(folder)
     free = 100 * found.f_bavail / found.f_blocks
     entries: list[dict[str, Any]] = yaml.safe_load(QUERIES.read_text())
     for each in entries:
         each.update({"interval": "5s", "stale_after": "10s", "confirm_after": "1s"})
+        each.pop("planned_stale", None)
         if each["component"].startswith("disk"):
             each["thresholds"] = {"low": {"warning": free + 1, "critical": 0}}
     return entries
@@ -169,12 +185,7 @@ def test_without_prometheus_components_are_stale_no_fault_begins_or_ends_and_one
     host: Host,
 ):
     disk = f"disk {host.folder}"
-
-    def faults() -> list[tuple[str, str]]:
-        found = get_json(host.exporter, "/api/v1/faults")["faults"]
-        return [(each["component"], each["state"]) for each in found if each["robot"]]
-
-    until(lambda: (disk, "warning") in faults(), lambda: str(faults()), 60)
+    until(lambda: (disk, "warning") in host.faults(), lambda: str(host.faults()), 60)
 
     def errors() -> dict[str, str]:
         queries = get_json(host.exporter, "/api/v1/fleet")["queries"]
@@ -188,7 +199,7 @@ def test_without_prometheus_components_are_stale_no_fault_begins_or_ends_and_one
         return [each["annotations"]["evidence"] for each in fails if each["state"] == "firing"]
 
     until(lambda: not errors() and not alerts(), lambda: str(errors()), 60)
-    before = faults()
+    before = host.faults()
 
     # The exporter no longer reaches Prometheus, which itself goes on.
     host.prometheus.cut()
@@ -199,11 +210,11 @@ def test_without_prometheus_components_are_stale_no_fault_begins_or_ends_and_one
     number = len(queries(host.folder))
     assert f"{number} of {number} have no answer" in all_queries
     assert host.robot()["up"]
-    assert faults() == before
+    assert host.faults() == before
     host.prometheus.heal()
     until(lambda: host.level(disk) == "WARN", "the disk is measured again", 60)
     until(lambda: not alerts(), "the queries are answered", 60)
-    assert faults() == before
+    assert host.faults() == before
 
     wrong = [*queries(host.folder), {"expr": "no_such(", "component": "wrong"}]
     (host.folder / "queries.d" / "hosts.yml").write_text(yaml.safe_dump(wrong))
@@ -213,6 +224,41 @@ def test_without_prometheus_components_are_stale_no_fault_begins_or_ends_and_one
     assert f"1 of {number + 1} have no answer: Host/wrong: " in " ".join(alerts())
     fired = host.site.engine.series('ALERTS_FOR_STATE{component="queries"}[1h]')
     assert len({value for series in fired for _at, value in series["values"]}) == 2
+
+
+def test_while_prometheus_is_killed_no_fault_begins_or_ends_and_none_is_repeated_when_it_is_back(
+    host: Host,
+):
+    disk = f"disk {host.folder}"
+    host.load(11)
+    problems = {
+        f"** PROBLEM ** hall/robot_1 {disk} is WARNING",
+        "** PROBLEM ** hall/robot_1 load 1m is CRITICAL",
+    }
+    until(lambda: problems <= set(host.subjects()), lambda: str(host.subjects()), 120)
+    until(lambda: not host.own_faults(), lambda: str(host.own_faults()), 60)
+    before = host.faults()
+
+    host.site.prometheus.process.kill()
+    until(lambda: host.level(disk) == "STALE", "the disk is STALE", 60)
+    until(lambda: host.level("load 1m") == "STALE", "so is the load", 60)
+    # A minute, in which all that is STALE could have become a fault.
+    until(host.own_faults, "it is a fault that the queries fail", 90)
+    assert host.own_faults() == [("queries", "warning")]
+    assert host.faults() == before
+
+    # Later than four times the resend delay, Alertmanager would have sent RECOVERY.
+    host.site.prometheus.process.start()
+    until(lambda: not host.own_faults(), "the queries are answered", 60)
+    until(lambda: host.level(disk) == "WARN", "the disk is measured again", 60)
+    assert host.faults() == before
+    host.load(0.5)
+    recovery = "** RECOVERY ** hall/robot_1 load 1m is no longer CRITICAL"
+    until(lambda: recovery in host.subjects(), lambda: str(host.subjects()), 90)
+    # The exporter's own has a mail where a scrape comes before the next query.
+    of_robots = {each for each in host.subjects() if "hall/" in each}
+    assert of_robots == {*problems, recovery}
+    assert len(set(host.subjects())) == len(host.subjects())
 
 
 def test_an_uplink_that_is_gone_is_one_mail_and_its_robot_none(host: Host):

@@ -58,8 +58,9 @@ def _section(title: str, items: Iterable[str]) -> list[str]:
 
 def _robot(robot: Robot) -> str:
     topics = " and ".join(filter(None, (robot.topic_agg, robot.topic_raw)))
+    received = f"{place(robot.domain_id)}, {topics}, " if topics else ""  # none: source queries
     return _joined(
-        f"{robot.name}: {place(robot.domain_id)}, {topics}, source {robot.source.value}",
+        f"{robot.name}: {received}source {robot.source.value}",
         *_settings(robot),
     )
 

@@ -108,6 +108,7 @@ _KINDS = {
     "model_type": ("a mapping", _PAIRS),
     "dataclass_type": ("a mapping", _PAIRS),
 }
+_PROFILE = ("profiles", "default")
 _LIMITS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
 
 
@@ -128,8 +129,10 @@ def explanation(error: ErrorDetails, model: type) -> Explanation:
     if error["type"] == "missing":
         return Explanation(where, "is missing", f"add {where[-1]}: ...")
     if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        remedy = suggestion(str(where[-1]), keys_at(model, where[:-1]))
-        return Explanation(where, "is not a key", remedy)
+        key = str(where[-1])
+        if len(where) == 1 and key in keys_at(model, _PROFILE):
+            return Explanation(where, "is a key of profiles", f"write it in {'.'.join(_PROFILE)}")
+        return Explanation(where, "is not a key", suggestion(key, keys_at(model, where[:-1])))
     return Explanation(where, *_about_value(error))
 
 

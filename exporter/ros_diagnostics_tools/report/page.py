@@ -63,7 +63,7 @@ def percent(share: float | None) -> str:
 
 def _budget(week: dict[str, Any]) -> str:
     left = week["budget_minutes"]
-    return "-" if left is None else f"{left:.0f}"
+    return "-" if left is None else f"{round(left)}"
 
 
 def _took(times: dict[str, Any]) -> str:

@@ -15,6 +15,11 @@ def test_the_whole_config_is_described(monkeypatch, expect_text):
     expect_text(describe(load(Path("fleet.yml"))), CONFIGS / "check-mixed-fleet.txt")
 
 
+def test_what_has_no_ros_is_in_no_domain(fleet_of):
+    text = describe(fleet_of("fleet: x\nrobots: [{name: dock, source: queries}]"))
+    assert "  dock: source queries, profile default\n" in text
+
+
 def test_warnings_come_last(fleet_of, tmp_path):
     text = describe(fleet_of("fleet: x\nlimits: {values: 9}"))
     assert text.splitlines()[-4:] == [

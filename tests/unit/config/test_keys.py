@@ -20,6 +20,11 @@ def test_what_is_made_of_keys_is_no_key(errors_of, entry, error):
     assert line.startswith(f"fleet.yml:2: {error}; ")
 
 
+def test_a_profiles_key_at_the_top_names_its_place(errors_of):
+    errors = errors_of("fleet: x\nvalues: [{key: Level}]\n")
+    assert errors == ["fleet.yml:2: values: is a key of profiles; write it in profiles.default"]
+
+
 def test_constructors_check_nothing_and_make_nothing_of_other_keys():
     robot = Robot("r", 300, topic_agg="not/absolute", source=Source.AGG)
     assert (robot.domain_id, robot.topic_agg, robot.topic_raw) == (300, "not/absolute", None)

@@ -229,6 +229,13 @@ def test_mail_about_a_recovery_has_its_end_and_no_commands(render, part):
     assert "ros-diagnostics ack" not in output
 
 
+def test_a_test_page_asks_for_nothing_and_ends_by_itself(render):
+    firing = render("email.text", data("firing", FAULT | {"alertname": "RosDiagnosticsTest"}))
+    over = render("email.text", data("resolved", FAULT | {"alertname": "RosDiagnosticsTest"}))
+    assert "First step: None: this is a test." in firing
+    assert "What ended it: the end of the test." in over
+
+
 def test_mail_about_the_end_of_an_escalation(render):
     labels = escalation(FAULT)
 

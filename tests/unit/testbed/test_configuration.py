@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from dataclasses import replace
 
 import pytest
 import yaml
@@ -45,6 +46,15 @@ def test_links_in_notifications_lead_to_this_runs_servers(configs):
     assert f'{{{{ define "site.runbooks_url" }}}}{runbooks}{{{{ end }}}}' in site
     assert f"Dashboard:  http://{ADDRESSES.grafana}" in site
     assert f'<a href="http://{ADDRESSES.grafana}' in site
+
+
+def test_no_link_leads_to_a_grafana_that_is_not_there(tmp_path):
+    addresses = replace(ADDRESSES, grafana="")
+    configs = configuration.write(tmp_path, 42, addresses, configuration.Clocks())
+    site = (configs.alertmanager.parent / "templates" / "site.tmpl").read_text()
+
+    assert '{{ define "site.dashboard.text" }}{{ end }}' in site
+    assert '{{ define "site.dashboard.html" }}{{ end }}' in site
 
 
 def test_alertmanager_sends_to_this_runs_mail_server(configs):

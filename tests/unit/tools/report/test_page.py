@@ -49,6 +49,11 @@ def test_the_summary_has_both_weeks_and_each_time_its_count():
     assert "Critical faults: 4 (week before: 5)" in text(REPORT)
 
 
+def test_a_budget_that_is_missed_by_seconds_is_0():
+    missed = REPORT | {"week": WEEK | {"budget_minutes": -0.3}}
+    assert ("Budget left for 99 % (robot minutes)", "0", "-") in summary(missed)
+
+
 def test_the_page_has_the_summary_and_escapes_what_robots_are_named():
     html = page(REPORT)
     for _name, now, before in summary(REPORT):
