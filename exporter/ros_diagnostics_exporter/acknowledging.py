@@ -177,18 +177,9 @@ def acknowledge(
     if before is not None:
         raise LookupError(f"it is already acknowledged by {clean(before['createdBy'], 64)}")
     begin = datetime.fromtimestamp(now, timezone.utc)
-    author, comment = _words(person)
-    alertmanager.add(silence(known[0], author, comment, begin))
-    message = f"{comment} (from {person.address})"
-    return Event(
-        now,
-        "action",
-        **as_texts(fault.identity, fault.labels),
-        after="acknowledged",
-        message=message,
-        author=author,
-        since=fault.since,
-    )
+    alertmanager.add(silence(known[0], *_words(person), begin))
+    of = as_texts(fault.identity, fault.labels)
+    return _action(now, "acknowledged", "", person, **of, since=fault.since)
 
 
 def plan_downtime(
@@ -207,19 +198,10 @@ def plan_downtime(
     """
     robot, component, seconds = of
     begin, end = (datetime.fromtimestamp(each, timezone.utc) for each in (now, now + seconds))
-    author, comment = _words(person)
     matchers = downtime_matchers(fleet, robot, component)
-    alertmanager.add(plain_silence(matchers, begin, end, author, comment))
-    until = clock(now + seconds, now, local=False)
-    return Event(
-        now,
-        "action",
-        robot=robot,
-        component=component,
-        after="downtime",
-        message=f"until {until}: {comment} (from {person.address})",
-        author=author,
-    )
+    alertmanager.add(plain_silence(matchers, begin, end, *_words(person)))
+    until = f"until {clock(now + seconds, now, local=False)}: "
+    return _action(now, "downtime", until, person, robot=robot, component=component)
 
 
 def cancel_downtime(
@@ -247,17 +229,15 @@ def cancel_downtime(
         raise LookupError("there is no such downtime any more")
     for name in known:
         alertmanager.end(name)
+    end = f"it was until {clock(until, now, local=False)}: "
+    return _action(now, "cancelled", end, person, robot=robot, component=component)
+
+
+def _action(now: float, after: str, what: str, person: Person, **about: Any) -> Event:
+    """What a person did by a form, as an event: ``what`` precedes the comment."""
     author, comment = _words(person)
-    end = clock(until, now, local=False)
-    return Event(
-        now,
-        "action",
-        robot=robot,
-        component=component,
-        after="cancelled",
-        message=f"it was until {end}: {comment} (from {person.address})",
-        author=author,
-    )
+    message = f"{what}{comment} (from {person.address})"
+    return Event(now, "action", **about, after=after, message=message, author=author)
 
 
 def _words(person: Person) -> tuple[str, str]:

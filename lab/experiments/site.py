@@ -65,7 +65,7 @@ def running(workload: Workload) -> Iterator[Site]:
         TimeoutError: It was not ready in time.
     """
     with started() as site:
-        # Hundreds of robots share a participant, and so a socket: it needs room as the exporter's.
+        # Hundreds of robots share a participant, and so a socket: as large as the exporter's.
         of_robots = site.environment() | {"PYTHONPATH": f"{CHECKOUT / 'lab'}:{CHECKOUT / 'tests'}"}
         use_profiles(of_robots, site.folder)
         for number, argv in enumerate(fleet.commands(*workload)):

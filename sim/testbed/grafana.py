@@ -90,8 +90,8 @@ def _version() -> tuple[int, int]:
     found = command()
     if found is None:
         return SOLID
-    told = subprocess.run([found[0], "-v"], capture_output=True, text=True, check=False).stdout
-    version = re.search(r"(\d+)\.(\d+)\.", told)
+    output = subprocess.run([found[0], "-v"], capture_output=True, text=True, check=False).stdout
+    version = re.search(r"(\d+)\.(\d+)\.", output)
     return (int(version[1]), int(version[2])) if version else SOLID
 
 
