@@ -15,7 +15,7 @@ from ros_diagnostics_exporter.web.app import openapi
 
 PACKAGE = Path(ros_diagnostics_exporter.__file__).parent
 DESCRIBED = openapi("/metrics")["components"]["schemas"]["Event"]["properties"]
-FORWARDERS = {"record", "_record_level"}  # of robots: they make an event of a word that they get
+FORWARDERS = {"record", "_record_level", "_action"}  # make an event of a word that they get
 
 
 def literals(node: ast.expr | None) -> set[str]:
@@ -38,7 +38,7 @@ def recorded() -> tuple[set[str], set[str]]:
         if isinstance(call.func, ast.Name) and call.func.id == "Event":
             kinds |= literals(call.args[1] if len(call.args) > 1 else given["kind"])
             after |= literals(given.get("after"))
-        elif isinstance(call.func, ast.Attribute) and call.func.attr in FORWARDERS:
+        elif getattr(call.func, "attr", getattr(call.func, "id", "")) in FORWARDERS:
             after |= set().union(*map(literals, call.args))
     return kinds, after
 
