@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.api import week as report
+from ros_diagnostics_exporter.api.story import WEEK
 from support.web_server import occurrence
 
 BEGIN, END = 100_000.0, 200_000.0
@@ -88,16 +89,16 @@ def test_a_fault_whose_end_was_lost_counts_only_while_it_lasts():
 def test_notifications_are_counted_in_the_night_of_their_evening(zone):
     offset = 0 if zone is timezone.utc else 9 * 3_600
     midnight = 20_000 * 86_400.0 - offset  # 2024-10-04
-    hours = [-3, -2, 0, 5.9, 6, 12, 21.9, 22]
+    hours = [-45, -3, -2, 0, 5.9, 6, 12, 21.9, 22]
     sent = [
         {"at": midnight + hour * 3_600, "receiver": "a", "step": "", "after": "firing"}
         for hour in hours
     ]
     over = {**sent[2], "after": "resolved"}
-    found = report.notified([fault(1, None, notified=[*sent, over])], midnight - 86_400, 2e9)
+    found = report.notified([fault(1, None, notified=[*sent, over])], midnight - 172_800, 2e9)
     assert found == [each["at"] for each in sent]
-    nights = report.by_night(found, midnight - 86_400, midnight + 86_400, zone)
-    assert nights == {"2024-10-03": 3, "2024-10-04": 1}
+    nights = report.by_night(found, midnight - 172_800, midnight + 86_400, zone)
+    assert nights == {"2024-10-01": 1, "2024-10-02": 0, "2024-10-03": 3, "2024-10-04": 1}
 
 
 @given(st.lists(st.floats(1, 1e6), min_size=1))
@@ -105,3 +106,21 @@ def test_the_median_and_the_longest_are_those_of_all(lengths):
     found = [fault(BEGIN - each, BEGIN) for each in lengths]
     exact = [BEGIN - (BEGIN - each) for each in lengths]
     assert report.to_recover(found, BEGIN, END) == (len(exact), median(exact), max(exact))
+
+
+def test_the_week_is_counted_from_the_log_with_what_began_before_it_unless_there_is_too_much():
+    labels = {"scope": "component", "state": "critical", "severity": "critical", **MOTOR}
+    of = labels | {"since": END - WEEK - 60}
+    began = {"id": 1, "time": END - WEEK - 50, "kind": "fault_began", **of}
+    log = [began, {"id": 2, "time": END - 9, "kind": "fault_ended", "reason": "recovered", **of}]
+
+    def find(*, kind: str, since: float, limit: int) -> list[dict[str, Any]]:
+        found = [each for each in log if each["kind"] == kind and each["time"] >= since]
+        return (found * times)[:limit]
+
+    times = 1
+    counted = report.counted(find, [], END)
+    assert counted is not None
+    assert counted.to_recover == (1, WEEK + 51, WEEK + 51)
+    times = 20_000
+    assert report.counted(find, [], END) is None
