@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.api import week as report
-from ros_diagnostics_exporter.api.story import KINDS, occurrences
+from ros_diagnostics_exporter.api.story import KINDS, WEEK, occurrences
 from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from support.web_server import occurrence
 
@@ -92,16 +92,16 @@ def test_a_fault_whose_end_was_lost_counts_only_while_it_lasts():
 def test_notifications_are_counted_in_the_night_of_their_evening(zone):
     offset = 0 if zone is timezone.utc else 9 * 3_600
     midnight = 20_000 * 86_400.0 - offset  # 2024-10-04
-    hours = [-3, -2, 0, 5.9, 6, 12, 21.9, 22]
+    hours = [-45, -3, -2, 0, 5.9, 6, 12, 21.9, 22]
     sent = [
         {"at": midnight + hour * 3_600, "receiver": "a", "step": "", "after": "firing"}
         for hour in hours
     ]
     over = {**sent[2], "after": "resolved"}
-    found = report.notified([fault(1, None, notified=[*sent, over])], midnight - 86_400, 2e9)
+    found = report.notified([fault(1, None, notified=[*sent, over])], midnight - 172_800, 2e9)
     assert found == [each["at"] for each in sent]
-    nights = report.by_night(found, midnight - 86_400, midnight + 86_400, zone)
-    assert nights == {"2024-10-03": 3, "2024-10-04": 1}
+    nights = report.by_night(found, midnight - 172_800, midnight + 86_400, zone)
+    assert nights == {"2024-10-01": 1, "2024-10-02": 0, "2024-10-03": 3, "2024-10-04": 1}
 
 
 @given(st.lists(st.floats(1, 1e6), min_size=1))
@@ -165,3 +165,21 @@ def test_events_that_the_disk_kept_back_are_counted_in_the_next_hour(monkeypatch
     assert faults(7_260.0) is None
     monkeypatch.undo()
     assert faults(7_320.0) == 3
+
+
+def test_the_week_is_counted_from_the_log_with_what_began_before_it_unless_there_is_too_much():
+    labels = {"scope": "component", "state": "critical", "severity": "critical", **MOTOR}
+    of = labels | {"since": END - WEEK - 60}
+    began = {"id": 1, "time": END - WEEK - 50, "kind": "fault_began", **of}
+    log = [began, {"id": 2, "time": END - 9, "kind": "fault_ended", "reason": "recovered", **of}]
+
+    def find(*, kind: str, since: float, limit: int) -> list[dict[str, Any]]:
+        found = [each for each in log if each["kind"] == kind and each["time"] >= since]
+        return (found * times)[:limit]
+
+    times = 1
+    counted = report.Counting(find).count([], END)
+    assert counted is not None
+    assert counted.to_recover == (1, WEEK + 51, WEEK + 51)
+    times = 20_000
+    assert report.Counting(find).count([], END) is None
