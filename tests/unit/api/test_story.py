@@ -88,6 +88,23 @@ def test_what_also_happens_without_a_fault_or_not_each_time_is_not_mentioned():
     assert not any("Charger" in text for text in told(events[:4] + events[-3:]))
 
 
+@pytest.mark.parametrize(
+    ("after", "words"),
+    [("silent", "the robot was silent"), ("received", "the robot was back"), ("known", "")],
+)
+def test_that_the_robot_was_away_may_come_before_a_fault(after, words):
+    faults = three(charger=False)
+    begins = [each["since"] for each in faults if each["kind"] == "fault_began"]
+    of = {"id": 0, "kind": "robot", "robot": "r", "after": after}
+    found = told(faults + [{**of, "time": at - 60} for at in begins])
+    named = [text for text in found if text.startswith("Each of the 3 times")]
+    assert named == (
+        [f"Each of the 3 times it began 1 min after {words}, which happened 3 times."]
+        if words
+        else []
+    )
+
+
 def test_a_fault_from_before_the_week_that_lasts_or_ended_in_it_counts_and_an_older_one_does_not():
     old = fault(BEGIN - 9 * HOUR, BEGIN - HOUR)
     assert told(old) == ["No fault in the last 7 days."]

@@ -9,7 +9,7 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.api import week as report
@@ -48,6 +48,7 @@ made = st.lists(st.tuples(st.sampled_from("ab"), moments, st.integers(1, 60), st
 
 
 @given(made)
+@example([("a", -STEP, 1, False)])  # ended as the week began
 def test_worst_parts_have_the_seconds_of_the_week_in_which_any_fault_lasted(given_faults):
     begin, end = 0.0, 100.0 * STEP
     found, covered = [], dict[str, set[int]]()
