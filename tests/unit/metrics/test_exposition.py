@@ -159,7 +159,7 @@ def full_scenario() -> StateDriver:
             ValueRule(key=re.compile("Charge"), metric="ros_battery_charge_ratio", scale=0.01),
         ),
         capabilities={
-            "view": Capability("view", Expression(1, (ComponentsOf((re.compile("Cam"),)),)))
+            "view": Capability("view", Expression(1, (ComponentsOf((re.compile("Laser"),)),)))
         },
     )
     robot = Robot(
