@@ -159,7 +159,7 @@ def full_scenario() -> StateDriver:
             ValueRule(key=re.compile("Charge"), metric="ros_battery_charge_ratio", scale=0.01),
         ),
         capabilities={
-            "view": Capability("view", Expression(1, (ComponentsOf((re.compile("Cam"),)),)))
+            "view": Capability("view", Expression(1, (ComponentsOf((re.compile("Laser"),)),)))
         },
     )
     robot = Robot(
@@ -201,7 +201,7 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
     found = {name: sorted(series.values()) for name, series in driver.samples().items()}
     begin = WALL
     assert found == {
-        "capability_state": [0],
+        "capability_state": [3],
         "check_components": [0, 1, 1, 2],
         "component_changes_total": [0, 0, 1, 1],
         "component_flap_ratio": [0.0625] * 3,
@@ -212,6 +212,7 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "component_planned_stale": [1],
         "component_problem_level": [1, 2, 3, 3],
         "component_problem_since_timestamp_seconds": [begin, begin, begin, begin + 1],
+        "component_quiet_reason": [1],
         "component_since_timestamp_seconds": [begin, begin, begin + 1, begin + 1],
         "component_stale_after_seconds": [2],
         "component_value": [21.5],
