@@ -20,6 +20,15 @@ _SILENT_SITE = f"""
         (time() - max by (site) (max_over_time(timestamp({_HELD}{{site!=""}})[1d:1m]))) / 60
     ) >= 2
 """
+_FAILING = f"sum by (instance, alertmanager) (increase({_SENT}[2m])) > 0"
+_NOT_REACHED = label(_FAILING, "at", "$1", "alertmanager", "(?:https?://)?([^/]*).*")
+_REACHES_NONE = f"""
+    group(
+        count by (instance) ({_FAILING})
+      >= on (instance)
+        max by (instance) (prometheus_notifications_alertmanagers_discovered)
+    )
+"""
 
 # Expression (1: broken, 2: not known) and the text; $1 is the label's value.
 _BROKEN = (
@@ -80,10 +89,11 @@ _BROKEN = (
         "Alertmanager $1 does not answer",
         "instance",
     ),
+    (_REACHES_NONE, "Prometheus does not reach Alertmanager: no notification is sent", ""),
     (
-        f"group(increase({_SENT}[2m]) > 0)",
-        "Prometheus does not reach Alertmanager: no notification is sent",
-        "",
+        f"group by (at) ({_NOT_REACHED}) unless on () {_REACHES_NONE}",
+        "Prometheus does not reach Alertmanager $1",
+        "at",
     ),
     (
         "group by (integration) (increase(alertmanager_notifications_failed_total[10m]) > 0)",
