@@ -106,6 +106,9 @@ def _count(state: palette.State) -> str:
     """
 
 
+_COMPONENT = "fleet, robot, group, component"
+
+
 def _listed(handled: str) -> str:
     """Return the problems of the chosen state; ``handled`` compares 1 for what is handled.
 
@@ -124,6 +127,8 @@ ${{state:raw}}
     (group by ({IDENTITY}) ({ACKNOWLEDGED}) {handled})
   unless on (fleet, robot)
     (group by (fleet, robot) (ros_diagnostics_robot_maintenance == 1) {handled})
+  unless on ({_COMPONENT})
+    (group by ({_COMPONENT}) (ros_diagnostics_component_maintenance == 1) {handled})
 """,
     )
 
@@ -137,17 +142,26 @@ def number_of_problems() -> stat.Panel:
     """Count the rows of the table of problems."""
     zero = f"group({_PROOF}) * 0"
     listed = f"count({_PROBLEMS}) or {zero}"
+    unhandled = f"""
+      count({_listed("== 1")}) and on () ({_PROOF})
+    or
+      {zero}
+    or
+      count({_PROBLEMS}) * 0 / 0
+    """
     return (
         panels.number(
             "Number of problems",
             "How many problems are listed below, and how many of them are unhandled: neither "
-            "acknowledged nor planned?",
+            "acknowledged nor planned? A question mark: not known while an exporter does not "
+            "answer.",
             listed,
         )
+        .mappings(palette.UNKNOWN_NUMBER)
         .targets(
             [
                 panels.at_end(listed, "listed"),
-                panels.at_end(f"count({_listed('== 1')}) or {zero}", "unhandled", "B"),
+                panels.at_end(unhandled, "unhandled", "B"),
             ]
         )
         .text_mode(common.BigValueTextMode.VALUE_AND_NAME)
@@ -321,7 +335,7 @@ def states_of_robots() -> statetimeline.Panel:
         "States of the robots",
         "When was which robot in which state? The worst state of each step, of at least ten "
         "seconds. The 15 robots that are worst at the end of the range, of equal ones the oldest "
-        "trouble first: filter to see others.",
+        "fault first: filter to see others.",
         panels.over_time(placed, "{{fleet}}/{{robot}}").interval("10s"),
     )
     # Without a legend: the words of the colours are at the top.

@@ -148,8 +148,10 @@ def monitoring() -> stat.Panel:
 def data_as_of() -> stat.Panel:
     """Show when the exporters were scraped last: clock and age of the page in one."""
     scraped = f"timestamp(ros_diagnostics_exporter_settled{{{_FLEET}}})"
-    # Of one that does not answer there is no sample; it is held while its target exists.
-    before = f"max by (instance) (max_over_time({scraped}[1d:1m])) and on (instance) {_HELD}"
+    # Of one that does not answer there is no sample; it is held while its target exists. The time
+    # is exact in the first hour.
+    last = f"max_over_time({scraped}[1h:5s]) or max_over_time({scraped}[1d:1m])"
+    before = f"max by (instance) ({last}) and on (instance) {_HELD}"
     return (
         panels.number(
             "Data as of",
