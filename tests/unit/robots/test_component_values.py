@@ -61,7 +61,7 @@ def values_after_each(history, *, judged=True) -> list[object]:
 def test_a_plain_number_changes_the_same_as_any_other(history):
     found = values_after_each(history)
 
-    with mock.patch.object(values_of_robots, "parse_plain", return_value=None):
+    with mock.patch.object(values_of_robots, "is_plain", return_value=None):
         assert found == values_after_each(history)
 
 
