@@ -210,12 +210,25 @@ COMPONENT_PLANNED_STALE = _family(
     "1 for components whose STALE the config plans and that should page nobody.",
     COMPONENT,
 )
+COMPONENT_MAINTENANCE = _family(
+    "component_maintenance",
+    "gauge",
+    "1 during a planned downtime of the component alone; absent otherwise.",
+    COMPONENT,
+)
 COMPONENT_MESSAGE = _family(
     "component_message_info",
     "gauge",
     "1 with the status' message, while the level is not OK; of a component that no longer reports, "
     "that it does not, and its last one.",
     (*COMPONENT, "message"),
+)
+COMPONENT_QUIET_REASON = _family(
+    "component_quiet_reason",
+    "gauge",
+    "1 while no fault of a component begins that is due, because another one explains it: that of "
+    "what it is behind (behind), or of a capability that needs it (capability).",
+    (*COMPONENT, "reason"),
 )
 COMPONENT_INFO = _family(
     "component_info", "gauge", "1 with the status' hardware_id.", (*COMPONENT, "hardware_id")
@@ -303,7 +316,9 @@ FLEET_FAMILIES = (
     COMPONENT_FLAP_RATIO,
     COMPONENT_STALE_AFTER,
     COMPONENT_PLANNED_STALE,
+    COMPONENT_MAINTENANCE,
     COMPONENT_MESSAGE,
+    COMPONENT_QUIET_REASON,
     COMPONENT_INFO,
     COMPONENT_VALUE,
     COMPONENT_MONITORED_VALUE,

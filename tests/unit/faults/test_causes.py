@@ -159,6 +159,7 @@ def test_a_common_cause_lasts_until_fewer_than_half_of_its_threshold_are_left():
         (10, None, "began common/critical camera"),
         (20, on_robots(SIX[3:], level, "camera", OK)),
         (30, level("camera", OK), "recovered common/critical camera"),
+        (35, together()),
         (40, None, *each(SIX[1:3])),
         robots=TEN,
     )
@@ -335,6 +336,23 @@ def test_twenty_of_a_hundred_components_are_one_and_nineteen_are_nineteen():
         (200, levels(parts[1:], ERROR, total=100)),
         (210, None, *(f"began component/critical r1 {part}" for part in parts[1:])),
     )
+
+
+def test_many_components_and_a_common_fault_cover_levels_and_no_thresholds():
+    many = levels(PARTS, ERROR, total=10)
+    common = together(*(level("battery", ERROR, robot) for robot in SIX))
+    low = "value/critical r1 battery charge low", "value/warning r1 battery charge low"
+    for cause, began, robots in (
+        (many, MANY, ["r1"]),
+        (common, "common/critical battery", SIX),
+    ):
+        play(
+            (0, cause),
+            (10, None, f"began {began}"),
+            (20, together(level("motor", ERROR), value(1.0)) if cause is many else value(1.0)),
+            (30, None, *(f"began {each}" for each in low)),
+            robots=robots,
+        )
 
 
 def test_robots_of_another_site_are_reported_one_by_one():

@@ -106,7 +106,7 @@ FIRING = [
     ("AlertmanagerDown", {"instance": "a:9093"}, "PROBLEM ** Alertmanager a:9093 is DOWN"),
     (
         *("PrometheusNotNotifying", {"instance": "p:9090"}),
-        "PROBLEM ** Prometheus p:9090 is not sending notifications",
+        "PROBLEM ** Prometheus p:9090 is failing to send to an Alertmanager",
     ),
     ("ExporterStalled", AT, "PROBLEM ** f exporter e:1 is STALLED"),
     ("OnCallEnds", {}, "PROBLEM ** the rota of people on call is near its end"),
