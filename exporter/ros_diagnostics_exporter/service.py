@@ -18,9 +18,9 @@ from typing import Any
 from ros_diagnostics_exporter.acknowledging import acknowledge, cancel_downtime, plan_downtime
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, Alertmanager, explained
 from ros_diagnostics_exporter.api import ledger, snapshot
-from ros_diagnostics_exporter.api import week as of_week
 from ros_diagnostics_exporter.api.capabilities import capability_tree
 from ros_diagnostics_exporter.api.story import WEEK, fault_of, history, recorded, story
+from ros_diagnostics_exporter.api.week import Counting
 from ros_diagnostics_exporter.canary import Canary
 from ros_diagnostics_exporter.capsules.capsules import Capsules
 from ros_diagnostics_exporter.config.fleet import Fleet
@@ -84,6 +84,7 @@ class Service:
         self.events = EventLog()
         if storage is not None:
             self.events = EventLog(storage.load(self.state, now), storage.find_events)
+        self._week = Counting(lambda **wanted: self.events.find(Wanted(**wanted)))
         older = None if storage is None else storage.find_events
         self._notifications = restored(self.state.faults(), older, now.wall)
         self._capsules = None if storage is None else self._make_capsules(storage.path, config_file)
@@ -203,7 +204,7 @@ class Service:
         """Count what the event log has of seven days."""
         self._record_events()
         lasting = self.faults()["faults"]
-        self._exporter.week = of_week.counted(self._find, lasting, read_clocks().wall)
+        self._exporter.week = self._week.count(lasting, read_clocks().wall)
 
     def _adopt(self, alertmanager: Alertmanager) -> None:
         """Go on with the faults that fire and that nobody here knows, as without the database.

@@ -29,7 +29,7 @@ from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Source
 from ros_diagnostics_exporter.config.graph import Graph
 from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.model import Instant
-from ros_diagnostics_exporter.sources.dds import ROUND, ROUND_SHARE
+from ros_diagnostics_exporter.sources.dds_endpoints import ROUND, ROUND_SHARE
 from ros_diagnostics_exporter.sources.graph_topics import Peer, TopicView
 from testbed import domains, http
 from testbed.polling import until

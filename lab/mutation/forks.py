@@ -9,6 +9,7 @@ import os
 import resource
 import signal
 import sys
+import time
 from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,9 @@ import pytest
 OUTPUT = Path("output.txt")  # of the last run
 LEFT_OUT = "tests/unit/storage/test_killed.py"  # programs that are killed, for half a minute
 MEMORY = 4 << 30  # bytes: a mutant may ask for all there are
-WAITING = 120  # seconds: a mutant may wait for ever
-SLOWER = 3  # times the processor time of all tests, after which a mutant counts as killed
+WAITING = 120  # seconds: a mutant may wait for ever; what only is slow ends by its processor time
+SLOWER = 3  # times what the tests took without a mutant, after which a mutant counts as killed
+REACHING = 25  # examples of a property that show which statements it reaches
 OPTIONS = (
     *("-q", "-x", "-p", "no:cacheprovider"),
     f"--ignore={LEFT_OUT}",
@@ -39,10 +41,11 @@ class Tests:
 
     def __init__(self, folder: Path, source: Path) -> None:
         self._folder, self._source = folder, source
-        self._limit = resource.RLIM_INFINITY
+        # Without a mutant, tests may take as long as they do on this machine, however busy it is.
+        self._limit, self._waiting = resource.RLIM_INFINITY, 0
         measured = Path("measured.json")
         os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
-        status, used = self._fork(lambda: self._measure(measured))
+        status, _ = self._fork(lambda: self._measure(measured))
         if status:
             sys.exit(f"the tests of {folder} fail without a mutant:\n{OUTPUT.read_text()}")
         found = json.loads(measured.read_text())
@@ -52,9 +55,12 @@ class Tests:
         for name in found["imported"]:
             with contextlib.suppress(ImportError):
                 importlib.import_module(name)
-        if self.kill(self._all):
+        began = time.monotonic()
+        status, used = self._run(self._all)
+        if status:
             sys.exit(f"the tests of {folder} fail in a fork:\n{OUTPUT.read_text()}")
         self._limit = int(10 + SLOWER * used)
+        self._waiting = int(WAITING + SLOWER * (time.monotonic() - began))
 
     def reaching(self, path: Path, lines: range) -> list[str]:
         """The tests that execute one of these lines; all for those that an import executes."""
@@ -64,12 +70,12 @@ class Tests:
 
     def kill(self, tests: list[str]) -> bool:
         """Whether one of these fails, ends the process or takes too long."""
-        if not tests:
-            return False
+        return bool(tests) and self._run(tests)[0] != 0
+
+    def _run(self, tests: list[str]) -> tuple[int, float]:
         files = sorted({_file(test) for test in tests}, key=self._seconds.__getitem__)
-        options = [*OPTIONS, f"--timeout={WAITING}", *files]
-        status, _ = self._fork(lambda: pytest.main(options, [_Chosen(tests)]))
-        return status != 0
+        options = [*OPTIONS, f"--timeout={self._waiting}", *files]
+        return self._fork(lambda: pytest.main(options, [_Chosen(tests)]))
 
     def _measure(self, report: Path) -> int:
         measuring = coverage.Coverage(
@@ -77,7 +83,7 @@ class Tests:
         )
         watched = _Watched(measuring)
         measuring.start()
-        status = pytest.main([*OPTIONS, str(self._folder)], [watched])
+        status = pytest.main([*OPTIONS, "--timeout=0", str(self._folder)], [watched])
         measuring.stop()
         data = measuring.get_data()
         here = str(Path.cwd())
@@ -117,6 +123,12 @@ def _file(test: str) -> str:
     return test.partition("::")[0]
 
 
+def _draw(**settings: Any) -> None:
+    """Have the properties that are collected from now on draw their examples like this."""
+    hypothesis.settings.register_profile("mutation", hypothesis.settings(), **settings)
+    hypothesis.settings.load_profile("mutation")
+
+
 class _Watched:
     """Notes by which test a line is executed, and the seconds that each file of tests takes."""
 
@@ -124,6 +136,9 @@ class _Watched:
         self._measuring = measuring
         self.tests: list[str] = []
         self.seconds: dict[str, float] = {}
+
+    def pytest_collection(self) -> None:
+        _draw(max_examples=REACHING)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, Any, Any]:
@@ -146,9 +161,7 @@ class _Chosen:
         self._tests = frozenset(tests)
 
     def pytest_collection(self) -> None:
-        phases = (hypothesis.Phase.explicit, hypothesis.Phase.generate)  # an example is enough
-        hypothesis.settings.register_profile("first", hypothesis.settings(), phases=phases)
-        hypothesis.settings.load_profile("first")
+        _draw(phases=(hypothesis.Phase.explicit, hypothesis.Phase.generate))  # one is enough
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         items[:] = [item for item in items if item.nodeid in self._tests]

@@ -73,8 +73,10 @@ def _places(package: Path, seed: int) -> Iterator[_Place]:
         lines, nodes = text.splitlines(), list(ast_nodes(get_ast(text)))
         for name in OPERATORS:
             operator = get_operator(name)()
-            starts = (start for node in nodes for start, _ in operator.mutation_positions(node))
-            for occurrence, start in enumerate(starts):
+            places = ((node, at) for node in nodes for at, _ in operator.mutation_positions(node))
+            for occurrence, (node, start) in enumerate(places):
+                if node.parent is not None and node.parent.type == "parameters":
+                    continue  # a star between parameters is no product
                 key = seed, path.name, name, lines[start[0] - 1], start[1]
                 rank = hashlib.sha256(repr(key).encode()).hexdigest()
                 yield _Place(rank, path, name, occurrence, start)

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from ros_diagnostics_exporter.api.story import occurrences
 from ros_diagnostics_exporter.api.week import known, week
 from ros_diagnostics_exporter.metrics.families import EXPORTER
 from ros_diagnostics_exporter.metrics.week import ROWS
@@ -76,7 +77,7 @@ def samples() -> str:
 def families_of_the_week() -> Iterator[str]:
     """What an exporter with this event log served at the end of either week."""
     zone = datetime.fromtimestamp(END, timezone.utc).astimezone().tzinfo
-    weeks = [(end, week(known(log(), []), end, zone)) for end in (END - 7 * DAY, END)]
+    weeks = [(end, week(known(occurrences(log()), []), end, zone)) for end in (END - 7 * DAY, END)]
     for family, read in ROWS:
         names = ("fleet", *family.labels[len(EXPORTER) :])
         yield f"# TYPE {family.name} gauge"

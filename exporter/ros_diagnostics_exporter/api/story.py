@@ -64,14 +64,17 @@ def history(
     return occurrences(found)
 
 
-def occurrences(events: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+def occurrences(
+    events: Iterable[dict[str, Any]], earlier: Iterable[dict[str, Any]] = ()
+) -> list[dict[str, Any]]:
     """Each fault that these events are of, the one that began last first; times are Unix time.
 
-    Of each its labels, ``since``, ``confirmed`` (None where only its end is known), ``until`` and
-    ``reason`` (None while no end is known), the evidence of its begin and of its end, and who
-    acknowledged it and was notified, in order.
+    ``earlier`` are those of events before, to which these are added. Of each its labels, ``since``,
+    ``confirmed`` (None where only its end is known), ``until`` and ``reason`` (None while no end is
+    known), the evidence of its begin and of its end, and who acknowledged it and was notified, in
+    order.
     """
-    found: dict[tuple[Any, ...], dict[str, Any]] = {}
+    found = {(*labels_of(each).values(), each["since"]): each for each in earlier}
     for event in sorted(events, key=lambda each: (each["time"], each["id"])):
         if event["kind"] not in KINDS or event.get("since") is None:
             continue

@@ -1,6 +1,6 @@
 """What the event log says of a week: times to acknowledge and to recover, worst parts, nights.
 
-Pure functions. Faults are given as `ros_diagnostics_exporter.api.story` returns them. The
+Faults are given as `ros_diagnostics_exporter.api.story` returns them. The
 exporter's families of the week and `ros-diagnostics report --week` have these numbers.
 """
 
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from datetime import datetime, timedelta, timezone, tzinfo
+from itertools import chain, takewhile
 from statistics import median
 from typing import Any
 
@@ -17,6 +18,7 @@ from ros_diagnostics_exporter.severity import subject
 
 BEFORE = 2 * WEEK  # that are asked for before it, where faults of it may have begun
 MOST = 20_000  # events of each kind above which the week is not counted
+READ_ANEW = 3_600.0  # seconds: once in each of these all events are read again
 MOST_PARTS = 10
 EVENING, MORNING = 22, 6  # o'clock: what is between them is the night
 
@@ -35,38 +37,58 @@ def week(faults: Iterable[dict[str, Any]], end: float, zone: tzinfo) -> Week:
     )
 
 
-def counted(
-    find: Callable[..., list[dict[str, Any]]], lasting: Iterable[dict[str, Any]], wall: float
-) -> Week | None:
-    """The numbers of the seven days until now, by the host's clock; None of too many events.
+class Counting:
+    """The numbers of the week, counted again and again: of the events it reads those that are new.
 
     Args:
-        find: The events that match, newest first; its arguments are those of `Wanted`.
-        lasting: The faults of /api/v1/faults.
-        wall: The present, Unix time.
+        find: The events that match, newest first, read as they are taken; its arguments are those
+            of `Wanted`.
     """
-    events: list[dict[str, Any]] = []
-    for kind in KINDS:
-        found = find(kind=kind, since=wall - WEEK - BEFORE, limit=MOST)
-        if len(found) == MOST:
+
+    def __init__(self, find: Callable[..., Iterable[dict[str, Any]]]) -> None:
+        self._find = find
+        self._faults: list[dict[str, Any]] = []  # of all events that were read
+        self._read = dict.fromkeys(KINDS, 0)  # the id of the last of each kind
+        self._hour: float | None = None  # in which all were read
+
+    def count(self, lasting: Iterable[dict[str, Any]], wall: float) -> Week | None:
+        """The numbers of the seven days until now; None of too many events.
+
+        Args:
+            lasting: The faults of /api/v1/faults.
+            wall: The present by the host's clock, Unix time.
+        """
+        hour, self._hour = self._hour, wall // READ_ANEW
+        if hour != self._hour:  # the disk may have kept some back, or the clock been set
+            self._faults, self._read = [], dict.fromkeys(KINDS, 0)
+        new = {kind: self._new(kind, wall - WEEK - BEFORE) for kind in KINDS}
+        self._read |= {kind: each[0]["id"] for kind, each in new.items() if each}
+        self._faults = occurrences(chain(*new.values()), self._faults)
+        kept = [sum(len(each[of]) for each in self._faults) for of in ("notified", "acknowledged")]
+        if max(len(self._faults), *kept, *map(len, new.values())) >= MOST:
             return None
-        events += found
-    zone = datetime.fromtimestamp(wall, timezone.utc).astimezone().tzinfo
-    return week(known(events, lasting), wall, zone or timezone.utc)
+        zone = datetime.fromtimestamp(wall, timezone.utc).astimezone().tzinfo
+        return week(known(self._faults, lasting), wall, zone or timezone.utc)
+
+    def _new(self, kind: str, since: float) -> list[dict[str, Any]]:
+        """Without their messages, which take most of the memory."""
+        found = self._find(kind=kind, since=since, limit=MOST)
+        new = takewhile(lambda each: each["id"] > self._read[kind], found)
+        return [{**each, "message": ""} for each in new]
 
 
 def known(
-    events: Iterable[dict[str, Any]], lasting: Iterable[dict[str, Any]]
+    faults: Iterable[dict[str, Any]], lasting: Iterable[dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    """The faults of these events; of those without an end only the ones that last now.
+    """Those of the event log; of those without an end only the ones that last now.
 
     Args:
-        events: As /api/v1/events has them.
+        faults: As `occurrences` returns them.
         lasting: The faults of /api/v1/faults; one whose events are gone counts as well.
     """
     last = {_key(each): each for each in lasting}
     found = []
-    for fault in occurrences(events):
+    for fault in faults:
         is_lasting = last.pop(_key(fault), None) is not None
         if fault["until"] is not None or is_lasting:
             found.append(fault)

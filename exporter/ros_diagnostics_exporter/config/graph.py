@@ -88,7 +88,8 @@ class Graph(Entry):
 
     mode: Literal["auto", "on", "shadow", "off"] = described(
         "`on`: what is wrong is a fault. `shadow`: it is shown, and no fault. `auto`: `shadow` in "
-        "the first week of a robot, then `on`. `off`: nothing of it is judged.",
+        "the first week of a robot, then `on`. `off`: nothing of it is judged. What `watch` asks "
+        "for is a fault with `shadow`, too.",
         example="on",
         default="auto",
     )

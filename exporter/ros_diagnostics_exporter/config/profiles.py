@@ -49,7 +49,8 @@ class ComponentRule(Conditional, Entry, title="Component"):
     )
     ignore: bool = described("Ignore these components.", example=True, default=False)
     stale_after: PositiveDuration | None = described(
-        "Time without an update after which they are STALE, in place of the profile's.",
+        "Time without an update after which they are STALE, in place of the profile's. What an "
+        "aggregator publishes it makes STALE itself, after its own timeout.",
         example="90s",
         default=None,
     )

@@ -6,7 +6,7 @@ of its end, so it lasts as one of an earlier process does, until what ends a fau
 
 from __future__ import annotations
 
-from ros_diagnostics_exporter.faults import capabilities, causes, components, presence
+from ros_diagnostics_exporter.faults import causes, components, presence
 from ros_diagnostics_exporter.faults.book import Book
 from ros_diagnostics_exporter.faults.model import (
     Change,
@@ -38,9 +38,8 @@ def adopt(book: Book, fault: Fault, now: Instant) -> Change | None:
         return None
     since = Instant(now.mono - max(0.0, now.wall - fault.since), fault.since)
     robot = book.robots.get(identity.robot)
-    of_fleet = robot is None and identity.scope is Scope.CAPABILITY
-    if identity.scope is Scope.EXPORTER or of_fleet:
-        pass  # of no robot, and nothing follows from it
+    if identity.scope in {Scope.EXPORTER, Scope.CAPABILITY}:
+        pass  # nothing else follows from it
     elif robot is None or identity.state is State.MANY:
         _prepare_cause(book, identity, since, now)
     else:
@@ -89,8 +88,6 @@ def _prepare_robot(
         robot.history = _restless(now, 0, 1)
         book.timers.set(("presence", robot), now.mono + robot.settings.presence_interval)
         book.write(robot)
-    elif identity.scope is Scope.CAPABILITY:
-        capabilities.adopt(book, robot, identity.check)
     elif identity.component:
         component = _component(book, robot, ComponentName(identity.group, identity.component))
         if identity.scope is Scope.COMPONENT:

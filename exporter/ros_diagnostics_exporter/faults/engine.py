@@ -41,6 +41,7 @@ from ros_diagnostics_exporter.faults.model import (
     Identity,
     OwnReport,
     ProblemView,
+    Reason,
     RobotSettings,
     Row,
     Scope,
@@ -59,6 +60,7 @@ from ros_diagnostics_exporter.faults.records import (
 )
 from ros_diagnostics_exporter.model import Instant
 
+_EXPLAINED = (Reason.BEHIND, Reason.CAPABILITY)  # by another fault of the same robot
 # What is done by a timer that is of no record.
 _OF_ALL: Mapping[str, Callable[[Book, Instant], None]] = {
     "ends": ends.drop_old,
@@ -401,6 +403,19 @@ class Faults:
                 quiet=quiet if well or problem.fault is None else None,
                 well=well,
             )
+
+    def explained(self, robot: str, now: Instant) -> dict[ComponentName, Reason]:
+        """The components whose trouble begins no fault because another fault explains it."""
+        record = self._robot(robot)
+        if not (record.chained or record.capabilities):
+            return {}
+        return {
+            component.name: reason
+            for component in record.components.values()
+            for problem in component.problems.values()
+            if problem.in_trouble and problem.fault is None
+            if (reason := why_not_begin(self._book, problem, now)) in _EXPLAINED
+        }
 
     def abilities(self, robot: str) -> dict[str, AbilityView]:
         """What a robot can do, each after those that it needs."""

@@ -22,6 +22,7 @@ from ros_diagnostics_exporter.faults.model import (
     Identity,
     OwnReport,
     ProblemView,
+    Reason,
     Row,
     Scope,
     as_texts,
@@ -255,6 +256,10 @@ class FaultReports:
             if view.identity not in by_condition:
                 found.append(view)
         return [*found, *by_condition.values()]
+
+    def explained(self, robot: str) -> dict[ComponentName, Reason]:
+        """The components of a robot whose trouble begins no fault: another one explains it."""
+        return self.engine.explained(robot, self._now)
 
     def adopt(self, faults: Iterable[Fault], now: Instant) -> None:
         """Go on with faults whose alerts fire and which this process does not know."""

@@ -24,6 +24,7 @@ from ros_diagnostics_exporter.faults.model import (
     Followed,
     OwnReport,
     ProblemView,
+    Reason,
     Row,
 )
 from ros_diagnostics_exporter.faults.needs import NeedView
@@ -417,6 +418,10 @@ class FleetState(WatchedFleet):
     def followed(self, robot: RobotState) -> dict[ComponentName, Followed]:
         """What is kept of the components of a robot that is visited, in trouble now or before."""
         return self._faults.engine.followed(robot.settings.name)
+
+    def explained(self, robot: RobotState) -> dict[ComponentName, Reason]:
+        """Of a robot that is visited, the components in trouble that another fault explains."""
+        return self._faults.explained(robot.settings.name)
 
     def abilities(self, robot: RobotState) -> dict[str, AbilityView]:
         """What a robot that is visited can do, each after those that it needs."""

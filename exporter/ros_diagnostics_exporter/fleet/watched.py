@@ -177,7 +177,8 @@ class WatchedFleet(ABC):
             robot = self._registry.robots.get(report.robot)
             if robot is None:
                 return
-            robot.measure(report.feed, truncate_array(Array(0.0, report.statuses)).statuses, now)
+            for feed, statuses in report.by_feed():
+                robot.measure(feed, truncate_array(Array(0.0, statuses)).statuses, now)
             names = {each.name for each in report.statuses} | report.held
             for component in [each for each in robot.components if is_of_graph(each.identity)]:
                 if component.identity[0] not in names:

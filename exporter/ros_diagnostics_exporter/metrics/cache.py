@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from math import isfinite
 
 from ros_diagnostics_exporter.config.fleet import Profile
-from ros_diagnostics_exporter.faults.model import ABILITIES, AbilityView, ComponentName, Followed
+from ros_diagnostics_exporter.faults.model import ABILITIES, ComponentName, Reason
+from ros_diagnostics_exporter.fleet.state import FleetState
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.families import Family
 from ros_diagnostics_exporter.model import Level
@@ -56,14 +57,7 @@ class RobotText:
     the families whose chunks are others than when it was last cleared.
     """
 
-    def __init__(
-        self,
-        fleet: str,
-        exporter: str,
-        robot: RobotState,
-        followed: Callable[[RobotState], Mapping[ComponentName, Followed]],
-        abilities: Callable[[RobotState], Mapping[str, AbilityView]],
-    ) -> None:
+    def __init__(self, fleet: str, exporter: str, robot: RobotState, state: FleetState) -> None:
         self.fleet = fleet
         self.exporter = exporter
         self.robot = robot
@@ -73,14 +67,14 @@ class RobotText:
         self.promoted: set[str] = set()
         self._base = f'fleet="{escape(fleet)}",robot="{escape(robot.settings.name)}"'
         self._exporter_label = f',exporter="{escape(exporter)}"' if exporter else ""
-        self._followed = followed
-        self._abilities = abilities
+        self._state = state
         self._read = -1  # the last change that was rendered
         self._read_everything = -1  # ... that was, of what most messages change
         self._presence: tuple[bool, str | None] | None = None
         self._labels: list[tuple[Component, str]] = []  # group and component, rendered
         self._values: dict[str, _Values] = {}  # by family
         self._reasons: set[str] = set()  # every reason that ever applied
+        self._quiet: Mapping[ComponentName, Reason] = {}  # as rendered
 
     def update(self, *, everything: bool = True) -> None:
         """Render what changed since the last call.
@@ -99,6 +93,7 @@ class RobotText:
                 self._render_receipt()
             if values_due:
                 self._render_values()
+            self._render_quiet()
             self._read_everything = marks.count
 
     def _update_parts(self, read: int) -> None:
@@ -322,13 +317,13 @@ class RobotText:
             family,
             (
                 self._one(family, STATES[each.ability], f',capability="{escape(capability)}"')
-                for capability, each in self._abilities(self.robot).items()
+                for capability, each in self._state.abilities(self.robot).items()
             ),
         )
 
     def _render_followed(self, shown: list[tuple[Component, str]]) -> None:
         """What faults/ keeps; where it keeps nothing, trouble began with the level."""
-        found = self._followed(self.robot)
+        found = self._state.followed(self.robot)
         since, ratio = metrics.COMPONENT_PROBLEM_SINCE, metrics.COMPONENT_FLAP_RATIO
         begins, ratios = [], []
         for each, labels in shown:
@@ -340,6 +335,18 @@ class RobotText:
                 ratios.append(f"{ratio.name}{labels}}} {round(own.flap_ratio, 6)!r}\n")
         self._set(since, begins)
         self._set(ratio, ratios)
+
+    def _render_quiet(self) -> None:
+        """Which components other faults explain: of that no mark is noted."""
+        quiet = self._state.explained(self.robot)
+        if quiet == self._quiet:
+            return
+        self._quiet, family = quiet, metrics.COMPONENT_QUIET_REASON
+        lines = []
+        for (group, label), reason in quiet.items():
+            labels = f',group="{escape(group)}",component="{escape(label)}",reason="{reason.value}"'
+            lines.append(self._one(family, 1, labels))
+        self._set(family, lines)
 
     def _render_checks(self) -> None:
         family = metrics.CHECK_COMPONENTS

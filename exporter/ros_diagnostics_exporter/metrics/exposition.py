@@ -336,7 +336,7 @@ class Exposition:
         text = self._texts.get(robot.settings.name)
         source = fleet.name, fleet.exporter
         if text is None or text.robot is not robot or (text.fleet, text.exporter) != source:
-            text = RobotText(*source, robot, self._state.followed, self._state.abilities)
+            text = RobotText(*source, robot, self._state)
         text.update(everything=everything)
         return text
 

@@ -223,6 +223,13 @@ COMPONENT_MESSAGE = _family(
     "that it does not, and its last one.",
     (*COMPONENT, "message"),
 )
+COMPONENT_QUIET_REASON = _family(
+    "component_quiet_reason",
+    "gauge",
+    "1 while no fault of a component in trouble begins because another one explains it: that of "
+    "what it is behind (behind), or of a capability that needs it (capability).",
+    (*COMPONENT, "reason"),
+)
 COMPONENT_INFO = _family(
     "component_info", "gauge", "1 with the status' hardware_id.", (*COMPONENT, "hardware_id")
 )
@@ -311,6 +318,7 @@ FLEET_FAMILIES = (
     COMPONENT_PLANNED_STALE,
     COMPONENT_MAINTENANCE,
     COMPONENT_MESSAGE,
+    COMPONENT_QUIET_REASON,
     COMPONENT_INFO,
     COMPONENT_VALUE,
     COMPONENT_MONITORED_VALUE,

@@ -1,1 +1,1 @@
-"""Where arrays of statuses come from. Only ``dds`` and ``dds_watch`` import rclpy."""
+"""Where arrays of statuses come from. Of its modules only ``dds*`` import rclpy."""

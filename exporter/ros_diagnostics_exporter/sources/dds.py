@@ -9,10 +9,8 @@ from __future__ import annotations
 import logging
 import os
 from bisect import bisect_right
-from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from itertools import islice
 from time import thread_time
 from typing import Any
 
@@ -20,7 +18,6 @@ from typing_extensions import override
 
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status
-from ros_diagnostics_exporter.sources.graph_topics import UNKNOWN, US, Mismatch, Peer, TopicView
 from ros_diagnostics_exporter.sources.link import Link
 from ros_diagnostics_exporter.sources.reception import Count, Receiver, Reception
 from ros_diagnostics_exporter.sources.ros_environment import (
@@ -41,17 +38,15 @@ try:
     from rclpy.qos import (
         DurabilityPolicy,
         HistoryPolicy,
-        QoSCompatibility,
         QoSPolicyKind,
         QoSProfile,
         ReliabilityPolicy,
-        qos_check_compatible,
         qos_policy_name_from_kind,
     )
     from rclpy.serialization import deserialize_message
     from rclpy.subscription import Subscription
-    from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+    from ros_diagnostics_exporter.sources.dds_endpoints import EndpointReader
     from ros_diagnostics_exporter.sources.dds_watch import Watcher
 except ImportError as error:  # raised by check_ros before anything is started
     _IMPORT_ERROR: ImportError | None = error
@@ -70,16 +65,7 @@ SELDOM = 5  # looks at the graph from one question about a topic with messages t
 # the same, at most this share of the time is spent on it: then looks are further apart than
 # ``poll_interval``, up to five times as far.
 LOOK_SHARE, MAX_STRETCH = 0.01, 5
-# All topics' endpoints are read by turns, each at most once in so many seconds, and on average at
-# most this share of the time is spent on it: the more topics there are, the longer a round takes.
-ROUND, ROUND_SHARE = 20.0, 0.02
-MAX_READ = 100  # topics of one look
-MAX_ENDPOINTS = 50  # publishers, or subscribers, of a topic; more are every robot's, as of /tf
-MAX_MISMATCHES = 10  # of one topic that are named
-NO_NODE = "_NODE_NAME_UNKNOWN_"  # of rmw: of an endpoint whose participant has named no node of it
 ASKED_BEFORE = 3  # times that a subscription matches too few, before the middleware is asked why
-MAX_MATCHES = 1000  # of two QoS that are kept
-GLOBAL = ("/rosout", "/parameter_events")  # topics of every node
 LINKS = 5.0  # seconds between two looks at how messages arrive
 
 
@@ -149,9 +135,8 @@ class DdsDomain(Reception):
         self._types: dict[str, tuple[str, ...]] = {}  # of the topics, at the last look
         self._other_types: dict[str, tuple[str, ...]] = {}  # of those that are no DiagnosticArray
         self._asked_last = ""
-        self._read: OrderedDict[str, float] = OrderedDict()  # endpoints, when; the oldest first
-        self._read_at = self._links_at = 0.0  # next, monotonic
-        self._matches: dict[tuple[Any, ...], str] = {}  # why two QoS cannot match; "": they do
+        self._links_at = 0.0  # next, monotonic
+        self._endpoints = EndpointReader(domain, receiver, self._subscriptions.get)
         self._watcher = Watcher(domain, receiver)
         self._context: Context | None = None
         self._node: Node | None = None
@@ -229,10 +214,10 @@ class DdsDomain(Reception):
         self._types = types
         self.last_look = now.wall
         self._report_links(topics, now)
-        nodes = node.get_node_names_and_namespaces()
+        nodes = self._endpoints.names.complete(node.get_node_names_and_namespaces())
         if self.receiver.update_nodes(self._domain, nodes, now):
             yield from self._watcher.look(node, dict(found), now)
-            yield from self._read_endpoints(node, [name for name, _types in found], now)
+            yield from self._endpoints.read(node, [name for name, _types in found], now)
 
     def _to_be_asked(self, types: Mapping[str, tuple[str, ...]]) -> list[str]:
         """The subscribed topics that are due, and as many others as one look may ask for, in turns.
@@ -303,79 +288,6 @@ class DdsDomain(Reception):
                 link.reset()
                 links[name] = None
         self.receiver.update_links(self._domain, links, now)
-
-    def _read_endpoints(self, node: Node, names: Sequence[str], now: Instant) -> Iterator[None]:
-        """Report the endpoints of the topics that are due, those never read first."""
-        if now.mono < self._read_at:
-            return
-        cost, begin = 0.0, thread_time()
-        views = {name: TopicView((), ()) for name in self._read.keys() - set(names)}
-        for name in views:
-            del self._read[name]
-        for name in set(names).difference(self._read, GLOBAL):
-            self._read[name] = float("-inf")
-            self._read.move_to_end(name, last=False)
-        for _ in range(min(MAX_READ, len(self._read))):
-            name, at = next(iter(self._read.items()))
-            if now.mono - at < ROUND:
-                break
-            self._read[name] = now.mono
-            self._read.move_to_end(name)
-            if (view := self._view(node, name)) is not None:
-                views[name] = view
-            cost += thread_time() - begin
-            yield
-            begin = thread_time()
-        self.receiver.update_endpoints(self._domain, views, now)
-        cost += thread_time() - begin
-        self._read_at = now.mono + cost / ROUND_SHARE
-
-    def _view(self, node: Node, name: str) -> TopicView | None:
-        """All endpoints of a topic; None where they are too many."""
-        if max(node.count_publishers(name), node.count_subscribers(name)) > MAX_ENDPOINTS:
-            return None
-        publishers = node.get_publishers_info_by_topic(name)
-        subscribers = node.get_subscriptions_info_by_topic(name)
-        mismatches = (
-            Mismatch(_full_name(one), _full_name(other), why)
-            for one in publishers
-            for other in subscribers
-            if (why := self._why_no_match(one, other))
-        )
-        unknown = any(each.node_name == NO_NODE for each in (*publishers, *subscribers))
-        return TopicView(
-            tuple(map(_peer, publishers)),
-            tuple(map(_peer, subscribers)),
-            (
-                *self._refusals(name, publishers),
-                *islice(mismatches, MAX_MISMATCHES),
-                *((UNKNOWN,) if unknown else ()),
-            ),
-        )
-
-    def _refusals(self, name: str, publishers: Sequence[TopicEndpointInfo]) -> Iterator[Mismatch]:
-        """That our own subscription matches not all publishers, and by which policy.
-
-        Of several publishers nobody knows which.
-        """
-        subscribed = self._subscriptions.get(name)
-        offers = [_full_name(each) for each in publishers if each.topic_type == TYPE]
-        if subscribed is not None and subscribed.matched < len(offers) and subscribed.refused:
-            which = "one of " if subscribed.matched else ""
-            yield Mismatch(which + ", ".join(sorted(set(offers))), US, f"by {subscribed.refused}")
-
-    def _why_no_match(self, one: TopicEndpointInfo, other: TopicEndpointInfo) -> str:
-        """Why a subscriber receives nothing of a publisher; "" where it does."""
-        if one.topic_type != other.topic_type:
-            return f"the types differ, {one.topic_type} and {other.topic_type}"
-        key = _qos(one.qos_profile), _qos(other.qos_profile)
-        if key not in self._matches:
-            if len(self._matches) >= MAX_MATCHES:
-                self._matches.clear()
-            result, why = qos_check_compatible(one.qos_profile, other.qos_profile)
-            is_wrong = result == QoSCompatibility.ERROR
-            self._matches[key] = why.removeprefix("ERROR: ").strip("; ") if is_wrong else ""
-        return self._matches[key]
 
     def _offer(self, name: str, topics: Mapping[str, Endpoint]) -> bool:
         """Whether to subscribe reliably: unless a publisher has ever offered only best effort."""
@@ -475,25 +387,6 @@ class _Subscribed:
         """Ask no more."""
         if self._event is not None:
             self._event.destroy_when_not_in_use()
-
-
-def _full_name(endpoint: TopicEndpointInfo) -> str:
-    return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
-
-
-def _peer(endpoint: TopicEndpointInfo) -> Peer:
-    return Peer(_full_name(endpoint), bytes(endpoint.endpoint_gid).hex())
-
-
-def _qos(profile: QoSProfile) -> tuple[Any, ...]:
-    """What of a profile decides whether it matches another."""
-    return (
-        profile.reliability,
-        profile.durability,
-        profile.deadline.nanoseconds,
-        profile.liveliness,
-        profile.liveliness_lease_duration.nanoseconds,
-    )
 
 
 def _never_called(_data: object) -> None:

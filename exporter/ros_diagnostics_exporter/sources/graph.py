@@ -25,6 +25,7 @@ from ros_diagnostics_exporter.sources.graph_messages import (
     Messages,
     MessagesLearned,
     Parameters,
+    is_asked_for,
     is_wanted,
     node_in,
     node_of,
@@ -100,6 +101,11 @@ class Report(NamedTuple):
     events: tuple[str, ...] = ()
     logs: tuple[str, ...] = ()
     watched: float | None = None
+
+    def by_feed(self) -> Iterator[tuple[Feed, tuple[Status, ...]]]:
+        """The statuses: what fleet.yml asks for is nothing learned, and so never a shadow."""
+        yield GRAPH, tuple(each for each in self.statuses if is_asked_for(each.name))
+        yield self.feed, tuple(each for each in self.statuses if not is_asked_for(each.name))
 
 
 class RobotGraph:
@@ -326,7 +332,6 @@ class GraphWatch:
                 continue
             made = self._robots[name] = RobotGraph(graph, namespace, now)
             self._gone.discard(name)
-            self._left.discard(name)
             if (learned := self._restored.pop(name, None)) is not None:
                 made.restore(learned, now)
 

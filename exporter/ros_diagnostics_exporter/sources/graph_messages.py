@@ -126,6 +126,12 @@ def is_wanted(topic: str, kind: str, watch: Watched) -> bool:
     return wanted.get((topic, kind), False)
 
 
+def is_asked_for(component: str) -> bool:
+    """Whether a component is made of such messages: batteries have their topics' names."""
+    kind, blank, _node = component.partition(" ")
+    return kind in ("log", "lifecycle", GIVEN_UP) or f"/{kind}{blank}".endswith(BATTERIES)
+
+
 class Messages:
     """What was received of one robot's nodes, by their names in its namespace."""
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from ros_diagnostics_exporter.api.story import KINDS
+from ros_diagnostics_exporter.api.story import KINDS, occurrences
 from ros_diagnostics_exporter.api.week import BEFORE, known
 from ros_diagnostics_exporter.http_client import Client, UnreachableError
 from ros_diagnostics_tools.report.availability import DAY, Recorded
@@ -111,7 +111,7 @@ def _ask(servers: Servers, prometheus: Client, until: datetime, target: float) -
     since = str(end - 2 * DAYS * DAY - BEFORE)
     events = [each for kind in KINDS for each in exporter.events(since, kind=kind)]
     recorded = Recorded(prometheus, lasting["fleet"])
-    faults = known(events, lasting["faults"])
+    faults = known(occurrences(events), lasting["faults"])
     zone = until.astimezone().tzinfo
     if zone is None:
         raise TypeError("a time of the command line has a zone")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from dataclasses import replace
 
@@ -121,6 +122,19 @@ def test_a_killed_a_stopped_and_a_doubled_node_are_faults_until_all_is_as_usual(
     twin.stop()
     until(lambda: faults(running) == {}, lambda: f"{faults(running)}", SEEN)
     assert other.alive
+
+
+def test_a_node_that_was_not_received_for_a_lease_is_well_once_it_is_again(running, start_node):
+    driver = start_node("driver", "publish")
+    start_node("other", "subscribe")
+    learn(running, 2)
+    driver.signal(signal.SIGSTOP)
+    gone = {"node driver": "the node is gone"}
+    until(lambda: faults(running) == gone, lambda: f"{faults(running)}", SEEN)
+    driver.signal(signal.SIGCONT)  # its process, and so its endpoints, have the ids of before
+    until(lambda: faults(running) == {}, lambda: f"{faults(running)}", SEEN)
+    driver.kill()
+    until(lambda: faults(running) == gone, lambda: f"{faults(running)}", SEEN)
 
 
 def test_a_publisher_that_cannot_match_its_subscriber_is_a_fault_until_it_does(running, start_node):

@@ -7,21 +7,30 @@ import re
 import pytest
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
-from ros_diagnostics_exporter.api.snapshot import Care, faults, fleet_snapshot
+from ros_diagnostics_exporter.api.snapshot import (
+    Care,
+    faults,
+    fleet_snapshot,
+    queries,
+    robot_snapshot,
+)
 from ros_diagnostics_exporter.config.fleet import (
     Check,
     ComponentRule,
     Fleet,
     Maintenance,
+    Query,
     Robot,
     Source,
     Threshold,
     ValueRule,
 )
-from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.model import Array, Downtime, Status, Topic
+from ros_diagnostics_exporter.notifications import key_of
 from ros_diagnostics_exporter.regex import Pattern
+from ros_diagnostics_exporter.sources.prometheus import Outcome
 from ros_diagnostics_tools.check_nagios import check
-from support.state_driver import ERROR, OK, STALE, WALL, StateDriver
+from support.state_driver import ERROR, OK, STALE, WALL, StateDriver, tree
 
 PENDANT = ComponentRule(re.compile("Pendant"), planned_stale=True)
 
@@ -199,3 +208,102 @@ def test_a_value_has_its_thresholds_and_a_problem_beyond_them():
     assert "thresholds" not in cells
     (beyond,) = shown["problems"]
     assert (beyond["scope"], beyond["key"], beyond["bound"]) == ("value", "Voltage", "low")
+
+
+def test_a_robot_is_shown_with_its_config_and_all_that_was_received():
+    made = Robot(
+        "r",
+        domain_id=7,
+        namespace="/r",
+        topic_agg="/r/diagnostics_agg",
+        source=Source.AGG,
+        address="10.0.0.1",
+        labels={"site": "hall"},
+    )
+    driver = StateDriver(fleet=Fleet("f", (made,)))
+    shown = robot(driver)
+    assert (shown["up"], shown["last_message"], shown["components"]) == (False, None, [])
+    driver.state.receive(
+        Topic(7, "/r/diagnostics_agg"), Array(0.0, tree(Motor=[HOT]), 9), driver.now
+    )
+
+    (hot,) = (shown := robot(driver)).pop("components")
+    assert len(shown.pop("problems")) == 1
+    assert shown == {
+        "robot": "r",
+        "up": True,
+        "silent_reason": None,
+        "last_message": WALL,
+        "labels": {"site": "hall"},
+        "address": "10.0.0.1",
+        "domain_id": 7,
+        "namespace": "/r",
+        "topic": "/r/diagnostics_agg",
+        "profile": "default",
+        "maintenance": False,
+        "maintenance_until": None,
+        "work": "",
+        "downtimes": [],
+        "capabilities": [],
+        "short_checks": [],
+        "groups": [{"group": "/Motor", "level": "OK", "message": "OK"}],
+    }
+    assert hot == {
+        "component": "Motor",
+        "group": "/Motor",
+        "hardware_id": "",
+        "level": "ERROR",
+        "reported_level": "ERROR",
+        "level_before_stale": None,
+        "state": "CRITICAL",
+        "planned_stale": False,
+        "quiet_because": "",
+        "message": "Hot",
+        "level_since": WALL,
+        "changes": 0,
+        "flap_ratio": 0.0625,
+        "values": [],
+    }
+
+
+def test_a_robot_has_the_downtimes_that_hold_and_who_was_notified_of_its_fault():
+    driver = StateDriver()
+    driver.raw_every(1, 60, HOT)
+    (fault,) = faults(driver.state, driver.now)["faults"]
+    planned = [
+        Downtime("r", "Lidar", WALL, WALL + 99, "ann", "lens"),
+        Downtime("r", "", WALL + 60, WALL + 80, "bob", "service"),
+        Downtime("r", "", WALL + 90, WALL + 95, "bob", "later"),
+    ]
+    driver.state.plan(planned, driver.now)
+    driver.at(61)
+    notified = {key_of({**fault, "fleet": "f"}): {"email": WALL + 55}}
+    care = Care(notified, (), lambda found, since: (found, since) == (fault["fault"], WALL))
+
+    shown = robot_snapshot(driver.state, "r", driver.now, care)
+
+    assert (shown["maintenance"], shown["maintenance_until"]) == (True, WALL + 80)
+    assert shown["downtimes"] == [
+        {"component": "", "until": WALL + 80, "author": "bob", "comment": "service"},
+        {"component": "Lidar", "until": WALL + 99, "author": "ann", "comment": "lens"},
+    ]
+    (problem,) = shown["problems"]
+    assert problem["notified"] == {"email": WALL + 55}
+    assert problem["capsule"] == f"/api/v1/faults/{fault['fault']}/capsule.mcap"
+    assert fault["capsule"] is None
+    with pytest.raises(LookupError):
+        robot_snapshot(driver.state, "nobody", driver.now, care)
+
+
+def test_infinity_is_no_number_of_json():
+    driver = StateDriver()
+    driver.raw(Status(OK, "Arm", values=(("a", "inf"), ("b", "-inf"), ("c", "nan"), ("d", "0"))))
+    (arm,) = robot(driver)["components"]
+    assert [each["number"] for each in arm["values"]] == [None, None, None, 0.0]
+
+
+def test_a_query_says_how_it_was_answered():
+    query = Query("node_load1", "load")
+    assert queries([Outcome(query, "", rows=2, skipped=1)]) == [
+        {"name": "Host/load", "expr": "node_load1", "rows": 2, "skipped": 1, "error": ""}
+    ]

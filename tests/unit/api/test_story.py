@@ -6,10 +6,15 @@ import re
 from collections import Counter
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.api.story import WEEK, story
+from ros_diagnostics_exporter.api.story import WEEK, fault_of, history, recorded, story
+from ros_diagnostics_exporter.config.fleet import Fleet
+from ros_diagnostics_exporter.events import Event as LoggedEvent
+from ros_diagnostics_exporter.events import EventLog, Wanted
+from ros_diagnostics_exporter.faults.model import Identity, Scope, State, fault_id
 from ros_diagnostics_exporter.severity import span
 from support.web_server import downtime, problem, robot
 
@@ -83,6 +88,23 @@ def test_what_also_happens_without_a_fault_or_not_each_time_is_not_mentioned():
     assert not any("Charger" in text for text in told(events[:4] + events[-3:]))
 
 
+@pytest.mark.parametrize(
+    ("after", "words"),
+    [("silent", "the robot was silent"), ("received", "the robot was back"), ("known", "")],
+)
+def test_that_the_robot_was_away_may_come_before_a_fault(after, words):
+    faults = three(charger=False)
+    begins = [each["since"] for each in faults if each["kind"] == "fault_began"]
+    of = {"id": 0, "kind": "robot", "robot": "r", "after": after}
+    found = told(faults + [{**of, "time": at - 60} for at in begins])
+    named = [text for text in found if text.startswith("Each of the 3 times")]
+    assert named == (
+        [f"Each of the 3 times it began 1 min after {words}, which happened 3 times."]
+        if words
+        else []
+    )
+
+
 def test_a_fault_from_before_the_week_that_lasts_or_ended_in_it_counts_and_an_older_one_does_not():
     old = fault(BEGIN - 9 * HOUR, BEGIN - HOUR)
     assert told(old) == ["No fault in the last 7 days."]
@@ -127,12 +149,67 @@ def test_an_acknowledgement_without_an_end_and_a_downtime_have_their_author():
     ]
 
 
+def test_of_parts_that_are_well_the_one_that_failed_most_often_is_first():
+    once = fault(NOW - HOUR, NOW - 60, "Motor 1")
+    twice = fault(NOW - 9 * HOUR, NOW - 8 * HOUR) + fault(NOW - 7 * HOUR, NOW - 6 * HOUR)
+    first = [text for text in told([*once, *twice]) if "was faulty" in text]
+    assert [text.split(" was")[0] for text in first] == ["/Motor/Motor 2", "/Motor/Motor 1"]
+
+
 def test_what_lasts_is_first_and_the_number_of_parts_is_limited():
     many = [each for n in range(12) for each in fault(NOW - 9 * HOUR, NOW - HOUR, f"Part {n}")]
     since = NOW - 60
     texts = told(many + fault(since, None), problems=[lasting(since)])
     assert texts[0].startswith("/Motor/Motor 2 was faulty once")
     assert texts[-1] == "3 more parts were faulty in the last 7 days."
+
+
+@pytest.fixture
+def find():
+    """A function that looks up events; those of a log of two robots of which one fails twice."""
+    log = EventLog()
+    of = {"group": "/Motor", "component": "Motor 2"}
+    named = {"scope": "component", "state": "critical", "severity": "critical", **of}
+    for time, kind, robot_name, more in (
+        (90.0, "level", "r", of | {"before": "OK", "after": "WARN"}),
+        (110.0, "fault_began", "r", named | {"since": 100.0}),
+        (112.0, "notified", "r", named | {"since": 100.0, "receiver": "email", "after": "firing"}),
+        (120.0, "acknowledged", "r", named | {"since": 100.0, "author": "ann"}),
+        (210.0, "fault_began", "other", named | {"since": 200.0}),
+        (300.0, "fault_ended", "r", named | {"since": 100.0, "reason": "recovered"}),
+        (410.0, "fault_began", "r", named | {"since": 400.0}),
+        (500.0, "robot", "r", {"after": "silent"}),
+    ):
+        log.record(LoggedEvent(time, kind, robot_name, **more))
+    return lambda **wanted: list(log.find(Wanted(**wanted)))
+
+
+def test_the_history_of_a_fault_is_of_its_id(find):
+    fleet = Fleet("f", exporter="x")
+    [newest] = find(kind="fault_began", robot="r", limit=1)
+    of = {"robot": "r", "group": "/Motor", "component": "Motor 2"}
+    identity = Identity(Scope.COMPONENT, State.CRITICAL, **of)
+    assert fault_of(fleet, newest) == fault_id("f", "x", identity)
+    assert fault_of(fleet, newest | {"scope": "of another version"}) == ""
+
+    last, first = history(find, lambda each: fault_of(fleet, each) == fault_of(fleet, newest))
+
+    assert (last["since"], last["until"]) == (400.0, None)
+    assert (first["since"], first["until"], first["reason"]) == (100.0, 300.0, "recovered")
+    assert [each["author"] for each in first["acknowledged"]] == ["ann"]
+    assert [each["receiver"] for each in first["notified"]] == ["email"]
+    assert history(find, lambda _each: False) == []
+
+
+def test_a_story_is_made_of_the_recent_events_and_of_all_faults(find, monkeypatch):
+    events, since = recorded(find, "r", 350.0)
+    assert sorted(each["time"] for each in events) == [110.0, 300.0, 410.0, 500.0]
+    assert since == 350.0
+
+    monkeypatch.setattr("ros_diagnostics_exporter.api.story.SEARCHED", 3)
+    events, since = recorded(find, "r", 0.0)
+    assert sorted(each["time"] for each in events) == [110.0, 300.0, 410.0, 500.0]
+    assert since == 300.0  # there are more than are looked through
 
 
 STEP = 10  # seconds: times are its multiples

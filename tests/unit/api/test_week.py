@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from datetime import timezone
 from statistics import median
 from typing import Any
 from zoneinfo import ZoneInfo
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.api import week as report
+from ros_diagnostics_exporter.api.story import KINDS, WEEK, occurrences
+from ros_diagnostics_exporter.events import Event, EventLog, Wanted
 from support.web_server import occurrence
 
 BEGIN, END = 100_000.0, 200_000.0
@@ -45,6 +48,7 @@ made = st.lists(st.tuples(st.sampled_from("ab"), moments, st.integers(1, 60), st
 
 
 @given(made)
+@example([("a", -STEP, 1, False)])  # ended as the week began
 def test_worst_parts_have_the_seconds_of_the_week_in_which_any_fault_lasted(given_faults):
     begin, end = 0.0, 100.0 * STEP
     found, covered = [], dict[str, set[int]]()
@@ -77,8 +81,9 @@ def test_a_fault_whose_end_was_lost_counts_only_while_it_lasts():
     labels = {"scope": "component", "state": "critical", "severity": "critical", **MOTOR}
     began = {"id": 1, "time": 110.0, "kind": "fault_began", "since": 100.0, **labels}
     lasting = fault(100.0, None)
-    assert report.known([began], []) == []
-    [known] = report.known([began], [lasting])
+    [of_log] = occurrences([began])
+    assert report.known([of_log], []) == []
+    [known] = report.known([of_log], [lasting])
     assert (known["since"], known["until"]) == (100.0, None)
     [gone] = report.known([], [lasting])
     assert (gone["since"], gone["notified"]) == (100.0, [])
@@ -88,16 +93,16 @@ def test_a_fault_whose_end_was_lost_counts_only_while_it_lasts():
 def test_notifications_are_counted_in_the_night_of_their_evening(zone):
     offset = 0 if zone is timezone.utc else 9 * 3_600
     midnight = 20_000 * 86_400.0 - offset  # 2024-10-04
-    hours = [-3, -2, 0, 5.9, 6, 12, 21.9, 22]
+    hours = [-45, -3, -2, 0, 5.9, 6, 12, 21.9, 22]
     sent = [
         {"at": midnight + hour * 3_600, "receiver": "a", "step": "", "after": "firing"}
         for hour in hours
     ]
     over = {**sent[2], "after": "resolved"}
-    found = report.notified([fault(1, None, notified=[*sent, over])], midnight - 86_400, 2e9)
+    found = report.notified([fault(1, None, notified=[*sent, over])], midnight - 172_800, 2e9)
     assert found == [each["at"] for each in sent]
-    nights = report.by_night(found, midnight - 86_400, midnight + 86_400, zone)
-    assert nights == {"2024-10-03": 3, "2024-10-04": 1}
+    nights = report.by_night(found, midnight - 172_800, midnight + 86_400, zone)
+    assert nights == {"2024-10-01": 1, "2024-10-02": 0, "2024-10-03": 3, "2024-10-04": 1}
 
 
 @given(st.lists(st.floats(1, 1e6), min_size=1))
@@ -105,3 +110,77 @@ def test_the_median_and_the_longest_are_those_of_all(lengths):
     found = [fault(BEGIN - each, BEGIN) for each in lengths]
     exact = [BEGIN - (BEGIN - each) for each in lengths]
     assert report.to_recover(found, BEGIN, END) == (len(exact), median(exact), max(exact))
+
+
+LABELS = {"scope": "component", "state": "critical", "severity": "critical"}
+steps = st.tuples(
+    st.sampled_from(KINDS),
+    st.sampled_from("ab"),
+    st.integers(0, 3),  # faults of each part
+    st.floats(0, 9 * 86_400.0),  # until the next count
+)
+
+
+@given(st.lists(steps, min_size=1))
+def test_a_count_that_goes_on_with_the_one_before_is_one_from_the_beginning(given_steps):
+    log, wall = EventLog(), 100.0 * 86_400
+    read: list[int] = []
+
+    def find(**wanted: Any) -> Iterator[dict[str, Any]]:
+        for each in log.find(Wanted(**wanted)):
+            read.append(each["id"])
+            yield each
+
+    counting, hour = report.Counting(find), None
+    for kind, robot, number, passed in given_steps:
+        lasting = [{**fault(number * 5e5, None), "robot": robot}]
+        of = LABELS | {"since": number * 5e5, "robot": robot, "after": "firing"}
+        log.record(Event(wall, kind, reason="recovered", **of))
+        wall += passed if passed > 86_400 else passed / 1_000
+        read.clear()
+        found = counting.count(lasting, wall)
+        if wall // report.READ_ANEW == hour:
+            assert len(read) <= 1 + len(KINDS)  # the new one, and of each kind one that is known
+        hour = wall // report.READ_ANEW
+        assert found == report.Counting(find).count(lasting, wall)
+
+
+def test_events_that_the_disk_kept_back_are_counted_in_the_next_hour(monkeypatch):
+    began = {"id": 1, "time": 7_000.0, "kind": "fault_began", "since": 6_990.0, **LABELS}
+    readable: list[dict[str, Any]] = []
+    counting = report.Counting(lambda kind, **_: (e for e in readable if e["kind"] == kind))
+
+    def faults(wall: float) -> int | None:
+        found = counting.count([fault(6_990.0, None, group="", component="", robot="")], wall)
+        return None if found is None else found.notifications
+
+    notified = {**began, "id": 2, "time": 7_010.0, "kind": "notified", "after": "firing"}
+    later = {**notified, "id": 3, "time": 7_020.0}
+    readable[:] = [later, began]
+    assert faults(7_100.0) == 1
+    readable.append(notified)
+    assert faults(7_150.0) == 1  # read from the newest on
+    assert faults(7_200.0) == 2
+    readable.insert(0, {**notified, "id": 4, "time": 7_250.0})
+    monkeypatch.setattr(report, "MOST", 2)
+    assert faults(7_260.0) is None
+    monkeypatch.undo()
+    assert faults(7_320.0) == 3
+
+
+def test_the_week_is_counted_from_the_log_with_what_began_before_it_unless_there_is_too_much():
+    labels = {"scope": "component", "state": "critical", "severity": "critical", **MOTOR}
+    of = labels | {"since": END - WEEK - 60}
+    began = {"id": 1, "time": END - WEEK - 50, "kind": "fault_began", **of}
+    log = [began, {"id": 2, "time": END - 9, "kind": "fault_ended", "reason": "recovered", **of}]
+
+    def find(*, kind: str, since: float, limit: int) -> list[dict[str, Any]]:
+        found = [each for each in log if each["kind"] == kind and each["time"] >= since]
+        return (found * times)[:limit]
+
+    times = 1
+    counted = report.Counting(find).count([], END)
+    assert counted is not None
+    assert counted.to_recover == (1, WEEK + 51, WEEK + 51)
+    times = 20_000
+    assert report.Counting(find).count([], END) is None

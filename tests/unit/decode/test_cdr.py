@@ -105,6 +105,17 @@ def test_a_status_that_did_not_change_is_not_decoded_again():
     assert second[1] is first[1]
 
 
+def test_the_same_bytes_at_another_offset_may_be_a_longer_status():
+    """Of a status of nothing but zeros only its alignment says how long it is."""
+    decoder = Decoder()
+    for text, length in (("", 19), ("vvv", 20)):
+        message = bytearray(encoded([Status(0, "a", values=(("k", text),))]))
+        message[20] = 3
+        message += bytes(length) + b"\2" + bytes(19)
+
+        assert [each.level for each in decoder.decode(bytes(message)).statuses] == [0, 0, 2]
+
+
 def test_after_a_damaged_message_the_next_is_decoded():
     decoder = Decoder()
     message = encoded([Status(0, "a"), Status(1, "b")])

@@ -159,6 +159,7 @@ def test_a_common_cause_lasts_until_fewer_than_half_of_its_threshold_are_left():
         (10, None, "began common/critical camera"),
         (20, on_robots(SIX[3:], level, "camera", OK)),
         (30, level("camera", OK), "recovered common/critical camera"),
+        (35, together()),
         (40, None, *each(SIX[1:3])),
         robots=TEN,
     )

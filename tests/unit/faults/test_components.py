@@ -5,6 +5,7 @@ from itertools import permutations
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings
+from ros_diagnostics_exporter.faults.model import ComponentName
 from support.fault_histories import (
     ERROR,
     OK,
@@ -91,6 +92,11 @@ def test_critical_that_gets_better_and_worse_again_is_another_fault():
 
     since = {each.identity.state.value: each.since - WALL for each in last.faults.faults()}
     assert since == {"warning": 0, "critical": 40}
+    names = ("motor", "arm")
+    assert [last.faults.in_trouble("r1", ComponentName("", each)) for each in names] == [
+        True,
+        False,
+    ]
 
 
 def test_stale_is_a_state_of_its_own_and_ends_with_a_fresh_status():

@@ -227,6 +227,8 @@ def test_a_site_of_which_no_robot_is_known_yet_is_not_over():
         Identity(Scope.FLAPPING, State.FLAPPING, robot="r1", component="motor"),
         Identity(Scope.ROBOT, State.FLAPPING, robot="r1"),
         Identity(Scope.CHECK, State.CRITICAL, robot="r1", check="motors"),
+        Identity(Scope.CAPABILITY, State.LOST, robot="r1", check="driving"),
+        Identity(Scope.CAPABILITY, State.LOST, check="lifting at hall"),
         Identity(
             Scope.VALUE, State.WARNING, robot="r1", component="battery", key="charge", bound="low"
         ),
@@ -242,3 +244,5 @@ def test_nothing_that_was_adopted_ends_while_nothing_is_received(identity):
     started_again(last, 301)
     last.go(600, lambda *_: [])
     assert [fault.identity for fault in last.faults.faults()] == [identity]
+    found = last.go(601, back()) + last.go(700)
+    assert {change.what for change in found} <= {"recovered"}

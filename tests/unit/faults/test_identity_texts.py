@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from ros_diagnostics_exporter.faults.model import Identity, Scope, State, as_texts, identity_of
+from ros_diagnostics_exporter.faults.model import (
+    Identity,
+    Scope,
+    State,
+    as_texts,
+    fault_id,
+    identity_of,
+)
 
 
 @pytest.mark.parametrize(
@@ -24,3 +31,12 @@ from ros_diagnostics_exporter.faults.model import Identity, Scope, State, as_tex
 )
 def test_the_texts_of_an_identity_give_it_again(identity):
     assert identity_of(as_texts(identity, {"site": "yard"})) == identity
+
+
+def test_the_id_of_a_fault_is_the_same_for_ever():
+    """It is in links of mails, and in acknowledgements that Alertmanager has."""
+    of_robot = Identity(Scope.COMPONENT, State.CRITICAL, robot="r", group="/g", component="c")
+    of_site = Identity(Scope.SITE, State.SILENT, site="hall")
+
+    assert fault_id("f", "a", of_robot) == fault_id("f", "b", of_robot) == "91014e685cc2"
+    assert [fault_id("f", each, of_site) for each in "ab"] == ["8e030bfacb59", "a0afa3224c46"]

@@ -1,13 +1,16 @@
 """Robots behind something that fails: what rests on not reaching them is quiet, and not counted."""
 
 from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings
+from ros_diagnostics_exporter.faults.book import UPLINK_TIME
 from support.fault_histories import (
     ERROR,
     STALE,
     Event,
+    check,
     level,
     levels,
     player,
+    robot_settings,
     silent,
     texts,
     together,
@@ -82,3 +85,14 @@ def test_a_common_cause_does_not_end_because_its_hosts_are_not_reached_any_more(
 def test_many_components_of_a_robot_behind_it_are_not_one_fault():
     measured = levels([f"check {number}" for number in range(12)], ERROR, measured=True)
     play((0, unreachable("r1", is_so=True)), (5, measured), (300, None))
+
+
+def test_only_what_an_uplink_may_explain_waits_for_it():
+    play(
+        (0, together(robot_settings("r1", uplink="ap"), check(1, 2))),
+        (10, None, "began check/critical r1 motors"),
+        (20, silent()),
+        (30, None),
+        (20 + 10 + UPLINK_TIME, None, SILENT),
+        robots=("ap", "r1"),
+    )

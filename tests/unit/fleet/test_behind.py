@@ -52,6 +52,11 @@ class Driver(StateDriver):
     def began(self) -> list[str]:
         return [each.component for each in self.state.take_events() if each.kind == "fault_began"]
 
+    def reasons(self) -> dict[str, str]:
+        """The reasons that are served."""
+        found = map(dict, self.samples().get("component_quiet_reason", ()))
+        return {labels["component"]: labels["reason"] for labels in found}
+
     def quiet(self) -> dict[str, str]:
         found = self.state.problems(self.now, "r")
         return {each.identity.component: each.quiet.value for each in found if each.quiet}
@@ -63,13 +68,17 @@ def test_behind_what_is_measured_a_fault_waits_until_that_is_known():
     assert driver.began() == []
     driver.pass_to(300, "Laser", "Computer 2")  # known 20 s after it
     assert driver.began() == ["Computer 2"]
-    assert driver.quiet() == {"Laser": "behind"}
+    assert driver.quiet() == driver.reasons() == {"Laser": "behind"}
+    driver.pass_to(400)
+    assert driver.reasons() == {}
 
     driver = Driver(profile(Laser="Computer"))
     driver.pass_to(44, "Laser")
     assert driver.began() == []
     driver.pass_to(47, "Laser")  # confirm_after, and the time of a query
     assert driver.began() == ["Laser"]
+    driver.pass_to(60, "Laser", "Computer 2")
+    assert driver.reasons() == {}  # its own fault goes on
 
 
 def test_behind_what_is_published_it_is_a_fault_as_soon_as_others():

@@ -195,9 +195,12 @@ def test_what_was_logged_long_before_a_restart_has_ended_after_it(tmp_path: Path
     assert (again.faults(), ended(again)) == ([], ["log amcl"])
 
 
-def test_the_values_of_a_battery_are_judged_and_outlive_its_silence_and_a_restart(tmp_path: Path):
+@pytest.mark.parametrize("mode", ["on", "auto"])
+def test_the_values_of_a_battery_are_judged_and_outlive_its_silence_and_a_restart(
+    tmp_path: Path, mode: str
+):
     rule = ValueRule(thresholds=(Threshold("low", "critical", 15.0),))
-    site = fleet(watch=Watched(batteries=True))
+    site = fleet(mode=mode, watch=Watched(batteries=True))
     profile = replace(site.robots[0].profile, values=(rule,))
     site = replace(site, robots=(replace(site.robots[0], profile=profile),))
     driver = Driver(fleet=site)
@@ -215,6 +218,7 @@ def test_the_values_of_a_battery_are_judged_and_outlive_its_silence_and_a_restar
     send(driver, "12 %")
     driver.go_on(15, *USUAL)
     assert driver.faults() == [("battery_state", "critical")]
+    assert driver.component("battery_state").quiet_because == ""
     again = restarted(driver, site, tmp_path / "state.db", 10)
     again.go_on(400, *USUAL)
     assert (again.level("battery_state"), ended(again)) == (STALE, [])
@@ -222,6 +226,24 @@ def test_the_values_of_a_battery_are_judged_and_outlive_its_silence_and_a_restar
     send(again, "80 %")
     again.go_on(20, *USUAL)
     assert (again.faults(), ended(again)) == ([], ["battery_state"])
+
+
+@pytest.mark.parametrize("mode", ["auto", "shadow"])
+def test_what_the_config_asks_for_is_a_fault_of_a_shadow_too(mode):
+    watch = Watched(logs=True, log_faults=WATCHED.log_faults, batteries=True, transitions=True)
+    driver = Driver(fleet=fleet(mode=mode, watch=watch))
+    driver.go_on(70, *USUAL)
+    driver.state.receive_watched(0, "/rosout", Log("r.diag", "out of memory"), driver.now)
+    fell = Transition("errorprocessing", "finalized")
+    driver.state.receive_watched(0, "/r/diag/transition_event", fell, driver.now)
+    battery = Battery("discharging", "overheat", ())
+    driver.state.receive_watched(0, "/r/front/battery_state", battery, driver.now)
+    driver.go_on(40, "diag")
+    found = ["front/battery_state", "lifecycle diag", "log diag"]
+    assert sorted(driver.faults()) == [(each, "critical") for each in found]
+    shown = {each.name: each.quiet_because for each in driver.robot.components}
+    shadow = {"node amcl": "shadow mode (graph in fleet.yml)"}
+    assert shown == {"Motor": "", **dict.fromkeys(found, ""), **shadow}
 
 
 def test_a_robot_of_another_domain_and_one_that_is_not_watched_are_left_alone():

@@ -302,6 +302,17 @@ def test_an_aggregate_shared_by_robots_is_complete_for_each_of_them():
     assert driver.sample("component_level", robot="r2", component="Motor 2") == OK
 
 
+def test_a_robot_of_a_shared_topic_takes_nothing_from_another_topic():
+    settings = (Shared("/diagnostics", raw=True), Shared("/hall/diagnostics", raw=True))
+    driver = StateDriver(fleet=Fleet("f", shared=settings))
+    receive(driver, Status(OK, "Motor", hardware_id="r1"))
+    for _ in range(2):
+        receive(driver, Status(ERROR, "Motor", hardware_id="r1"), topic="/hall/diagnostics")
+
+    assert driver.sample("component_level", robot="r1", component="Motor") == OK
+    assert driver.state.rejected["duplicate_robot"] == 1
+
+
 def test_names_invented_without_end_meet_the_limit_of_robots():
     driver = StateDriver(
         fleet=Fleet("f", shared=(Shared("/diagnostics", raw=True),), limits=Limits(robots=3))

@@ -558,11 +558,23 @@ def test_a_topic_without_publisher_is_no_robot():
     assert not driver.state.robots
 
 
-def test_an_excluded_robot_is_not_discovered():
-    driver = discovering(exclude=(re.compile("r.*"),))
-    driver.state.update_graph(0, {"/r/diagnostics_agg": Endpoint(1)}, driver.now)
+@pytest.mark.parametrize(
+    ("domain_id", "robot", "is_found"),
+    [
+        (0, "r1", True),
+        (7, "r1", True),
+        (1, "r1", False),
+        pytest.param(0, "r9", False, id="excluded"),
+        pytest.param(0, "r1b", False, id="only a part of its name is included"),
+    ],
+)
+def test_a_discovery_finds_the_robots_of_its_domains_that_it_includes(domain_id, robot, is_found):
+    only = {"include": (re.compile("r[0-9]"),), "exclude": (re.compile("r9"),)}
+    driver = discovering(domain_ids=(0, 7), **only)
+    topic = f"/{robot}/diagnostics_agg"
+    driver.state.update_graph(domain_id, {topic: Endpoint(1)}, driver.now)
 
-    assert not driver.state.robots
+    assert bool(driver.state.robots) is is_found
 
 
 def test_the_reason_of_silence_follows_the_graph():

@@ -20,6 +20,7 @@ from ros_diagnostics_exporter.canary import FIRST, Canary
 from ros_diagnostics_exporter.config.capabilities import Capability, ComponentsOf, Expression
 from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
+    Discovery,
     Fleet,
     Limits,
     Profile,
@@ -43,7 +44,7 @@ from ros_diagnostics_exporter.model import Downtime, Endpoint, Instant, Part, St
 from ros_diagnostics_exporter.robots.rejections import REASONS, FleetRejectionReason
 from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.sources.prometheus import Outcome
-from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
+from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
 
 HOSTILE = [
     'quote " backslash \\ newline \n end',
@@ -158,7 +159,7 @@ def full_scenario() -> StateDriver:
             ValueRule(key=re.compile("Charge"), metric="ros_battery_charge_ratio", scale=0.01),
         ),
         capabilities={
-            "view": Capability("view", Expression(1, (ComponentsOf((re.compile("Cam"),)),)))
+            "view": Capability("view", Expression(1, (ComponentsOf((re.compile("Laser"),)),)))
         },
     )
     robot = Robot(
@@ -195,6 +196,66 @@ def test_every_family_but_those_of_absent_things_is_served_with_its_labels():
             found = {label for label, _value in labels}
             extra = {"site", "robot_group"} if family.open else set()
             assert found == set(family.labels) | extra, name
+
+
+def test_the_samples_of_each_family_have_the_values_of_the_robot():
+    driver = full_scenario()
+    found = {name: sorted(series.values()) for name, series in driver.samples().items()}
+    begin = WALL
+    assert found == {
+        "capability_state": [3],
+        "check_components": [0, 1, 1, 2],
+        "component_changes_total": [0, 0, 1, 1],
+        "component_flap_ratio": [0.0625] * 3,
+        "component_info": [1] * 4,
+        "component_level": [1, 2, 3, 3],
+        "component_message_info": [1] * 4,
+        "component_monitored_value": [21.5],
+        "component_planned_stale": [1],
+        "component_problem_level": [1, 2, 3, 3],
+        "component_problem_since_timestamp_seconds": [begin, begin, begin, begin + 1],
+        "component_quiet_reason": [1],
+        "component_since_timestamp_seconds": [begin, begin, begin + 1, begin + 1],
+        "component_stale_after_seconds": [2],
+        "component_value": [21.5],
+        "component_value_threshold": [22],
+        "group_level": [0],
+        "robot_expected_nodes": [0],
+        "robot_info": [1],
+        "robot_last_message_timestamp_seconds": [begin + 1],
+        "robot_link_clock_offset_seconds": [0],
+        "robot_link_delay_seconds": [0.1],
+        "robot_link_jitter_seconds": [0.01],
+        "robot_link_lost_ratio": [0.1],
+        "robot_maintenance": [0],
+        "robot_message_bytes_total": [200],
+        "robot_messages_total": [2],
+        "robot_publishers": [0],
+        "robot_rejected_total": [0] * 9 + [1],
+        "robot_stale_after_seconds": [5],
+        "robot_stale_is_critical": [0],
+        "robot_up": [1],
+        "ros_battery_charge_ratio": [0.17],
+        "site_received_robots": [1],
+    }
+    assert driver.sample("robot_info", topic="/r/diagnostics_agg", profile="default") == 1
+
+
+def test_robots_that_are_received_are_counted_for_each_site_and_rejected_ones_have_the_reason():
+    robots = [
+        Robot(f"r{n}", topic_raw=f"/r{n}/diagnostics", source=Source.RAW, labels={"site": site})
+        for n, site in enumerate(("hall", "hall", "hall", "yard"))
+    ]
+    wanted = Discovery(re.compile("/(?P<robot>[^/]+)/diagnostics"), "/{robot}/diagnostics")
+    fleet = Fleet("f", tuple(robots), discoveries=(wanted,), limits=Limits(robots=4))
+    driver = StateDriver(fleet=fleet)
+    for each in robots[:2]:
+        driver._receive(each.topic_raw, (Status(OK, "Motor"),), 0.0)
+    driver.state.update_graph(0, {"/extra/diagnostics": Endpoint(1)}, driver.now)
+
+    assert driver.sample("site_received_robots", site="hall") == 2
+    assert driver.sample("site_received_robots", site="yard") == 0
+    assert driver.sample("robot_silent_reason", robot="extra", reason="limit") == 1
 
 
 def test_a_promoted_value_has_a_family_of_its_own_and_its_base_unit():
@@ -471,13 +532,13 @@ WEEK = Week(
 
 def self_metrics(driver: StateDriver) -> SelfMetrics:
     """The exporter's own metrics, with everything that they are read from."""
-    part = SimpleNamespace(successful=True, time=1.0, written_at=1.0, answers=lambda _now: True)
+    part = SimpleNamespace(successful=True, time=1.5, written_at=2.5, answers=lambda _now: True)
     listener = SimpleNamespace(
         domain_ids=(0,),
         errors={1: "why"},
-        last_looks={0: 1.0},
-        decode_seconds=1.0,
-        ingest_seconds=1.0,
+        last_looks={0: 3.5},
+        decode_seconds=4.5,
+        ingest_seconds=5.5,
     )
     canary = Canary(Instant(-FIRST, 0.0))
     canary.tick(300.0, driver.now)
@@ -486,7 +547,12 @@ def self_metrics(driver: StateDriver) -> SelfMetrics:
     exporter = Exporter(
         *(driver.state, driver.exposition, listener, part, part, part, canary, ros),
         lambda: loops,
-        lambda: [Outcome(Query("up", "node_exporter"), "")],
+        lambda: [
+            Outcome(Query("up", "node"), "", rows=2, skipped=3),
+            Outcome(Query("up", "down"), "bad"),
+            Outcome(Query("up", "new")),
+        ],
+        scrape_seconds=6.5,
     )
     exporter.week = WEEK
     return SelfMetrics(exporter)
@@ -508,6 +574,50 @@ def test_the_exporters_own_families_are_those_of_the_table():
             if sample.name.startswith(metrics.PREFIX)
         }
         assert families == {each.name: set(each.labels) for each in EXPORTER_FAMILIES}
+
+
+def test_the_exporters_own_samples_are_what_its_parts_say():
+    driver = full_scenario()
+    driver.exposition.render()
+    found: dict[str, dict[str, float]] = {}
+    for family in text_string_to_metric_families(self_metrics(driver).render().decode()):
+        for sample in family.samples:
+            of = [v for k, v in sorted(sample.labels.items()) if k not in {"fleet", "exporter"}]
+            name = sample.name.removeprefix(metrics.PREFIX)
+            found.setdefault(name, {})[" ".join(of)] = sample.value
+    expected = {
+        "exporter_config_last_reload_successful": {"": 1},
+        "exporter_config_last_reload_success_timestamp_seconds": {"": 1.5},
+        "exporter_robots": {"": 1},
+        "exporter_series": driver.exposition.series,
+        "exporter_series_limit": {"": 1_000_000},
+        "exporter_settled": {"": 1},
+        "exporter_storage_last_write_successful": {"": 1},
+        "exporter_storage_last_write_success_timestamp_seconds": {"": 2.5},
+        "exporter_discovery_last_run_timestamp_seconds": {"0": 3.5},
+        "exporter_decode_seconds_total": {"": 4.5},
+        "exporter_ingest_seconds_total": {"": 5.5},
+        "exporter_scrapes_total": {"": 0},
+        "exporter_last_scrape_duration_seconds": {"": 6.5},
+        "exporter_domain_up": {"0": 1},
+        "exporter_domain_error_info": {"1 why": 1},
+        "exporter_loop_last_turn_timestamp_seconds": {"tick": 0},
+        "exporter_loop_errors_total": {"tick": 0},
+        "exporter_alertmanager_up": {"": 1},
+        "exporter_query_rows": {"Host/node skipped": 3, "Host/node used": 2},
+        "exporter_query_successful": {"Host/node": 1, "Host/down": 0},
+        "canary_start_timestamp_seconds": {"": WALL + 1},
+        "week_faults": {"": 3},
+        "week_acknowledged_faults": {"": 2},
+        "week_acknowledge_seconds": {"0.5": 60, "1": 90},
+        "week_recovered_faults": {"": 1},
+        "week_recover_seconds": {"0.5": 5, "1": 5},
+        "week_notifications": {"": 7},
+        "week_night_notifications": {"2026-01-01": 4},
+        "week_faulty_seconds": {"/Motor/Motor 1 r": 30},
+        "week_faulty_times": {"/Motor/Motor 1 r": 2},
+    }
+    assert {name: found[name] for name in expected} == expected
 
 
 def test_two_fleets_do_not_share_a_text():

@@ -21,6 +21,7 @@ from ros_diagnostics_exporter.sources.graph_messages import (
     Log,
     Parameters,
     Transition,
+    is_asked_for,
 )
 
 ALL = Watched(
@@ -224,3 +225,9 @@ def test_what_all_robots_of_a_domain_ask_for_is_shared_among_them(site):
     site.watch.note_watched(0, {"/rosout": 30_000.0}, site.now)
     site.go_on(1)
     assert (site.report.watched, site.problems) == (15_000.0, {})
+
+
+def test_of_a_topic_of_batteries_only_what_they_say_is_asked_for():
+    asked = ["battery_state", "front/battery_state", "log a", "lifecycle a", "watch"]
+    others = ["topic battery_state", "node battery_state", "node log", "nodes", "link", "discovery"]
+    assert [each for each in (*asked, *others) if is_asked_for(each)] == asked

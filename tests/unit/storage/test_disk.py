@@ -15,7 +15,7 @@ import pytest
 from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.model import Instant, Status
 from ros_diagnostics_exporter.robots.robot import RobotState
-from ros_diagnostics_exporter.storage.database import Database, InUseError
+from ros_diagnostics_exporter.storage.database import Changes, Database, InUseError
 from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, WALL, StateDriver
 
@@ -250,3 +250,24 @@ def test_a_disk_that_takes_no_more_leaves_what_was_written(path, driver, caplog,
     assert saved_at(driver, 4)
     assert len(driver.restart(path).robot.components) > 400
     assert not path.with_name("state.damaged-1").exists()
+
+
+def test_a_write_that_fails_half_way_leaves_what_was_written(path):
+    database = Database(path)
+
+    def write(name, events=()):
+        changes = Changes(True, [(name, "{}")], [], [(name, WALL)], {}, events)
+        database.write(changes, oldest=0.0, newest=WALL, most=1 << 30)
+
+    def failing():
+        yield 1, Event(WALL, "config")
+        raise MemoryError
+
+    write("a")
+    with pytest.raises(MemoryError):
+        write("b", failing())
+    assert [*database.robots()] == [("a", "{}", WALL)]
+    assert database.last_event() == 0
+    write("c")
+    assert [*database.robots()] == [("c", "{}", WALL)]
+    database.close()

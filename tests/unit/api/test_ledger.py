@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from ros_diagnostics_exporter.api.ledger import LATE, Window, entries, standings, window
+from ros_diagnostics_exporter.api.ledger import LATE, Window, account, entries, standings, window
 from support.web_server import broken, downtime, problem, robot
 
 MOTOR = {"scope": "component", "state": "critical", "severity": "critical", "group": "/M"}
@@ -76,6 +76,41 @@ def test_everything_that_happened_is_in_order_and_of_others_nothing():
         "acknowledged by ann: CRITICAL /M/Motor 1: on it",
     ]
     assert len(entries(own, of_many, None, "hall")) == 7
+    many = {"id": 7, "time": 327, "kind": "fault_began", **MOTOR, "scope": "common"}
+    common = [{**many, "component": name} for name in ("Motor 1", "Lidar")]
+    assert len(entries([level], common, "Motor 1", "")) == 2
+    assert len(entries([level], common, None, "")) == 2
+
+
+def test_the_account_of_a_component_has_its_problems_and_the_events_around_its_fault():
+    log = [NEW, OLD_END, OLD]
+    asked = []
+
+    def find(**wanted: Any) -> list[dict[str, Any]]:
+        asked.append(wanted)
+        return [each for each in log if wanted.get("kind") in (None, each["kind"])]
+
+    capsule = "/api/v1/faults/1/capsule.mcap"
+    known = robot(
+        "r",
+        labels={"site": "hall"},
+        problems=[broken(since=2_000.0, capsule=capsule), broken("Motor 2")],
+    )
+    found = account(find, known, "Motor 1", 2_500.0, 2_600.0)
+
+    assert (found["component"], found["at"], found["time"]) == ("Motor 1", 2_500.0, 2_600.0)
+    assert found["now"] == [
+        "critical /Motor/Motor 1: confirmed",
+        f"recorded around its begin: {capsule}",
+    ]
+    of, times = {"component": "Motor 1"}, {"since": 1_999, "until": float("inf")}
+    assert asked == [
+        {"kind": "fault_began", "robot": "r", **of, "until": 2_500.0, "limit": 100},
+        {"kind": "fault_ended", "robot": "r", **of, "limit": 1_000},
+        {"robot": "r", **times, "limit": 1_000},
+        {"robot": "", **times, "limit": 100},
+    ]
+    assert len(account(find, known, None, 2_500.0, 2_600.0)["now"]) == 3
 
 
 def test_a_robots_texts_stay_on_their_line():

@@ -1,0 +1,53 @@
+"""Which node an endpoint is of, also once the middleware does not know it any more. Pure: no ROS.
+
+Of a process that was not received for its lease, 20 seconds, rmw forgets which nodes it has, and
+Fast DDS takes no message twice. So once it is received again, all of its endpoints are found, but
+not of which nodes they are, until it makes another endpoint. No two processes have the same id.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterable
+from sys import intern
+
+from ros_diagnostics_exporter.sources.graph_topics import PARTICIPANT, Peer
+
+NO_NODE = "_NODE_NAME_UNKNOWN_"  # of rmw: of an endpoint whose participant has named no node of it
+MOST = 20_000  # processes of one domain
+
+
+class EndpointNames:
+    """The full names of nodes by their processes' endpoints."""
+
+    def __init__(self) -> None:
+        # process -> the rest of the endpoint's id -> node; that of which one was read last is last
+        self._nodes: OrderedDict[str, dict[str, str]] = OrderedDict()
+        self._forgotten: dict[str, frozenset[str]] = {}  # by the middleware: topic -> nodes
+
+    def named(self, topic: str, endpoints: Iterable[Peer]) -> list[Peer]:
+        """All endpoints of a topic, with the names that the middleware has forgotten."""
+        named, forgotten = [], set()
+        for each in endpoints:
+            known = self._nodes.setdefault(each.process, {})
+            self._nodes.move_to_end(each.process)
+            own = intern(each.gid[PARTICIPANT:])
+            if not each.node.endswith(NO_NODE):
+                known[own] = each.node
+            elif own in known:
+                forgotten.add(known[own])
+            named.append(Peer(known.get(own, each.node), each.gid))
+        while len(self._nodes) > MOST:
+            self._nodes.popitem(last=False)
+        self._forgotten.pop(topic, None)
+        if forgotten:
+            self._forgotten[topic] = frozenset(forgotten)
+        return named
+
+    def complete(self, nodes: list[tuple[str, str]]) -> list[tuple[str, str]]:
+        """These (name, namespace) of nodes, and those that the middleware has forgotten."""
+        if not self._forgotten:
+            return nodes
+        split = (each.rpartition("/") for each in frozenset[str]().union(*self._forgotten.values()))
+        found = {(name, namespace or "/") for namespace, _slash, name in split}
+        return nodes + sorted(found.difference(nodes))

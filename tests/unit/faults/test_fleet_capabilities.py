@@ -1,0 +1,87 @@
+"""What the fleet can do: as many robots as can it, or may not be known to."""
+
+from __future__ import annotations
+
+from ros_diagnostics_exporter.config.fleet import FaultSettings
+from ros_diagnostics_exporter.faults.engine import Faults
+from ros_diagnostics_exporter.faults.model import Change, Fault, Identity, PartName, Scope, State
+from ros_diagnostics_exporter.faults.needs import AtLeast, WantedCapability
+from ros_diagnostics_exporter.model import Instant
+from support.fault_histories import (
+    ERROR,
+    OK,
+    WALL,
+    Event,
+    Player,
+    back,
+    level,
+    maintenance,
+    play,
+    restart,
+    robot_settings,
+    silent,
+    texts,
+    together,
+)
+
+ROBOTS = ("r1", "r2", "r3")
+LIFT = WantedCapability("lift", AtLeast(None, (PartName(component="lift"),)))
+TWO = AtLeast(2, tuple(PartName(robot=robot, check="lift") for robot in ROBOTS))
+LOST, SPARE = "capability/lost lifting", "capability/no_reserve lifting"
+
+
+def hall(*events: Event) -> Event:
+    """The events, with what robots and fleet can do, as it is configured after each start."""
+
+    def configure(faults: Faults, now: Instant) -> list[Change]:
+        for robot in ROBOTS:
+            faults.configure_capabilities(robot, [LIFT], now)
+        return faults.configure_fleet([WantedCapability("lifting", TWO)], now)
+
+    return together(configure, *events)
+
+
+def test_it_is_lost_with_more_robots_than_it_can_do_without():
+    play(
+        (0, hall(level("lift", ERROR, "r1"))),
+        (9, None),
+        (10, None, "began capability/lost r1 lift", f"began {SPARE}"),
+        (20, hall(level("lift", ERROR, "r2"))),
+        (30, None, f"began {LOST}", "began capability/lost r2 lift"),
+        (50, hall(maintenance("r2", planned=True))),
+        (60, hall(level("lift", OK, "r2"))),
+        (70, hall(maintenance("r2", planned=False)), "recovered capability/lost r2 lift"),
+        (75, None, f"recovered {LOST}"),
+        (80, hall(level("lift", OK, "r1")), "recovered capability/lost r1 lift"),
+        (85, None, f"recovered {SPARE}"),
+        robots=ROBOTS,
+    )
+
+
+def test_silence_is_a_reserve_that_is_missing_and_no_loss_nor_recovery():
+    play(
+        (0, hall(silent("r1"))),
+        (10, None, f"began {SPARE}", "began robot/silent r1"),
+        (20, hall(silent("r2"), silent("r3"))),
+        (30, None, "began robot/silent r2", "began robot/silent r3"),
+        (100, hall(back("r1")), "recovered robot/silent r1"),
+        (150, hall(back("r2")), "recovered robot/silent r2"),
+        (200, hall(back("r3")), "recovered robot/silent r3"),
+        (250, None, f"recovered {SPARE}"),
+        robots=ROBOTS,
+    )
+
+
+def test_what_was_adopted_lasts_until_robots_had_time_to_be_received():
+    of_fleet = Identity(Scope.CAPABILITY, State.LOST, check="lifting")
+    of_robot = Identity(Scope.CAPABILITY, State.LOST, robot="r1", check="lift")
+    last = Player(FaultSettings(restart_grace=60.0))
+    last.go(0, restart(), *map(robot_settings, ROBOTS), hall())
+    for identity in (of_fleet, of_robot):
+        fault = Fault(identity, WALL - 1_000, WALL - 990, {}, "")
+        assert len(last.go(1, lambda faults, now, fault=fault: faults.adopt(fault, now))) == 1
+
+    received = [back(robot, level("lift", OK, robot)) for robot in ROBOTS]
+    assert last.go(5, hall(*received)) == []
+    assert texts(last.go(59)) == ["recovered capability/lost r1 lift"]
+    assert texts(last.go(70)) == [f"recovered {LOST}"]

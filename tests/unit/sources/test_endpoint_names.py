@@ -1,0 +1,52 @@
+"""Names of nodes that the middleware has forgotten, by the ids of their endpoints."""
+
+from __future__ import annotations
+
+from ros_diagnostics_exporter.sources import endpoint_names
+from ros_diagnostics_exporter.sources.endpoint_names import NO_NODE, EndpointNames
+from ros_diagnostics_exporter.sources.graph_topics import Peer
+
+NAMELESS = f"_NODE_NAMESPACE_UNKNOWN_/{NO_NODE}"
+ONE, OTHER = "0a" * 12, "0b" * 12  # processes
+AMCL, LIDAR, ROOT = Peer("/r/amcl", f"{ONE}01"), Peer("/r/lidar", f"{ONE}02"), Peer("/n", OTHER)
+
+
+def test_a_node_is_there_while_any_of_its_endpoints_is_although_nobody_has_its_name():
+    names = EndpointNames()
+    assert names.named("/a", [AMCL, LIDAR]) == [AMCL, LIDAR]
+    names.named("/b", [ROOT, AMCL])
+    assert names.complete([("amcl", "/r")]) == [("amcl", "/r")]
+
+    names.named("/a", [])
+    names.named("/b", [])
+    assert names.complete([]) == []
+
+    names.named("/a", [AMCL._replace(node=NAMELESS)])  # lidar has not come back
+    again = [each._replace(node=NAMELESS) for each in (ROOT, AMCL)]
+    assert names.named("/b", again) == [ROOT, AMCL]
+    assert names.complete([]) == [("amcl", "/r"), ("n", "/")]
+    assert names.complete([("amcl", "/r"), ("x", "/")]) == [("amcl", "/r"), ("x", "/"), ("n", "/")]
+
+    names.named("/b", [])
+    assert names.complete([]) == [("amcl", "/r")]
+    names.named("/a", [AMCL])
+    assert names.complete([]) == []
+
+
+def test_an_endpoint_of_which_nothing_was_ever_known_has_no_name():
+    names = EndpointNames()
+    names.named("/a", [AMCL])
+    new = [Peer(NAMELESS, f"{ONE}03"), Peer(NAMELESS, f"{OTHER}01")]
+    assert names.named("/a", new) == new
+    assert names.complete([]) == []
+
+
+def test_of_too_many_processes_those_are_forgotten_that_were_not_there_for_longest(monkeypatch):
+    monkeypatch.setattr(endpoint_names, "MOST", 2)
+    names = EndpointNames()
+    names.named("/a", [AMCL])
+    names.named("/b", [ROOT])
+    names.named("/a", [AMCL])
+    names.named("/c", [Peer("/r/new", "0c" * 12)])
+    nameless = [each._replace(node=NAMELESS) for each in (AMCL, ROOT)]
+    assert names.named("/a", nameless) == [AMCL, nameless[1]]
