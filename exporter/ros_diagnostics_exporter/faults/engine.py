@@ -405,16 +405,16 @@ class Faults:
             )
 
     def explained(self, robot: str, now: Instant) -> dict[ComponentName, Reason]:
-        """The components whose trouble begins no fault because another fault explains it."""
-        record = self._robot(robot)
+        """The components whose trouble is due and begins no fault: another one explains it."""
+        book, record = self._book, self._robot(robot)
         if not (record.chained or record.capabilities):
             return {}
         return {
             component.name: reason
             for component in record.components.values()
             for problem in component.problems.values()
-            if problem.in_trouble and problem.fault is None
-            if (reason := why_not_begin(self._book, problem, now)) in _EXPLAINED
+            if problem.in_trouble and problem.fault is None and book.due(problem) <= now.mono
+            if (reason := why_not_begin(book, problem, now)) in _EXPLAINED
         }
 
     def abilities(self, robot: str) -> dict[str, AbilityView]:

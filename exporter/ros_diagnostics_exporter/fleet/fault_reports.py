@@ -258,7 +258,7 @@ class FaultReports:
         return [*found, *by_condition.values()]
 
     def explained(self, robot: str) -> dict[ComponentName, Reason]:
-        """The components of a robot whose trouble begins no fault: another one explains it."""
+        """The components of a robot whose trouble is due and that another fault explains."""
         return self.engine.explained(robot, self._now)
 
     def adopt(self, faults: Iterable[Fault], now: Instant) -> None:

@@ -226,7 +226,7 @@ COMPONENT_MESSAGE = _family(
 COMPONENT_QUIET_REASON = _family(
     "component_quiet_reason",
     "gauge",
-    "1 while no fault of a component in trouble begins because another one explains it: that of "
+    "1 while no fault of a component begins that is due, because another one explains it: that of "
     "what it is behind (behind), or of a capability that needs it (capability).",
     (*COMPONENT, "reason"),
 )

@@ -66,6 +66,9 @@ def test_behind_what_is_measured_a_fault_waits_until_that_is_known():
     driver = Driver(profile(Laser="Computer"))
     driver.pass_to(39, "Laser")  # since 20 s
     assert driver.began() == []
+    driver.pass_to(42, "Laser", "Computer 2")
+    assert driver.quiet() == {"Laser": "behind"}
+    assert driver.reasons() == {}  # it is not due yet
     driver.pass_to(300, "Laser", "Computer 2")  # known 20 s after it
     assert driver.began() == ["Computer 2"]
     assert driver.quiet() == driver.reasons() == {"Laser": "behind"}

@@ -151,7 +151,7 @@ def full_scenario() -> StateDriver:
     profile = Profile(
         stale_after=5.0,
         components=(
-            ComponentRule(re.compile("Laser"), stale_after=2.0, confirm_after=1.0),
+            ComponentRule(re.compile("Laser"), stale_after=2.0, confirm_after=0.0),
             ComponentRule(re.compile("Cam"), planned_stale=True),
         ),
         values=(
