@@ -179,7 +179,7 @@ def full_scenario() -> StateDriver:
     driver.state.update_links(0, {"/r/diagnostics_agg": reading}, driver.now)
     driver.state.update_nodes(0, [("amcl", "/")], driver.now)
     ends = driver.now.wall + 1
-    driver.state.plan([Downtime("r", "Laser", 0.0, ends, "ann", "")], driver.now)
+    driver.state.plan([Downtime("r", "Odd", 0.0, ends, "ann", "")], driver.now)
     return driver
 
 
@@ -209,6 +209,7 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "component_flap_ratio": [0.0625] * 3,
         "component_info": [1] * 4,
         "component_level": [1, 2, 3, 3],
+        "component_maintenance": [1],
         "component_message_info": [1] * 4,
         "component_monitored_value": [21.5],
         "component_planned_stale": [1],
@@ -219,6 +220,8 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "component_stale_after_seconds": [2],
         "component_value": [21.5],
         "component_value_threshold": [22],
+        "fault_info": [1],
+        "fault_start_timestamp_seconds": [begin + 1],
         "group_level": [0],
         "robot_expected_nodes": [0],
         "robot_info": [1],
