@@ -217,6 +217,8 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "component_stale_after_seconds": [2],
         "component_value": [21.5],
         "component_value_threshold": [22],
+        "fault_info": [1],
+        "fault_start_timestamp_seconds": [begin + 1],
         "group_level": [0],
         "robot_expected_nodes": [0],
         "robot_info": [1],
