@@ -92,7 +92,11 @@ class Machine:
     def call(self, *argv: str | Path, kill_at: int = 0) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             ["sh", "-c", f'echo $$ >{self.folder}/pid; exec "$@"', "sh", *argv],
-            env={"PATH": str(self.folder / "bin"), "KILL_AT": str(kill_at)},
+            env={
+                "PATH": str(self.folder / "bin"),
+                "HOME": str(self.folder),
+                "KILL_AT": str(kill_at),
+            },
             cwd=self.checkout,
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -346,6 +350,7 @@ def test_the_nightly_runs_prometheus_3_and_each_python_and_says_which_is_not_the
     machine.program("chromium", FAKE)
     machine.program("go", f"""{FAKE}echo '\t"Dir": "FOLDER",'\n""")
     machine.program("python3.12", PYTHON.replace("REAL", sys.executable))
+    machine.program("python3.13", "#!/bin/sh\nexit 127\n")  # pyenv's, of a version not chosen
     machine.program("part", '#!/bin/sh\necho "part $* $RUN_VENV" >>FOLDER/calls\n')
     run = machine.checkout / "run"
     run.write_text(run.read_text().replace(" ./run ", " part "))
@@ -358,6 +363,7 @@ def test_the_nightly_runs_prometheus_3_and_each_python_and_says_which_is_not_the
     (build,) = (call for call in machine.calls() if call.startswith("go build"))
     assert "Version=3.11.3 " in build
     assert build.endswith("prometheus-v0.311.3/ ./cmd/promtool ./cmd/prometheus")
+    assert "go install github.com/google/go-jsonnet/cmd/jsonnet@v0.22.0" in machine.calls()
     assert [call.strip() for call in machine.calls() if call.startswith("part ")] == [
         "part lint",
         "part generate --check",

@@ -420,7 +420,7 @@ class FleetState(WatchedFleet):
         return self._faults.engine.followed(robot.settings.name)
 
     def explained(self, robot: RobotState) -> dict[ComponentName, Reason]:
-        """The components of a robot that is visited whose faults are due and explained by another."""
+        """The components of a robot that is visited whose faults are due; another explains them."""
         return self._faults.explained(robot.settings.name)
 
     def abilities(self, robot: RobotState) -> dict[str, AbilityView]:

@@ -103,6 +103,8 @@ class RobotText:
             self._rename()
         if max(at[Mark.CONFIG], at[Mark.DOWNTIME]) > read:
             self._render_inventory()
+        if max(named, at[Mark.DOWNTIME]) > read:
+            self._render_downtimes()
         if at[Mark.RECEIPT] > read:
             self._render_presence()
         if at[Mark.REJECTED] > read:
@@ -185,6 +187,18 @@ class RobotText:
                 for value in each.values.all
                 if value.rule is not None
                 for bound in value.rule.thresholds
+            ),
+        )
+
+    def _render_downtimes(self) -> None:
+        """Which components are in a planned downtime of their own."""
+        family = metrics.COMPONENT_MAINTENANCE
+        self._set(
+            family,
+            (
+                f"{family.name}{labels}}} 1\n"
+                for each, labels in self._labels
+                if each.label in self.robot.maintained
             ),
         )
 

@@ -210,6 +210,12 @@ COMPONENT_PLANNED_STALE = _family(
     "1 for components whose STALE the config plans and that should page nobody.",
     COMPONENT,
 )
+COMPONENT_MAINTENANCE = _family(
+    "component_maintenance",
+    "gauge",
+    "1 during a planned downtime of the component alone; absent otherwise.",
+    COMPONENT,
+)
 COMPONENT_MESSAGE = _family(
     "component_message_info",
     "gauge",
@@ -310,6 +316,7 @@ FLEET_FAMILIES = (
     COMPONENT_FLAP_RATIO,
     COMPONENT_STALE_AFTER,
     COMPONENT_PLANNED_STALE,
+    COMPONENT_MAINTENANCE,
     COMPONENT_MESSAGE,
     COMPONENT_QUIET_REASON,
     COMPONENT_INFO,

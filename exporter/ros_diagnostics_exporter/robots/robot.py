@@ -119,6 +119,7 @@ class Network:
     shared=Mark.CONFIG,
     source=Mark.CONFIG,
     maintenance=Mark.DOWNTIME,
+    maintained=Mark.DOWNTIME,
     up=Mark.RECEIPT,
     undecodable=Mark.RECEIPT,
     network=Mark.RECEIPT,

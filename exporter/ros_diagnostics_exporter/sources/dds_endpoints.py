@@ -83,6 +83,7 @@ class EndpointReader:
     def _view(self, node: Any, name: str) -> TopicView | None:
         """All endpoints of a topic; None where they are too many."""
         if max(node.count_publishers(name), node.count_subscribers(name)) > MAX_ENDPOINTS:
+            self.names.named(name, ())
             return None
         publishers = node.get_publishers_info_by_topic(name)
         subscribers = node.get_subscriptions_info_by_topic(name)

@@ -33,7 +33,7 @@ class EndpointNames:
             self._nodes.move_to_end(each.process)
             own = intern(each.gid[PARTICIPANT:])
             if not each.node.endswith(NO_NODE):
-                known[own] = each.node
+                known[own] = intern(each.node)
             elif own in known:
                 forgotten.add(known[own])
             named.append(Peer(known.get(own, each.node), each.gid))

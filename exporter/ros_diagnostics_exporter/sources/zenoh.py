@@ -183,7 +183,8 @@ class ZenohNetwork(Reception):
     @property
     def _away(self) -> str:
         where = ", ".join(self.settings.routers)
-        return f"no router answers at {where} and accepts this exporter (RUST_LOG=warn logs why)"
+        why = "RUST_LOG=warn logs why, but for a wrong user or password"
+        return f"no router answers at {where} and accepts this exporter ({why})"
 
     # -- tokens ---------------------------------------------------------------------------------
 

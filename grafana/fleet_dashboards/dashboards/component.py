@@ -7,7 +7,15 @@ from grafana_foundation_sdk.builders import stat, statetimeline, table, timeseri
 
 from fleet_dashboards.lib import links, palette, panels, tables, variables
 from fleet_dashboards.lib.dashboard import new_dashboard
-from fleet_dashboards.lib.promql import HELD, component_rank, in_order, values, with_unit
+from fleet_dashboards.lib.promql import (
+    HELD,
+    component_rank,
+    in_order,
+    problem_began,
+    values,
+    with_unit,
+    worst_first,
+)
 from fleet_dashboards.lib.tables import Column
 
 _ALL = f"{variables.FLEET}, {variables.COMPONENT}"
@@ -99,12 +107,16 @@ LINES = 15  # of a graph: names of more are not legible
 def states_over_time() -> statetimeline.Panel:
     """Show the component's state on each robot over time."""
     link = builders.DashboardLink("Open this robot").url(links.TO_ROBOT_OF_SERIES)
-    worst = f"topk({LINES}, {component_rank(_SELECTED, ' @ end()')})"
+    at = " @ end()"
+    rank = f"max {_BY} ({component_rank(_SELECTED, at)})"
+    began = f"max {_BY} ({problem_began(_SELECTED, at)})"
+    placed = worst_first(in_order(_RANK), rank, began, "fleet, robot, group", most=LINES)
     return panels.timeline(
         "State over time",
         "Did it fail everywhere at once, or on one robot after the other? The "
-        f"{LINES} robots on which it is worst at the end of the range: filter to see others.",
-        panels.over_time(in_order(f"{_RANK} and on (fleet, robot, group) {worst}"), "{{robot}}"),
+        f"{LINES} robots on which it is worst at the end of the range, of equal ones the oldest "
+        "trouble first: filter to see others.",
+        panels.over_time(placed, "{{robot}}"),
     ).data_links([link])
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from urllib.parse import quote
 
+from grafana_foundation_sdk.builders import common as common_builders
 from grafana_foundation_sdk.builders import dashboard as builders
 from grafana_foundation_sdk.builders import stat, statetimeline, table, timeseries
 from grafana_foundation_sdk.models import common
@@ -21,6 +22,8 @@ from fleet_dashboards.lib.promql import (
     message_age,
     reached,
     settled,
+    worst,
+    worst_first,
 )
 from fleet_dashboards.lib.tables import Column
 
@@ -44,7 +47,7 @@ def build() -> builders.Dashboard:
             variables.robot_group(),
             variables.state(),
             variables.problems(),
-            variables.worst(_worst()),
+            variables.worst(worst(*_of_robots(), LINES)),
         ],
         [
             robots_by_state(),
@@ -103,6 +106,9 @@ def _count(state: palette.State) -> str:
     """
 
 
+_COMPONENT = "fleet, robot, group, component"
+
+
 def _listed(handled: str) -> str:
     """Return the problems of the chosen state; ``handled`` compares 1 for what is handled.
 
@@ -121,6 +127,8 @@ ${{state:raw}}
     (group by ({IDENTITY}) ({ACKNOWLEDGED}) {handled})
   unless on (fleet, robot)
     (group by (fleet, robot) (ros_diagnostics_robot_maintenance == 1) {handled})
+  unless on ({_COMPONENT})
+    (group by ({_COMPONENT}) (ros_diagnostics_component_maintenance == 1) {handled})
 """,
     )
 
@@ -134,17 +142,26 @@ def number_of_problems() -> stat.Panel:
     """Count the rows of the table of problems."""
     zero = f"group({_PROOF}) * 0"
     listed = f"count({_PROBLEMS}) or {zero}"
+    unhandled = f"""
+      count({_listed("== 1")}) and on () ({_PROOF})
+    or
+      {zero}
+    or
+      count({_PROBLEMS}) * 0 / 0
+    """
     return (
         panels.number(
             "Number of problems",
             "How many problems are listed below, and how many of them are unhandled: neither "
-            "acknowledged nor planned?",
+            "acknowledged nor planned? A question mark: not known while an exporter does not "
+            "answer.",
             listed,
         )
+        .mappings(palette.UNKNOWN_NUMBER)
         .targets(
             [
                 panels.at_end(listed, "listed"),
-                panels.at_end(f"count({_listed('== 1')}) or {zero}", "unhandled", "B"),
+                panels.at_end(unhandled, "unhandled", "B"),
             ]
         )
         .text_mode(common.BigValueTextMode.VALUE_AND_NAME)
@@ -251,8 +268,9 @@ def wall() -> stat.Panel:
     * on (fleet, robot) group_left (site, robot_group)
       {_SELECTED}
     """
-    sorted_by = f'label_join({in_order(found)}, "place", " ", "site", "robot_group", "order")'
-    query = panels.at_end(label(sorted_by, "name", "$1", "robot", "(.*)"))
+    named = in_order(_named_to_fit(found))
+    sorted_by = f'label_join({named}, "place", " ", "site", "robot_group", "order")'
+    query = panels.at_end(sorted_by)
     # Each row becomes a field: its other columns are labels, for the link.
     fields = [
         {"fieldName": "Time", "handlerKey": "__ignore"},
@@ -263,7 +281,8 @@ def wall() -> stat.Panel:
     panel = panels.number(
         "All robots",
         "In which state is each robot? A tile for each, by site, group and name. A click opens "
-        "the robot.",
+        f"the robot. With more than {_LONG} robots a tile has the first character of the name and "
+        f"its number, with more than {_SHORT} no name.",
         found,
     )
     return (
@@ -279,8 +298,29 @@ def wall() -> stat.Panel:
         .display_name("${__field.name}")  # without labels
         .data_links([link])
         .span(24)
-        .height(7)
+        .height(8)
     )
+
+
+_LONG = 40  # tiles that have room for names on a phone
+_SHORT = 220  # and that are wider than their margins: else Grafana writes over the others
+
+
+def _named_to_fit(robots: str) -> str:
+    """Add a label ``name``: the robot's, shorter the more tiles there are."""
+    full = label(robots, "name", "$1", "robot", "(.*)")
+    start = label(robots, "name", "$1", "robot", "(.{1,4}).*")
+    short = label(start, "name", "$1$2", "robot", "(.).*?([0-9]{1,4})")
+    return f"""
+      {full} and on () count({robots}) <= {_LONG}
+    or on (fleet, robot)
+      {short} and on () count({robots}) <= {_SHORT}
+    or on (fleet, robot)
+      {label(robots, "name", _NO_NAME)}
+    """
+
+
+_NO_NAME = "\u00a0"  # an empty one would be the value's name
 
 
 def states_of_robots() -> statetimeline.Panel:
@@ -289,23 +329,27 @@ def states_of_robots() -> statetimeline.Panel:
     # The worst are chosen at the end of the range, so that the rows stay the same over all of it.
     # Only those are read: the states of all robots over weeks would be too much for Prometheus.
     read = f'robot:ros_diagnostics_state:rank{{fleet=~"$fleet", {variables.WORST}}}'
-    expr = f"""
-      max_over_time({read}[$__interval])
-    and on (fleet, robot)
-      ({_worst(" @ end()")})
-    """
+    expr = in_order(f"max_over_time({read}[$__interval])")
+    placed = worst_first(expr, *_of_robots(" @ end()"), most=LINES)
     panel = panels.timeline(
         "States of the robots",
         "When was which robot in which state? The worst state of each step, of at least ten "
-        "seconds. The 15 robots that are worst at the end of the range: filter to see others.",
-        panels.over_time(in_order(expr), "{{fleet}}/{{robot}}").interval("10s"),
+        "seconds. The 15 robots that are worst at the end of the range, of equal ones the oldest "
+        "fault first: filter to see others.",
+        panels.over_time(placed, "{{fleet}}/{{robot}}").interval("10s"),
     )
-    return panel.max_data_points(400).data_links([link]).height(8)
+    # Without a legend: the words of the colours are at the top.
+    legend = common_builders.VizLegendOptions().show_legend(False).calcs([])
+    return panel.max_data_points(400).data_links([link]).legend(legend).height(7)
 
 
-def _worst(at: str = "") -> str:
-    """Return the 15 robots that are worst; ``at`` is a modifier, such as "@ end()"."""
-    return f"topk(15, ({_RANK}{at} ${{state:raw}}) and on (fleet, robot) {_SELECTED}{at})"
+LINES = 15  # of a timeline: names of more are not legible
+
+
+def _of_robots(at: str = "") -> tuple[str, str, str]:
+    """Return ranks, begins and labels of the chosen robots; ``at`` is a modifier, "@ end()"."""
+    rank = f"({_RANK}{at} ${{state:raw}}) and on (fleet, robot) {_SELECTED}{at}"
+    return rank, f"min by (fleet, robot) ({HELD_OF_ROBOT}{{{_STATES}}}{at})", "fleet, robot"
 
 
 _IN_TROUBLE = """

@@ -17,10 +17,12 @@ from fleet_dashboards.lib.promql import (
     component_rank,
     label,
     message_age,
+    problem_began,
     promoted,
     settled,
     silent_reason,
     with_unit,
+    worst_first,
 )
 from fleet_dashboards.lib.tables import Column
 
@@ -208,8 +210,17 @@ def states_of_components() -> statetimeline.Panel:
     """Show the states of the components over time."""
     return panels.timeline(
         "States of the components",
-        "When was which component in which state?",
-        panels.over_time(_RANK, "{{component}}"),
+        "When was which component in which state? First those that are worst at the end of the "
+        "range, of equal ones the oldest trouble.",
+        panels.over_time(
+            worst_first(
+                _RANK,
+                component_rank(_COMPONENTS, " @ end()"),
+                problem_began(_COMPONENTS, " @ end()"),
+                "fleet, robot, group, component",
+            ),
+            "{{component}}",
+        ),
     )
 
 

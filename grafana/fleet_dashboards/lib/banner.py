@@ -20,6 +20,15 @@ _SILENT_SITE = f"""
         (time() - max by (site) (max_over_time(timestamp({_HELD}{{site!=""}})[1d:1m]))) / 60
     ) >= 2
 """
+_FAILING = f"sum by (instance, alertmanager) (increase({_SENT}[2m])) > 0"
+_NOT_REACHED = label(_FAILING, "at", "$1", "alertmanager", "(?:https?://)?([^/]*).*")
+_REACHES_NONE = f"""
+    group(
+        count by (instance) ({_FAILING})
+      >= on (instance)
+        max by (instance) (prometheus_notifications_alertmanagers_discovered)
+    )
+"""
 
 # Expression (1: broken, 2: not known) and the text; $1 is the label's value.
 _BROKEN = (
@@ -80,10 +89,11 @@ _BROKEN = (
         "Alertmanager $1 does not answer",
         "instance",
     ),
+    (_REACHES_NONE, "Prometheus does not reach Alertmanager: no notification is sent", ""),
     (
-        f"group(increase({_SENT}[2m]) > 0)",
-        "Prometheus does not reach Alertmanager: no notification is sent",
-        "",
+        f"group by (at) ({_NOT_REACHED}) unless on () {_REACHES_NONE}",
+        "Prometheus does not reach Alertmanager $1",
+        "at",
     ),
     (
         "group by (integration) (increase(alertmanager_notifications_failed_total[10m]) > 0)",
@@ -138,8 +148,10 @@ def monitoring() -> stat.Panel:
 def data_as_of() -> stat.Panel:
     """Show when the exporters were scraped last: clock and age of the page in one."""
     scraped = f"timestamp(ros_diagnostics_exporter_settled{{{_FLEET}}})"
-    # Of one that does not answer there is no sample; it is held while its target exists.
-    before = f"max by (instance) (max_over_time({scraped}[1d:1m])) and on (instance) {_HELD}"
+    # Of one that does not answer there is no sample; it is held while its target exists. The time
+    # is exact in the first hour.
+    last = f"max_over_time({scraped}[1h:5s]) or max_over_time({scraped}[1d:1m])"
+    before = f"max by (instance) ({last}) and on (instance) {_HELD}"
     return (
         panels.number(
             "Data as of",

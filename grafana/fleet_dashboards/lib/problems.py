@@ -96,17 +96,19 @@ def _ranked(kind: _Kind, matchers: str, members: str) -> str:
 def _soft(matchers: str, covered: str) -> str:
     """Return what is in trouble and not confirmed, as ranks with a message.
 
-    Nothing is known of the components of a silent robot, and ``covered`` is shown as one fault.
+    Nothing is known of the components of a silent robot, nor of those of an exporter that does not
+    answer, and ``covered`` is shown as one fault.
     """
     components = f"component:ros_diagnostics_state:rank{{{matchers}}}"
     planned = "ros_diagnostics_component_planned_stale"
     robots = f"robot:ros_diagnostics_state:rank{{{matchers}}}"
-    silent = f"max by (fleet, robot) (ros_diagnostics_robot_up{{{matchers}}}) == 0"
+    up = f"max by (fleet, robot) (ros_diagnostics_robot_up{{{matchers}}})"
+    received, silent = f"{up} == 1", f"{up} == 0"
     component = f"""
     {components}
     unless on ({_COMPONENT}) ({components} == 2 and on ({_COMPONENT}) {planned} == 1)
     unless on ({_COMPONENT}) {HELD_OF_ROBOT}{{scope=~"component|flapping|common"}}
-    unless on (fleet, robot) ({silent})
+    and on (fleet, robot) ({received})
 {covered}
 """
     robot = f"""
@@ -173,6 +175,7 @@ def _care(matchers: str, states: str) -> str:
     soft_robots = f"max by (fleet, robot) ({_RECEIVED}{{{states}}})"
     soft = f"max by ({_COMPONENT}) ({_BEGAN}{{{states}}}) or {soft_robots}"
     planned = f"on (fleet, robot) (ros_diagnostics_robot_maintenance{{{states}}} == 1)"
+    parts = f"ros_diagnostics_component_maintenance{{{states}}} == 1"
     reasons = 'reason=~"uplink_down|domain_unreachable"'
     behind = f"max by (fleet, robot) (ros_diagnostics_robot_silent_reason{{{reasons}}} == 1)"
     quiet = f"ros_diagnostics_component_quiet_reason{{{states}"
@@ -181,6 +184,7 @@ def _care(matchers: str, states: str) -> str:
     label_join({ACKNOWLEDGED}{{{matchers}}}, "care", ": ", "author", "comment")
 """,
         label(f"(({faults} or {soft}) and {planned})", "care", "planned"),
+        label(f"(({faults} or {soft}) and on ({_COMPONENT}) {parts})", "care", "planned"),
         label(
             f"({last} and on ({IDENTITY}) {several})",
             *("care", "$1 and others notified", "receiver", "(.*)"),

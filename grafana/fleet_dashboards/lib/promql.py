@@ -28,6 +28,12 @@ def component_rank(matchers: str, at: str = "") -> str:
     )
 
 
+def problem_began(matchers: str, at: str = "") -> str:
+    """Return when each component that is not OK left OK; Unix time."""
+    began = f"ros_diagnostics_component_problem_since_timestamp_seconds{{{matchers}}}{at}"
+    return f"max by (fleet, robot, group, component) ({began})"
+
+
 def message_age(matchers: str) -> str:
     """Return the age of each robot's last message when it was scraped, in whole seconds."""
     received = f"ros_diagnostics_robot_last_message_timestamp_seconds{{{matchers}}}"
@@ -89,6 +95,32 @@ def in_order(expr: str) -> str:
         regexp = f"(|.*[^0-9])([0-9]{{{digits}}})"
         ordered = label(ordered, "order", f"${{1}}{'!' * (4 - digits)}$2", "robot", regexp)
     return ordered
+
+
+def worst_first(expr: str, rank: str, began: str, by: str, *, most: int = 0) -> str:
+    """Add a label ``_place`` to range vectors: worst first, then the oldest, then by ``order``.
+
+    Prometheus sorts the series of a range by their labels, in the order of the labels' names.
+
+    Args:
+        expr: The states over time.
+        rank: Their ranks at the end of the range, so that a row has one place in all of it.
+        began: When each trouble began, at the end, too; what has none is the last of its rank.
+        by: The labels that the three have in common.
+        most: So many of them, the worst; 0 for all, also those that are not there at the end.
+    """
+    place = f"""
+      count_values by ({by}) ("_place", 8 - {worst(rank, began, by, most)})
+    """
+    placed = f"({expr}) * on ({by}) group_left (_place) {place}"
+    return placed if most else f"{placed} or on ({by}) {expr}"
+
+
+def worst(rank: str, began: str, by: str, most: int) -> str:
+    """Return the ``most`` of the highest rank, and of those the oldest, as `worst_first` does."""
+    # Unix time is less than 0.3 of it.
+    found = f"({rank}) - on ({by}) (({began}) / 1e10 or on ({by}) ({rank}) * 0 + 0.5)"
+    return f"topk({most}, {found})" if most else f"({found})"
 
 
 def label(expr: str, name: str, value: str, source: str = "", regexp: str = "") -> str:

@@ -180,7 +180,7 @@ def test_a_timeline_has_the_colours_of_the_states(
 ):
     chosen = {ROBOT: {"fleet": "hall", "robot": "broken"}, COMPONENT: {"component": "Motor 1"}}
     page.open(board, **chosen.get(board, {}))
-    page.wait_for(title, "CRITICAL")
+    page.panel(title).locator("canvas").first.wait_for(state="attached")
     missing: set[str] = set()
 
     def all_are_there() -> bool:
@@ -189,7 +189,7 @@ def test_a_timeline_has_the_colours_of_the_states(
         missing = {state for state in states if not any(near(COLOURS[state], c) for c in found)}
         return not missing
 
-    until(all_are_there, lambda: f"colours of {missing}: {page.pixels(title)}", 30, every=1)
+    until(all_are_there, lambda: f"colours of {missing}: {page.pixels(title)}", 150, every=1)
     others = set(COLOURS) - states
     assert not [c for c in page.pixels(title) for state in others if near(COLOURS[state], c)]
 

@@ -338,6 +338,23 @@ def test_twenty_of_a_hundred_components_are_one_and_nineteen_are_nineteen():
     )
 
 
+def test_many_components_and_a_common_fault_cover_levels_and_no_thresholds():
+    many = levels(PARTS, ERROR, total=10)
+    common = together(*(level("battery", ERROR, robot) for robot in SIX))
+    low = "value/critical r1 battery charge low", "value/warning r1 battery charge low"
+    for cause, began, robots in (
+        (many, MANY, ["r1"]),
+        (common, "common/critical battery", SIX),
+    ):
+        play(
+            (0, cause),
+            (10, None, f"began {began}"),
+            (20, together(level("motor", ERROR), value(1.0)) if cause is many else value(1.0)),
+            (30, None, *(f"began {each}" for each in low)),
+            robots=robots,
+        )
+
+
 def test_robots_of_another_site_are_reported_one_by_one():
     play(
         (0, together(sites(*SIX, site="hall"), sites("far", site="yard"))),

@@ -1,7 +1,8 @@
-"""What dashboards show while the monitoring is in trouble, by promtool with the shipped rules.
+"""What panels show in situations of no end-to-end test, by promtool with the shipped rules.
 
-in_trouble.yml has the situations. Each has series as in a promtool test, and what a panel shows at
-some times: a line for each series that its query must return.
+in_trouble.yml has them; in most the monitoring itself is in trouble. Each has series as in a
+promtool test, and what a panel shows at some times: a line for each series that its query must
+return.
 """
 
 from __future__ import annotations
@@ -23,6 +24,28 @@ RULES = {"site": RULE_FILES, "centre": CENTRE_RULE_FILES, "none": []}
 
 @pytest.mark.parametrize("situation", SITUATIONS, ids=lambda each: each["name"])
 def test_a_panel_shows(situation: dict[str, Any], tmp_path: Path):
+    _show(situation, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("robots", "names"),
+    [(40, ["amr_39", "scout"]), (41, ["a40", "scou"]), (221, ["\N{NO-BREAK SPACE}"])],
+)
+def test_the_more_tiles_the_shorter_are_their_names(robots: int, names: list[str], tmp_path: Path):
+    looked_at = {"scout", f"amr_{robots - 1}"}
+    series = {}
+    for robot in ["scout", *(f"amr_{number}" for number in range(1, robots))]:
+        labels = f'{{fleet="hall", robot="{robot}"}}'
+        series[f"robot:ros_diagnostics:info{labels}"] = "1"
+        series[f"robot:ros_diagnostics_state:rank{labels}"] = "3" if robot in looked_at else "0"
+    tiles = {"board": "ros-diagnostics-fleet", "panel": "All robots", "at": "0s"}
+    cells = [f'{{name="{name}"}} 3' for name in names]
+    shown = [{**tiles, "by": "name", "above": 0, "cells": cells}]
+
+    _show({"rules": "none", "series": series, "shown": shown}, tmp_path)
+
+
+def _show(situation: dict[str, Any], tmp_path: Path) -> None:
     document = {
         "rule_files": [str(file) for file in RULES[situation["rules"]]],
         "evaluation_interval": "5s",

@@ -40,7 +40,7 @@ from ros_diagnostics_exporter.metrics.self_metrics import (
     SelfMetrics,
 )
 from ros_diagnostics_exporter.metrics.week import FaultyPart, Lengths, Week
-from ros_diagnostics_exporter.model import Endpoint, Instant, Part, Status
+from ros_diagnostics_exporter.model import Downtime, Endpoint, Instant, Part, Status
 from ros_diagnostics_exporter.robots.rejections import REASONS, FleetRejectionReason
 from ros_diagnostics_exporter.sources.link import LinkReading
 from ros_diagnostics_exporter.sources.prometheus import Outcome
@@ -178,6 +178,8 @@ def full_scenario() -> StateDriver:
     reading = LinkReading(10, 1, 0.1, 0.01)
     driver.state.update_links(0, {"/r/diagnostics_agg": reading}, driver.now)
     driver.state.update_nodes(0, [("amcl", "/")], driver.now)
+    ends = driver.now.wall + 1
+    driver.state.plan([Downtime("r", "Odd", 0.0, ends, "ann", "")], driver.now)
     return driver
 
 
@@ -207,6 +209,7 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "component_flap_ratio": [0.0625] * 3,
         "component_info": [1] * 4,
         "component_level": [1, 2, 3, 3],
+        "component_maintenance": [1],
         "component_message_info": [1] * 4,
         "component_monitored_value": [21.5],
         "component_planned_stale": [1],
@@ -385,6 +388,20 @@ def test_planned_to_be_stale_are_only_those_that_the_config_names():
     driver.raw(Status(OK, "Laser"), Status(OK, "Motor"))
     shown = [dict(labels) for labels in driver.samples()["component_planned_stale"]]
     assert [each["component"] for each in shown] == ["Laser"]
+
+
+def test_a_downtime_of_a_component_alone_is_shown_as_long_as_it_holds():
+    driver = StateDriver()
+    driver.raw(Status(ERROR, "Laser"), Status(ERROR, "Motor"))
+    ends = driver.now.wall + 10
+    driver.state.plan([Downtime("r", "Motor", 0.0, ends, "ann", "new gears")], driver.now)
+    driver.at(2)
+    [shown] = map(dict, driver.samples()["component_maintenance"])
+    assert shown["component"] == "Motor"
+    assert driver.sample("robot_maintenance") == 0
+
+    driver.at(12)
+    assert "component_maintenance" not in driver.samples()
 
 
 def test_a_message_is_cut_to_the_length_of_a_label():

@@ -1,0 +1,427 @@
+"""What is known about a robot, on a time line of seconds."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from ros_diagnostics_exporter.config.fleet import (
+    Check,
+    ComponentRule,
+    Fleet,
+    Limits,
+    Robot,
+    Source,
+)
+from ros_diagnostics_exporter.event_texts import event_text
+from ros_diagnostics_exporter.events import filled
+from ros_diagnostics_exporter.model import Status
+from support.recordings import CASES, aggregated, raw
+from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
+
+MOTOR, HOT = Status(OK, "Motor 1", "OK", "mc-01"), Status(ERROR, "Motor 1", "Hot", "mc-01")
+LASER = Status(OK, "Laser 1", "OK")
+
+
+# -- history --------------------------------------------------
+
+
+def of_motor(driver: StateDriver) -> tuple[int, float, float | None, int]:
+    """Its level, since when, since when it is a problem, and its changes."""
+    motor = driver.component("Motor 1")
+    return motor.level, motor.since, driver.problem_since("Motor 1"), motor.changes
+
+
+def test_a_fault_has_a_begin_a_course_and_an_end():
+    driver = StateDriver()
+    driver.raw(MOTOR)
+    driver.at(1)
+    driver.raw(MOTOR._replace(level=WARN))
+    driver.at(2)
+    driver.raw(HOT)
+
+    assert of_motor(driver) == (ERROR, WALL + 2, WALL + 1, 2)
+    driver.at(3)
+    driver.raw(MOTOR)
+    assert of_motor(driver) == (OK, WALL + 3, None, 3)
+
+
+def test_a_repeated_level_changes_nothing():
+    driver = StateDriver()
+    driver.raw_every(1, 5, HOT)
+    assert of_motor(driver) == (ERROR, WALL, WALL, 0)
+
+
+def test_stale_keeps_the_begin_of_the_problem_and_the_level_before():
+    driver = StateDriver(stale_after=5.0)
+    driver.raw_every(1, 3, HOT)
+    driver.at(20)
+
+    motor = driver.component("Motor 1")
+    assert motor.before_stale == ERROR
+    assert of_motor(driver)[::2] == (STALE, WALL)
+
+    driver.raw(MOTOR)
+    assert motor.before_stale is None
+    assert of_motor(driver)[::2] == (OK, None)
+
+
+def test_a_fault_shorter_than_a_scrape_leaves_its_two_changes():
+    driver = StateDriver()
+    driver.raw(MOTOR)
+    driver.samples()
+    driver.raw(HOT)
+    driver.raw(MOTOR)
+
+    assert driver.sample("component_changes_total", component="Motor 1") == 2
+
+
+def test_a_level_beyond_stale_is_an_error_and_counted():
+    driver = StateDriver()
+    driver.raw(MOTOR._replace(level=255))
+
+    assert driver.level("Motor 1") == ERROR
+    assert driver.sample("robot_rejected_total", reason="bad_level") == 1
+
+
+def test_the_config_turns_an_error_into_a_warning_and_leaves_out_what_it_ignores():
+    rules = (
+        ComponentRule(re.compile("^Motor"), levels={ERROR: WARN}),
+        ComponentRule(re.compile("^Laser"), ignore=True),
+    )
+    driver = StateDriver(components=rules)
+    driver.raw(HOT, LASER)
+
+    motor = driver.component("Motor 1")
+    assert (motor.level, motor.reported) == (WARN, ERROR)
+    assert [each.name for each in driver.robot.components] == ["Motor 1"]
+
+
+def test_every_change_is_an_event():
+    driver = StateDriver()
+    driver.raw(MOTOR)
+    driver.at(1)
+    driver.raw(HOT)
+
+    event = driver.events[-1]
+    assert (event.kind, event.robot, event.component) == ("level", "r", "Motor 1")
+    assert (event.before, event.after, event.message) == ("OK", "ERROR", "Hot")
+
+
+def test_the_first_level_of_a_component_is_an_event_where_it_is_not_ok():
+    driver = StateDriver()
+    driver.raw(HOT, LASER)
+
+    found = [each for each in driver.events if each.kind == "level"]
+    assert [(each.component, each.before, each.after) for each in found] == [
+        ("Motor 1", "", "ERROR")
+    ]
+    assert event_text(filled(found[0])) == "Motor 1 new → ERROR: Hot"
+
+
+def test_a_message_is_renewed_with_the_level_or_when_more_than_its_digits_change():
+    driver = StateDriver()
+    for text in ("Hot: 91 C", "Hot: 92 C"):
+        driver.raw(HOT._replace(message=text))
+    assert driver.component("Motor 1").message == "Hot: 91 C"
+
+    driver.raw(HOT._replace(message="Hot: 93 C, fan dead"))
+    assert driver.component("Motor 1").message == "Hot: 93 C, fan dead"
+
+
+# -- silence --------------------------------------------------
+
+
+def test_a_silent_robot_is_not_up_and_all_of_it_is_stale():
+    driver = StateDriver(Source.AGG, stale_after=5.0)
+    driver.agg(*tree(Motor=[MOTOR], Laser=[LASER]))
+    driver.at(4.9)
+    assert driver.sample("robot_up") == 1
+
+    driver.at(5.5)
+    assert driver.sample("robot_up") == 0
+    assert (driver.level("Motor 1"), driver.level("Laser 1")) == (STALE, STALE)
+    assert driver.events[-1].after in ("STALE", "silent")
+
+
+def test_a_robot_never_seen_is_down_and_says_so():
+    driver = StateDriver()
+    driver.at(100)
+
+    assert driver.sample("robot_up") == 0
+    assert driver.sample("robot_last_message_timestamp_seconds") == 0
+    assert driver.sample("robot_silent_reason", reason="never_seen") == 1
+
+
+def test_a_component_of_a_raw_topic_is_late_after_three_of_its_own_gaps():
+    driver = StateDriver(stale_after=60.0)
+    slow, fast = Status(OK, "slow"), Status(OK, "fast")
+    for second in range(31):
+        driver.at(second)
+        driver.raw(*([slow, fast] if second % 10 == 0 else [fast]))
+    for second in range(31, 59):
+        driver.at(second)
+        driver.raw(Status(OK, "other"))
+        assert driver.level("fast") == (OK if second <= 35 else STALE)
+        assert driver.level("slow") == OK
+    driver.at(61)
+    driver.raw(Status(OK, "other"))
+    driver.at(62)
+    assert driver.level("slow") == STALE
+
+
+def test_a_component_heard_once_is_given_time_for_a_slow_period():
+    driver = StateDriver(stale_after=10.0)
+    driver.raw(Status(OK, "every minute"))
+    driver.raw_every(1, 80, Status(OK, "fast"))
+    assert driver.level("every minute") == OK
+
+    driver.raw_every(1, 100, Status(OK, "fast"))
+    assert driver.level("every minute") == STALE
+
+
+def test_two_arrays_at_one_moment_do_not_make_a_slow_driver_fast():
+    driver = StateDriver(stale_after=10.0)
+    slow = Status(OK, "every minute")
+    driver.raw(slow)
+    driver.raw(slow)
+    driver.raw_every(1, 60, Status(OK, "fast"))
+    assert driver.level("every minute") == OK
+
+    driver.raw(slow)
+    driver.raw_every(1, 239, Status(OK, "fast"))
+    assert driver.level("every minute") == OK
+    driver.raw_every(1, 242, Status(OK, "fast"))
+    assert driver.level("every minute") == STALE
+
+
+@pytest.mark.parametrize("period", [0.01, 0.5, 1.0])
+def test_a_fast_driver_is_late_after_five_seconds_once_it_is_known_for_as_long(period):
+    driver = StateDriver(stale_after=60.0)
+    fast = Status(OK, "fast")
+    driver.raw_every(period, 6, fast)
+    driver.raw_every(1, 10, Status(OK, "other"))
+    assert driver.level("fast") == OK
+
+    driver.raw_every(1, 12, Status(OK, "other"))
+    assert driver.level("fast") == STALE
+
+
+def test_the_return_of_a_dead_driver_does_not_blunt_the_watch():
+    driver = StateDriver(stale_after=1000.0)
+    alive = Status(OK, "alive")
+    driver.raw_every(1, 10, MOTOR, alive)
+    driver.raw_every(1, 500, alive)
+    assert driver.level("Motor 1") == STALE
+
+    driver.raw_every(1, 515, MOTOR, alive)
+    driver.raw_every(1, 550, alive)
+    assert driver.level("Motor 1") == STALE
+
+
+def test_a_component_has_its_own_threshold_from_the_config():
+    rules = (ComponentRule(re.compile("Motor"), stale_after=3.0),)
+    driver = StateDriver(stale_after=60.0, components=rules)
+    driver.raw(MOTOR, LASER)
+    driver.at(4)
+
+    assert (driver.level("Motor 1"), driver.level("Laser 1")) == (STALE, OK)
+
+
+def test_an_aggregator_that_repeats_a_stale_item_for_ever_does_not_keep_it_alive():
+    driver = StateDriver(Source.AGG)
+    driver.agg(*tree(Motor=[HOT]))
+    for second in range(1, 30):
+        driver.at(second)
+        driver.agg(*tree(Motor=[HOT._replace(level=STALE)]))
+
+    motor = driver.component("Motor 1")
+    assert (motor.level, motor.before_stale, motor.message) == (STALE, ERROR, "Hot")
+    assert driver.sample("robot_up") == 1
+
+
+def test_a_component_that_vanishes_from_the_aggregate_is_stale_at_once():
+    driver = StateDriver(Source.AGG)
+    driver.agg(*tree(Motor=[HOT], Laser=[LASER]))
+    driver.at(1)
+    driver.agg(*tree(Laser=[LASER]))
+
+    assert (driver.level("Motor 1"), driver.level("Laser 1")) == (STALE, OK)
+    assert driver.component("Motor 1").before_stale == ERROR
+
+
+def test_an_aggregator_restart_is_no_change_of_any_component():
+    driver = StateDriver(Source.AGG)
+    driver.agg(*tree(Motor=[MOTOR]))
+    driver.at(1)
+    driver.agg(Status(STALE, "/Motor", "Stale"))
+    assert driver.level("Motor 1") == OK
+
+    driver.at(2)
+    driver.agg(*tree(Motor=[MOTOR]))
+    assert driver.component("Motor 1").changes == 0
+
+
+def test_after_an_aggregator_restart_a_component_that_stays_away_becomes_stale():
+    driver = StateDriver(Source.AGG, stale_after=5.0)
+    driver.agg(*tree(Motor=[HOT]))
+    for second in range(1, 8):
+        driver.at(second)
+        driver.agg(Status(STALE, "/Motor", "Stale"))
+
+    assert (driver.level("Motor 1"), driver.component("Motor 1").before_stale) == (STALE, ERROR)
+
+
+def test_time_is_the_receivers_never_the_stamps():
+    driver = StateDriver(stale_after=5.0)
+    driver.raw(MOTOR, stamp=WALL - 3600)
+    driver.at(4)
+
+    assert driver.sample("robot_up") == 1
+    assert driver.sample("robot_clock_offset_seconds") == 3600
+
+
+# -- identity --------------------------------------------------
+
+
+SENT_AND_PUBLISHED = [case for case in CASES if aggregated(case) and raw(case)]
+
+
+@pytest.mark.parametrize("case", SENT_AND_PUBLISHED)
+def test_raw_or_aggregated_the_components_of_a_recording_are_the_same(case):
+    """Names, and the level at the end where every component is still sent."""
+    seen_raw, seen_agg = StateDriver(Source.RAW), StateDriver(Source.AGG)
+    for driver, arrays, take in ((seen_raw, raw(case), "raw"), (seen_agg, aggregated(case), "agg")):
+        for t, array in arrays:
+            driver.at(t + 1)
+            getattr(driver, take)(*array.statuses)
+
+    names = {each.name for each in seen_agg.robot.components}
+    raw_names = {each.name for each in seen_raw.robot.components}
+    made_up = {"Motor 9", "GPS fix", "GPS/antenna"} if case == "expected_missing" else set()
+    dropped = {"Cam 1"} if case == "discard_ignore_other" else set()
+    assert names - made_up == raw_names - dropped
+
+
+def test_one_name_with_two_hardware_ids_in_one_array_is_two_components():
+    driver = StateDriver()
+    left, right = MOTOR._replace(hardware_id="left"), HOT._replace(hardware_id="right")
+    driver.raw(left, right)
+    driver.raw(right)
+
+    assert driver.level("Motor 1 [left]") == OK
+    assert driver.level("Motor 1 [right]") == ERROR
+    assert len(driver.robot.components) == 2
+
+
+def test_an_id_that_is_filled_in_later_is_information_only():
+    """A node that starts says "Node starting up" with an empty hardware_id."""
+    driver = StateDriver()
+    driver.raw(Status(OK, "Motor 1", "Node starting up"))
+    driver.raw(MOTOR)
+
+    (motor,) = driver.robot.components
+    assert motor.hardware_id == "mc-01"
+    assert driver.sample("component_info", hardware_id="mc-01") == 1
+
+
+def test_the_group_of_a_raw_component_is_its_node():
+    driver = StateDriver()
+    driver.raw(Status(OK, "mavros: endpoint 1: /dev/ttyUSB0:57600"), Status(OK, "/arms/motor"))
+
+    groups = {each.name: each.group for each in driver.robot.components}
+    assert groups == {"mavros: endpoint 1: /dev/ttyUSB0:57600": "mavros", "/arms/motor": ""}
+
+
+def test_a_source_of_auto_takes_the_aggregate_and_holds_it():
+    driver = StateDriver(Source.AUTO)
+    driver.raw(MOTOR)
+    driver.at(1)
+    driver.agg(*tree(Motor=[MOTOR]))
+    driver.at(9)
+    driver.raw(HOT)
+
+    assert driver.robot.source is Source.AGG
+    assert (driver.level("Motor 1"), driver.component("Motor 1").group) == (OK, "/Motor")
+
+
+def test_a_source_of_auto_takes_raw_where_no_aggregate_comes():
+    driver = StateDriver(Source.AUTO)
+    driver.raw_every(1, 7, HOT)
+    driver.agg(*tree(Motor=[MOTOR]))
+
+    assert driver.robot.source is Source.RAW
+    assert driver.level("Motor 1") == ERROR
+
+
+def test_with_both_the_aggregate_gives_the_group_and_raw_the_changes():
+    driver = StateDriver(Source.BOTH)
+    driver.raw(MOTOR)
+    driver.agg(*tree(Motor=[MOTOR]))
+    driver.raw(HOT)
+    driver.raw(MOTOR)
+    driver.agg(*tree(Motor=[MOTOR]))
+
+    motor = driver.component("Motor 1")
+    assert (motor.group, motor.changes, motor.level) == ("/Motor", 2, OK)
+
+
+# -- checks and bounds --------------------------------------------------
+
+
+def test_checks_count_their_components_by_level():
+    checks = (Check("all"), Check("motors", (re.compile("motor", re.IGNORECASE),), expect=2))
+    driver = StateDriver(checks=checks)
+    driver.raw(HOT, LASER, Status(WARN, "Motor 2"))
+
+    assert driver.sample("check_components", check="all", level="ok") == 1
+    assert driver.sample("check_components", check="motors", level="ok") == 0
+    assert driver.sample("check_components", check="motors", level="warn") == 1
+    assert driver.sample("check_components", check="motors", level="error") == 1
+    assert driver.sample("check_expected_components", check="motors") == 2
+    assert driver.sample("check_expected_components", check="all") is None
+
+
+def bounded_story(**limits) -> StateDriver:
+    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
+    return StateDriver(fleet=Fleet("f", (robot,), limits=Limits(**limits)))
+
+
+def test_too_many_components_lose_only_the_surplus_and_never_the_known():
+    driver = bounded_story(components=3)
+    driver.raw(*(Status(OK, f"c{n}") for n in range(3)))
+    driver.raw(*(Status(ERROR, f"x{n}") for n in range(5)), Status(WARN, "c1"))
+
+    assert sorted(each.name for each in driver.robot.components) == ["c0", "c1", "c2"]
+    assert driver.level("c1") == WARN
+    assert driver.sample("robot_rejected_total", reason="component_limit") == 5
+
+
+def test_too_many_values_lose_only_the_surplus():
+    driver = bounded_story(values=2)
+    driver.raw(Status(OK, "c", values=(("a", "1"), ("b", "2"), ("c", "3"))))
+
+    assert driver.sample("component_value", key="b") == 2
+    assert driver.sample("component_value", key="c") is None
+    assert driver.sample("robot_rejected_total", reason="value_limit") == 1
+
+
+def test_the_budget_of_series_is_kept_and_given_back():
+    driver = bounded_story(series=44)
+    driver.raw(*(Status(OK, f"c{n}") for n in range(5)))
+    assert len(driver.robot.components) == 3
+    assert driver.sample("robot_rejected_total", reason="series_limit") == 2
+
+    driver.state.forget("r", "c0", driver.now)
+    driver.raw(Status(OK, "c4"))
+    assert driver.level("c4") == OK
+
+
+def test_long_names_are_cut_and_stay_different():
+    driver = bounded_story(label_length=64)
+    driver.raw(Status(OK, "x" * 1000 + "a"), Status(ERROR, "x" * 1000 + "b"))
+
+    names = {each.name for each in driver.robot.components}
+    assert len(names) == 2
+    assert all(len(name) == 64 for name in names)
