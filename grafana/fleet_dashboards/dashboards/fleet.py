@@ -16,6 +16,7 @@ from fleet_dashboards.lib.problems import ACKNOWLEDGED, IDENTITY, problem_rows, 
 from fleet_dashboards.lib.promql import (
     HELD,
     HELD_OF_ROBOT,
+    answering,
     in_order,
     label,
     message_age,
@@ -142,7 +143,7 @@ def number_of_problems() -> stat.Panel:
     zero = f"group({_PROOF}) * 0"
     listed = f"count({_PROBLEMS}) or {zero}"
     unhandled = f"""
-      count({_listed("== 1")}) and on () ({_PROOF})
+      count({_listed("== 1")}) and on () ({reached(answering(_STATES), "$site")})
     or
       {zero}
     or

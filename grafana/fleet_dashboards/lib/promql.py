@@ -161,6 +161,16 @@ def settled(matchers: str, *, of: str = "") -> str:
 """
 
 
+def answering(matchers: str) -> str:
+    """Return a value if every exporter answers, also one that has just started."""
+    held = f"exporter:ros_diagnostics_exporter:held{{{matchers}}}"
+    return f"""
+    ros_diagnostics_exporter_settled{{{matchers}}}
+  unless on ()
+    ({held} unless on (instance, job) up == 1)
+"""
+
+
 def reached(proof: str, sites: str = ".*") -> str:
     """Return ``proof`` without a value while the centre of many sites does not reach one of them.
 
