@@ -226,8 +226,8 @@ COMPONENT_MESSAGE = _family(
 COMPONENT_QUIET_REASON = _family(
     "component_quiet_reason",
     "gauge",
-    "1 while no fault of a component begins that is due, because another one explains it: that of "
-    "what it is behind (behind), or of a capability that needs it (capability).",
+    "1 while a fault that is due does not begin because another one explains it: that of what the "
+    "component is behind (behind), or of a capability that needs it (capability).",
     (*COMPONENT, "reason"),
 )
 COMPONENT_INFO = _family(
