@@ -49,10 +49,18 @@ mount -t sysfs -o ro sysfs "$ROOT/sys"
 mount -t cgroup2 cgroup2 "$ROOT/sys/fs/cgroup"
 for name in run tmp; do mount -t tmpfs -o mode=1777 tmpfs "$ROOT/$name"; done
 mount -t tmpfs -o mode=755 tmpfs "$ROOT/dev"
-for name in null zero full random urandom tty; do
-    touch "$ROOT/dev/$name"
-    mount --bind "/dev/$name" "$ROOT/dev/$name"
-done
+# Made anew: those of this machine are only as good as what root has left of them, and where /dev/null
+# is a file, systemd starts no service that has PrivateDevices=yes.
+while read -r name major minor; do
+    mknod -m 666 "$ROOT/dev/$name" c "$major" "$minor"
+done <<END
+null 1 3
+zero 1 5
+full 1 7
+random 1 8
+urandom 1 9
+tty 5 0
+END
 mkdir "$ROOT/dev/shm" "$ROOT/dev/pts"
 mount -t tmpfs tmpfs "$ROOT/dev/shm"
 mount -t devpts -o newinstance,ptmxmode=0666 devpts "$ROOT/dev/pts"

@@ -121,7 +121,8 @@ def _judge_level(book: Book, component: ComponentRecord, now: Instant) -> None:
             # another fault, which no acknowledgement of the first one holds.
             since = now if state is State.CRITICAL else component.since
             identity = Identity(Scope.COMPONENT, state, "", component.robot.name, *component.name)
-            problem = Problem(identity, since, robot=component.robot, component=component)
+            of, part = component.robot, component
+            problem = Problem(identity, since, robot=of, component=part, verdict=verdict)
             component.problems[state] = book.add_problem(problem)
         if component.since is not None:
             problem.clock = component.since.mono

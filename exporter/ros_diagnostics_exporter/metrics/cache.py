@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from math import isfinite
+from operator import itemgetter
 
 from ros_diagnostics_exporter.config.fleet import Profile
 from ros_diagnostics_exporter.faults.model import ABILITIES, ComponentName, Reason
@@ -19,7 +20,8 @@ from ros_diagnostics_exporter.robots.values import ExportedValue
 from ros_diagnostics_exporter.texts import escape
 
 _VALUES = {metrics.COMPONENT_VALUE.name, metrics.COMPONENT_MONITORED_VALUE.name}
-_NAMED = Mark.NAMES, Mark.SERIES, Mark.CONFIG  # what the labels of components and values have
+# What the labels of components and values have.
+_NAMED = itemgetter(Mark.NAMES, Mark.SERIES, Mark.CONFIG)
 STATES = {ability: number for number, ability in enumerate(ABILITIES)}
 _WORDS = tuple(level.name.lower() for level in Level)
 
@@ -82,7 +84,8 @@ class RobotText:
         Without ``everything`` what most messages change is rendered only later.
         """
         marks, read = self.robot.marks, self._read_everything
-        values_due = everything and marks.last(*_NAMED, Mark.VALUE, Mark.NUMBER) > read
+        values_at = max(*_NAMED(marks.at), marks.at[Mark.VALUE], marks.at[Mark.NUMBER])
+        values_due = everything and values_at > read
         if values_due:
             self.robot.components.parse_values()  # which may note other series
         if marks.count > self._read:
@@ -98,7 +101,7 @@ class RobotText:
 
     def _update_parts(self, read: int) -> None:
         at = self.robot.marks.at
-        named = max(map(at.__getitem__, _NAMED))
+        named = max(_NAMED(at))
         if named > read:
             self._rename()
         if max(at[Mark.CONFIG], at[Mark.DOWNTIME]) > read:
@@ -126,6 +129,12 @@ class RobotText:
         if self.chunks.pop(name, None) is not None:
             del self.series[name]
             self.changed.add(name)
+
+    def _set_one(self, family: Family, value: float, labels: str = "") -> None:
+        """A family of which a robot has one sample."""
+        self.chunks[family.name] = self._one(family, value, labels).encode()
+        self.series[family.name] = 1
+        self.changed.add(family.name)
 
     def _one(self, family: Family, value: float, labels: str = "") -> str:
         return f"{family.name}{{{self._base}{labels}}} {number(value)}\n"
@@ -217,13 +226,13 @@ class RobotText:
             f',{name}="{escape(value)}"' for name, value in {**settings.labels, **fixed}.items()
         )
         labels = self._exporter_label + labels
-        self._set(metrics.ROBOT_INFO, [self._one(metrics.ROBOT_INFO, 1, labels)])
+        self._set_one(metrics.ROBOT_INFO, 1, labels)
         for family, value in (
             (metrics.ROBOT_STALE_AFTER, profile.stale_after),
             (metrics.ROBOT_STALE_IS_CRITICAL, float(profile.stale_is_critical)),
             (metrics.ROBOT_MAINTENANCE, float(robot.maintenance)),
         ):
-            self._set(family, [self._one(family, value)])
+            self._set_one(family, value)
         self._set(
             metrics.CHECK_EXPECTED,
             (
@@ -243,10 +252,9 @@ class RobotText:
             (metrics.ROBOT_MESSAGE_BYTES, robot.bytes),
             (metrics.ROBOT_PUBLISHERS, robot.network.publishers),
         ):
-            self._set(family, [self._one(family, value)])
+            self._set_one(family, value)
         if robot.clock_offset is not None:
-            family = metrics.ROBOT_CLOCK_OFFSET
-            self._set(family, [self._one(family, round(robot.clock_offset, 6))])
+            self._set_one(metrics.ROBOT_CLOCK_OFFSET, round(robot.clock_offset, 6))
         link = robot.network.link
         shown: tuple[tuple[Family, float | None], ...] = (
             (metrics.ROBOT_EXPECTED_NODES, robot.network.expected_nodes),
@@ -258,7 +266,7 @@ class RobotText:
         )
         for family, reading in shown:
             if reading is not None:
-                self._set(family, [self._one(family, round(reading, 6))])
+                self._set_one(family, round(reading, 6))
             elif family.name in self.chunks:
                 self._remove(family.name)
 
@@ -267,8 +275,7 @@ class RobotText:
         if presence == self._presence:
             return
         self._presence = presence
-        family = metrics.ROBOT_UP
-        self._set(family, [self._one(family, float(up), self._exporter_label)])
+        self._set_one(metrics.ROBOT_UP, float(up), self._exporter_label)
         if reason is not None:
             self._reasons.add(reason)
         reasons = {each: float(each == reason) for each in sorted(self._reasons)}
@@ -361,11 +368,10 @@ class RobotText:
 
     def _render_values(self) -> None:
         for name, values in self._values.items():
-            rows = zip(values.labels, values.own, values.values, strict=True)
-            self._set_chunk(
-                name,
-                [f"{name}{labels}{own}{number(value.number)}\n" for labels, own, value in rows],
-            )
+            numbers = [value.number for value in values.values]
+            texts = map(repr if all(map(isfinite, numbers)) else number, numbers)
+            rows = zip(values.labels, values.own, texts, strict=True)
+            self._set_chunk(name, [f"{name}{labels}{own}{text}\n" for labels, own, text in rows])
 
     def _render_groups(self) -> None:
         family = metrics.GROUP_LEVEL

@@ -187,7 +187,7 @@ class Components:
         """Update one component from its status."""
         component.listed = now.mono
         component.missing = False
-        if len(status.values) > component.key_values:
+        if len(status.values) != component.key_values:
             status = self._within_limits(component, status)
         last = component.last
         if last is not None and component.reported == status.level and status[:4] == last[:4]:
@@ -216,8 +216,6 @@ class Components:
     def _update_values(self, component: Component, status: Status, now: Instant) -> None:
         """Take the key-values of a status whose level and message are taken already."""
         component.last = status
-        if component.key_values != (count := len(status.values)):
-            self._count_key_values(component, count)
         if component.reported == STALE:
             return
         component.received = now.mono

@@ -164,32 +164,31 @@ class TreeReader:
         self._names: list[str] = []
         self._rows: list[int] = []  # that decide about the structure, beside the names
         self._deciding: list[Status] = []
-        self._signature: list[object] = []
+        self._signature: list[object] = []  # of each
         self._structure = Structure()
 
     def read(self, statuses: Sequence[Status]) -> Structure:
         """The structure of one array; its indices point into ``statuses``."""
         names = [status.name for status in statuses]
         if names == self._names:
-            deciding = [statuses[row] for row in self._rows]
+            before, self._deciding = self._deciding, [statuses[row] for row in self._rows]
             # Mostly the same objects: what did not change is decoded once.
-            if deciding == self._deciding or self._sign(deciding) == self._signature:
-                self._deciding = deciding
+            others = [row for row, each in enumerate(self._deciding) if each is not before[row]]
+            if all(self._sign(row) == self._signature[row] for row in others):
                 return self._structure
         self._structure = self._parse(statuses, names)
         self._names = names
         self._rows = [row for row, _path in self._structure.groups]
         self._rows += [leaf.rows[0] for leaf in self._structure.leaves if not leaf.exact]
         self._deciding = [statuses[row] for row in self._rows]
-        self._signature = self._sign(self._deciding)
+        self._signature = [self._sign(row) for row in range(len(self._rows))]
         return self._structure
 
-    def _sign(self, deciding: Sequence[Status]) -> list[object]:
-        # Of the rows that are no components their keys; of them, and of the components found
-        # without a header, whether they could be headers.
-        groups = deciding[: len(self._structure.groups)]
-        keys = [[key for key, _value in status.values] for status in groups]
-        return [*keys, *map(_could_be_header, deciding)]
+    def _sign(self, row: int) -> object:
+        """What of a deciding row does: a group's keys; else whether it could be a header."""
+        status, is_group = self._deciding[row], row < len(self._structure.groups)
+        keys = [key for key, _value in status.values] if is_group else []
+        return keys or _could_be_header(status)
 
     def _parse(self, statuses: Sequence[Status], names: list[str]) -> Structure:
         found = _components_after_headers(statuses)

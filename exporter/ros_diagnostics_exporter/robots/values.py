@@ -39,8 +39,8 @@ _NUMBER = re.compile(
     r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"(?: ?([^0-9 ].{0,15}))?"  # what stands behind it, perhaps a unit
 )
-# What most drivers write: neither a unit nor anything that could be misread.
-_PLAIN = re.compile(r"-?(?:0|[1-9][0-9]{0,14})(?:\.[0-9]{1,17})?")
+# What most drivers write: neither a unit nor anything that could be misread, so `float` reads it.
+is_plain = re.compile(r"-?(?:0|[1-9][0-9]{0,14})(?:\.[0-9]{1,17})?").fullmatch
 _SPECIAL = {
     sign + word: float(sign + word)
     for sign in ("", "+", "-")
@@ -79,14 +79,6 @@ def parse_numbers(key: str, text: str) -> tuple[Number, ...]:
     if brackets is None:
         return ()
     return _elements(name, key_unit, brackets[1])
-
-
-def parse_plain(text: str) -> float | None:
-    """The number in the text of a value, where it is nothing but a decimal number.
-
-    None also for some that `parse_numbers` reads: this is to be fast.
-    """
-    return None if _PLAIN.fullmatch(text) is None else float(text)
 
 
 _MAX_CACHED_KEY = 256  # characters of a key that is cached, which limits the cache
@@ -291,8 +283,8 @@ class ComponentValues:
                     continue
                 if key != pair[0]:
                     break
-                if plain is not None and (number := parse_plain(pair[1])) is not None:
-                    plain.number = number
+                if plain is not None and is_plain(pair[1]):
+                    plain.number = float(pair[1])
                 elif not self._update_row(row, pair):
                     break
                 changed = True

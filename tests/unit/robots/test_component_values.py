@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ros_diagnostics_exporter.config.fleet import ValueRule
+from ros_diagnostics_exporter.config.fleet import Threshold, ValueRule
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.robots import values as values_of_robots
 from ros_diagnostics_exporter.robots.limits import SeriesLimit
 from ros_diagnostics_exporter.robots.marks import Marks
-from ros_diagnostics_exporter.robots.values import ComponentValues
+from ros_diagnostics_exporter.robots.values import ComponentValues, ExportedValue
 from support.state_driver import OK, StateDriver
 
 keys = st.sampled_from(["Voltage (V)", "Voltage", "Serial number", "Scaled", "Mode"])
@@ -61,7 +61,7 @@ def values_after_each(history, *, judged=True) -> list[object]:
 def test_a_plain_number_changes_the_same_as_any_other(history):
     found = values_after_each(history)
 
-    with mock.patch.object(values_of_robots, "parse_plain", return_value=None):
+    with mock.patch.object(values_of_robots, "is_plain", return_value=None):
         assert found == values_after_each(history)
 
 
@@ -89,3 +89,12 @@ def test_a_number_is_scaled_before_the_offset_is_added():
     driver = StateDriver(values=(rule,))
     driver.raw(Status(OK, "Motor", values=(("Temperature", "2981.5"),)))
     assert driver.sample("component_value", key="Temperature") == pytest.approx(25.0)
+
+
+@pytest.mark.parametrize("bound", ["low", "high"])
+def test_a_number_at_its_threshold_is_not_beyond_it(bound):
+    rule = ValueRule(thresholds=(Threshold(bound, "warning", 5.0),))
+
+    found = [bool(ExportedValue("k", "", number, rule=rule).beyond) for number in (4, 5, 6)]
+
+    assert found == [bound == "low", False, bound == "high"]

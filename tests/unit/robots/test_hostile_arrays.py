@@ -26,7 +26,7 @@ from ros_diagnostics_exporter.config.fleet import (
     ValueRule,
 )
 from ros_diagnostics_exporter.model import Array, Endpoint, Status, Topic
-from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate_array
+from ros_diagnostics_exporter.robots.limits import MAX_TEXT, truncate, truncate_array
 from ros_diagnostics_exporter.robots.marks import Mark
 from ros_diagnostics_exporter.robots.rejections import (
     LOG_TEXTS,
@@ -84,6 +84,13 @@ def test_a_text_without_end_is_cut_wherever_it_stands_and_said_once(status, capl
 def test_an_array_of_usual_texts_is_taken_as_it_is():
     array = Array(0.0, (Status(OK, "Motor", "x" * MAX_TEXT),), 2 * MAX_TEXT)
     assert truncate_array(array) is array
+
+
+def test_half_a_character_is_replaced_and_whole_ones_are_kept():
+    assert [truncate(text, 9) for text in ("°C \ud800", "°C \U0001f916")] == [
+        "°C ?",
+        "°C \U0001f916",
+    ]
 
 
 @pytest.mark.parametrize("topic", [AGG, RAW])

@@ -27,9 +27,14 @@ def test_what_is_not_received_yet_is_as_it_was_before_the_restart(tmp_path: Path
     after = later.robot.persist(later.now)
     assert [each._replace(before_stale=None) for each in after.components] == before.components
     assert after._replace(components=before.components) == before
-    assert later.level("Motor") == later.level("Arm") == STALE
+    found = [later.component(name) for name in ("Motor", "Arm")]
+    assert [each.level for each in found] == [STALE, STALE]
+    assert [each.before_stale for each in found] == [OK, ERROR]
+    assert [each.level_before_silence for each in found] == [OK, ERROR]
 
     later.raw(MOTOR, ARM)
     motor, arm = later.robot.persist(later.now).components
     assert (motor.level, motor.since, motor.before_stale) == (OK, WALL + 5, None)
     assert (arm.level, arm.since, arm.listed) == (ERROR, WALL + 5, later.now.wall)
+    later.raw(MOTOR, ARM._replace(level=OK))
+    assert [each.level for each in later.robot.persist(later.now).components] == [OK, OK]

@@ -121,6 +121,13 @@ def test_the_structure_is_read_anew_when_only_a_headers_keys_change():
     assert leaves(reader, header("/A", "x y"), Status(0, "/A/x y", "OK")) == {("/A", "x y")}
 
 
+def test_the_structure_is_read_anew_when_a_header_shows_to_be_none():
+    reader, rows = TreeReader(), (header("/A", "x"), Status(0, "/A/x", "OK"))
+
+    assert leaves(reader, *rows, Status(0, "/B", "OK")) == {("/A", "x")}
+    assert leaves(reader, *rows, Status(0, "/B", "fine")) == {("/A", "x"), ("", "B")}
+
+
 def test_empty_and_blank_names_are_components_of_their_own():
     found = leaves(
         TreeReader(),
