@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import yaml
 
 FOLDER = Path(__file__).parent / "cells"
-NOT_COMPARED = {"__name__", "instance", "python_version", "version", "fault"}
+NOT_COMPARED = {"__name__", "_place", "instance", "python_version", "version", "fault"}
 CELL = re.compile(r"(?P<optional>\? )?\{(?P<labels>.*)\} (?P<value>.+)")
 Labels = tuple[tuple[str, str], ...]
 
