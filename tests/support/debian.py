@@ -49,7 +49,7 @@ mount -t sysfs -o ro sysfs "$ROOT/sys"
 mount -t cgroup2 cgroup2 "$ROOT/sys/fs/cgroup"
 for name in run tmp; do mount -t tmpfs -o mode=1777 tmpfs "$ROOT/$name"; done
 mount -t tmpfs -o mode=755 tmpfs "$ROOT/dev"
-# Made anew: those of this machine are only as good as what root has left of them, and where /dev/null
+# Made anew: those of this machine are only as good as what root has left of them. Where /dev/null
 # is a file, systemd starts no service that has PrivateDevices=yes.
 while read -r name major minor; do
     mknod -m 666 "$ROOT/dev/$name" c "$major" "$minor"
