@@ -15,6 +15,7 @@ from ros_diagnostics_exporter.sources.graph_topics import PARTICIPANT, Peer
 
 NO_NODE = "_NODE_NAME_UNKNOWN_"  # of rmw: of an endpoint whose participant has named no node of it
 MOST = 20_000  # processes of one domain
+MOST_ENDPOINTS = 1_000  # of one of them: one that makes new ones again and again takes no more
 
 
 class EndpointNames:
@@ -35,6 +36,8 @@ class EndpointNames:
             own, node = intern(each.gid[PARTICIPANT:]), each.node
             if not node.endswith(NO_NODE):
                 known[own] = intern(node)
+                if len(known) > MOST_ENDPOINTS:
+                    del known[next(iter(known))]
             elif own in known and known[own] not in self._listed:
                 node = known[own]
                 forgotten.add(node)
