@@ -180,8 +180,9 @@ class Discovery(Entry):
     )
     type: Literal["diagnostic_msgs/msg/DiagnosticArray"] | None = described(
         "In place of `topic`: every topic of this message type in a namespace is a robot's, "
-        "whatever its name; the robot's name is the last part of the namespace (`/hall/r1/health` -> `r1`). "
-        "With source `agg` only topics that end in `_agg`, with `raw` only the others.",
+        "whatever its name; the robot's name is the last part of the namespace "
+        "(`/hall/r1/health` -> `r1`). With source `agg` only topics that end in `_agg`, with `raw` "
+        "only the others.",
         example=MESSAGE_TYPE,
         default=None,
     )
