@@ -9,7 +9,7 @@ import call_traces
 # Calls and files at most: as it is today. Lower them with the code; raise them with a reason only.
 LIMITS = {
     "unchanged": (20, 8),
-    "breaking": (118, 18),
+    "breaking": (117, 18),
     "scrape": (286, 24),  # why a component is quiet depends on others: asked at each scrape
     "restart": (644, 63),  # what an object has first is a call for each attribute that is marked
 }

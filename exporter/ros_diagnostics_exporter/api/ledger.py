@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from ros_diagnostics_exporter.event_texts import event_text
+from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.severity import (
     downtime_texts,
     notice,
@@ -20,6 +21,7 @@ from ros_diagnostics_exporter.texts import one_line
 BEFORE = 3_600.0  # seconds that are looked at where there was no fault
 LATE = 600.0  # seconds after a fault's end in which its recovery is notified
 _OF_MANY = {"site": "site", "common": "component"}  # scope -> what of it names the robots
+_TROUBLE = {Level.ERROR.name, Level.STALE.name}
 _FAULT = ("scope", "state", "group", "component", "check", "key", "bound", "since")
 
 Event = dict[str, Any]
@@ -105,7 +107,8 @@ def entries(
         site: The robot's.
     """
     kept = [each for each in own if component is None or each.get("component") in (None, component)]
-    common = {each.get("component") for each in kept} if component is None else {component}
+    # A common fault is also this robot's where its own component was in trouble.
+    common = {each.get("component") for each in kept if each.get("after") in _TROUBLE}
     for each in of_many:
         name = each.get(_OF_MANY.get(each.get("scope", ""), ""))
         if name is not None and (name == site if each["scope"] == "site" else name in common):

@@ -80,6 +80,10 @@ def test_everything_that_happened_is_in_order_and_of_others_nothing():
     common = [{**many, "component": name} for name in ("Motor 1", "Lidar")]
     assert len(entries([level], common, "Motor 1", "")) == 2
     assert len(entries([level], common, None, "")) == 2
+    well = {**level, "before": "ERROR", "after": "OK"}
+    assert (
+        len(entries([well], common, "Motor 1", "")) == len(entries([well], common, None, "")) == 1
+    )
 
 
 def test_the_account_of_a_component_has_its_problems_and_the_events_around_its_fault():

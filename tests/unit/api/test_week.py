@@ -101,8 +101,9 @@ def test_notifications_are_counted_in_the_night_of_their_evening(zone):
     over = {**sent[2], "after": "resolved"}
     found = report.notified([fault(1, None, notified=[*sent, over])], midnight - 172_800, 2e9)
     assert found == [each["at"] for each in sent]
-    nights = report.by_night(found, midnight - 172_800, midnight + 86_400, zone)
-    assert nights == {"2024-10-01": 1, "2024-10-02": 0, "2024-10-03": 3, "2024-10-04": 1}
+    nights = report.by_night(found, midnight - 172_800, midnight + 172_800, zone)
+    known = {"2024-10-01": 1, "2024-10-02": 0, "2024-10-03": 3, "2024-10-04": 1, "2024-10-05": 0}
+    assert nights == known
 
 
 @given(st.lists(st.floats(1, 1e6), min_size=1))
