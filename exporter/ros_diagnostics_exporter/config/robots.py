@@ -179,9 +179,10 @@ class Discovery(Entry):
         written=[0],
     )
     type: Literal["diagnostic_msgs/msg/DiagnosticArray"] | None = described(
-        "In place of `topic`: every topic of this message type in a namespace is a robot's, whatever "
-        "its name; the robot's name is the last part of the namespace (`/hall/r1/health` -> `r1`). "
-        "With source `agg` only topics that end in `_agg`, with `raw` only the others.",
+        "In place of `topic`: every topic of this message type in a namespace is a robot's, "
+        "whatever its name; the robot's name is the last part of the namespace "
+        "(`/hall/r1/health` -> `r1`). With source `agg` only topics that end in `_agg`, with `raw` "
+        "only the others.",
         example=MESSAGE_TYPE,
         default=None,
     )
