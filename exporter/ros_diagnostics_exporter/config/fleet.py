@@ -310,6 +310,7 @@ class Fleet(Entry, title="FleetFile"):
         for profile in profiles:
             found.append(profile.confirm_after)
             found += (rule.confirm_after or 0.0 for rule in profile.components)
+        found += (query.confirm_after or 0.0 for query in self.queries)
         return max(found)
 
     @cached_property  # asked for at each scrape and look

@@ -69,8 +69,8 @@ class Watched(Entry):
         default=False,
     )
     bytes_per_second: Annotated[int, Field(ge=1, le=1_000_000_000)] = described(
-        "How much all this may be for each robot, over a minute. Beyond it the largest topic is "
-        "given up for an hour, and the component `watch` in `ROS graph` names it.",
+        "How much all this may be for each robot, over a minute. Beyond it the largest topics are "
+        "given up for an hour, and the component `watch` in `ROS graph` names them.",
         example=5000,
         default=20_000,
     )
@@ -111,8 +111,8 @@ class Graph(Entry):
         default=(),
     )
     max_loss: Loss = described(
-        "The share of a robot's messages from which on the link is faulty if they are lost; then "
-        "no STALE component of the robot is a fault.",
+        "The share of a robot's messages above which the link is faulty if they are lost, until it "
+        "is below half of that; meanwhile no STALE component of the robot begins or ends a fault.",
         example=0.3,
         default=0.2,
     )

@@ -61,7 +61,8 @@ _SOURCE = (
     "Where the components are read from: `agg`, the tree of the robot's "
     "diagnostic_aggregator; `raw`, what the drivers publish; `both`, the tree from the aggregate "
     "and changes from raw, because an aggregator hides what is shorter than its period; `auto`, "
-    "the aggregate if there is one, else raw, decided once for a robot."
+    "the aggregate if one comes within 5 s of the first raw message, else raw, decided once for a "
+    "robot."
 )
 # Keys of several entries, each described once.
 _profile = partial(described, default_factory=Profile, written=DEFAULT)
@@ -178,9 +179,10 @@ class Discovery(Entry):
         written=[0],
     )
     type: Literal["diagnostic_msgs/msg/DiagnosticArray"] | None = described(
-        "In place of `topic`: every topic of this message type is a robot's, whatever its "
-        "name; the robot's name is the last part of its namespace (`/hall/r1/health` -> `r1`). "
-        "With source `agg` only topics that end in `_agg`, with `raw` only the others.",
+        "In place of `topic`: every topic of this message type in a namespace is a robot's, "
+        "whatever its name; the robot's name is the last part of the namespace "
+        "(`/hall/r1/health` -> `r1`). With source `agg` only topics that end in `_agg`, with `raw` "
+        "only the others.",
         example=MESSAGE_TYPE,
         default=None,
     )

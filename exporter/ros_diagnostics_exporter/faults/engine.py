@@ -101,6 +101,7 @@ class Faults:
         for problem in book.problems.values():
             if problem.identity.scope is Scope.EXPORTER:
                 problem.verdict = Verdict.HELD  # until its part is reported, with its time
+                book.write(problem)
         for robot in book.robots.values():
             if robot.up:
                 presence.fall_silent(book, robot, now, now, counts=False)

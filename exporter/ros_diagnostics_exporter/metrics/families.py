@@ -219,8 +219,9 @@ COMPONENT_MAINTENANCE = _family(
 COMPONENT_MESSAGE = _family(
     "component_message_info",
     "gauge",
-    "1 with the status' message, while the level is not OK; one that differs from it only in digits "
-    "is not taken. Of a component that no longer reports, that it does not, and its last one.",
+    "1 with the status' message, while the level is not OK; one that differs from it only in "
+    "digits is not taken. Of a component that no longer reports, that it does not, and "
+    "its last one.",
     (*COMPONENT, "message"),
 )
 COMPONENT_QUIET_REASON = _family(

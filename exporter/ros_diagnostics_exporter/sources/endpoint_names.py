@@ -15,6 +15,7 @@ from ros_diagnostics_exporter.sources.graph_topics import PARTICIPANT, Peer
 
 NO_NODE = "_NODE_NAME_UNKNOWN_"  # of rmw: of an endpoint whose participant has named no node of it
 MOST = 20_000  # processes of one domain
+MOST_ENDPOINTS = 1_000  # of one of them: one that makes new ones again and again takes no more
 
 
 class EndpointNames:
@@ -24,6 +25,7 @@ class EndpointNames:
         # process -> the rest of the endpoint's id -> node; that of which one was read last is last
         self._nodes: OrderedDict[str, dict[str, str]] = OrderedDict()
         self._forgotten: dict[str, frozenset[str]] = {}  # by the middleware: topic -> nodes
+        self._listed: frozenset[str] = frozenset()  # not forgotten: what is nameless is not theirs
 
     def named(self, topic: str, endpoints: Iterable[Peer]) -> list[Peer]:
         """All endpoints of a topic, with the names that the middleware has forgotten."""
@@ -31,12 +33,15 @@ class EndpointNames:
         for each in endpoints:
             known = self._nodes.setdefault(each.process, {})
             self._nodes.move_to_end(each.process)
-            own = intern(each.gid[PARTICIPANT:])
-            if not each.node.endswith(NO_NODE):
-                known[own] = intern(each.node)
-            elif own in known:
-                forgotten.add(known[own])
-            named.append(Peer(known.get(own, each.node), each.gid))
+            own, node = intern(each.gid[PARTICIPANT:]), each.node
+            if not node.endswith(NO_NODE):
+                known[own] = intern(node)
+                if len(known) > MOST_ENDPOINTS:
+                    del known[next(iter(known))]
+            elif own in known and known[own] not in self._listed:
+                node = known[own]
+                forgotten.add(node)
+            named.append(Peer(node, each.gid))
         while len(self._nodes) > MOST:
             self._nodes.popitem(last=False)
         self._forgotten.pop(topic, None)
@@ -46,6 +51,7 @@ class EndpointNames:
 
     def complete(self, nodes: list[tuple[str, str]]) -> list[tuple[str, str]]:
         """These (name, namespace) of nodes, and those that the middleware has forgotten."""
+        self._listed = frozenset(f"{namespace.rstrip('/')}/{name}" for name, namespace in nodes)
         if not self._forgotten:
             return nodes
         split = (each.rpartition("/") for each in frozenset[str]().union(*self._forgotten.values()))

@@ -201,10 +201,10 @@ class RobotGraph:
         events = tuple(each for part in parts for each in part.take_events())
         batteries, mute = self.messages.batteries(self.settings.watch, now)
         statuses, held = (*self._statuses(), *batteries), frozenset(self._held | mute)
-        expected = self._nodes.expected
-        logs = self.messages.recent(now)
+        expected, logs = self._nodes.expected, self.messages.recent(now)
         feed, watched = self._feed(now), self.watched
-        return Report(robot, feed, statuses, held, expected, self.lossy, events, logs, watched)
+        lossy = self.lossy and not feed.shadow  # of a shadow's link nobody is notified
+        return Report(robot, feed, statuses, held, expected, lossy, events, logs, watched)
 
     def _release(self, now: Instant) -> None:
         """Once what it is about is known again, what is held and is no problem is well."""

@@ -23,6 +23,7 @@ CHROMIUM_OPTIONS = [
 TALL = (1600, 6500)  # pixels: Grafana queries only for panels in view
 WALL = (1920, 1080)
 PHONE = (390, 844)
+NO_GRAFANA = "no Grafana in PATH, or its path in GRAFANA"  # tests/allowed_skips.yml has it
 
 
 def chromium() -> str | None:
@@ -32,16 +33,16 @@ def chromium() -> str | None:
 
 
 def missing() -> str:
-    """What is not installed of that which this needs; empty if nothing is."""
+    """Why dashboards cannot be looked at; empty if they can."""
     try:
         import playwright.sync_api
     except ImportError:
-        playwright = "the Python package playwright"
+        playwright = "no Python package playwright"
     else:
         playwright = ""
     absent = {
-        "Grafana (in PATH, or its path in GRAFANA)": grafana.command() is None,
-        "Chromium": chromium() is None,
+        NO_GRAFANA: grafana.command() is None,
+        "no Chromium": chromium() is None,
         playwright: bool(playwright),
     }
     return ", ".join(name for name, is_absent in absent.items() if is_absent)

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from e2e.dashboards.browser import NO_GRAFANA
 from support.newcomer import Newcomer, blocks, newcomer
 from testbed import grafana
 from testbed.configuration import CHECKOUT
@@ -15,7 +16,7 @@ from testbed.configuration import CHECKOUT
 pytestmark = [
     pytest.mark.e2e,
     pytest.mark.slow,
-    pytest.mark.skipif(grafana.command() is None, reason=grafana.ABSENT),
+    pytest.mark.skipif(grafana.command() is None, reason=NO_GRAFANA),
 ]
 
 DATA_SOURCES = """\

@@ -81,3 +81,5 @@ def test_the_longest_confirm_after_is_that_of_any_profile_in_use(fleet_of):
     assert fleet_of(text % "1s").longest_confirm_after == 60
     everything = "faults: {confirm_after: 2m}"
     assert fleet_of(MINIMAL + everything).longest_confirm_after == 120
+    measured = "queries: [{expr: up, component: up, confirm_after: 3m}]"
+    assert fleet_of(MINIMAL + measured).longest_confirm_after == 180

@@ -6,7 +6,7 @@ from collections import Counter
 from copy import copy
 from dataclasses import replace
 
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.fleet import (
@@ -314,8 +314,16 @@ def test_the_engine_gives_what_brute_force_gives(history):
     assert plain(both.changes) == sorted(both.model.changes)
 
 
+OWN_BEFORE_A_RESTART = [
+    (0, ("own", {"database": WARN}), False),
+    (0, ("restart",), False),
+    (0, ("go", 0), True),
+]
+
+
 @busy
 @given(histories)
+@example(OWN_BEFORE_A_RESTART)
 def test_a_new_engine_from_the_written_rows_at_any_event_changes_nothing(history):
     # What falls is computed anew after a start.
     reborn, other = (

@@ -107,6 +107,15 @@ def test_what_is_not_received_is_no_fault_while_too_many_messages_are_lost():
     assert driver.faults() == [("Laser", "stale"), ("link", "critical")]
 
 
+def test_a_link_that_loses_messages_keeps_nothing_quiet_in_shadow():
+    driver = Driver(fleet=fleet(mode="shadow"))
+    driver.go_on(70, *USUAL, statuses=(MOTOR, Status(OK, "Laser", "OK")))
+    driver.link = LOSSY
+    driver.go_on(60, *USUAL)
+    assert driver.level("link") == ERROR
+    assert driver.faults() == [("Laser", "stale")]
+
+
 def test_what_a_person_forgets_or_accepts_is_no_fault_any_more():
     driver = Driver(fleet=fleet())
     driver.go_on(70, *USUAL, "driver", "lift")

@@ -41,6 +41,16 @@ def test_an_endpoint_of_which_nothing_was_ever_known_has_no_name():
     assert names.complete([]) == []
 
 
+def test_an_endpoint_that_its_node_has_given_up_while_it_goes_on_has_no_name():
+    names = EndpointNames()
+    names.named("/a", [AMCL])
+    names.complete([("amcl", "/r")])
+    nameless = AMCL._replace(node=NAMELESS)
+    assert names.named("/a", [nameless]) == [nameless]
+    names.complete([])
+    assert names.named("/a", [nameless]) == [AMCL]
+
+
 def test_of_too_many_processes_those_are_forgotten_that_were_not_there_for_longest(monkeypatch):
     monkeypatch.setattr(endpoint_names, "MOST", 2)
     names = EndpointNames()
@@ -50,3 +60,11 @@ def test_of_too_many_processes_those_are_forgotten_that_were_not_there_for_longe
     names.named("/c", [Peer("/r/new", "0c" * 12)])
     nameless = [each._replace(node=NAMELESS) for each in (AMCL, ROOT)]
     assert names.named("/a", nameless) == [AMCL, nameless[1]]
+
+
+def test_of_too_many_endpoints_of_one_process_the_first_are_forgotten(monkeypatch):
+    monkeypatch.setattr(endpoint_names, "MOST_ENDPOINTS", 1)
+    names = EndpointNames()
+    names.named("/a", [AMCL, LIDAR])
+    nameless = [each._replace(node=NAMELESS) for each in (AMCL, LIDAR)]
+    assert names.named("/a", nameless) == [nameless[0], LIDAR]

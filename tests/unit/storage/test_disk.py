@@ -6,8 +6,10 @@ import errno
 import os
 import resource
 import sqlite3
+import tempfile
 import threading
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -21,6 +23,7 @@ from support.state_driver import ERROR, OK, WALL, StateDriver
 
 HOT, COOL = Status(ERROR, "Motor", "Hot"), Status(OK, "Motor")
 STORAGE = "ros_diagnostics_exporter.storage.storage"
+NOBODY = 65534
 
 
 @pytest.fixture
@@ -62,16 +65,26 @@ def planted(kind: str, path) -> None:
         path.chmod(0)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        *("link", "folder", "fifo"),
-        pytest.param("mode", marks=pytest.mark.skipif(not os.getuid(), reason="root reads all")),
-    ],
-)
+@pytest.fixture
+def of_nobody():
+    """A folder; where root runs this, of an ordinary user as whom the test goes on."""
+    with tempfile.TemporaryDirectory() as folder:
+        is_root = not os.getuid()
+        if is_root:  # who may read all
+            os.chown(folder, NOBODY, NOBODY)
+            os.seteuid(NOBODY)
+        try:
+            yield Path(folder)
+        finally:
+            if is_root:
+                os.seteuid(0)
+
+
+@pytest.mark.parametrize("kind", ["link", "folder", "fifo", "mode"])
 def test_what_cannot_be_read_is_left_alone_and_nothing_is_saved_until_it_has_gone(
-    path, caplog, kind
+    of_nobody, caplog, kind
 ):
+    path = of_nobody / "state"
     planted(kind, path)
     mode = path.lstat().st_mode
     driver = StateDriver().restart(path)
