@@ -83,7 +83,7 @@ ROBOT_STALE_IS_CRITICAL = _family(
 ROBOT_MAINTENANCE = _family(
     "robot_maintenance",
     "gauge",
-    "1 during a planned downtime, from the config.",
+    "1 during a planned downtime, of fleet.yml or a person's.",
     ROBOT,
     part=Part.FAULTS,
 )

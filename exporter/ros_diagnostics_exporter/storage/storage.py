@@ -1,4 +1,4 @@
-"""What is known about the robots outlives the process: what changed is written once a second.
+"""What is known about the robots outlives the process: what changed is written within a second.
 
 Everything is in one SQLite file, see `database`. The exporter starts and runs without it: a damaged
 file is kept aside, one that cannot be read is left alone, and a failed write is retried.

@@ -172,7 +172,7 @@ def maintenance() -> stat.Panel:
     """Show whether the robot is in planned maintenance."""
     return panels.word(
         "Maintenance",
-        "Is the robot in maintenance planned in fleet.yml? No fault of it begins meanwhile.",
+        "Is the robot in a planned downtime? No fault of it begins meanwhile.",
         f"max by (fleet, robot) (ros_diagnostics_robot_maintenance{{{_ROBOT}}})",
         palette.words({"1": ("planned", palette.MAINTENANCE_COLOUR), "0": ("no", palette.NOTHING)}),
     )

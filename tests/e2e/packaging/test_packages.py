@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 import yaml
 
+from ros_diagnostics_exporter import __version__
 from testbed import domains, ports
 from testbed.polling import until
 from testbed.processes import Process
@@ -170,6 +171,14 @@ def test_ansible_validates_a_fleet_beside_the_folders_that_it_names(tmp_path):
     wrong = subprocess.run(command, env=os.environ | {"PATH": path}, check=False)
     assert wrong.returncode == 2
     assert [each.name for each in etc.iterdir()] == ["robots"]
+
+
+def test_the_play_names_the_debian_package_as_dpkg_does():
+    control = (ROOT / "packaging" / "debian" / "control").read_text()
+    (version,) = re.findall(r"^Version: (.+)$", control, re.MULTILINE)
+    name = f"_{version.replace('@VERSION@', __version__)}_amd64.deb\n"
+    for path in (ROOT / "docs" / "install-ansible.md", ROLE / "defaults" / "main.yml"):
+        assert re.findall(r"_[0-9][^_]*_amd64\.deb\n", path.read_text()) == [name]
 
 
 def test_compose_mounts_existing_files_and_pins_every_image():
