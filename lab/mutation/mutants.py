@@ -77,6 +77,8 @@ def _places(package: Path, seed: int) -> Iterator[_Place]:
             for occurrence, (node, start) in enumerate(places):
                 if node.parent is not None and node.parent.type == "parameters":
                     continue  # a star between parameters is no product
+                if lines[start[0] - 1].strip() == "@overload":
+                    continue  # is for the type checker alone
                 key = seed, path.name, name, lines[start[0] - 1], start[1]
                 rank = hashlib.sha256(repr(key).encode()).hexdigest()
                 yield _Place(rank, path, name, occurrence, start)
@@ -85,9 +87,8 @@ def _places(package: Path, seed: int) -> Iterator[_Place]:
 def _mutant(packages: Path, place: _Place) -> Mutant:
     text = place.path.read_text()
     changed = mutate_code(text, get_operator(place.operator)(), place.occurrence)
-    lines = [
-        line for line in difflib.ndiff(text.splitlines(), changed.splitlines()) if line[0] in "+-"
-    ]
+    compared = difflib.ndiff(text.splitlines(), changed.splitlines())
+    lines = [line for line in compared if line[0] in "+-" and line[1:].strip()]
     was, now = (next((line[2:].strip() for line in lines if line[0] == sign), "") for sign in "-+")
     change = Change(str(place.path.relative_to(packages)), was, now)
     return Mutant(place.path, changed, _statement(text, place.start[0]), change)

@@ -366,14 +366,14 @@ class FleetState(WatchedFleet):
             return [robot for _name, robot in sorted(self._registry.robots.items())]
 
     def topics_of(self, name: str) -> tuple[Topic, ...]:
-        """The topics on which a robot may be received, those that robots share among them."""
+        """The topics on which a robot may be received."""
         with self._lock:
             robot = self._registry.robots.get(name)
             if robot is None:
                 return ()
-            settings, shared = robot.settings, self._registry.shared_topics if robot.shared else ()
-            own = (each for each in (settings.topic_agg, settings.topic_raw) if each)
-            return (*(Topic(settings.domain_id, each) for each in own), *shared)
+            settings = robot.settings
+            names = (each for each in (settings.topic_agg, settings.topic_raw) if each)
+            return tuple(Topic(settings.domain_id, each) for each in names)
 
     def components_of(self, name: str) -> set[str] | None:
         """The names of a robot's components that were ever received; None: there is no robot."""

@@ -36,6 +36,8 @@ def test_what_was_encoded_is_decoded(sent):
     found = decode(data)
 
     assert found == (12.5, tuple(sent), len(data), data)
+    for values in filter(None, (each.values for each in found.statuses)):
+        assert max(len(text) for pair in values for text in pair) < values.size
 
 
 @given(statuses, st.data())

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
+from ros_diagnostics_exporter.config.conditions import Condition
 from ros_diagnostics_exporter.config.fleet import (
     CauseSettings,
     Check,
@@ -672,6 +673,7 @@ def test_a_discovered_robot_that_lacked_a_component_when_it_left_is_kept():
     driver.state.update_graph(0, {}, driver.now)
     driver.at(500)
     assert ("check", "critical", "r", "motors") in faults(driver)
+    assert not restarted(driver, driver.fault_rows()).robot.declared
     driver.state.forget("r", None, driver.now)
     assert faults(driver) == set()
 
@@ -926,6 +928,10 @@ def test_an_array_in_which_nothing_changed_reports_nothing(monkeypatch):
     assert reported == []
     driver.raw(MOTOR, LASER)
     assert [robot for robot, *_more in reported] == ["r"]
+    reported.clear()
+    driver.state.forget("r", "Laser", driver.now)
+    driver.raw(MOTOR)
+    assert [(reports, total) for _robot, reports, total, _now in reported] == [([], 1)]
 
 
 def test_a_clock_that_differs_is_a_fault_of_its_robot_with_the_difference():
@@ -940,6 +946,36 @@ def test_a_clock_that_differs_is_a_fault_of_its_robot_with_the_difference():
         driver.at(driver.now.mono + 1)
         driver.raw(MOTOR, stamp=driver.now.wall)
     assert faults(driver) == set()
+
+
+def test_the_robots_whose_clocks_differ_are_the_evidence_against_the_exporters():
+    names = ("r1", "r2", "r3")
+    robots = [Robot(name, topic_raw=f"/{name}/diagnostics", source=Source.RAW) for name in names]
+    driver = StateDriver(fleet=Fleet("f", tuple(robots)))
+    for second in range(130):
+        driver.at(second)
+        for name, behind in zip(names, (90, 60, 0), strict=True):
+            array = Array(driver.now.wall - behind, (MOTOR,), 100)
+            driver.state.receive(Topic(0, f"/{name}/diagnostics"), array, driver.now)
+    (fault,) = driver.state.faults()
+    assert (fault.identity.scope.value, fault.evidence) == ("exporter", "robots: r1, r2")
+
+
+def test_what_a_condition_excuses_is_a_quiet_problem_and_an_event_as_it_changes():
+    charging = Condition(text="Charger is OK", component=(re.compile("Charger"),), levels=(OK,))
+    driver = settled(MOTOR, components=(ComponentRule(re.compile("Motor"), unless=(charging,)),))
+    charger = Status(OK, "Charger")
+    stand(driver, 12, HOT, charger)
+    assert driver.component("Motor").quiet_because == "unless Charger is OK"
+    (problem,) = driver.state.problems(driver.now)
+    assert (problem.quiet, problem.because) == (Reason.CONDITION, "unless Charger is OK")
+    stand(driver, 2, HOT, charger._replace(level=WARN))
+    assert driver.component("Motor").quiet_because == ""
+    events = [each for each in driver.events if each.kind == "condition"]
+    assert [(each.after, each.message) for each in events] == [
+        ("quiet", "unless Charger is OK"),
+        ("judged", ""),
+    ]
 
 
 def test_a_value_that_falls_is_a_fault_with_the_threshold_that_it_falls_to():

@@ -246,6 +246,7 @@ def test_robots_on_one_topic_are_told_apart_by_hardware_id():
     receive(
         driver,
         Status(OK, "Motor", hardware_id="r1"),
+        Status(OK, "Laser", hardware_id="r1"),
         Status(ERROR, "Motor", hardware_id="r2"),
         Status(ERROR, "Motor"),
     )
@@ -254,6 +255,8 @@ def test_robots_on_one_topic_are_told_apart_by_hardware_id():
     assert driver.sample("component_level", robot="r2", component="Motor") == ERROR
     assert driver.state.rejected["no_robot"] == 1
     assert driver.state.wanted_topics(0) == {"/diagnostics": True}
+    assert [each.bytes for each in driver.state.robots.values()] == [50, 25]
+    assert driver.state.topics_of("r1") == (Topic(0, "/diagnostics"),)
 
 
 def test_robots_on_one_topic_are_told_apart_by_a_pattern_in_the_name():

@@ -10,8 +10,8 @@ import pytest
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
 from ros_diagnostics_exporter.cli.main import main
 from ros_diagnostics_exporter.config.load import load
-from ros_diagnostics_exporter.fleet.unmatched import GRACE, KINDS
-from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.fleet.unmatched import GRACE, KINDS, Unmatched, UnmatchedWatch
+from ros_diagnostics_exporter.model import Instant, Status
 from support.state_driver import OK, StateDriver
 from support.web_server import serve as serve  # noqa: PLC0414 - a fixture
 
@@ -95,6 +95,16 @@ def test_what_matches_nothing_is_reported_after_five_minutes(tmp_path, caplog, r
     near = f"; the nearest is {nearest!r}" if nearest else ""
     lines = [each.getMessage() for each in caplog.records]
     assert lines == [f"fleet.yml: {reported} matches nothing{near}"]
+
+
+def test_the_five_minutes_are_over_at_their_end():
+    watch, entry = UnmatchedWatch(), Unmatched("check", "motors: Mottor")
+    reported = []
+    for seconds in (0.0, GRACE - 1, GRACE):
+        watch.update([entry], Instant(seconds, seconds))
+        reported.append(watch.entries)
+
+    assert reported == [(), (), (entry,)]
 
 
 def test_nothing_is_reported_until_something_was_received(tmp_path):

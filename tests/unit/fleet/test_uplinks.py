@@ -254,3 +254,13 @@ def test_a_domain_that_cannot_be_joined_explains_that_its_robots_are_silent():
     driver.state.domain_joined(7)
     driver.pass_to(1000)
     assert driver.began == ["r pending"]
+
+
+def test_a_robot_that_is_added_behind_a_failing_uplink_is_quiet(driver):
+    fail(driver, "ap")
+    driver.pass_to(300)
+    config = driver.state.fleet
+    driver.state.configure(replace(config, robots=(*config.robots, robot("new"))), driver.now)
+    driver.pass_to(1500)
+    assert driver.began == ["ap ping"]
+    assert set(driver.quiet("new").values()) == {"unreachable"}

@@ -261,7 +261,7 @@ def test_one_of_several_components_is_enough(driver_of):
 def test_values_have_conditions_of_their_own(driver_of):
     driver = driver_of(
         "values: [{component: Battery, key: Charge, thresholds: {low: {critical: 10}},"
-        " unless: {key: Charging, equals: true}}]"
+        " unless: {key: Charging, equals: true}}, {key: Charge, unit: '%'}]"
     )
 
     def battery(charge: str, charging: str) -> Status:

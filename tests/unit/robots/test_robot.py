@@ -418,10 +418,11 @@ def test_the_budget_of_series_is_kept_and_given_back():
     assert driver.level("c4") == OK
 
 
-def test_long_names_are_cut_and_stay_different():
+def test_long_names_are_cut_and_stay_different(caplog):
     driver = bounded_story(label_length=64)
     driver.raw(Status(OK, "x" * 1000 + "a"), Status(ERROR, "x" * 1000 + "b"))
 
+    assert "is truncated, for example 'xxx" in caplog.text
     names = {each.name for each in driver.robot.components}
     assert len(names) == 2
     assert all(len(name) == 64 for name in names)

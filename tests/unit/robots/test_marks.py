@@ -1,0 +1,33 @@
+"""Which changes of a robot those that read its marks find."""
+
+from __future__ import annotations
+
+from math import inf
+
+from ros_diagnostics_exporter.model import Status
+from ros_diagnostics_exporter.robots.marks import Mark
+from support.state_driver import OK, StateDriver
+
+
+def test_an_attribute_that_becomes_another_is_noted():
+    robot = StateDriver().robot
+    for mark, of, name, value in (
+        (Mark.CONFIG, robot, "declared", not robot.declared),
+        (Mark.DOWNTIME, robot, "maintenance", True),
+        (Mark.RECEIPT, robot.network, "uplink_up", False),
+    ):
+        before = robot.marks.count
+        setattr(of, name, getattr(of, name))
+        assert robot.marks.count == before
+        setattr(of, name, value)
+        assert robot.marks.last(mark) == robot.marks.count == before + 1
+
+
+def test_time_changes_a_robot_only_while_it_is_received():
+    driver = StateDriver(stale_after=5.0)
+    assert driver.robot.next_tick == inf
+    driver.raw(Status(OK, "Motor"))
+    assert driver.robot.next_tick == 5.0
+    driver.at(6)
+    assert not driver.robot.up
+    assert driver.robot.next_tick > driver.now.mono
