@@ -173,7 +173,8 @@ COMPONENT_LEVEL = _family(
 COMPONENT_PROBLEM_LEVEL = _family(
     "component_problem_level",
     "gauge",
-    "component_level where it is not OK; absent otherwise.",
+    "component_level where it is not OK and neither a condition nor shadow mode keeps it quiet; "
+    "absent otherwise.",
     COMPONENT,
     part=Part.FAULTS,
 )
