@@ -47,7 +47,6 @@ def test_discovered_topic_of_another_name_is_of_the_kind_of_its_source(fleet_of,
     found = discovery(fleet_of, f'topic: "/{{robot}}/health", source: {source.value}')
     robot = found_robot(found, "r1", "/r1/health", 0)
     assert (robot.topic_agg, robot.topic_raw) == topics
-    assert found.domain_ids == (0,)
 
 
 def test_robots_in_the_root_namespace_are_named_by_their_domain(fleet_of):
