@@ -50,6 +50,8 @@ def record(options: argparse.Namespace) -> None:
 
     def write(message: Recorded) -> None:
         writer.write(message)
+        if message.topic not in counted:
+            print_line(f"recording {message.topic}")
         counted[message.topic] += 1
 
     try:
@@ -63,13 +65,9 @@ def _record(
     options: argparse.Namespace, write: Callable[[Recorded], None], stop: threading.Event
 ) -> None:
     with ros_context(chosen_domain_id(options.domain_id)) as context:
-        recorder = Recorder(context, options.topic or ["*"], write, _print_topic)
+        recorder = Recorder(context, options.topic or ["*"], write)
         print_line(f"ready: recording into {options.output}")
         try:
             recorder.record(stop, options.duration or float("inf"))
         finally:
             recorder.close()
-
-
-def _print_topic(topic: str) -> None:
-    print_line(f"recording {topic}")

@@ -77,21 +77,16 @@ class Playback:
 class Recorder:
     """Calls ``write`` with each diagnostic message of a domain on topics that match ``patterns``.
 
-    Topics that appear later are found too; ``found`` is called with each. A
-    subscription is reliable if all its publishers are, as in ros2 bag.
+    Topics that appear later are found too. A subscription is reliable if all its publishers are,
+    as in ros2 bag.
     """
 
     def __init__(
-        self,
-        context: Context,
-        patterns: Iterable[str],
-        write: Callable[[Recorded], None],
-        found: Callable[[str], None],
+        self, context: Context, patterns: Iterable[str], write: Callable[[Recorded], None]
     ) -> None:
         self._node = quiet_node("virtual_robots_record", context)
         self._patterns = list(patterns)
         self._write = write
-        self._found = found
         self._topics: dict[str, Any] = {}
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self._node)
@@ -115,7 +110,6 @@ class Recorder:
             wanted = any(fnmatchcase(topic, pattern) for pattern in self._patterns)
             if wanted and kind in MESSAGE_TYPES and topic not in self._topics:
                 self._topics[topic] = self._subscribe(topic, kind)
-                self._found(topic)
 
     def _subscribe(self, topic: str, kind: str) -> Any:
         def on_message(data: bytes) -> None:

@@ -85,6 +85,11 @@ def test_domains_of_all_entries_are_collected(fleet_of):
     assert fleet.domain_ids == (0, 3, 9, 10, 11, 12)
 
 
+def test_a_query_may_be_one_character(fleet_of):
+    (query,) = fleet_of('fleet: demo\nqueries: [{expr: "1", component: site}]').queries
+    assert query.expr == "1"
+
+
 def test_key_without_a_value_counts_as_not_given(fleet_of):
     fleet = fleet_of("""
         fleet: demo

@@ -96,15 +96,27 @@ def test_the_messages_before_change_nothing(arrays, shift):
         assert decoder.decode(message) == decode(message)
 
 
-def test_a_status_that_did_not_change_is_not_decoded_again():
-    decoder = Decoder()
-    same, before, now = (Status(0, name, "message", "id", (("k", "v"),)) for name in "abc")
+@pytest.mark.parametrize("length", range(4))
+def test_a_status_that_did_not_change_is_not_decoded_again_wherever_it_begins(length):
+    decoder, values = Decoder(), (("k", "v" * length),)
+    same, before, now = (Status(0, name, "message", "id", values) for name in "abc")
 
     first = decoder.decode(encoded([before, same])).statuses
     second = decoder.decode(encoded([now, same], stamp=13.5)).statuses
 
     assert second == (now, same)
     assert second[1] is first[1]
+
+
+def test_key_values_are_equal_where_all_of_them_are():
+    pairs = ("k", "1"), ("k", "2"), ("l", "1")
+    found = [decode(encoded([Status(0, "a", values=(each,))])).statuses[0].values for each in pairs]
+
+    assert [[one == other for one in found] for other in found] == [
+        [True, False, False],
+        [False, True, False],
+        [False, False, True],
+    ]
 
 
 def test_the_same_bytes_at_another_offset_may_be_a_longer_status():
