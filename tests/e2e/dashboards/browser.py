@@ -78,6 +78,11 @@ class Page:
         query = urlencode({"from": f"now-{last}", "to": "now", "theme": theme, **values})
         self.follow(f"/d/{board}?{query}")
 
+    def open_until(self, board: str, end: float) -> None:
+        """Open a dashboard with the hour until a Unix time and wait for its first panel."""
+        begin, last = (int(1000 * each) for each in (end - 3_600, end))
+        self.follow(f"/d/{board}?from={begin}&to={last}")
+
     def follow(self, path: str) -> None:
         """Open a path of Grafana."""
         self.page.goto(f"http://{self._address}{path}", wait_until="domcontentloaded")

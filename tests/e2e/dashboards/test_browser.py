@@ -29,7 +29,13 @@ ROBOT = "ros-diagnostics-robot"
 COMPONENT = "ros-diagnostics-component"
 ALERTS = "ros-diagnostics-alerts"
 MONITORING = "ros-diagnostics-monitoring"
+WEEK = "ros-diagnostics-week"
 NONE_OF_BROKEN = {"Values with a metric of their own"}  # which that robot does not have
+OF_THE_WEEK = [  # as counted by the exporter, of which the history has the end alone
+    panel["title"]
+    for panel in BOARDS[WEEK]["panels"]
+    if any("ros_diagnostics_week_" in each["expr"] for each in panel.get("targets", ()))
+]
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +74,7 @@ def test_every_panel_shows_data_and_no_error(page: browser.Page, board: str, the
     chosen = {"fleet": "hall", "robot": "broken"} if board == ROBOT else {}
     page.open(board, theme=theme, last="6h", **chosen)  # recorded until half an hour ago
     page.wait_for("Data as of", ":")
-    titles = set(shown(board)) - NONE_OF_BROKEN
+    titles = set(shown(board)) - NONE_OF_BROKEN - set(OF_THE_WEEK)
     without = ""
 
     def all_have_data() -> bool:
@@ -83,6 +89,14 @@ def test_every_panel_shows_data_and_no_error(page: browser.Page, board: str, the
         ".panel-info-corner--error, [data-testid='data-testid Panel status error']"
     )
     assert errors.count() == 0
+
+
+def test_the_numbers_of_the_week_are_shown_with_data(page: browser.Page, watched: WatchedFleet):
+    page.open_until(WEEK, watched.history_end)
+    assert len(OF_THE_WEEK) >= 5
+    nothing = {"", "No data"}
+    for title in OF_THE_WEEK:
+        until(lambda title=title: page.text(title) not in nothing, f"data in {title!r}", 120)
 
 
 def test_pings_and_computers_are_shown_with_data(page: browser.Page):
