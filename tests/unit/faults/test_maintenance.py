@@ -126,12 +126,3 @@ def test_nothing_is_flapping_because_of_what_changed_in_the_window(events):
         (101, together(*events)),
         (2000, None),
     )
-
-
-def test_a_robot_that_is_awaited_in_its_window_is_pending_after_it():
-    play(
-        (0, together(robot_settings("r2"), maintenance("r2", planned=True))),
-        (500, None),
-        (600, maintenance("r2", planned=False), "began robot/pending r2"),
-        settings=SETTINGS,
-    )
