@@ -13,11 +13,9 @@ from support.fault_histories import (
     maintenance,
     on_robots,
     play,
-    player,
     restart,
     robot_settings,
     silent,
-    texts,
     together,
     value,
 )
@@ -96,33 +94,6 @@ def test_one_name_in_five_groups_of_one_robot_is_no_common_cause():
         (10, None, *[f"began component/critical r1 {group} camera" for group in groups]),
         robots=TEN,
     )
-
-
-def test_twenty_robots_of_a_thousand_with_the_same_part_are_one():
-    thousand = [f"r{number}" for number in range(1000)]
-    play(
-        (0, on_robots(thousand[:19], level, "camera", ERROR)),
-        (5, level("camera", ERROR, thousand[19])),
-        (15, None, "began common/critical camera"),
-        (20, on_robots(thousand[:20], level, "camera", OK), "recovered common/critical camera"),
-        (100, None),
-        robots=thousand,
-    )
-
-
-ELEVEN, FORTY = ([f"r{number}" for number in range(1, last + 1)] for last in (11, 40))
-
-
-def test_eleven_of_forty_robots_one_by_one_are_those_before_the_tenth_and_one():
-    """With the default confirm_after of 10 s; a longer one than it takes them makes it one."""
-    steps = [(6.0 * n, level("camera", ERROR, robot)) for n, robot in enumerate(ELEVEN)]
-    found = player(FORTY, FaultSettings())
-    changes = [text for at, event in steps for text in texts(found.go(at, event))]
-    changes += texts(found.go(200))
-    assert changes == [
-        *(f"began component/critical {robot} camera" for robot in ELEVEN[:8]),
-        "began common/critical camera",
-    ]
 
 
 def test_what_all_robots_have_in_common_is_not_many_components_of_each():

@@ -5,13 +5,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.faults.records import SLOTS, FlapHistory, flap_ratio
-from support.fault_histories import (
-    ERROR,
-    OK,
-    level,
-    moved,
-    play,
-)
+from support.fault_histories import ERROR, OK, level, moved, play
 
 FLAPPING = "flapping/flapping r1 motor"
 

@@ -4,10 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import (
-    FaultSettings,
-    WarningHours,
-)
+from ros_diagnostics_exporter.config.fleet import FaultSettings, WarningHours
 from ros_diagnostics_exporter.faults.model import Reason
 from ros_diagnostics_exporter.model import Instant
 from support.fault_histories import (

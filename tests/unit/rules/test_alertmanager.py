@@ -68,12 +68,6 @@ def render(tmp_path: Path) -> Callable[..., str]:
     return rendered
 
 
-def test_amtool_accepts_configuration_and_templates():
-    output = run_tool("amtool", "check-config", ALERTMANAGER / "alertmanager.yml")
-
-    assert "SUCCESS" in output
-
-
 FAULT = {**MOTOR, "scope": "component", "state": "critical", "severity": "critical"}
 CRITICAL = {"alertname": "RosDiagnosticsComponentCritical", **FAULT}
 WARM = {**FAULT, "state": "warning"}

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from ros_diagnostics_exporter import alertmanager
 from ros_diagnostics_exporter.alertmanager import IDENTITY, clean, identity_of, moment, read
-from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
+from ros_diagnostics_exporter.faults.model import Fault, State
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.exposition import Exposition, FaultText
 from ros_diagnostics_exporter.model import Part, Status
-from support.silences import BEGAN, LABELS, MOTOR, listed
+from support.silences import BEGAN, FAULT, LABELS, MOTOR, listed
 from support.state_driver import ERROR, OK, WALL, StateDriver
 
 
@@ -116,8 +117,8 @@ def test_words_become_one_printable_line_of_bounded_length():
 
 def fault(since: float = BEGAN, labels: dict[str, str] | None = None, **identity: str) -> Fault:
     """The fault of LABELS."""
-    made = Identity(Scope.COMPONENT, State.CRITICAL, robot="r", group="/Motor", component="Motor 1")
-    return Fault(made._replace(**identity), since, since + 10, labels or {}, "hot")
+    of = FAULT.identity._replace(**identity)
+    return replace(FAULT, identity=of, since=since, labels=labels or {})
 
 
 def served(faults, acknowledgements, text=None, exporter="") -> list[tuple[dict[str, str], float]]:
@@ -164,13 +165,6 @@ def test_an_acknowledgement_is_of_the_fault_that_began_then(since, shown):
 )
 def test_an_acknowledgement_is_of_no_other_fault(other):
     assert served([fault(**other)], [MOTOR]) == []
-
-
-def test_of_several_the_newest_is_shown():
-    earlier = MOTOR._replace(at=MOTOR.at - 100, comment="will look")
-    of_another = MOTOR._replace(since=BEGAN - 100, at=MOTOR.at + 100)
-    [(labels, _at)] = served([fault()], [earlier, MOTOR, of_another])
-    assert labels["comment"] == "spare part ordered"
 
 
 def test_hostile_words_and_names_are_escaped():
