@@ -64,26 +64,9 @@ def test_a_restart_is_no_change_of_level(path, last, times, first, found):
     assert (*of_motor, changes) == found
 
 
-def stale_is_ok() -> StateDriver:
-    rule = ComponentRule(re.compile(""), levels={STALE: OK})
-    return StateDriver(components=(rule,), stale_after=5.0)
-
-
-def test_a_restart_is_no_problem_where_stale_counts_as_ok(path):
-    before = stale_is_ok()
-    before.raw(COOL)
-    after = before.again(path)
-
-    assert motor(after)[::2] == (OK, None)
-    assert after.component("Motor").before_stale is None
-    after.at(100)
-    after.now = Instant(101.0, WALL + 106)
-    after.raw(HOT)
-    assert motor(after)[::2] == (ERROR, WALL + 106)
-
-
 def test_a_restart_ends_no_problem_where_stale_counts_as_ok(path):
-    before = stale_is_ok()
+    rule = ComponentRule(re.compile(""), levels={STALE: OK})
+    before = StateDriver(components=(rule,), stale_after=5.0)
     before.raw(HOT)
     again = before.again(path)
     assert again.problem_since("Motor") is None  # it is OK, as the config has it
