@@ -14,9 +14,9 @@ RESULTS = CHECKOUT / "docs" / "experiments" / "scale.json"
 MEASURED = RESULTS.with_suffix(".md")
 PAGE = CHECKOUT / "docs" / "scaling.md"
 INTRODUCTION = """\
-`./run bench scale`, on two cores of a shared machine: Prometheus with the shipped rules, Alertmanager with the shipped
-routes, and the exporter's database with a change in 5 % of the robots. CRITICAL components are the same number on all
-robots: the worst case, an alert for each.
+`./run bench scale`, on two cores of a shared machine: Prometheus with the shipped rules,
+Alertmanager with the shipped routes, and the exporter's database with a change in 5 % of the
+robots. CRITICAL components are the same number on all robots: the worst case, an alert for each.
 """
 Numbers = dict[str, Any]  # as RESULTS has them
 
