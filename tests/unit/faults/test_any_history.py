@@ -306,19 +306,20 @@ def plain(changes):
     )
 
 
-@busy
-@given(histories)
-def test_the_engine_gives_what_brute_force_gives(history):
-    both = run(history, compare=True)
-
-    assert plain(both.changes) == sorted(both.model.changes)
-
-
 OWN_BEFORE_A_RESTART = [
     (0, ("own", {"database": WARN}), False),
     (0, ("restart",), False),
     (0, ("go", 0), True),
 ]
+
+
+@busy
+@given(histories)
+@example(OWN_BEFORE_A_RESTART)
+def test_the_engine_gives_what_brute_force_gives(history):
+    both = run(history, compare=True)
+
+    assert plain(both.changes) == sorted(both.model.changes)
 
 
 @busy
