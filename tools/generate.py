@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-import call_traces
+import api_reference
 import config_reference
 import config_schema
 import mail_pictures
@@ -33,7 +33,7 @@ GENERATORS: dict[str, Callable[[], Files]] = {
     "schemas of fleet.yml": config_schema.files,
     "tables of docs/configuration.md": config_reference.files,
     "tables of docs/metrics.md": metrics_reference.files,
-    "traces of docs/architecture.md": call_traces.files,
+    "paths of the port": api_reference.files,
     "rules for Kubernetes": prometheus_operator.files,
     "dashboards": dashboards,
     "tables of docs/scaling.md": scaling.files,
