@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import call_traces
+import commands_reference
 import config_reference
 import config_schema
 import mail_pictures
@@ -31,8 +32,9 @@ def dashboards() -> Files:
 
 GENERATORS: dict[str, Callable[[], Files]] = {
     "schemas of fleet.yml": config_schema.files,
-    "tables of docs/configuration.md": config_reference.files,
-    "tables of docs/metrics.md": metrics_reference.files,
+    "reference of fleet.yml": config_reference.files,
+    "reference of metrics": metrics_reference.files,
+    "reference of commands": commands_reference.files,
     "traces of docs/architecture.md": call_traces.files,
     "rules for Kubernetes": prometheus_operator.files,
     "dashboards": dashboards,
