@@ -14,7 +14,8 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference" / "configurati
 _HEAD = """# Keys of fleet.yml
 
 Every key of [fleet.yml](../configuration.md), by its part of the file. What a duration, a name or
-words are: [kinds of values](../configuration.md#kinds-of-values). `./run generate` writes this page.
+words are: [kinds of values](../configuration.md#kinds-of-values). `./run generate` writes this
+page.
 """
 SHORT = 12  # words of a meaning that is said again
 _TYPES = {"boolean": "`true` or `false`", "integer": "whole number", "number": "number"}

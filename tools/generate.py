@@ -39,7 +39,7 @@ GENERATORS: dict[str, Callable[[], Files]] = {
     "rules for Kubernetes": prometheus_operator.files,
     "dashboards": dashboards,
     "tables of docs/scaling.md": scaling.files,
-    "table of docs/silent-faults.md": silent_report.files,
+    "reference of silent faults": silent_report.files,
     "versions": versions.files,
 }
 
