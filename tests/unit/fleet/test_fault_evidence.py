@@ -117,7 +117,7 @@ def test_of_a_value_that_falls_the_threshold_that_it_falls_to():
     driver = StateDriver(values=(rule,))
     for minute in range(26):
         status = MOTOR._replace(values=(("Charge", f"{60 - minute} %"),))
-        driver.raw_every(1, driver.now.mono + 60, status)
+        driver.raw_every(5, driver.now.mono + 60, status)
     assert driver.fault_names() == {("value", "falling", "r", "Motor", "Charge", "low")}
     assert evidence(driver) == ["37 %, falling to the threshold of 10 %"]
     (fields,) = details(driver).values()

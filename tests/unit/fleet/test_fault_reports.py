@@ -397,19 +397,6 @@ def test_a_downtime_that_was_cancelled_is_not_restored(tmp_path):
     assert before.again(tmp_path / "exporter.db").state.downtimes("r") == ()
 
 
-@pytest.mark.parametrize("component", ["", "Motor"])
-def test_what_is_repaired_in_a_downtime_ends_with_it(component):
-    driver = StateDriver()
-    driver.raw_every(1, 60, MOTOR, LASER)
-    driver.raw_every(1, 100, HOT, LASER)
-    assert driver.fault_names() == {("component", "critical", "r", "Motor")}
-    driver.state.plan([planned(component, 100, 1_000)], driver.now)
-    driver.raw_every(1, 140, MOTOR, LASER)
-    assert driver.fault_names() == {("component", "critical", "r", "Motor")}
-    driver.state.plan([], driver.now)  # cancelled
-    assert driver.fault_names() == set()
-
-
 def test_a_downtime_goes_on_after_a_reload_and_for_a_robot_that_comes_later():
     driver = StateDriver()
     driver.state.plan([planned("Motor", 0, 1_000)], driver.now)
@@ -433,18 +420,6 @@ def volt(number: str) -> Status:
 
 
 BELOW = ("value", "critical", "r", "Motor", "Volt", "low")
-
-
-def test_a_value_beyond_its_threshold_is_a_fault_until_it_is_back_beyond_the_hysteresis():
-    driver = settled(volt("12"), values=(LOW,))
-    driver.stand(9, volt("9.5"))
-    assert driver.fault_names() == set()
-    driver.stand(3, volt("9.4"))
-    assert driver.fault_names() == {BELOW}
-    driver.stand(3, volt("10.1"))
-    assert driver.fault_names() == {BELOW}
-    driver.stand(1, volt("10.3"))
-    assert driver.fault_names() == set()
 
 
 @pytest.mark.parametrize(

@@ -207,7 +207,7 @@ def test_a_robot_that_published_never_gives_way():
     driver = crowded(1)
     look(driver, "r")
     driver.raw(MOTOR)
-    driver.at(100_000)
+    driver.now = driver.now._replace(mono=100_000.0)
     look(driver, "r", "new")
     assert set(driver.state.robots) == {"r"}
 
