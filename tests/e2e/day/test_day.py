@@ -2,7 +2,7 @@
 
 What the exporter recorded of them equals the mailbox and the text messages, line by line.
 
-A_DAY=docs/a-day.md writes the day as a page.
+A_DAY=docs/reference/a-day.md writes the day as a page.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from e2e.day.page import HEAD, SMS, page
 from e2e.day.plan import DAY, EXPECTED, LATE
 from e2e.day.record import of_message
 from e2e.day.stack import Day, RejectingInbox
+from support.shipped_rules import ROOT
 from support.sns import Phone
 from testbed.polling import until
 from testbed.site import Site
@@ -94,7 +95,7 @@ def assert_problems_come_before_recoveries(messages: list[tuple[float, str, str]
 
 
 def test_the_page_has_every_event_and_message_of_the_day():
-    written = (Path(__file__).resolve().parents[3] / "docs" / "a-day.md").read_text()
+    written = (ROOT / "docs" / "reference" / "a-day.md").read_text()
 
     found = {each: written.count(f"| {each.by} | `{each.text}`") for each in EXPECTED}
     mails = [each for each in EXPECTED if each.by != SMS]
