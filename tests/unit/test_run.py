@@ -264,7 +264,7 @@ def test_without_a_network_the_first_run_says_so_in_one_sentence(machine):
     assert "package index does not answer" in done.stderr
 
 
-@pytest.mark.parametrize("verb", ["demo", "test", "lint", "bench", "mutate", "generate"])
+@pytest.mark.parametrize("verb", ["demo", "test", "generate"])
 def test_the_help_of_a_verb_installs_nothing(machine, verb):
     done = machine.run(verb, "--help")
 
@@ -273,38 +273,10 @@ def test_the_help_of_a_verb_installs_nothing(machine, verb):
     assert machine.calls() == []
 
 
-def test_the_help_of_a_verb_that_is_set_up_is_that_of_its_program(machine):
-    machine.run("demo")
-    before = machine.calls()
-
-    machine.run("demo", "--help")
-
-    assert machine.calls() == [*before, "python -m demo --help"]
-
-
 def test_lint_installs_shellcheck_where_it_is_missing(machine):
     machine.run("lint")
 
     assert machine.installed() == ["shellcheck"]
-
-
-def test_lint_checks_python_with_the_generators_in_tools_and_the_shell_scripts(machine):
-    machine.program("shellcheck", FAKE)
-    (machine.checkout / "tools").mkdir()
-
-    done = machine.run("lint")
-
-    assert done.returncode == 0, done.stderr
-    scripts = ["run", ".ci/run", "packaging/install-packages", "packaging/build-deb"]
-    scripts += ["packaging/release"]
-    scripts += [f"packaging/debian/{name}" for name in ("postinst", "prerm", "postrm")]
-    scripts += ["sim/zenoh_bridge/build-zenoh"]
-    assert machine.calls()[-4:] == [
-        "ruff check exporter sim grafana lab tests tools",
-        "ruff format --check exporter sim grafana lab tests tools",
-        "mypy ",
-        f"shellcheck {' '.join(scripts)}",
-    ]
 
 
 def with_bridge(machine: Machine, *, built: bool) -> None:
@@ -351,6 +323,9 @@ def test_the_nightly_runs_prometheus_3_and_each_python_and_says_which_is_not_the
     machine.program("go", f"""{FAKE}echo '\t"Dir": "FOLDER",'\n""")
     machine.program("python3.12", PYTHON.replace("REAL", sys.executable))
     machine.program("python3.13", "#!/bin/sh\nexit 127\n")  # pyenv's, of a version not chosen
+    zenoh = machine.checkout / "sim/zenoh_bridge/build-zenoh"
+    zenoh.parent.mkdir(parents=True)
+    zenoh.symlink_to("/bin/true")
     machine.program("part", '#!/bin/sh\necho "part $* $RUN_VENV" >>FOLDER/calls\n')
     run = machine.checkout / "run"
     run.write_text(run.read_text().replace(" ./run ", " part "))
@@ -364,6 +339,7 @@ def test_the_nightly_runs_prometheus_3_and_each_python_and_says_which_is_not_the
     assert "Version=3.11.3 " in build
     assert build.endswith("prometheus-v0.311.3/ ./cmd/promtool ./cmd/prometheus")
     assert "go install github.com/google/go-jsonnet/cmd/jsonnet@v0.22.0" in machine.calls()
+    assert any("install" in call and "iproute2" in call for call in machine.calls())
     assert [call.strip() for call in machine.calls() if call.startswith("part ")] == [
         "part lint",
         "part generate --check",

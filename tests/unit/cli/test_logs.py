@@ -87,15 +87,6 @@ def test_no_message_of_a_robot_waits_for_whoever_reads_the_log(request):
     assert "level=warning logger=ros_diagnostics_exporter.robots." in reader.getvalue()
 
 
-def test_logfmt_quotes_only_where_needed(written):
-    logs.set_up("info", "logfmt")
-    LOG.info("plain")
-    LOG.info("a=b c")
-    first, second = written().splitlines()
-    assert first.endswith(" msg=plain")
-    assert second.endswith(' msg="a=b c"')
-
-
 def records_of(program: str, returncode: int = 0) -> list[dict[str, str]]:
     """The records on standard error of a program that wraps its output."""
     start = "import ctypes, logging, os, signal, sys\nfrom ros_diagnostics_exporter import logs\n"

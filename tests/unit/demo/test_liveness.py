@@ -18,14 +18,6 @@ def sleeper(start_process) -> Process:
     return start_process("sleeper", ["sleep", "600"])
 
 
-def test_a_running_program_is_not_reported(sleeper):
-    liveness = Liveness([Server(sleeper)], patience=20)
-
-    assert list(liveness.check(0.0)) == []
-    assert liveness.all_up
-    assert liveness.down() == []
-
-
 def test_a_killed_program_is_reported_once_and_an_error_after_the_patience(sleeper):
     liveness = Liveness([Server(sleeper)], patience=20)
     sleeper.kill()

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 import pytest
 from rich.console import Console
 
-from demo import run
-from demo.liveness import ProgramEndedError
 from demo.run import DemoRun
 from demo.screen import Screen
 from testbed import programs
@@ -39,14 +37,6 @@ def test_a_program_that_was_killed_is_reported(stack, demo_run, dead, capsys):
 
     assert demo_run.run(0.1) == [f"{dead} was killed by SIGKILL"]
     assert f"{dead} was killed by SIGKILL; the demo gives up" in capsys.readouterr().out
-
-
-def test_a_grafana_that_does_not_come_back_ends_the_demo(stack, monkeypatch):
-    monkeypatch.setattr(run, "PATIENCE", 0.0)
-    process(stack, "Grafana").kill()
-
-    with pytest.raises(ProgramEndedError, match="Grafana was killed by SIGKILL and did not come"):
-        DemoRun(stack, Screen(Console()), inject=False).run(5.0)
 
 
 def test_a_scenarios_robots_do_not_end_before_the_demo(tmp_path):

@@ -56,10 +56,3 @@ def test_a_mail_is_shown_with_its_links_unbroken(screen, paper):
     assert "To: c@d, e@f" in shown
     assert "Subject: ** PROBLEM ** [x]" in shown
     assert f"Dashboard: {LINK}" in shown
-
-
-def test_an_event_is_printed_unchanged(screen, paper):
-    screen.print_event(1.0, "exporter: robot_3 [red]Motor 2[/] is ERROR: " + "long " * 30)
-
-    assert "   1.0 s exporter: robot_3 [red]Motor 2[/] is ERROR: long long" in paper.getvalue()
-    assert paper.getvalue().count("\n") == 1

@@ -16,11 +16,6 @@ def mails(*subjects: str) -> list[Mail]:
     return [Mail(0.0, "a@b", ("c@d",), subject, "text", "") for subject in subjects]
 
 
-def test_the_mails_name_robot_and_component():
-    assert PROBLEM == "** PROBLEM ** demo/robot_7 Motor 1 is CRITICAL"
-    assert RECOVERY == "** RECOVERY ** demo/robot_7 Motor 1 is no longer CRITICAL"
-
-
 @pytest.mark.parametrize(
     ("at", "since", "arrived", "then"),
     [
@@ -37,10 +32,6 @@ def test_the_mails_name_robot_and_component():
 )
 def test_a_step_follows_when_its_time_or_its_mail_has_come(at, since, arrived, then):
     assert next_step(at, since, mails(*arrived), FAULT, PACE) is then
-
-
-def test_exactly_the_expected_mails_are_right():
-    assert mail_errors(mails(PROBLEM, RECOVERY), FAULT) == []
 
 
 @pytest.mark.parametrize(

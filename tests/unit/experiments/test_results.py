@@ -67,15 +67,6 @@ def test_a_later_run_adds_rows_or_begins_anew(tmp_path):
     assert run(5, append=False) == ["5"]
 
 
-def test_a_report_names_machine_versions_commit_and_seed(tmp_path):
-    result = Results(tmp_path, "some")
-    results.run(result, options(tmp_path), [1], lambda size: [{"size": size}], render)
-
-    text = result.path(".md").read_text()
-    for part in ("CPU ", "memory ", "Python ", "rclpy ", "Prometheus ", "seed 3", "commit "):
-        assert part in text
-
-
 def test_without_anything_measured_a_report_says_so(tmp_path):
     with pytest.raises(SystemExit, match="nothing measured yet"):
         results.run(Results(tmp_path, "some"), options(tmp_path, report=True), [], None, render)

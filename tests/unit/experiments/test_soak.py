@@ -20,17 +20,6 @@ def test_the_virtual_robots_accept_the_scenario(tmp_path):
     assert len(scenario.model.events) > 400
 
 
-def test_nothing_happens_to_the_steady_robots_but_faults_of_components(tmp_path):
-    steady = soak_scenario.fleet_of(30).steady_robots()
-    model = load_scenario(soak_scenario.write(tmp_path, 30, 7200, seed=1)).model
-
-    events = {event.robot for event in model.events if event.component is None}
-
-    assert len(steady) == 15
-    assert events
-    assert not events & set(steady)
-
-
 def test_the_report_has_the_slope_of_what_grows(tmp_path):
     programs = ("exporter", "prometheus", "alertmanager", "robots")
     names = ("memory", "files", "threads", "cpu")

@@ -32,7 +32,6 @@ from ros_diagnostics_exporter.config.fleet import (
 )
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.metrics import families as metrics
-from ros_diagnostics_exporter.metrics.exposition import Exposition
 from ros_diagnostics_exporter.metrics.self_metrics import (
     EOF,
     EXPORTER_FAMILIES,
@@ -170,7 +169,8 @@ def full_scenario() -> StateDriver:
         labels={"site": "hall", "robot_group": "carriers"},
     )
     driver = StateDriver(fleet=Fleet("f", (robot,), exporter="e"))
-    battery = Status(WARN, "Battery", "Low", "b-1", (("Voltage", "21.5 V"), ("Charge", "17")))
+    values = (("Voltage", "21.5 V"), ("Charge", "17"), ("Current", "3 A"))
+    battery = Status(WARN, "Battery", "Low", "b-1", values)
     parts = [battery, Status(OK, "Laser"), Status(3, "Cam", "gone"), Status(200, "Odd", "what")]
     driver.agg(*tree(All=parts))
     driver.at(1)
@@ -218,7 +218,7 @@ def test_the_samples_of_each_family_have_the_values_of_the_robot():
         "component_quiet_reason": [1],
         "component_since_timestamp_seconds": [begin, begin, begin + 1, begin + 1],
         "component_stale_after_seconds": [2],
-        "component_value": [21.5],
+        "component_value": [3, 21.5],
         "component_value_threshold": [22],
         "fault_info": [1],
         "fault_start_timestamp_seconds": [begin + 1],
@@ -261,20 +261,6 @@ def test_robots_that_are_received_are_counted_for_each_site_and_rejected_ones_ha
     assert driver.sample("robot_silent_reason", robot="extra", reason="limit") == 1
 
 
-def test_a_promoted_value_has_a_family_of_its_own_and_its_base_unit():
-    driver = full_scenario()
-
-    text = driver.exposition.render().decode()
-    (family,) = (
-        each
-        for each in text_string_to_metric_families(text)
-        if each.name == "ros_battery_charge_ratio"
-    )
-    assert family.type == "gauge"
-    assert family.samples[0].value == pytest.approx(0.17)
-    assert driver.sample("component_value", key="Charge") is None
-
-
 def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
     rule = ValueRule(
         metric="ros_charge_ratio",
@@ -292,27 +278,6 @@ def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
     monitored = driver.sample("component_monitored_value", key="Charge", unit="ratio")
     bound = driver.sample("component_value_threshold", key="Charge", unit="ratio")
     assert (promoted, value, monitored, bound) == (0.17, 0.17, 0.17, 0.2)
-
-
-def test_a_threshold_stands_beside_its_value():
-    driver = full_scenario()
-
-    value = driver.sample("component_value", component="Battery", key="Voltage", unit="V")
-    bound = driver.sample("component_value_threshold", component="Battery", unit="V", bound="low")
-    assert (value, bound) == (21.5, 22.0)
-
-
-def test_rules_find_the_values_with_thresholds_by_themselves():
-    """Selecting all values of a big fleet for these few would cost more than all other rules."""
-    rule = ValueRule(key=re.compile("Voltage"), thresholds=(Threshold("low", "warning", 22.0),))
-    robot = Robot("r", topic_agg="/r/diagnostics_agg", profile=Profile(values=(rule,)))
-    driver = StateDriver(fleet=Fleet("f", (robot,)))
-    values = (("Voltage", "21.5 V"), ("Current", "3 A"))
-    driver.agg(*tree(All=[Status(OK, "Battery", "OK", "b-1", values)]))
-
-    assert driver.sample("component_value", key="Current") == 3
-    [(labels, value)] = driver.samples()["component_monitored_value"].items()
-    assert (dict(labels)["key"], dict(labels)["unit"], value) == ("Voltage", "V", 21.5)
 
 
 def test_values_of_a_stale_component_are_not_shown():
@@ -484,29 +449,6 @@ def test_what_alerts_on_faults_need_is_a_part():
     }
 
 
-def test_values_that_changed_between_two_scrapes_of_faults_are_served_later():
-    driver = full_scenario()
-    driver.exposition.render()
-    voltage = Status(WARN, "Battery", "Low", "b-1", (("Voltage", "19.5 V"), ("Charge", "16")))
-    driver.agg(*tree(All=[voltage]))
-
-    faults = driver.exposition.render(parts={Part.FAULTS})
-    assert b"component_value" not in faults
-    assert b"ros_battery_charge_ratio" not in faults
-    driver.exposition.render(parts={Part.FAULTS})
-    assert driver.sample("component_value", key="Voltage") == 19.5
-    assert driver.sample("ros_battery_charge_ratio") == pytest.approx(0.16)
-
-
-def test_messages_between_two_scrapes_of_faults_are_counted_later():
-    driver = full_scenario()
-    before = driver.sample("robot_messages_total")
-    driver.agg(*tree(All=[Status(ERROR, "Laser")]))
-
-    assert b"robot_messages_total" not in driver.exposition.render(parts={Part.FAULTS})
-    assert driver.sample("robot_messages_total") == before + 1
-
-
 def test_every_reason_of_a_rejection_is_counted_from_0_on():
     driver = StateDriver()
     counted = {"fleet": "f", "robot": "r"}
@@ -621,11 +563,3 @@ def test_the_exporters_own_samples_are_what_its_parts_say():
         "week_faulty_times": {"/Motor/Motor 1 r": 2},
     }
     assert {name: found[name] for name in expected} == expected
-
-
-def test_two_fleets_do_not_share_a_text():
-    first, second = StateDriver(), StateDriver()
-    first.raw(Status(OK, "a"))
-    second.raw(Status(OK, "b"))
-
-    assert Exposition(first.state).render() != Exposition(second.state).render()

@@ -87,20 +87,14 @@ def test_both_families_have_the_same_labels_but_for_the_evidence(exporter):
         (Identity(Scope.COMPONENT, State.CRITICAL), "critical"),
         (Identity(Scope.COMPONENT, State.WARNING), "warning"),
         (Identity(Scope.COMPONENT, State.STALE), "warning"),
-        (Identity(Scope.CHECK, State.CRITICAL), "critical"),
-        (Identity(Scope.VALUE, State.WARNING), "warning"),
         (Identity(Scope.VALUE, State.FALLING), "warning"),
         (Identity(Scope.ROBOT, State.SILENT), "critical"),
         (Identity(Scope.ROBOT, State.PENDING), "warning"),
-        (Identity(Scope.ROBOT, State.FLAPPING), "warning"),
         (Identity(Scope.ROBOT, State.MANY, severity="critical"), "critical"),
         (Identity(Scope.ROBOT, State.MANY, severity="warning"), "warning"),
-        (Identity(Scope.FLAPPING, State.FLAPPING), "warning"),
         (Identity(Scope.FLAPPING, State.INTERMITTENT), "warning"),
         (Identity(Scope.ROBOT, State.CLOCK), "warning"),
-        (Identity(Scope.EXPORTER, State.WARNING, component="clock"), "warning"),
         (Identity(Scope.SITE, State.SILENT), "critical"),
-        (Identity(Scope.COMMON, State.CRITICAL), "critical"),
     ],
 )
 def test_every_fault_has_its_severity(identity, expected):
@@ -121,21 +115,6 @@ def test_a_fault_keeps_the_robots_labels_of_when_it_began_and_its_identity():
     driver.raw(MOTOR)
     driver.raw_every(1, driver.now.mono + 12, HOT)
     assert driver.sample(START, team="red") is not None
-
-
-def test_a_fleet_of_another_name_has_its_faults_under_it():
-    driver = in_fault()
-    assert driver.sample(START, fleet="f") == WALL + 20
-    driver.state.configure(Fleet("g", driver.state.fleet.robots), driver.now)
-    assert driver.sample(START, fleet="g") == WALL + 20
-    assert driver.sample(START, fleet="f") is None
-
-
-def test_an_exporter_of_another_name_has_its_faults_under_it():
-    driver = in_fault()
-    assert driver.sample(START) == WALL + 20
-    driver.state.configure(Fleet("f", driver.state.fleet.robots, exporter="berlin"), driver.now)
-    assert [dict(labels)["exporter"] for labels in driver.samples()[START]] == ["berlin"]
 
 
 def test_a_fault_that_lasts_is_rendered_once(monkeypatch):

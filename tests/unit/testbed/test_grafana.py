@@ -27,13 +27,6 @@ def install(tmp_path, monkeypatch):
     return install
 
 
-def test_without_a_binary_there_is_no_command(monkeypatch, tmp_path):
-    monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.delenv("GRAFANA", raising=False)
-
-    assert grafana.command() is None
-
-
 def test_a_packages_pages_are_in_usr_share(install, monkeypatch, tmp_path):
     binary = install("bin/grafana")
     monkeypatch.setattr(grafana, "PACKAGED_HOME", tmp_path / "share")
@@ -72,10 +65,3 @@ def test_the_provisioning_has_this_runs_servers_and_the_shipped_dashboards(tmp_p
     }
     (provider,) = boards["providers"]
     assert list(Path(provider["options"]["path"]).glob("ros-diagnostics-*.json"))
-
-
-def test_the_home_dashboard_is_a_shipped_one():
-    environment = grafana.environment(Path("/nowhere"), "127.0.0.1:3000")
-
-    assert Path(environment["GF_DASHBOARDS_DEFAULT_HOME_DASHBOARD_PATH"]).exists()
-    assert environment["GF_SERVER_HTTP_PORT"] == "3000"

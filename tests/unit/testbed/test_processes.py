@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -12,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from testbed.polling import until
-from testbed.processes import Process
 
 STUBBORN = (
     "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN);"
@@ -20,10 +18,6 @@ STUBBORN = (
 )
 
 
-POLITE = (
-    "import signal, sys; signal.signal(signal.SIGTERM, lambda *_: sys.exit(7));"
-    "print('ready', flush=True); signal.pause()"
-)
 START_AN_ORPHAN = (
     "import sys; from pathlib import Path; from testbed.processes import Process;"
     "argv = [sys.executable, '-c', sys.argv[1]];"
@@ -38,21 +32,6 @@ def gone(pid: int) -> bool:
     except FileNotFoundError:
         return True
     return state == "Z"
-
-
-def test_stop_sends_sigterm_first(start_process):
-    process = start_process("polite", [sys.executable, "-c", POLITE])
-    process.wait_for_output("ready")
-
-    assert process.stop() == 7
-    assert not process.alive
-
-
-def test_stop_kills_a_program_that_ignores_sigterm(start_process):
-    process = start_process("stubborn", [sys.executable, "-c", STUBBORN])
-    process.wait_for_output("ready")
-
-    assert process.stop(grace=0.1) == -signal.SIGKILL
 
 
 def test_stop_ends_the_children_too(start_process):
@@ -79,22 +58,3 @@ def test_waiting_for_output_ends_with_the_program(start_process):
 
     with pytest.raises(RuntimeError, match=r"short ended with 3; its last output:\nno such file"):
         process.wait_for_output("never")
-
-
-def test_the_timeout_of_waiting_for_output_has_the_output(start_process):
-    process = start_process("slow", ["sh", "-c", "echo still loading; sleep 600"])
-    process.wait_for_output("loading")
-
-    with pytest.raises(TimeoutError, match=r"(?s)'ready' from slow is running.*still loading"):
-        process.wait_for_output("ready", seconds=0.1)
-
-
-def test_a_second_start_keeps_the_first_output(tmp_path):
-    process = Process("twice", ["echo", "hello"], None, tmp_path / "log")
-
-    for _ in range(2):
-        process.start()
-        until(lambda: not process.alive, "its end")
-
-    assert re.findall("hello", process.output()) == ["hello", "hello"]
-    assert process.exit_code == 0

@@ -141,14 +141,6 @@ def test_what_the_arguments_name_is_acknowledged(server, arguments, expected):
     assert in_order(server.posted()) == in_order(expected)
 
 
-def test_a_large_part_of_a_fleet_without_sites_is_acknowledged_by_an_empty_site(server):
-    labels = {name: text for name, text in SITE["labels"].items() if name != "site"}
-    server.alerts = [SITE, {**SITE, "labels": labels}]
-    assert run("--site", "") == 0
-    (matchers,) = server.posted()
-    assert "site" not in matchers
-
-
 def test_a_robot_of_two_fleets_is_acknowledged_in_the_one_that_is_named(server, capsys):
     other = {**COMPONENT, "labels": {**COMPONENT["labels"], "fleet": "g"}}
     server.alerts = [COMPONENT, other]

@@ -80,12 +80,6 @@ def test_two_configurations_are_compared_in_words(run, tmp_path):
     assert "none missed" in out
 
 
-def test_suggestions_say_when_there_are_none(run):
-    _code, out, _err = run("--suggest")
-
-    assert "nothing to propose" in out
-
-
 def test_all_of_it_is_in_json(run, tmp_path):
     _code, out, _err = run(
         "--compare", str(tmp_path / "other.yml"), "--suggest", "--output", "json"
@@ -146,13 +140,6 @@ def test_a_wrong_config_and_a_wrong_flag_exit_with_2(run, tmp_path):
 
     assert run(config=path)[0] == 2
     assert run("--output", "csv", "--suggest")[0] == 2
-
-
-def test_a_missing_recording_exits_with_1(run, tmp_path):
-    code, _out, err = run(bag=str(tmp_path / "none"))
-
-    assert code == 1
-    assert "there is no such file or folder" in err
 
 
 def cut(bag, cut_off, of):

@@ -142,15 +142,6 @@ def test_what_degraded_counts_as_is_shown_and_counts(tmp_path, serve, capsys):
     assert lines[10:13] == ["", "The next part that fails:", "none"]  # it is lost already
 
 
-def test_of_an_unknown_robot_nothing_is_shown(tmp_path, serve, capsys):
-    def no_robot(_name):
-        raise LookupError("no robot 'x'")
-
-    url = f"http://{serve(capabilities=no_robot).addresses[0]}"
-    assert main(["capabilities", "x", "--url", url]) == 1
-    assert "404" in capsys.readouterr().err
-
-
 def test_what_is_no_exporter_of_this_version_is_named(serve, capsys):
     url = f"http://{serve(capabilities=lambda _name: {'capabilities': [{}]}).addresses[0]}"
     assert main(["capabilities", "r", "--url", url]) == 3

@@ -47,17 +47,6 @@ def commands(group: click.Group, path: tuple[str, ...] = ()) -> Iterator[tuple[s
 PATHS = list(commands(command))
 
 
-def test_there_is_one_command_with_these_subcommands():
-    assert {" ".join(each) for each in PATHS} == {
-        *("status", "why", "history", "faults", "ack", "downtime", "forget", "backtest"),
-        "capabilities",
-        *("story", "report"),
-        *("oncall build", "oncall check", "oncall who", "oncall icalendar"),
-        *("watch accept", "mail-relay"),
-        *("import autoware", "nagios import", "nagios compare", "check-config", "test-page"),
-    }
-
-
 @pytest.mark.parametrize("path", PATHS, ids=" ".join)
 def test_help_has_an_example_that_the_parser_takes(path, capsys):
     assert main([*path, "--help"]) == 0

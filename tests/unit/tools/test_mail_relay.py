@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import smtplib
+from contextlib import contextmanager
 from email import message_from_bytes, policy
 from email.message import EmailMessage
 
@@ -55,31 +56,37 @@ class MailServer:
         return self.rejects.get("data", "250 OK")
 
 
+@contextmanager
+def listening(handler, port: int):
+    """A client of ``handler`` at this port."""
+    controller = Controller(handler, hostname="127.0.0.1", port=port, ready_timeout=60)
+    controller.start()
+    try:
+        yield lambda: smtplib.SMTP("127.0.0.1", port, timeout=60)
+    finally:
+        controller.stop(no_assert=True)
+
+
 @pytest.fixture
 def server(free_port):
     """A mail server, listening; ``server.port``."""
     made = MailServer()
     made.port = free_port()
-    controller = Controller(made, hostname="127.0.0.1", port=made.port, ready_timeout=60)
-    controller.start()
-    yield made
-    controller.stop(no_assert=True)
+    with listening(made, made.port):
+        yield made
 
 
 @pytest.fixture
 def send(free_port, server):
     """A function (mail): hands it to a relay before the server."""
     relay = Relay(Smarthost("127.0.0.1", server.port), CAPSULES.get, LIMIT)
-    port = free_port()
-    controller = Controller(relay, hostname="127.0.0.1", port=port, ready_timeout=60)
-    controller.start()
+    with listening(relay, free_port()) as connect:
 
-    def sent(content: bytes) -> None:
-        with smtplib.SMTP("127.0.0.1", port, timeout=60) as smtp:
-            smtp.sendmail("robots@example.org", ["ann@example.org", "bob@example.org"], content)
+        def sent(content: bytes) -> None:
+            with connect() as smtp:
+                smtp.sendmail("robots@example.org", ["ann@example.org", "bob@example.org"], content)
 
-    yield sent
-    controller.stop(no_assert=True)
+        yield sent
 
 
 def test_the_capsule_is_attached_and_the_rest_is_as_it_was(server, send):
@@ -148,15 +155,10 @@ def test_what_the_mail_server_rejects_is_rejected_in_its_words(server, send, ste
 
 def test_a_mail_server_that_does_not_answer_is_tried_again_by_alertmanager(free_port):
     relay = Relay(Smarthost("127.0.0.1", free_port()), CAPSULES.get, LIMIT)
-    controller = Controller(relay, hostname="127.0.0.1", port=free_port(), ready_timeout=60)
-    controller.start()
-    try:
-        with smtplib.SMTP("127.0.0.1", controller.port, timeout=60) as smtp:
-            smtp.ehlo()
-            smtp.mail("robots@example.org")
-            code, text = smtp.rcpt("ann@example.org")
-    finally:
-        controller.stop(no_assert=True)
+    with listening(relay, free_port()) as connect, connect() as smtp:
+        smtp.ehlo()
+        smtp.mail("robots@example.org")
+        code, text = smtp.rcpt("ann@example.org")
     assert code == 451
     assert b"refused" in text
 

@@ -30,11 +30,3 @@ def test_the_sentences_of_one_part_are_one_line(serve, capsys):
     assert main(["story", "r/1\n", "--url", url, "--output", "json"]) == 0
     assert json.loads(capsys.readouterr().out) == STORY
     assert asked == ["r 1", "r/1\n"]
-
-
-def test_an_unknown_robot_is_an_error(serve, capsys):
-    def no_robot(_robot):
-        raise LookupError("no robot 'x'")
-
-    assert main(["story", "x", "--url", f"http://{serve(story=no_robot).addresses[0]}"]) == 1
-    assert "404" in capsys.readouterr().err

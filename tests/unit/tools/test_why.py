@@ -34,14 +34,3 @@ def test_the_ledger_is_printed_in_order_and_then_what_is_now(serve, capsys):
     assert "00:16:40  /Motor/Motor 1 OK → ERROR: " in lines[1]
     assert "\x1b" not in "".join(lines)
     assert lines[-1] == "  critical /Motor/Motor 1: confirmed; notified 1 min ago: email"
-
-
-def test_an_unknown_robot_and_a_server_that_does_not_answer_are_errors(serve, capsys):
-    def no_robot(*_given):
-        raise LookupError("no robot 'x'")
-
-    server = serve(why=no_robot)
-    assert main(["why", "x", "--url", f"http://{server.addresses[0]}"]) == 1
-    assert "404" in capsys.readouterr().err
-    server.stop()
-    assert main(["why", "x", "--url", f"http://{server.addresses[0]}"]) == 3

@@ -8,7 +8,6 @@ from typing import get_args, get_type_hints
 
 import ros_diagnostics_exporter
 from ros_diagnostics_exporter.events import KINDS
-from ros_diagnostics_exporter.faults.model import Change, Scope, State
 from ros_diagnostics_exporter.model import Level
 from ros_diagnostics_exporter.notifications import Message
 from ros_diagnostics_exporter.web.app import openapi
@@ -56,11 +55,3 @@ def test_every_word_for_what_came_after_is_described_and_no_other():
     levels = {level.name for level in Level}
 
     assert after | levels | statuses == set(DESCRIBED["after"]["enum"])
-
-
-def test_the_words_of_a_fault_are_those_of_the_engine():
-    ends = set(get_args(get_type_hints(Change)["what"])) - {"began"}
-
-    assert set(DESCRIBED["reason"]["enum"]) == ends
-    assert set(DESCRIBED["scope"]["enum"]) == {each.value for each in Scope}
-    assert set(DESCRIBED["state"]["enum"]) == {each.value for each in State}

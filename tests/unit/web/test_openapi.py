@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import json
-from typing import get_args
+from typing import get_args, get_type_hints
 
 import pytest
 import schemathesis
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from schemathesis import GenerationMode
 
 from ros_diagnostics_exporter.events import Event, EventLog
-from ros_diagnostics_exporter.faults.model import Reason, Scope, State
+from ros_diagnostics_exporter.faults.model import Change, Reason, Scope, State
 from ros_diagnostics_exporter.notifications import parse
 from ros_diagnostics_exporter.robots.rejections import SilentReason
 from ros_diagnostics_exporter.severity import QUIET
@@ -35,6 +35,7 @@ LOG.record(Event(2.0, "config"))
 SILENT = {"up": False, "silent_reason": "never_seen", "last_message": None, "topic": None}
 
 OF_PROBLEMS = {"due", "quiet", "well"}
+PART = dict.fromkeys(("group", "component", "key", "check", "robot"), "")
 
 
 def _targets(job: str, port: int | None) -> list[dict]:
@@ -46,11 +47,10 @@ def _targets(job: str, port: int | None) -> list[dict]:
 
 
 def _capabilities(robot: str | None) -> dict:
-    part = dict.fromkeys(("group", "component", "key", "check", "robot"), "")
     need = {
         "k": None,
         "of": [
-            {"part": {**part, "state": "lost", "maintenance": True}},
+            {"part": {**PART, "state": "lost", "maintenance": True}},
             {"capability": "view"},
             {"missing": True},
             {"k": 2, "of": [{"missing": True}], "degraded": "lost"},
@@ -78,22 +78,8 @@ def server():
                         "capability": "driving",
                         "state": "lost",
                         "parts": [
-                            {
-                                "group": "/Motor",
-                                "component": "Motor 1",
-                                "key": "",
-                                "check": "",
-                                "robot": "",
-                                "state": "lost",
-                            },
-                            {
-                                "group": "",
-                                "component": "",
-                                "key": "",
-                                "check": "c",
-                                "robot": "",
-                                "state": "lost",
-                            },
+                            PART | {"group": "/Motor", "component": "Motor 1", "state": "lost"},
+                            PART | {"check": "c", "state": "lost"},
                         ],
                     }
                 ],
@@ -167,9 +153,11 @@ def test_the_description_follows_the_telemetry_path():
 
 def test_the_description_and_the_words_have_every_reason_scope_and_state():
     schemas = openapi("/metrics")["components"]["schemas"]
-    identity = schemas["Identity"]["properties"]
+    event = schemas["Event"]["properties"]
     quiet = schemas["Problem"]["allOf"][1]["properties"]["quiet"]["enum"]
-    assert set(identity["scope"]["enum"]) == {each.value for each in Scope}
-    assert set(identity["state"]["enum"]) == {each.value for each in State}
+    for each in (schemas["Identity"]["properties"], event):
+        assert set(each["scope"]["enum"]) == {scope.value for scope in Scope}
+        assert set(each["state"]["enum"]) == {state.value for state in State}
+    assert {*event["reason"]["enum"], "began"} == set(get_args(get_type_hints(Change)["what"]))
     assert {each.value for each in Reason} <= set(quiet) - {None} == set(QUIET)
     assert set(get_args(SilentReason)) == set(SILENT_WORDS)

@@ -142,6 +142,7 @@ def test_a_row_of_a_problem_links_its_runbook_why_and_the_forms(serve):
     given = fleet(known, soft, problems=[common])
     server = serve(fleet_snapshot=lambda: given, runbooks=RUNBOOKS)
     page = ask(server, "/").text
+    assert "hall: Map of many robots" in ask(server, "/faults/f0").text
     for link in ("runbooks/RosDiagnosticsComponentCritical", "robots/a%2Fb#why", "robots/c#why"):
         assert f'href="{link}"' in page
     assert page.count('<a href="runbooks/') == 3
@@ -208,19 +209,6 @@ def test_a_fault_has_a_page_and_links_what_was_received(serve):
         found = {ask(server, link).status for link in there}
         assert found == {200, 303}  # the runbook is on another server
     assert "When confirmed: over current" in read(answer.text).text
-
-
-def test_a_fault_without_a_capsule_links_none():
-    given = fleet(robot("a", component("Motor 1", "ERROR"), problems=[broken(fault=FAULT)]))
-    assert "capsule" not in landing(given, "/metrics") + (robot_page(given, "a", []) or "")
-
-
-def test_a_fault_of_many_robots_has_a_page(serve):
-    common = problem("common", "critical", component="Map", confirmed=1_010.0, fault=FAULT)
-    server = serve(fleet_snapshot=lambda: fleet(robot("a"), problems=[common]))
-    answer = ask(server, f"/faults/{FAULT}")
-    assert answer.status == 200
-    assert "hall: Map of many robots" in read(answer.text).text
 
 
 def test_a_fault_of_which_nothing_is_known_is_404_and_the_page_says_since_when(serve):
@@ -300,13 +288,6 @@ def test_the_times_that_a_fault_lasted_are_limited_on_its_page_and_escaped(serve
     assert "and 10 more times" in shown.text
 
 
-def test_right_after_a_start_nobody_knows_why_a_robot_is_not_received():
-    starting = problem("robot", "silent", quiet="restart")
-    text = text_of(robot("a", problems=[starting], **SILENT))
-    assert "not received since the exporter started" in text
-    assert "its publisher sends nothing" not in text
-
-
 def test_a_search_finds_robots_problems_and_messages_in_any_case(serve):
     over = broken("Motor 1")
     given = fleet(
@@ -348,17 +329,11 @@ def test_a_page_has_landmarks_and_no_refresh_that_would_throw_focus_away():
     assert tags.count("noscript") == 1
 
 
-def test_a_robot_that_there_is_not_is_404(serve):
-    answer = ask(serve(fleet_snapshot=lambda: fleet(robot("a"))), "/robots/b%3Cb%3E")
+@pytest.mark.parametrize(("name", "shown"), [("b%3Cb%3E", "b&lt;b&gt;"), ("a%0Ab", "a")])
+def test_a_robot_that_there_is_not_is_404(serve, name, shown):
+    answer = ask(serve(fleet_snapshot=lambda: fleet(robot("a"))), f"/robots/{name}")
     assert (answer.status, answer.headers["Content-Type"]) == (404, "text/html; charset=utf-8")
-    assert "There is no robot b&lt;b&gt;" in answer.text
-
-
-def test_a_name_with_a_line_break_is_no_robot_like_any_other(serve):
-    answer = ask(serve(fleet_snapshot=lambda: fleet(robot("a"))), "/robots/a%0Ab")
-
-    assert answer.status == 404
-    assert "text/html" in answer.headers["content-type"]
+    assert f"There is no robot {shown}" in answer.text
 
 
 def test_a_silent_robot_is_unknown_and_one_never_seen_is_pending():
@@ -401,6 +376,10 @@ def test_problems_are_listed_worst_first_and_ok_robots_only_in_the_full_list():
         "its publisher sends nothing (mute)"
     ) in problems
     assert "Motor 3" not in problems  # of a silent robot everything is stale
+    starting = problem("robot", "silent", quiet="restart")
+    text = text_of(robot("a", problems=[starting], **SILENT))
+    assert "not received since the exporter started" in text
+    assert "its publisher sends nothing" not in text
 
 
 def test_of_robots_in_one_state_those_with_confirmed_problems_come_first():
@@ -493,17 +472,6 @@ def test_the_size_of_the_pages_is_limited():
     assert len(one) < 5_000_000
 
 
-def test_stale_counts_as_configured_in_fleet_yml():
-    critical = component("Arm", "STALE", state="CRITICAL")
-    planned = component("Pendant", "STALE", planned_stale=True)
-    given = (robot("a", critical, planned, problems=[broken("Arm")]), robot("b", planned))
-    text = text_of(*given)
-    assert state_of(given[0]) == "CRITICAL"
-    assert state_of(given[1]) == "OK"
-    assert "STALE, counts as CRITICAL (was OK): Arm reports STALE" in text
-    assert "Pendant" not in text
-
-
 def test_what_a_condition_excuses_is_no_trouble_and_its_problem_says_why():
     excused = {"confirmed": None, "quiet": "condition", "because": "unless Charger is OK"}
     motor = component("Motor 1", "ERROR", quiet_because="unless Charger is OK")
@@ -570,31 +538,20 @@ def test_a_robots_page_has_its_components_problems_first_and_its_events():
     assert events.index("silent") < events.index("hot")
 
 
-def test_a_problem_has_who_takes_care_of_it_and_that_it_is_part_of_a_larger_one():
+def test_a_robots_page_has_who_takes_care_of_a_problem_and_the_ledger_of_its_faults():
     taken = {"author": "ann", "comment": "<spare part>", "at": 1_000.0, "until": 9_000.0}
-    motor = component("Motor 1", "ERROR")
-    own = broken(notified={"email": 1_000.0}, acknowledged=taken)
-    part = broken(confirmed=None, quiet="common")
-
-    assert (
-        "acknowledged by ann: &lt;spare part&gt;; notified 1 min ago: email</span>"
-        in robot_page(fleet(robot("r", motor, problems=[own])), "r", [])
-    )
-    assert "for 1 min; one notification for all</span>" in robot_page(
-        fleet(robot("r", motor, problems=[part])), "r", []
-    )
-
-
-def test_a_robots_page_has_the_ledger_of_its_faults_and_who_was_notified():
-    motor = component("Motor 1", "ERROR")
-    of = fleet(robot("r", motor, problems=[broken(notified={"email": 1_000.0})]))
     entries = [{"time": 1_001.0, "text": "notification sent to <email>"}]
 
-    page = robot_page(of, "r", [], entries)
+    def page(problem: dict, ledger: list[dict]) -> str:
+        of = fleet(robot("r", component("Motor 1", "ERROR"), problems=[problem]))
+        return robot_page(of, "r", [], ledger) or ""
 
-    assert "for 1 min; notified 1 min ago: email</span>" in page
-    assert "00:16:41 UTC</span> notification sent to &lt;email&gt;</li>" in page
-    assert "The last faults in order" not in robot_page(of, "r", [])
+    shown = page(broken(notified={"email": 1_000.0}, acknowledged=taken), entries)
+    assert "acknowledged by ann: &lt;spare part&gt;; notified 1 min ago: email</span>" in shown
+    assert "00:16:41 UTC</span> notification sent to &lt;email&gt;</li>" in shown
+    shown = page(broken(confirmed=None, quiet="common"), [])
+    assert "for 1 min; one notification for all</span>" in shown
+    assert "The last faults in order" not in shown
 
 
 def test_a_query_without_an_answer_is_shown_with_the_words_of_prometheus():

@@ -11,8 +11,7 @@ import pytest
 from ros_diagnostics_exporter.model import ALL_PARTS, Part
 from support.web_server import ask
 
-FAULTS, ROBOTS, EXPORTER = Part
-PROMETHEUS = "application/openmetrics-text;version=1.0.0,text/plain;q=0.5"
+FAULTS, _, EXPORTER = Part
 
 
 @pytest.fixture
@@ -27,65 +26,43 @@ def asked(serve):
     return found, serve(render_metrics=render)
 
 
-@pytest.mark.parametrize("method", ["GET", "HEAD"])
-@pytest.mark.parametrize("openmetrics", [False, True])
+@pytest.mark.parametrize(("method", "body"), [("GET", b"samples\n"), ("HEAD", b"")])
 @pytest.mark.parametrize(
     ("query", "parts"),
     [
         ("", ALL_PARTS),
-        ("?", ALL_PARTS),
-        ("?collect[]=faults", {FAULTS}),
         ("?collect%5B%5D=faults", {FAULTS}),
-        ("?collect[]=faults&collect[]=exporter", {FAULTS, EXPORTER}),
-        ("?collect[]=faults&collect[]=faults", {FAULTS}),
-        ("?" + "&".join(["collect[]=robots"] * 200), {ROBOTS}),
-        ("?exclude[]=robots", {FAULTS, EXPORTER}),
+        ("?collect[]=faults&collect[]=exporter&collect[]=faults", {FAULTS, EXPORTER}),
         ("?exclude[]=robots&exclude[]=robots&exclude[]=faults", {EXPORTER}),
         ("?exclude[]=robots&exclude[]=faults&exclude[]=exporter", set()),
         ("?other=1&collect=robots", ALL_PARTS),
     ],
 )
-def test_the_parts_that_the_query_names(asked, method, openmetrics, query, parts):
+def test_the_parts_that_the_query_names(asked, method, body, query, parts):
     found, server = asked
-    answer = ask(server, f"/metrics{query}", method, accept=PROMETHEUS if openmetrics else "")
-    assert (answer.status, found) == (200, [(openmetrics, parts)])
-    assert answer.body == (b"samples\n" if method == "GET" else b"")
+    answer = ask(server, f"/metrics{query}", method)
+    assert (answer.status, answer.body, found) == (200, body, [(False, parts)])
     assert answer.headers["content-length"] == "8"
 
 
-@pytest.mark.parametrize("method", ["GET", "HEAD"])
 @pytest.mark.parametrize(
     ("query", "error"),
     [
-        ("collect[]=values", "collect[] is 'values', not one of faults, robots, exporter"),
-        ("collect[]=", "collect[] is '', not one of faults, robots, exporter"),
-        ("collect[]", "collect[] is '', not one of faults, robots, exporter"),
-        ("collect[]=FAULTS", "collect[] is 'FAULTS', not one of faults, robots, exporter"),
-        ("exclude[]=faults&exclude[]=x", "exclude[] is 'x', not one of faults, robots, exporter"),
-        (
-            "collect[]=faults&exclude[]=faults",
-            (
-                "collect[] and exclude[] cannot be combined: give one of them, "
-                "with some of faults, robots, exporter"
-            ),
-        ),
-        ("collect[]=%00%ff", "collect[] is '\\x00\ufffd', not one of faults, robots, exporter"),
-        (
-            "collect[]=" + "x" * 5_000,
-            f"collect[] is '{'x' * 79}, not one of faults, robots, exporter",
-        ),
-        ("collect[]=%0d%0aSet-Cookie:+a", None),
-        ("exclude[]=<script>", None),
+        ("collect[]=", "collect[] is '', not"),
+        ("collect[]=FAULTS", "collect[] is 'FAULTS', not"),
+        ("exclude[]=faults&exclude[]=x", "exclude[] is 'x', not"),
+        ("collect[]=faults&exclude[]=faults", "collect[] and exclude[] cannot be combined: give"),
+        ("collect[]=%00%ff", "collect[] is '\\x00\ufffd', not"),
+        ("collect[]=" + "x" * 5_000, f"collect[] is '{'x' * 79}, not"),
+        ("collect[]=%0d%0aSet-Cookie:+a", "collect[] is '\\r\\nSet-Cookie: a', not"),
     ],
 )
-def test_an_unknown_part_or_both_parameters_are_rejected(asked, method, query, error):
+def test_an_unknown_part_or_both_parameters_are_rejected(asked, query, error):
     found, server = asked
-    answer = ask(server, f"/metrics?{query}", method)
+    answer = ask(server, f"/metrics?{query}")
     assert (answer.status, found) == (400, [])
-    assert answer.headers["content-type"] == "application/json"
     assert "set-cookie" not in answer.headers
-    if method == "GET" and error:
-        assert json.loads(answer.body) == {"error": error}
+    assert json.loads(answer.body)["error"].startswith(f"{error} one of ")
 
 
 def test_concurrent_scrapes_of_different_parts_do_not_share_a_rendering(serve):

@@ -52,33 +52,20 @@ def test_the_exposition_is_gzipped_for_clients_that_accept_it(plain, accepted, g
     assert "Accept-Encoding" in answer.headers["Vary"]
 
 
-def test_head_returns_the_headers_of_get(plain):
-    answer = ask(plain, "/metrics", "HEAD")
-    assert (answer.status, answer.body, answer.headers["Content-Length"]) == (200, b"", "5")
-
-
-def test_the_telemetry_path_can_be_changed(serve):
-    server = serve(telemetry_path="/probe")
-    assert ask(server, "/probe").body == b"text\n"
+@pytest.mark.parametrize("path", ["/probe", "/"])  # the latter in place of the landing page
+def test_the_telemetry_path_can_be_changed(serve, path):
+    server = serve(telemetry_path=path)
+    assert ask(server, path).body == b"text\n"
     assert ask(server, "/metrics").status == 404
 
 
-def test_metrics_at_the_root_replace_the_landing_page(serve):
-    assert ask(serve(telemetry_path="/"), "/").body == b"text\n"
-
-
-def test_not_ready_returns_the_reason(serve):
-    assert ask(serve(), "/-/ready").status == 200
-    answer = ask(serve(not_ready_reason=lambda: "domain 7 is not joined"), "/-/ready")
-    assert (answer.status, answer.text) == (503, "not ready: domain 7 is not joined\n")
+def test_what_is_not_ready_or_hangs_says_why(serve, plain):
+    reasons = {"not_ready_reason": lambda: "no domain", "hanging_reason": lambda: "tick hangs"}
+    for path, text in (("ready", "not ready: no domain\n"), ("healthy", "unhealthy: tick hangs\n")):
+        answer = ask(serve(**reasons), f"/-/{path}")
+        assert (answer.status, answer.text) == (503, text)
+        assert ask(plain, f"/-/{path}").status == 200
     assert ask(serve(not_ready_reason=lambda: "not yet"), "/-/healthy").status == 200
-
-
-def test_what_hangs_is_unhealthy(serve):
-    server = serve(hanging_reason=lambda: "loop tick hangs")
-    answer = ask(server, "/-/healthy")
-    assert (answer.status, answer.text) == (503, "unhealthy: loop tick hangs\n")
-    assert ask(serve(), "/-/healthy").status == 200
 
 
 def test_an_event_loop_that_makes_no_turn_hangs(serve, monkeypatch):

@@ -34,10 +34,9 @@ def short(monkeypatch):
     return shorten
 
 
-def read_metrics(sock: socket.socket) -> bytes:
-    """One whole response with the metrics."""
+def read_until(sock: socket.socket, end: bytes) -> bytes:
     received = b""
-    while not received.endswith(b"text\n"):
+    while end not in received:
         part = sock.recv(1_000)
         assert part, received
         received += part
@@ -68,23 +67,17 @@ def drip(sock: socket.socket, data: bytes, pause: float = 0.0) -> bool:
     return False
 
 
-def test_a_request_that_arrives_byte_by_byte_times_out(serve, short):
+@pytest.mark.parametrize("before", [0, 1])
+def test_a_request_that_arrives_byte_by_byte_times_out(serve, short, before):
     short(Phase.REQUEST)
-    server = serve()
-    with connect(server) as sock:
+    with connect(serve()) as sock:
+        for _ in range(before):
+            sock.sendall(GET)
+            read_until(sock, b"text\n")
         assert drip(sock, b"GET /metrics HTTP/1.1\r\nX: " + b"a" * 1_000, pause=0.05)
 
 
-def test_the_second_request_on_a_connection_times_out_too(serve, short):
-    short(Phase.REQUEST)
-    server = serve()
-    with connect(server) as sock:
-        sock.sendall(GET)
-        assert sock.recv(1_000).startswith(b"HTTP/1.1 200")
-        assert drip(sock, b"GET /metrics HTTP/1.1\r\nX: " + b"a" * 1_000, pause=0.05)
-
-
-@pytest.mark.parametrize("sent", [b"", b"\r\n", b"GET / HT"])
+@pytest.mark.parametrize("sent", [b"", b"GET / HT"])
 def test_a_connection_without_a_complete_request_times_out(serve, short, sent):
     short(Phase.REQUEST)
     server = serve()
@@ -99,9 +92,7 @@ def test_a_kept_alive_connection_is_reused_and_closed_when_idle(serve, short):
     with connect(server) as sock:
         for _ in range(3):
             sock.sendall(GET)
-            received = b""
-            while not received.endswith(b"text\n"):
-                received += sock.recv(1_000)
+            read_until(sock, b"text\n")
         assert ended(sock)
 
 
@@ -131,14 +122,6 @@ def test_hundreds_of_dripping_connections_do_not_block_a_scrape(serve, short):
             answered += 1
         assert not loris
         assert answered > 0
-
-
-def test_large_headers_are_rejected_and_the_connection_closed(serve, short):
-    server = serve()
-    with connect(server) as sock:
-        sock.sendall(b"GET / HTTP/1.1\r\nX: " + b"a" * 20_000)
-        assert sock.recv(1_000).startswith(b"HTTP/1.1 400")
-        assert ended(sock)
 
 
 @pytest.mark.parametrize(
@@ -239,15 +222,6 @@ def test_a_client_that_does_not_read_its_response_times_out(serve, short):
         wait_until(lambda: not server._uvicorn.server_state.connections)
 
 
-def test_clients_that_do_not_read_do_not_block_a_scrape(serve, short):
-    server = serve(render_metrics=lambda *_: [BIG])
-    with contextlib.ExitStack() as crowd:
-        for _ in range(20):
-            crowd.enter_context(connect(server)).sendall(GET)
-        for _ in range(3):
-            assert ask(server, "/metrics").body == BIG
-
-
 def test_a_scrape_that_waits_too_long_gets_503(serve, short, monkeypatch):
     monkeypatch.setattr(responses, "MAX_WAIT", 0.0)
     release, entered = threading.Event(), threading.Event()
@@ -311,12 +285,14 @@ def test_stopping_does_not_wait_for_clients(serve, short, monkeypatch, caplog):
     assert not caplog.records  # a client that does not read is not an error
 
 
-def unread(server, number: int, source: str, path: bytes = b"/metrics") -> list[socket.socket]:
-    """Connections that request ``path`` and do not read the response."""
+def unread(
+    crowd: contextlib.ExitStack, server, number: int, source: str, path: bytes = b"/metrics"
+) -> list[socket.socket]:
+    """Connections that request ``path`` and do not read the response, closed with ``crowd``."""
     host, _, port = server.addresses[0].rpartition(":")
     made = []
     for _ in range(number):
-        sock = socket.socket()
+        sock = crowd.enter_context(socket.socket())
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4_096)
         sock.bind((source, 0))
         sock.settimeout(20)
@@ -337,8 +313,7 @@ def test_a_client_that_reads_keeps_its_connection(serve, short):
         reader.connect()
         own = reader.sock
         for _ in range(10):
-            for sock in unread(server, 10, "127.0.0.1"):
-                crowd.enter_context(sock)
+            unread(crowd, server, 10, "127.0.0.1")
             reader.request("GET", "/metrics")
             assert len(reader.getresponse().read()) == 2_000_000
         assert reader.sock is own
@@ -351,8 +326,7 @@ def test_an_address_with_too_many_connections_loses_its_own(serve, short):
     with contextlib.ExitStack() as crowd:
         idle = [crowd.enter_context(connect(server)) for _ in range(5)]  # idle longest
         wait_until(lambda: len(server.connections) == 5)
-        for sock in unread(server, 100, "127.0.0.2", b"/-/healthy"):
-            crowd.enter_context(sock)
+        unread(crowd, server, 100, "127.0.0.2", b"/-/healthy")
         assert ask(server, "/metrics").status == 200
         for sock in idle:
             sock.sendall(GET)
@@ -370,12 +344,11 @@ def test_unauthenticated_connections_are_closed_first(serve, short, tmp_path):
     with contextlib.ExitStack() as crowd:
         known = crowd.enter_context(connect(server))
         known.sendall(GET.replace(b"Host: x", b"Host: x\r\n" + login))
-        assert read_metrics(known).startswith(b"HTTP/1.1 200")
-        for sock in unread(server, 50, "127.0.0.1"):
-            crowd.enter_context(sock)
+        assert read_until(known, b"text\n").startswith(b"HTTP/1.1 200")
+        unread(crowd, server, 50, "127.0.0.1")
         wait_until(lambda: len(server.connections) <= 20)
         known.sendall(GET.replace(b"Host: x", b"Host: x\r\n" + login))
-        assert read_metrics(known).startswith(b"HTTP/1.1 200")
+        assert read_until(known, b"text\n").startswith(b"HTTP/1.1 200")
 
 
 def test_incomplete_tls_handshakes_do_not_block_others(serve, short, tls_config, ca):
@@ -401,8 +374,7 @@ def test_the_memory_of_unread_responses_is_limited(serve, short, monkeypatch, pa
         targets=lambda _job, _port: [{"targets": ["x" * 4_000_000], "labels": {}}],
     )
     with contextlib.ExitStack() as crowd:
-        for sock in unread(server, 10, "127.0.0.1", path.encode()):
-            crowd.enter_context(sock)
+        unread(crowd, server, 10, "127.0.0.1", path.encode())
         wait_until(lambda: ask(server, path).status == 503)
         assert ask(server, path).headers["Retry-After"] == "1"
         assert ask(server, "/metrics").status == 200
@@ -421,22 +393,12 @@ def test_a_response_whose_client_has_gone_counts_no_more(serve, short, monkeypat
         targets=lambda _job, _port: [{"targets": ["x" * 4_000_000], "labels": {}}],
     )
     with contextlib.ExitStack() as crowd:
-        for sock in unread(server, 10, "127.0.0.1", path.encode()):
-            crowd.enter_context(sock)
+        unread(crowd, server, 10, "127.0.0.1", path.encode())
         wait_until(lambda: ask(server, path).status == 503)
     wait_until(lambda: ask(server, path).status == 200)
 
 
 CHANGES = GET.replace(b"/metrics", b"/-/changes")
-
-
-def read_until(sock: socket.socket, end: bytes) -> bytes:
-    received = b""
-    while end not in received:
-        part = sock.recv(1_000)
-        assert part, received
-        received += part
-    return received
 
 
 def test_an_event_is_sent_when_something_has_changed_and_not_before(serve, short, monkeypatch):
@@ -457,8 +419,7 @@ def test_streams_are_a_tenth_of_all_connections_and_none_hinders_a_scrape(serve,
     server = serve()
     server.connections.limit = 50
     with contextlib.ExitStack() as crowd:
-        for sock in unread(server, 5, "127.0.0.2", b"/-/changes"):
-            crowd.enter_context(sock)
+        for sock in unread(crowd, server, 5, "127.0.0.2", b"/-/changes"):
             read_until(sock, b"retry")
         answer = ask(server, "/-/changes")
         assert (answer.status, answer.headers["Retry-After"]) == (503, "1")
@@ -480,7 +441,7 @@ def test_a_connection_can_be_used_again_after_a_stream(serve, short, monkeypatch
         sock.sendall(CHANGES)
         assert read_until(sock, b"\r\n0\r\n\r\n").count(b"HTTP/1.1") == 1
         sock.sendall(GET)
-        assert read_metrics(sock).startswith(b"HTTP/1.1 200")
+        assert read_until(sock, b"text\n").startswith(b"HTTP/1.1 200")
 
 
 def test_a_client_that_does_not_read_its_events_is_dropped_and_harms_nobody(
@@ -494,8 +455,7 @@ def test_a_client_that_does_not_read_its_events_is_dropped_and_harms_nobody(
     short(Phase.RESPONSE, 3.0)
     server = serve(last_event=lambda: next(number))
     with contextlib.ExitStack() as crowd:
-        for sock in unread(server, 5, "127.0.0.2", b"/-/changes"):
-            crowd.enter_context(sock)
+        unread(crowd, server, 5, "127.0.0.2", b"/-/changes")
         connections = server._uvicorn.server_state.connections
         wait_until(lambda: any(each.flow.write_paused for each in connections))
         held = [each.transport.get_write_buffer_size() for each in connections if each.transport]
