@@ -35,8 +35,3 @@ def test_the_traces_are_of_what_they_say(traces):
     assert "faults/engine.py" in traces["breaking"]
     assert {"web/connections.py", "metrics/exposition.py"} <= traces["scrape"].keys()
     assert {"storage/storage.py", "faults/rows.py"} <= traces["restart"].keys()
-
-
-def test_a_document_without_a_place_for_a_trace_is_an_error():
-    with pytest.raises(ValueError, match="0 places for the trace 'scrape'"):
-        call_traces.updated("# Architecture", {"scrape": {}})
