@@ -1,8 +1,8 @@
 """Which files of the exporter a message, a scrape and a restart pass through, in how many calls.
 
-`./run generate` writes the tables into docs/architecture.md; this program prints them. What is
-traced is the exporter itself: its service with a database, and its web server with a client. Only
-DDS is left out: a message begins as bytes that ROS has serialized.
+This program prints them as tables. What is traced is the exporter itself: its service with a
+database, and its web server with a client. Only DDS is left out: a message begins as bytes that ROS
+has serialized.
 """
 
 from __future__ import annotations
@@ -10,11 +10,10 @@ from __future__ import annotations
 import http.client
 import json
 import logging
-import re
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -34,7 +33,6 @@ from ros_diagnostics_exporter.web.server import Server
 from testbed.polling import until
 
 PACKAGE = Path(ros_diagnostics_exporter.__file__).parent
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "architecture.md"
 FLEET = """\
 fleet: hall
 robots: [{name: robot_1, labels: {site: hall}, topic: /robot_1/diagnostics_agg, source: agg}]
@@ -205,48 +203,13 @@ def _receive(service: Service, queue: TopicQueue, decoder: Decoder, message: byt
     service.state.receive(TOPIC, decoder.decode(queue.get()), read_clocks())
 
 
-# -- the page --------------------------------------------------------------------------------
+# -- the tables ------------------------------------------------------------------------------
 
 
-def files() -> dict[Path, str]:
-    """docs/architecture.md with the traces of the exporter as it is."""
-    return {PAGE: updated(PAGE.read_text(encoding="utf-8"), traces())}
-
-
-def updated(document: str, found: Mapping[str, Calls]) -> str:
-    """The document with up-to-date tables.
-
-    Raises:
-        ValueError: A trace has no place in it, or several.
-    """
-    described: set[str] = set()
-    for name, calls in found.items():
-        between = re.compile(rf"(<!-- trace: {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-        text = totals(calls) if name == "restart" else table(calls, described)
-        document, places = between.subn(rf"\g<1>{text}\g<2>", document)
-        if places != 1:
-            raise ValueError(f"{PAGE}: {places} places for the trace {name!r}; there is to be one")
-    return document
-
-
-def totals(calls: Calls) -> str:
-    """How many calls into how many files."""
-    return f"{sum(calls.values())} calls, {len(calls)} files.\n"
-
-
-def table(calls: Calls, described: set[str]) -> str:
-    """The files in order; what each is, by its own first sentence, where no table before has it.
-
-    ``described`` are those of the tables before; these are added.
-    """
-    new = [name for name in calls if name not in described]
-    described.update(new)
-    rows = [totals(calls), "| file | calls | what it is |", "|---|---|---|"]
-    rows += [
-        f"| `{name}` | {count} | {_sentence(name) if name in new else ''} |"
-        for name, count in calls.items()
-    ]
-    return "\n".join(rows) + "\n"
+def table(calls: Calls) -> str:
+    """How many calls into how many files; the files in order, each with its own first sentence."""
+    rows = [f"{count:5} {name}: {_sentence(name)}" for name, count in calls.items()]
+    return "\n".join([f"{sum(calls.values())} calls, {len(calls)} files", *rows]) + "\n"
 
 
 def _sentence(name: str) -> str:
@@ -259,5 +222,4 @@ if __name__ == "__main__":
     if "--json" in sys.argv:
         json.dump(found, sys.stdout)
     else:
-        tables = (f"{name}: {table(calls, set())}" for name, calls in found.items())
-        sys.stdout.write("\n".join(tables))
+        sys.stdout.write("\n".join(f"{name}: {table(calls)}" for name, calls in found.items()))

@@ -1,4 +1,4 @@
-"""grafana/dashboards/*.json and the tables of docs/dashboards.md, for `./run generate`."""
+"""grafana/dashboards/*.json and docs/reference/panels.md, for `./run generate`."""
 
 from __future__ import annotations
 
@@ -12,8 +12,13 @@ from grafana_foundation_sdk.models import dashboard
 from fleet_dashboards.dashboards import alerts, component, fleet, monitoring, robot, week
 
 FOLDER = Path(__file__).resolve().parents[1] / "dashboards"
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "dashboards.md"
-MARKER = "<!-- from here on written by ./run generate -->\n"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "panels.md"
+INTRODUCTION = """\
+# Panels
+
+The question that each panel of the [dashboards](../dashboards.md) answers; one that several have is
+listed once. `./run generate` writes this page.
+"""
 BUILDERS = (
     fleet.build,
     robot.build,
@@ -60,17 +65,14 @@ def as_json(boards: Iterable[dashboard.Dashboard]) -> dict[str, str]:
 
 
 def docs_page(boards: Iterable[dashboard.Dashboard]) -> str:
-    """Return docs/dashboards.md with the tables of panels below the marker replaced."""
-    by_hand, marker, _old = PAGE.read_text(encoding="utf-8").partition(MARKER)
-    if not marker:
-        raise ValueError(f"{PAGE}: no line {MARKER!r}; put it above the tables of panels")
+    """Return docs/reference/panels.md."""
     seen: set[str] = set()
-    return by_hand + marker + "".join(_panel_table(board, seen) for board in boards)
+    return INTRODUCTION + "".join(_panel_table(board, seen) for board in boards)
 
 
 def _panel_table(board: dashboard.Dashboard, seen: set[str]) -> str:
     """The question of each panel, but of those that a dashboard before has, too."""
-    rows = [f"\n### {board.title}\n\n{board.description}\n\n| Panel | Answers |\n|---|---|\n"]
+    rows = [f"\n## {board.title}\n\n{board.description}\n\n| Panel | Answers |\n|---|---|\n"]
     for panel in _with_rows(board):
         if isinstance(panel, dashboard.RowPanel):
             continue

@@ -5,7 +5,8 @@ every value changed; the exporter is scraped as prometheus.yml says. A real Prom
 shipped rules scrapes the same fleet with no fault, and with 5 % of all components CRITICAL. The
 database gets a change of 5 % of the robots a second. A real Alertmanager with the shipped routes
 gets alerts at once, and notifies a webhook. `--write` keeps the numbers in
-docs/experiments/scale.json; `./run generate` then renews the tables of docs/scaling.md.
+docs/experiments/scale.json; `./run generate` then renews docs/experiments/scale.md and the table of
+docs/scaling.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The tables of docs/scaling.md: what `bench.scale` measured, and what follows from it."""
+"""What `bench.scale` measured, docs/experiments/scale.md, and what follows, in docs/scaling.md."""
 
 from __future__ import annotations
 
@@ -11,7 +11,13 @@ from typing import Any, NamedTuple
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 RESULTS = CHECKOUT / "docs" / "experiments" / "scale.json"
+MEASURED = RESULTS.with_suffix(".md")
 PAGE = CHECKOUT / "docs" / "scaling.md"
+INTRODUCTION = """\
+`./run bench scale`, on two cores of a shared machine: Prometheus with the shipped rules,
+Alertmanager with the shipped routes, and the exporter's database with a change in 5 % of the
+robots. CRITICAL components are the same number on all robots: the worst case, an alert for each.
+"""
 Numbers = dict[str, Any]  # as RESULTS has them
 
 FAULTS_INTERVAL = 2.0  # seconds, of rules/faults.yml
@@ -53,26 +59,21 @@ def of_one(measured: dict[str, Any], cost: Callable[[Any], float]) -> Line:
 
 def tables(numbers: Numbers) -> str:
     """All tables, with headings, for a terminal."""
-    made = {"exporter": exporters, **_makers()}
+    made = {"exporter": exporters, "measured": measured, "alerts": alerts, "limits": limits}
     return "\n\n".join(f"{name}\n\n{make(numbers)}" for name, make in made.items())
 
 
 def files() -> dict[Path, str]:
-    """docs/scaling.md with the tables of RESULTS."""
+    """The tables of RESULTS, and docs/scaling.md with the limits that follow."""
     numbers = json.loads(RESULTS.read_text())
-    text = PAGE.read_text()
-    for name, make in _makers().items():
-        between = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-        text, replaced = between.subn(rf"\g<1>{make(numbers)}\n\g<2>", text)
-        if replaced != 1:
-            raise ValueError(
-                f"{PAGE}: {replaced} places for the table {name!r}; there is to be one"
-            )
-    return {PAGE: text}
-
-
-def _makers() -> dict[str, Callable[[Numbers], str]]:
-    return {"measured": measured, "alerts": alerts, "limits": limits}
+    between = re.compile(r"(<!-- limits -->\n).*?(<!-- end -->)", re.DOTALL)
+    text, replaced = between.subn(rf"\g<1>{limits(numbers)}\n\g<2>", PAGE.read_text())
+    if replaced != 1:
+        raise ValueError(f"{PAGE}: {replaced} places for the table of limits; there is to be one")
+    return {
+        MEASURED: f"{INTRODUCTION}\n{measured(numbers)}\n\n{alerts(numbers)}\n",
+        PAGE: text,
+    }
 
 
 def exporters(numbers: Numbers) -> str:

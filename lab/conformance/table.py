@@ -1,11 +1,14 @@
-"""``./run conformance``: runs all histories on both sides, writes the table of results.md."""
+"""``./run conformance``: runs all histories on both sides, writes histories.csv and results.md."""
 
 from __future__ import annotations
 
 import argparse
+import csv
+import io
 import re
 import sys
 import tempfile
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,32 +17,43 @@ from conformance.histories import SEED, WRITTEN, drawn
 from conformance.history import HOURS_CHANGE, Acknowledgement
 
 PAGE = Path(__file__).parent / "results.md"
+ROWS = Path(__file__).parent / "histories.csv"
 BEGIN, END = "<!-- histories -->", "<!-- end of histories -->"
 _BLOCK = re.compile(f"{BEGIN}.*{END}", re.DOTALL)
 
 
-def table(outcomes: Sequence[Outcome]) -> str:
-    """The rows of results.md: each history, and whether both sides notify the same."""
-    same = sum(each.same for each in outcomes)
-    rows = [
-        f"{same} of {len(outcomes)} histories are notified the same; the others differ on purpose.",
+def rows(outcomes: Sequence[Outcome]) -> str:
+    """histories.csv: each history, and what both sides notify of it."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("history", "results", "Nagios", "here", "why they differ"))
+    for each in outcomes:
+        nagios, ours = _list(each.nagios), _list(each.ours)
+        writer.writerow((each.history.name, _results(each), nagios, ours, each.reason))
+    return text.getvalue()
+
+
+def summary(outcomes: Sequence[Outcome]) -> str:
+    """The part of results.md that is written: the differences, by why they are."""
+    different = defaultdict(list)
+    for each in outcomes:
+        if not each.same:
+            different[each.reason].append(each.history.name)
+    same = f"{sum(each.same for each in outcomes)} of {len(outcomes)} histories"
+    lines = [
+        f"{same} are notified the same; the others differ on purpose.",
         "",
-        "| history | results | notifications of Nagios | here |",
-        "|---|---|---|---|",
+        "| difference | in these histories |",
+        "|---|---|",
+        *(f"| {reason} | {'; '.join(names)} |" for reason, names in different.items()),
     ]
-    rows += map(_row, outcomes)
-    return "\n".join((BEGIN, *rows, END))
-
-
-def _row(outcome: Outcome) -> str:
-    here = "the same" if outcome.same else f"{_list(outcome.ours)}: {outcome.reason}"
-    return f"| {outcome.history.name} | {_results(outcome)} | {_list(outcome.nagios)} | {here} |"
+    return "\n".join((BEGIN, *lines, END))
 
 
 def _results(outcome: Outcome) -> str:
     history = outcome.history
     tracks = [
-        f"{key} `{track}`" for key, track in (*history.hosts.items(), *history.services.items())
+        f"{key} {track}" for key, track in (*history.hosts.items(), *history.services.items())
     ]
     tracks += [f"downtime from {each.start} to {each.end}" for each in history.downtimes]
     tracks += [f"restart at {each}" for each in history.restarts]
@@ -74,7 +88,7 @@ def main() -> int:
     parser.add_argument(
         "--seed", type=int, default=SEED, help="of the drawn histories (default: %(default)s)"
     )
-    parser.add_argument("--write", action="store_true", help="write the table to results.md")
+    parser.add_argument("--write", action="store_true", help="write histories.csv and results.md")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         outcomes = run(Path(folder) / "all", [*WRITTEN, *drawn(options.seed)])
@@ -90,7 +104,8 @@ def main() -> int:
         f"{len(outcomes) - same - len(wrong)} different on purpose, {len(wrong)} wrong"
     )
     if options.write:
-        PAGE.write_text(_BLOCK.sub(lambda _: table(outcomes), PAGE.read_text()))
+        ROWS.write_text(rows(outcomes))
+        PAGE.write_text(_BLOCK.sub(lambda _: summary(outcomes), PAGE.read_text()))
     return 1 if wrong else 0
 
 

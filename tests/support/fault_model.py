@@ -155,6 +155,8 @@ class Model:
 
     def started(self, now: int) -> None:
         self.settled_at = now + int(self.settings.restart_grace)
+        for known in self.own.values():
+            known.fresh = False
         for name, robot in self.robots.items():
             if robot.presence == "up":
                 self._fall_silent(name, robot, now)

@@ -6,6 +6,7 @@ from datetime import datetime, timezone
 
 from ros_diagnostics_exporter.acknowledging import problems, silence
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
+from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
 
 SINCE = "2026-01-01 10:00:00.123 +0000 UTC"
 BEGAN = 1767261600.123
@@ -21,6 +22,13 @@ LABELS = {
 }
 MOTOR = Acknowledgement(
     identity_of(LABELS), BEGAN, "ann", "spare part ordered", 1767261900.25, 1769853900.25
+)
+FAULT = Fault(
+    Identity(Scope.COMPONENT, State.CRITICAL, robot="r", group="/Motor", component="Motor 1"),
+    BEGAN,
+    BEGAN + 10,
+    {},
+    "hot",
 )
 
 

@@ -1,7 +1,7 @@
 """Panels of each type, in the style that all dashboards share.
 
-A panel's description begins with the question that it answers; docs/dashboards.md lists them. Only
-panel types that Grafana has had since 9.5 are used.
+A panel's description begins with the question that it answers; docs/reference/panels.md lists them.
+Only panel types that Grafana has had since 9.5 are used.
 """
 
 from __future__ import annotations

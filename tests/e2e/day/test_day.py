@@ -2,7 +2,7 @@
 
 What the exporter recorded of them equals the mailbox and the text messages, line by line.
 
-A_DAY=docs/a-day.md writes the day as a page.
+A_DAY=docs/reference/a-day.md writes the day as a page.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from e2e.day.page import HEAD, SMS, page
 from e2e.day.plan import DAY, EXPECTED, LATE
 from e2e.day.record import of_message
 from e2e.day.stack import Day, RejectingInbox
-from support.sns import Phone
+from support.shipped_rules import ROOT
+from support.sns import Phone, start_server
 from testbed.polling import until
 from testbed.site import Site
 
@@ -26,10 +27,11 @@ TOO_MANY = 15  # seconds after the last expected message, in which one too many 
 
 
 @pytest.fixture
-def day(tmp_path: Path, sns_server: str) -> Iterator[Day]:
+def day(tmp_path: Path) -> Iterator[Day]:
     inbox = RejectingInbox()
-    phone = Phone(sns_server)
     with Site(tmp_path, inbox) as site:
+        sns_server = start_server(site)
+        phone = Phone(sns_server)
         phone.start()
         yield Day(site, inbox, sns_server, phone)
     phone.stop()
@@ -94,7 +96,7 @@ def assert_problems_come_before_recoveries(messages: list[tuple[float, str, str]
 
 
 def test_the_page_has_every_event_and_message_of_the_day():
-    written = (Path(__file__).resolve().parents[3] / "docs" / "a-day.md").read_text()
+    written = (ROOT / "docs" / "reference" / "a-day.md").read_text()
 
     found = {each: written.count(f"| {each.by} | `{each.text}`") for each in EXPECTED}
     mails = [each for each in EXPECTED if each.by != SMS]

@@ -249,7 +249,6 @@ def test_the_samples_in_the_documentation_are_what_is_sent(
     mails = {
         "The mail about a fault": received.problems[fault],
         "Its recovery": received.recoveries[fault],
-        "What a robot can no longer do": received.problems["RosDiagnosticsCapabilityLost"],
     }
     samples = {
         what: f"Subject: {mail.subject}\n\n{NUMBER_OF_TEST.sub('', mail.text).strip()}"

@@ -18,7 +18,6 @@ from ros_diagnostics_exporter.config.fleet import (
     Check,
     ComponentRule,
     Fleet,
-    Maintenance,
     Query,
     Robot,
     Source,
@@ -29,7 +28,6 @@ from ros_diagnostics_exporter.model import Array, Downtime, Status, Topic
 from ros_diagnostics_exporter.notifications import key_of
 from ros_diagnostics_exporter.regex import Pattern
 from ros_diagnostics_exporter.sources.prometheus import Outcome
-from ros_diagnostics_tools.check_nagios import check
 from support.state_driver import ERROR, OK, STALE, WALL, StateDriver, tree
 
 PENDANT = ComponentRule(re.compile("Pendant"), planned_stale=True)
@@ -96,18 +94,6 @@ def test_each_repeated_key_has_its_own_number_as_it_is_exported():
     assert exported == {"Error": 1, "Error#2": 2, "Error[0]": 3, "Error[1]": 4, "a": 5}
 
 
-def test_performance_data_have_each_repeated_key_with_its_own_number():
-    driver = StateDriver()
-    driver.raw(Status(OK, "Arm", values=REPEATED))
-
-    _code, line = check(fleet_snapshot(driver.state, driver.now), "r", "")
-    assert (
-        line.partition(" | ")[2]
-        .split("=0;;;0 ")[-1]
-        .endswith("'Arm Error'=1 'Arm Error#2 [V]'=2 'Arm a: '=5")
-    )
-
-
 def test_a_number_is_that_of_the_text_beside_it():
     """A STALE status is not read: it may have other texts than the one that was."""
     driver = StateDriver()
@@ -166,16 +152,6 @@ def test_a_silent_robot_has_the_problem_since_its_last_message():
     (silent,) = (each for each in robot(driver)["problems"] if each["scope"] == "robot")
     assert (silent["state"], silent["since"]) == ("silent", robot(driver)["last_message"])
     assert silent["confirmed"] is not None
-
-
-def test_a_problem_in_maintenance_is_quiet_until_the_end_that_is_shown():
-    downtime = Maintenance("m", {"robot": (Pattern("r"),)}, "service", end=WALL + 7200)
-    made = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW, labels={"site": "hall"})
-    driver = StateDriver(fleet=Fleet("f", (made,), maintenance=(downtime,)))
-    driver.raw_every(1, 60, HOT)
-    shown = robot(driver)
-    assert shown["maintenance_until"] == WALL + 7200
-    assert [each["quiet"] for each in shown["problems"]] == ["maintenance"]
 
 
 def test_a_problem_of_many_robots_is_the_fleets():

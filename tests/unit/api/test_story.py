@@ -46,7 +46,7 @@ def level(time: float, component: str, after: str = "WARN") -> Event:
     return {"id": 0, "time": time, "kind": "level", "robot": "r", **of}
 
 
-def told(events: list[Event], since: float = BEGIN, **of_robot: Any) -> list[str]:
+def sentences(events: list[Event], since: float = BEGIN, **of_robot: Any) -> list[str]:
     numbered = [{**each, "id": number} for number, each in enumerate(events, 1)]
     return [each["text"] for each in story(numbered, robot("r", **of_robot), NOW, since)]
 
@@ -63,7 +63,7 @@ def test_a_part_that_failed_three_times_after_a_charge_and_who_has_it():
     events = three() + fault(last, None) + [level(last - 270, "Charger")]
     taken = {"author": "ann", "comment": "new gears", "at": NOW - 60, "until": NOW + 4 * HOUR}
 
-    assert told(events, problems=[lasting(last, acknowledged=taken)]) == [
+    assert sentences(events, problems=[lasting(last, acknowledged=taken)]) == [
         (
             "/Motor/Motor 2 was faulty 4 times in the last 7 days, for 10 min to 1 h each, "
             "1 h in all, and it goes on."
@@ -79,13 +79,13 @@ def test_a_part_that_failed_three_times_after_a_charge_and_who_has_it():
 
 def test_what_also_happens_without_a_fault_or_not_each_time_is_not_mentioned():
     events = three()
-    assert any("Charger" in text for text in told(events))
+    assert any("Charger" in text for text in sentences(events))
     often = [level(NOW - HOUR * number, "Charger") for number in range(1, 6)]
-    assert not any("Charger" in text for text in told(events + often))
-    assert not any("Charger" in text for text in told(events[:-1]))
+    assert not any("Charger" in text for text in sentences(events + often))
+    assert not any("Charger" in text for text in sentences(events[:-1]))
     own = [{**each, "group": "/Motor", "component": "Motor 2"} for each in events[-3:]]
-    assert not any("turned" in text for text in told(three(charger=False) + own))
-    assert not any("Charger" in text for text in told(events[:4] + events[-3:]))
+    assert not any("turned" in text for text in sentences(three(charger=False) + own))
+    assert not any("Charger" in text for text in sentences(events[:4] + events[-3:]))
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_that_the_robot_was_away_may_come_before_a_fault(after, words):
     faults = three(charger=False)
     begins = [each["since"] for each in faults if each["kind"] == "fault_began"]
     of = {"id": 0, "kind": "robot", "robot": "r", "after": after}
-    found = told(faults + [{**of, "time": at - 60} for at in begins])
+    found = sentences(faults + [{**of, "time": at - 60} for at in begins])
     named = [text for text in found if text.startswith("Each of the 3 times")]
     assert named == (
         [f"Each of the 3 times it began 1 min after {words}, which happened 3 times."]
@@ -107,10 +107,10 @@ def test_that_the_robot_was_away_may_come_before_a_fault(after, words):
 
 def test_a_fault_from_before_the_week_that_lasts_or_ended_in_it_counts_and_an_older_one_does_not():
     old = fault(BEGIN - 9 * HOUR, BEGIN - HOUR)
-    assert told(old) == ["No fault in the last 7 days."]
-    ended = told(fault(BEGIN - HOUR, BEGIN + HOUR))
+    assert sentences(old) == ["No fault in the last 7 days."]
+    ended = sentences(fault(BEGIN - HOUR, BEGIN + HOUR))
     assert ended[0] == "/Motor/Motor 2 was faulty once in the last 7 days, for 2 h."
-    goes_on = told([], problems=[lasting(BEGIN - 17 * HOUR)])
+    goes_on = sentences([], problems=[lasting(BEGIN - 17 * HOUR)])
     assert goes_on == [
         "/Motor/Motor 2 was faulty once in the last 7 days, for 7 d, and it goes on."
     ]
@@ -118,27 +118,27 @@ def test_a_fault_from_before_the_week_that_lasts_or_ended_in_it_counts_and_an_ol
 
 def test_an_event_log_that_knows_less_than_a_week_says_so():
     begin = "1970-01-30 23:00:00 UTC, where the event log begins"
-    assert told([], NOW - HOUR) == [f"No fault since {begin}."]
-    texts = told(fault(NOW - 600, NOW - 300), NOW - HOUR)
+    assert sentences([], NOW - HOUR) == [f"No fault since {begin}."]
+    texts = sentences(fault(NOW - 600, NOW - 300), NOW - HOUR)
     assert texts[0] == f"/Motor/Motor 2 was faulty once since {begin}, for 5 min."
 
 
 def test_a_warning_that_turns_critical_is_one_time_and_a_recovery_is_no_notification():
     worse = fault(NOW - 600, NOW - 300, state="warning") + fault(NOW - 300, NOW - 60)
     sent = {**worse[2], "kind": "notified", "receiver": "email"}
-    texts = told([*worse, {**sent, "after": "firing"}, {**sent, "after": "resolved"}])
+    texts = sentences([*worse, {**sent, "after": "firing"}, {**sent, "after": "resolved"}])
     assert texts[0] == "/Motor/Motor 2 was faulty once in the last 7 days, for 9 min."
     assert texts[-1] == "1 notification was sent: email 1."
 
 
 def test_a_fault_whose_end_is_not_in_the_log_and_that_does_not_last_is_left_out():
-    assert told(fault(NOW - HOUR, None)) == ["No fault in the last 7 days."]
+    assert sentences(fault(NOW - HOUR, None)) == ["No fault in the last 7 days."]
 
 
 def test_an_acknowledgement_without_an_end_and_a_downtime_have_their_author():
     since = NOW - HOUR
     forever = {"author": "ann", "comment": "on it", "at": NOW, "until": NOW + 365 * 86_400.0}
-    texts = told(
+    texts = sentences(
         fault(since, None),
         problems=[lasting(since, acknowledged=forever)],
         downtimes=[downtime("Motor 2", until=NOW + HOUR), downtime("Lidar")],
@@ -152,14 +152,14 @@ def test_an_acknowledgement_without_an_end_and_a_downtime_have_their_author():
 def test_of_parts_that_are_well_the_one_that_failed_most_often_is_first():
     once = fault(NOW - HOUR, NOW - 60, "Motor 1")
     twice = fault(NOW - 9 * HOUR, NOW - 8 * HOUR) + fault(NOW - 7 * HOUR, NOW - 6 * HOUR)
-    first = [text for text in told([*once, *twice]) if "was faulty" in text]
+    first = [text for text in sentences([*once, *twice]) if "was faulty" in text]
     assert [text.split(" was")[0] for text in first] == ["/Motor/Motor 2", "/Motor/Motor 1"]
 
 
 def test_what_lasts_is_first_and_the_number_of_parts_is_limited():
     many = [each for n in range(12) for each in fault(NOW - 9 * HOUR, NOW - HOUR, f"Part {n}")]
     since = NOW - 60
-    texts = told(many + fault(since, None), problems=[lasting(since)])
+    texts = sentences(many + fault(since, None), problems=[lasting(since)])
     assert texts[0].startswith("/Motor/Motor 2 was faulty once")
     assert texts[-1] == "3 more parts were faulty in the last 7 days."
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from datetime import timezone
-from statistics import median
 from typing import Any
 from zoneinfo import ZoneInfo
 
@@ -104,13 +103,6 @@ def test_notifications_are_counted_in_the_night_of_their_evening(zone):
     nights = report.by_night(found, midnight - 172_800, midnight + 172_800, zone)
     known = {"2024-10-01": 1, "2024-10-02": 0, "2024-10-03": 3, "2024-10-04": 1, "2024-10-05": 0}
     assert nights == known
-
-
-@given(st.lists(st.floats(1, 1e6), min_size=1))
-def test_the_median_and_the_longest_are_those_of_all(lengths):
-    found = [fault(BEGIN - each, BEGIN) for each in lengths]
-    exact = [BEGIN - (BEGIN - each) for each in lengths]
-    assert report.to_recover(found, BEGIN, END) == (len(exact), median(exact), max(exact))
 
 
 LABELS = {"scope": "component", "state": "critical", "severity": "critical"}

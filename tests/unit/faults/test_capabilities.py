@@ -81,11 +81,6 @@ def test_two_redundant_parts_that_fail_are_one_fault_with_one_recovery():
     )
 
 
-def test_a_part_that_matters_to_nothing_is_a_fault_as_before():
-    began = "began component/critical r1 arm"
-    history(can, (0, level("arm", ERROR)), (10, None, began))
-
-
 def test_as_many_as_are_needed_are_no_reserve_and_more_are_faults_of_their_own():
     six = tuple(part(f"lidar {each}") for each in range(8))
     names = [each.component for each in six]
@@ -100,20 +95,6 @@ def test_as_many_as_are_needed_are_no_reserve_and_more_are_faults_of_their_own()
         (50, None, f"began {LOST} view"),
         (60, levels(names[1:], OK), f"recovered {LOST} view", f"recovered {SPARE} view"),
         (90, level(names[0], OK), f"recovered {first}"),
-    )
-
-
-def test_the_last_part_to_recover_is_not_reported_by_itself():
-    three = tuple(part(f"lidar {each}") for each in range(3))
-    names = [each.component for each in three]
-    history(
-        Can(WantedCapability("view", AtLeast(1, three))),
-        (0, levels(names, ERROR)),
-        (10, None, f"began {LOST} view"),
-        (60, level(names[0], OK), f"recovered {LOST} view", f"began {SPARE} view"),
-        (70, level(names[1], OK), f"recovered {SPARE} view"),
-        (79, level(names[2], OK)),
-        (200, None),
     )
 
 

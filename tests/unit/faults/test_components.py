@@ -1,10 +1,5 @@
 """Faults of components: confirmation, nesting, what ends them and what does not."""
 
-from itertools import permutations
-
-import pytest
-
-from ros_diagnostics_exporter.config.fleet import FaultSettings
 from ros_diagnostics_exporter.faults.model import ComponentName
 from support.fault_histories import (
     ERROR,
@@ -13,17 +8,13 @@ from support.fault_histories import (
     WALL,
     WARN,
     back,
-    forget,
     instant,
     level,
     maintenance,
     moved,
     play,
-    player,
-    restart,
     robot_settings,
     silent,
-    texts,
 )
 
 
@@ -65,15 +56,6 @@ def test_a_confirmed_warning_that_gets_worse_is_critical_at_once_and_goes_on_und
         (50, level("motor", ERROR), "began component/critical r1 motor"),
         (70, level("motor", WARN), "recovered component/critical r1 motor"),
         (90, level("motor", OK), "recovered component/warning r1 motor"),
-    )
-
-
-def test_the_clock_counts_time_in_trouble_and_not_in_one_level():
-    play(
-        (0, level("motor", WARN)),
-        (6, level("motor", ERROR)),
-        (10, None, "began component/critical r1 motor"),
-        (20, level("motor", OK), "recovered component/critical r1 motor"),
     )
 
 
@@ -124,38 +106,6 @@ def test_stale_ends_neither_a_warning_nor_a_critical():
     )
 
 
-@pytest.mark.parametrize("order", list(permutations((WARN, ERROR, STALE))), ids=str)
-def test_in_every_order_only_a_fresh_lower_level_ends_a_state(order):
-    """Confirmed at once, as the trouble lasts; each state ends with the first fresh better one."""
-    last = player(["r1"], FaultSettings())
-    last.go(0, level("motor", order[0]))
-    last.go(10)
-    for second, to in zip((20, 40), order[1:], strict=True):
-        last.go(second, level("motor", to))
-    states = {each.identity.state.value for each in last.faults.faults()}
-    assert (
-        states
-        == {
-            (WARN, ERROR, STALE): {"warning", "stale", "critical"},
-            (WARN, STALE, ERROR): {"warning", "stale", "critical"},
-            (ERROR, WARN, STALE): {"warning", "stale"},
-            (ERROR, STALE, WARN): {"warning"},
-            (STALE, WARN, ERROR): {"warning", "critical"},
-            (STALE, ERROR, WARN): {"warning"},
-        }[order]
-    )
-    ended = texts(last.go(60, level("motor", OK)))
-    assert ended == [f"recovered component/{state} r1 motor" for state in sorted(states)]
-
-
-def test_an_error_that_no_longer_reports_is_still_critical():
-    play(
-        (0, level("motor", ERROR)),
-        (5, level("motor", STALE)),
-        (10, None, "began component/critical r1 motor", "began component/stale r1 motor"),
-    )
-
-
 def test_stale_is_critical_too_where_the_config_says_so_and_nothing_where_it_is_planned():
     play(
         (0, level("camera", STALE, stale_is_critical=True)),
@@ -175,23 +125,6 @@ def test_the_same_name_in_two_groups_is_two_components():
         (10, None, "began component/critical r1 /left motor"),
         (15, None, "began component/critical r1 /right motor"),
         (20, level("motor", OK, group="/left"), "recovered component/critical r1 /left motor"),
-    )
-
-
-def test_a_component_under_another_name_is_another_and_the_old_one_waits_for_a_person():
-    play(
-        (0, level("motor", ERROR)),
-        (10, None, "began component/critical r1 motor"),
-        (20, level("motor", STALE), "began component/stale r1 motor"),
-        (20, level("drive", ERROR)),
-        (30, None, "began component/critical r1 drive"),
-        (1000, None),
-        (
-            1000,
-            forget("r1", "motor"),
-            "removed component/critical r1 motor",
-            "removed component/stale r1 motor",
-        ),
     )
 
 
@@ -229,20 +162,6 @@ def test_labels_are_those_of_the_beginning_for_the_life_of_a_fault():
         "motor": {"site": "hall", "team": "red"},
         "arm": {"site": "yard", "team": "blue"},
     }
-
-
-def test_labels_that_changed_in_fleet_yml_while_the_exporter_was_down_do_not_change_a_fault():
-    last = play(
-        (0, robot_settings(site="hall")),
-        (0, level("motor", ERROR)),
-        (10, None, "began component/critical r1 motor"),
-        (20, restart()),
-        (20, robot_settings(site="yard")),
-        (21, back("r1", level("motor", ERROR))),
-        (100, None),
-    )
-    (fault,) = last.faults.faults()
-    assert fault.labels == {"site": "hall"}
 
 
 def test_evidence_is_fixed_once():
@@ -284,37 +203,6 @@ def test_nothing_begins_while_the_robot_is_silent_and_nothing_ends():
             "recovered component/critical r1 motor",
             "began component/critical r1 arm",
         ),
-    )
-
-
-def test_what_fails_during_a_silence_has_its_confirm_after_from_the_return_on():
-    play(
-        (0, silent()),
-        (10, None, "began robot/silent r1"),
-        (90, back("r1", level("motor", ERROR)), "recovered robot/silent r1"),
-        (99, None),
-        (100, None, "began component/critical r1 motor"),
-    )
-
-
-def test_a_robot_that_returns_may_say_stale_for_a_moment():
-    play(
-        (30, silent()),
-        (40, None, "began robot/silent r1"),
-        (90, back("r1", level("motor", STALE), level("arm", STALE)), "recovered robot/silent r1"),
-        (95, level("motor", OK)),
-        (100, None, "began component/stale r1 arm"),
-    )
-
-
-def test_an_error_of_before_that_is_stale_after_the_return_waits_for_confirm_after():
-    play(
-        (0, level("motor", ERROR)),
-        (5, silent()),
-        (15, None, "began robot/silent r1"),
-        (90, back("r1", level("motor", STALE)), "recovered robot/silent r1"),
-        (99, None),
-        (100, None, "began component/critical r1 motor", "began component/stale r1 motor"),
     )
 
 

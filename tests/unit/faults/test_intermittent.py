@@ -1,7 +1,6 @@
 """Components whose faults are too short to be confirmed, and too many to be chance."""
 
-from ros_diagnostics_exporter.config.fleet import FaultSettings, Flapping, Intermittent
-from support.fault_histories import ERROR, OK, STALE, back, level, maintenance, play, silent
+from support.fault_histories import ERROR, OK, back, level, maintenance, play, silent
 
 INTERMITTENT = "flapping/intermittent r1 motor"
 CRITICAL = "component/critical r1 motor"
@@ -101,22 +100,6 @@ def test_changes_of_before_the_robots_silence_are_as_old_as_they_are():
     )
 
 
-def test_a_component_that_does_not_report_is_not_at_rest():
-    play(
-        *flick(0),
-        *flick(310),
-        (322, None, f"began {INTERMITTENT}"),
-        (330, level("motor", STALE)),
-        (340, None, "began component/stale r1 motor"),
-        (
-            4000,
-            level("motor", OK),
-            "recovered component/stale r1 motor",
-            f"recovered {INTERMITTENT}",
-        ),
-    )
-
-
 def test_maintenance_is_quiet_both_ways():
     play(
         (-1, maintenance("r1", planned=True)),
@@ -128,20 +111,4 @@ def test_maintenance_is_quiet_both_ways():
         (1022, None, f"began {INTERMITTENT}"),
         (1030, maintenance("r1", planned=True)),
         (3000, maintenance("r1", planned=False), f"recovered {INTERMITTENT}"),
-    )
-
-
-def test_the_number_and_the_time_are_those_of_the_config():
-    settings = FaultSettings(
-        flapping=Flapping(0.9, 0.8), intermittent=Intermittent(changes=6, within=100.0)
-    )
-    play(
-        *flick(0),
-        *flick(40),
-        (60, None),
-        *flick(80),
-        (92, None, f"began {INTERMITTENT}"),
-        (140, None),
-        (180, None, f"recovered {INTERMITTENT}"),
-        settings=settings,
     )

@@ -1,10 +1,7 @@
 """Maintenance is quiet for faults of every kind; what is still wrong after it begins then."""
 
-from dataclasses import replace
-
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import FaultSettings
 from support.fault_histories import (
     ERROR,
     OK,
@@ -24,11 +21,12 @@ from support.fault_histories import (
 
 SIX = tuple(f"r{number}" for number in range(1, 7))
 PARTS = "abcdefghijkl"
-SETTINGS = replace(FaultSettings(), pending_after=200.0)
 
 
-def in_hall(robot):
-    return robot_settings(robot, site="hall")
+def play_in_hall(*steps):
+    """All six are of one site."""
+    of_site = (0, together(*(robot_settings(robot, site="hall") for robot in SIX)))
+    play(of_site, *steps, robots=SIX)
 
 
 # What goes wrong, how it is well again, and the fault where it outlives the window.
@@ -51,15 +49,12 @@ KINDS = {
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_goes_wrong_and_is_well_again_in_the_window_is_no_fault(kind):
     wrong, well, _ = KINDS[kind]
-    play(
-        (0, on_robots(SIX, in_hall)),
+    play_in_hall(
         (0, maintenance(*SIX, planned=True)),
         (10, wrong),
         (500, well),
         (600, maintenance(*SIX, planned=False)),
         (2000, None),
-        robots=SIX,
-        settings=SETTINGS,
     )
 
 
@@ -68,30 +63,24 @@ def test_what_goes_wrong_in_the_window_and_outlives_it_is_a_fault_after_it(kind)
     wrong, well, faults = KINDS[kind]
     began = [f"began {each}" for each in faults]
     is_larger_cause = kind in ("many", "common", "outage")  # counted only from the end on
-    play(
-        (0, on_robots(SIX, in_hall)),
+    play_in_hall(
         (0, maintenance(*SIX, planned=True)),
         (10, wrong),
         (600, maintenance(*SIX, planned=False), *([] if is_larger_cause else began)),
         (630, None, *(began if is_larger_cause else [])),
         (700, well, *[f"recovered {each}" for each in faults]),
-        robots=SIX,
-        settings=SETTINGS,
     )
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_window_that_begins_in_a_fault_and_ends_in_it_changes_nothing(kind):
     wrong, well, faults = KINDS[kind]
-    play(
-        (0, on_robots(SIX, in_hall)),
+    play_in_hall(
         (0, wrong),
         (30, None, *[f"began {each}" for each in faults]),
         (100, maintenance(*SIX, planned=True)),
         (600, maintenance(*SIX, planned=False)),
         (700, well, *[f"recovered {each}" for each in faults]),
-        robots=SIX,
-        settings=SETTINGS,
     )
 
 
@@ -101,15 +90,12 @@ def test_what_is_well_within_the_window_ends_with_it(kind):
     wrong, well, faults = KINDS[kind]
     ended = [f"recovered {each}" for each in faults]
     of_many_robots = kind in ("common", "outage")
-    play(
-        (0, on_robots(SIX, in_hall)),
+    play_in_hall(
         (0, wrong),
         (30, None, *[f"began {each}" for each in faults]),
         (100, maintenance(*SIX, planned=True)),
         (300, well, *(ended if of_many_robots else [])),
         (600, maintenance(*SIX, planned=False), *([] if of_many_robots else ended)),
-        robots=SIX,
-        settings=SETTINGS,
     )
 
 
@@ -125,13 +111,4 @@ def test_nothing_is_flapping_because_of_what_changed_in_the_window(events):
         (100, maintenance(planned=False)),
         (101, together(*events)),
         (2000, None),
-    )
-
-
-def test_a_robot_that_is_awaited_in_its_window_is_pending_after_it():
-    play(
-        (0, together(robot_settings("r2"), maintenance("r2", planned=True))),
-        (500, None),
-        (600, maintenance("r2", planned=False), "began robot/pending r2"),
-        settings=SETTINGS,
     )

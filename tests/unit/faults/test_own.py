@@ -34,15 +34,6 @@ def test_a_part_that_is_wrong_for_its_time_is_a_fault_until_it_is_right():
     )
 
 
-def test_each_part_has_a_time_of_its_own():
-    play(
-        (0, own(alertmanager=Level.WARN)),
-        (299, None),
-        (300, None, "began exporter/warning Alertmanager"),
-        (301, own(alertmanager=Level.OK), "recovered exporter/warning Alertmanager"),
-    )
-
-
 def test_after_a_restart_a_part_that_was_wrong_waits_for_its_own_time_and_to_be_reported():
     play(
         (0, own(alertmanager=Level.WARN)),
@@ -51,26 +42,6 @@ def test_after_a_restart_a_part_that_was_wrong_waits_for_its_own_time_and_to_be_
         (310, own(alertmanager=Level.WARN), "began exporter/warning Alertmanager"),
         (320, own(alertmanager=Level.OK), "recovered exporter/warning Alertmanager"),
         robots=(),
-    )
-
-
-def test_a_part_that_is_no_more_after_a_restart_is_removed():
-    play(
-        (0, own(database=Level.OK, domain=Level.ERROR)),
-        (60, None, f"began {DOMAIN}"),
-        (100, restart()),
-        (101, own(database=Level.OK), f"removed {DOMAIN}"),
-        robots=(),
-    )
-
-
-def test_a_part_that_is_right_again_in_time_is_no_fault():
-    play(
-        (0, own(database=Level.WARN)),
-        (59, own(database=Level.OK)),
-        (60, own(database=Level.WARN)),
-        (119, own(database=Level.OK)),
-        (1000, None),
     )
 
 

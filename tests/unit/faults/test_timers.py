@@ -1,29 +1,6 @@
 """Timers: one for each key, in a bounded heap."""
 
-from math import inf
-
 from ros_diagnostics_exporter.loops import Timers
-
-
-def test_a_timer_that_is_set_again_replaces_the_one_before():
-    timers: Timers[str] = Timers()
-    timers.set("a", 5.0)
-    timers.set("b", 7.0)
-    timers.set("a", 7.0)
-
-    assert timers.next == 7.0
-    assert sorted(timers.pop()) == ["a", "b"]
-    assert timers.next == inf
-    assert timers.pop() == []
-
-
-def test_a_timer_that_is_cleared_is_not_due():
-    timers: Timers[str] = Timers()
-    timers.set("a", 5.0)
-    timers.clear("a")
-    timers.clear("a")
-
-    assert timers.next == inf
 
 
 def test_a_timer_may_be_set_back_to_an_earlier_time_and_forth():

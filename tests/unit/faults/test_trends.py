@@ -23,7 +23,6 @@ from support.fault_histories import (
     forget,
     instant,
     level,
-    maintenance,
     moved,
     player,
     silent,
@@ -70,19 +69,6 @@ def test_nothing_is_known_before_a_quarter_of_an_hour():
     assert follow(battery(), drain(30, 20)) == [f"18 began {FALLING}"]
 
 
-def test_a_value_that_is_received_only_when_it_changes_is_followed_all_the_time():
-    known = battery()
-    assert follow(known, drain(60, 26)) == [f"24 began {FALLING}"]
-    # At 35 % it stays: within minutes the line is flat enough.
-    assert texts(known.go(60 * MINUTE)) == [f"recovered {FALLING}"]
-
-
-def test_it_recovers_when_the_value_rises():
-    known = battery()
-    follow(known, drain(60, 26))
-    assert [each[3:] for each in follow(known, drain(35, 20, -1.0), 26)] == [f"recovered {FALLING}"]
-
-
 def test_it_goes_on_while_the_value_is_too_low():
     known = battery()
     found = follow(known, drain(60, 70, 1.0))
@@ -124,14 +110,6 @@ def test_a_value_that_does_not_count_now_does_not_fall():
     assert list(known.faults.faults()) == []
 
 
-def test_a_value_that_is_no_longer_received_does_not_begin_to_fall():
-    known = battery()
-    known.go(0, maintenance("r1", planned=True))
-    assert follow(known, drain(60, 30)) == []
-    known.go(30 * MINUTE, value(None, EMPTY))
-    assert texts(known.go(31 * MINUTE, maintenance("r1", planned=False))) == []
-
-
 def test_silence_and_stale_are_no_end_and_no_samples():
     known = battery()
     follow(known, drain(60, 26))
@@ -150,13 +128,6 @@ def test_a_restart_is_no_end():
     known.reborn(26 * MINUTE)
     assert follow(known, [34.0] * 14, 27) == []
     assert texts(known.go(50 * MINUTE)) == [f"recovered {FALLING}"]
-
-
-def test_maintenance_keeps_it_quiet():
-    known = battery()
-    known.go(0, maintenance("r1", planned=True))
-    assert follow(known, drain(60, 30)) == []
-    assert texts(known.go(30 * MINUTE, maintenance("r1", planned=False))) == [f"began {FALLING}"]
 
 
 def test_a_threshold_that_is_taken_out_of_the_config_ends_it():

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from ros_diagnostics_exporter.config.fleet import Threshold
-from support.fault_histories import ERROR, STALE, back, level, maintenance, play, silent, value
+from support.fault_histories import ERROR, STALE, level, play, value
 
 HOT = (Threshold("high", "warning", 80.0),)
 LOW = "value/warning r1 battery charge low"
@@ -70,29 +70,4 @@ def test_a_stale_component_has_no_values():
         (15, None, "began component/stale r1 battery"),
         (20, level("battery", ERROR), "began component/critical r1 battery"),
         (21, value(19.0), f"began {LOW}"),
-    )
-
-
-def test_a_threshold_that_the_config_no_longer_has_was_taken_out():
-    play(
-        (0, value(5.0)),
-        (10, None, f"began {EMPTY}", f"began {LOW}"),
-        (20, value(5.0, (Threshold("low", "warning", 20.0),)), f"removed {EMPTY}"),
-        (30, value(5.0, ()), f"removed {LOW}"),
-    )
-
-
-def test_silence_and_maintenance_end_nothing():
-    play(
-        (0, value(19.0)),
-        (10, None, f"began {LOW}"),
-        (20, silent()),
-        (30, None, "began robot/silent r1"),
-        (40, back("r1", value(19.0)), "recovered robot/silent r1"),
-        (50, maintenance(planned=True)),
-        (60, value(90.0)),
-        (70, value(5.0)),
-        (80, value(15.0)),
-        (90, maintenance(planned=False)),
-        (95, value(90.0), f"recovered {LOW}"),
     )

@@ -1,4 +1,4 @@
-"""docs/dashboards.md lists the dashboards and panels that exist."""
+"""docs/dashboards.md names dashboards and panels that exist."""
 
 from __future__ import annotations
 

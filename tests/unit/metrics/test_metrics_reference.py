@@ -1,4 +1,4 @@
-"""docs/metrics.md agrees with the families and with the reasons of the state."""
+"""docs/metrics.md and its reference agree with the families and with the reasons of the state."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from metrics_reference import PAGE as DOCUMENT
+from metrics_reference import PAGE as REFERENCE
 from ros_diagnostics_exporter.metrics.families import ROBOT_SILENT_REASON
 from ros_diagnostics_exporter.robots.rejections import (
     OVER_LIMIT,
@@ -15,6 +15,8 @@ from ros_diagnostics_exporter.robots.rejections import (
     RejectionReason,
     SilentReason,
 )
+
+DOCUMENT = REFERENCE.parents[1] / "metrics.md"
 
 
 @pytest.mark.parametrize(

@@ -29,8 +29,6 @@ OF_ANOTHER = {"RosDiagnosticsUnacknowledged", "RosDiagnosticsExporterFault"}
 WORDS = (ROOT / "alertmanager" / "templates" / "words.tmpl").read_text()
 SEVERITIES = {"critical", "warning", "info"}
 ESCALATION = {"RosDiagnosticsUnacknowledged"}
-# Its second rule adds what the first left of a slot.
-SLOT = "robot:ros_diagnostics_part_seconds:sum5m"
 # Always fires.
 ALWAYS = {"RosDiagnosticsWatchdog"}
 RECORD = re.compile(r"\b\w+:ros_diagnostics\w*:\w+|\bros_diagnostics:\w+:\w+")
@@ -110,23 +108,6 @@ def test_the_alert_of_a_fault_has_at_most_five_templates(name: str, rule: dict[s
         assert len([text for text in annotations if "{{" in text]) <= 5, name
 
 
-def test_only_the_hold_reads_what_it_records():
-    itself = {
-        rule["record"]
-        for rule in rules()
-        if "record" in rule and re.search(rf"(?<![\w:]){rule['record']}(?![\w:])", rule["expr"])
-    }
-
-    assert itself == {
-        "exporter:ros_diagnostics_exporter:held",
-        "fleet:ros_diagnostics_fault_start:latest",
-        "robot:ros_diagnostics:info",
-        "robot:ros_diagnostics_fault_start:held",
-        "site_component:ros_diagnostics_fault:held",
-        SLOT,
-    }
-
-
 def test_no_alert_reads_the_history_for_dashboards():
     """A site without dashboards and reports leaves those two files out."""
     of_file = {
@@ -164,22 +145,6 @@ def test_an_alert_is_held_while_what_it_is_about_does_not_answer(name: str, expr
         f'or ignoring (alertname, severity) fleet:ros_diagnostics_alert:held{{alertname="{name}"}}'
     )
     assert len([kind for kind in kinds if re.fullmatch(kind, name)]) == 1
-
-
-def test_the_alerts_about_robots_are_short():
-    """Lines of expressions of all rules that alerts of robots and components need."""
-    files = ("faults.yml", "escalation.yml")
-    lines = [
-        line
-        for name in files
-        for group in read_yaml(PROMETHEUS / "rules" / name)["groups"]
-        for rule in group["rules"]
-        for line in rule["expr"].splitlines()
-        if line.strip()
-    ]
-
-    assert len(lines) <= 246
-    assert not [line for line in lines if "scalar(" in line]
 
 
 def test_no_expression_is_a_yaml_alias():

@@ -16,18 +16,11 @@ from ros_diagnostics_exporter.acknowledging import (
 )
 from ros_diagnostics_exporter.alertmanager import read, read_downtimes
 from ros_diagnostics_exporter.event_texts import event_text
-from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State
 from ros_diagnostics_exporter.model import Person
-from support.silences import BEGAN, LABELS, SINCE, listed
+from support.silences import BEGAN, FAULT, LABELS, SINCE, listed
 
 NOW = BEGAN + 300.0
 ANN = Person("ann", "spare\npart ordered", "10.0.0.7")
-MOTOR = Fault(
-    Identity(Scope.COMPONENT, State.CRITICAL, robot="r", group="/Motor", component="Motor 1"),
-    BEGAN,
-    BEGAN + 10,
-    {},
-)
 
 
 class FakeAlertmanager:
@@ -66,7 +59,7 @@ def as_listed(made: dict[str, Any]) -> dict[str, Any]:
 
 def test_it_is_the_silence_that_the_command_makes_but_for_steps_that_were_sent():
     by = FakeAlertmanager(alert(), ESCALATION, alert(component="Motor 2"))
-    event = acknowledge(by, "f", MOTOR, ANN, NOW)
+    event = acknowledge(by, "f", FAULT, ANN, NOW)
 
     [made] = by.added
     [problem, _other] = problems([alert(), ESCALATION, alert(component="Motor 2")])
@@ -97,14 +90,14 @@ def test_it_is_the_silence_that_the_command_makes_but_for_steps_that_were_sent()
 def test_what_does_not_fire_is_not_acknowledged(others):
     by = FakeAlertmanager(*others)
     with pytest.raises(LookupError, match="no alert of it fires"):
-        acknowledge(by, "f", MOTOR, ANN, NOW)
+        acknowledge(by, "f", FAULT, ANN, NOW)
     assert by.added == []
 
 
 def test_what_somebody_has_acknowledged_is_not_acknowledged_again():
     by = FakeAlertmanager(alert(), silences=[listed()])
     with pytest.raises(LookupError, match="already acknowledged by ann"):
-        acknowledge(by, "f", MOTOR, ANN, NOW)
+        acknowledge(by, "f", FAULT, ANN, NOW)
     assert by.added == []
 
 

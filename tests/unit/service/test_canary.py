@@ -74,10 +74,6 @@ def test_one_that_does_not_come_back_counts_once_an_interval_and_not_again_when_
     assert (canary.start, canary.times) == (None, times(missed=2))
 
 
-def test_what_is_missed_is_longer_than_every_bucket():
-    assert max(BUCKETS) <= EVERY
-
-
 @pytest.mark.parametrize(
     ("message", "of_the_fleet"),
     [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from datetime import datetime, timedelta, timezone
 from typing import Any
@@ -165,7 +164,6 @@ def test_without_an_exporter_the_fleet_has_to_be_named(servers, capsys):
     [
         (["robot_1", "--comment", "x"], "'robot_1' is not a duration"),
         (["robot_1", "Motor 1", "--comment", "x"], "'Motor 1' is not a duration such as 90s"),
-        (["robot_1", "0s", "--comment", "x"], "'0s' is not a duration"),
         (["robot_1", "99999d", "--comment", "x"], "'99999d' is not a duration"),
         (["robot_1", "1h"], "say with --comment"),
         (["robot_1", "1h", "--comment", " "], "say with --comment"),
@@ -232,15 +230,6 @@ def test_a_silence_that_matches_something_else_is_none(servers, matcher):
     (made,) = servers.silences
     others = [each for each in made["matchers"] if each["name"] != matcher["name"]]
     assert read_downtimes([{**made, "matchers": [*others, matcher]}], "hall") == []
-
-
-def test_hostile_words_stay_on_their_line(servers, capsys):
-    assert run("robot_1", "1h", "--comment", "a\n\x1b[31mb" + "x" * 500) == 0
-    (found,) = read_downtimes(servers.silences, "hall")
-    assert found.comment.isprintable()
-    assert len(found.comment) == 200
-    assert capsys.readouterr().out.count("\n") == 1
-    assert sys.getsizeof(found.comment) < 2_000
 
 
 def test_of_too_many_those_in_force_and_the_next_ones_are_kept(monkeypatch):

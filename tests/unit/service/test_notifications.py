@@ -8,26 +8,16 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from prometheus_client.parser import text_string_to_metric_families
 
 from ros_diagnostics_exporter import notifications
 from ros_diagnostics_exporter.event_texts import event_text
 from ros_diagnostics_exporter.events import Event
-from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, as_texts, fault_id
-from ros_diagnostics_exporter.metrics import families as metrics
-from ros_diagnostics_exporter.metrics.exposition import FaultText
+from ros_diagnostics_exporter.faults.model import as_texts
 from ros_diagnostics_exporter.notifications import Notifications, key_of, parse
 from ros_diagnostics_exporter.severity import notice
-from support.silences import BEGAN, LABELS, MOTOR
+from support.silences import BEGAN, FAULT, LABELS, MOTOR
 from support.web_server import broken, problem
 
-FAULT = Fault(
-    Identity(Scope.COMPONENT, State.CRITICAL, robot="r", group="/Motor", component="Motor 1"),
-    BEGAN,
-    BEGAN + 10,
-    {},
-    "hot",
-)
 KEY = key_of(as_texts(FAULT.identity, FAULT.labels))
 
 
@@ -212,20 +202,6 @@ def test_an_acknowledgement_is_one_event_of_the_fault_that_it_names():
     assert (event.time, event.author, event.message) == (MOTOR.at, "ann", "spare part ordered")
     known.note(event)
     assert known.acknowledge([MOTOR]) == []
-
-
-def test_it_is_served_for_faults_that_last():
-    rendered = FaultText().render("f", "", [FAULT], notified={KEY: {"email": 12.5, 'a"b': 13.0}})
-    families = text_string_to_metric_families(rendered[metrics.FAULT_NOTIFIED.name].decode())
-    its_id = fault_id("f", "", FAULT.identity)
-    assert [(each.labels, each.value) for family in families for each in family.samples] == [
-        (LABELS | {"fault": its_id, "receiver": "email"}, 12.5),
-        (LABELS | {"fault": its_id, "receiver": 'a"b'}, 13.0),
-    ]
-    assert (
-        FaultText().render("f", "", [], notified={KEY: {"email": 1.0}})[metrics.FAULT_NOTIFIED.name]
-        == b""
-    )
 
 
 @pytest.mark.parametrize(

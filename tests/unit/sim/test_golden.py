@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import json
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -85,3 +86,18 @@ def test_what_aborts_the_real_one_is_a_clear_error(case: str) -> None:
         Aggregator(load_parameters(path), 0.0)
     assert ABORTS[case] in str(caught.value)
     assert str(caught.value).startswith(f"{path}: ")
+
+
+if "DIAGNOSTICS_DUMPS" in os.environ:  # a folder with dumps of real robots, which are not published
+
+    def test_equals_what_real_robots_configurations_gave() -> None:
+        """4.0.0 rolls up as 4.2.6 does."""
+        folder = Path(os.environ["DIAGNOSTICS_DUMPS"]) / "aggregated"
+        recorded = 0
+        for path in sorted(folder.glob("*.in.json")):
+            document = json.loads(path.read_text())
+            if document["aggregator_exit_code_before_end"] is None:
+                version = document["diagnostic_aggregator"].split()[0].replace("4.0.0", "4.2.6")
+                assert_equal_to_recording(document["case"], version, inputs=folder)
+                recorded += 1
+        assert recorded

@@ -37,18 +37,7 @@ ARRAY = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
             TALKER.replace("%chatter", "%r1%diagnostics_agg").format(ARRAY),
             Token("2/%", "/2/r1/diagnostics_agg", f"2/r1/diagnostics_agg/{ARRAY}/{HASH}"),
         ),
-        (
-            TALKER.format("std_msgs::msg::dds_::String_"),
-            Token(
-                "2/%",
-                "/2/chatter",
-                f"2/chatter/std_msgs::msg::dds_::String_/{HASH}",
-                "std_msgs/msg/String",
-            ),
-        ),
         ("@ros2_lv/2/8b/0/10/MP", None),
-        ("@ros2_lv", None),
-        ("@", None),
         ("", None),
     ],
 )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
 from urllib.error import URLError
 from urllib.request import urlopen
+
+import pytest
 
 from testbed.polling import until
 
@@ -19,9 +20,16 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+@pytest.fixture
+def fleet_file(tmp_path):
+    path = tmp_path / "fleet.yml"
+    path.write_text("fleet: f\nrobots: [{name: r, namespace: /r}]\n")
+    return path
+
+
 def run(*arguments, absent=WITHOUT):
     return subprocess.run(
-        [sys.executable, "-c", absent, *arguments],
+        [sys.executable, "-c", absent, *arguments, "--web.listen-address", "127.0.0.1:0"],
         capture_output=True,
         text=True,
         timeout=60,
@@ -29,11 +37,8 @@ def run(*arguments, absent=WITHOUT):
     )
 
 
-def test_without_rclpy_the_exporter_says_what_to_do_and_exits_1(tmp_path):
-    path = tmp_path / "fleet.yml"
-    path.write_text("fleet: f\nrobots: [{name: r, namespace: /r}]\n")
-
-    ended = run("--config.file", str(path), "--web.listen-address", "127.0.0.1:0")
+def test_without_rclpy_the_exporter_says_what_to_do_and_exits_1(fleet_file):
+    ended = run("--config.file", str(fleet_file))
 
     assert ended.returncode == 1
     assert "source it (source /opt/ros/jazzy/setup.bash)" in ended.stderr
@@ -41,26 +46,15 @@ def test_without_rclpy_the_exporter_says_what_to_do_and_exits_1(tmp_path):
     assert "Traceback" not in ended.stderr
 
 
-def test_a_config_can_be_checked_without_ros(tmp_path):
-    path = tmp_path / "fleet.yml"
-    path.write_text("fleet: f\nrobots: [{name: r, namespace: /r}]\n")
-
-    assert run("--config.file", str(path), "--config.check").returncode == 0
+def test_a_config_can_be_checked_without_ros(fleet_file):
+    assert run("--config.file", str(fleet_file), "--config.check").returncode == 0
 
 
-def test_a_middleware_that_is_not_installed_is_named_instead_of_ros(tmp_path):
+def test_a_middleware_that_is_not_installed_is_named_instead_of_ros(fleet_file, monkeypatch):
     """Also by a wheel's own rcl, which ends the process while it is imported."""
-    path = tmp_path / "fleet.yml"
-    path.write_text("fleet: f\nrobots: [{name: r, namespace: /r}]\n")
-
-    ended = subprocess.run(
-        [sys.executable, "-m", "ros_diagnostics_exporter.cli.main", "--config.file", str(path)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        env={**os.environ, "RMW_IMPLEMENTATION": "rmw_nonsense_cpp"},
-    )
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_nonsense_cpp")
+    with_ros = WITHOUT.replace('sys.modules["rclpy"] = None', "")
+    ended = run("--config.file", str(fleet_file), absent=with_ros)
 
     assert ended.returncode == 1
     assert "RMW_IMPLEMENTATION is 'rmw_nonsense_cpp'" in ended.stderr
@@ -104,10 +98,7 @@ def test_without_eclipse_zenoh_the_exporter_says_what_to_do_and_exits_1(tmp_path
         "robots: [{name: r, zenoh: /, namespace: /r}]\n"
     )
 
-    ended = run(
-        *("--config.file", str(path), "--web.listen-address", "127.0.0.1:0"),
-        absent=WITHOUT.replace("rclpy", "zenoh"),
-    )
+    ended = run("--config.file", str(path), absent=WITHOUT.replace("rclpy", "zenoh"))
 
     assert ended.returncode == 1
     assert "pip install 'ros-diagnostics-exporter[zenoh]'" in ended.stderr

@@ -22,9 +22,6 @@ HOT, COOL = Status(ERROR, "Motor", "Hot"), Status(OK, "Motor")
 # What stands in a file that is not a database, and what the log says of it.
 DAMAGED = {
     b"{": "it is not a database",
-    b"[" * 100_000: "it is not a database",
-    b"\xff\xfe": "it is not a database",
-    MAGIC: "it is not a database",
     MAGIC + bytes(84): "it is not a database",
     MAGIC + b"\x10\x00\x02\x02" + bytes(10_000): "file is not a database",
 }
@@ -53,15 +50,6 @@ def test_a_file_is_kept_aside_with_its_log_which_is_not_of_the_next(path):
     assert path.with_name("state.damaged-1-wal").read_text() == "log"
 
 
-def test_a_file_that_is_far_too_large_is_not_read_whole(path, caplog):
-    with path.open("wb") as file:
-        file.truncate(1 << 30)
-    StateDriver().restart(path).save()
-
-    assert "it is not a database" in caplog.text
-    assert path.with_name("state.damaged-1").stat().st_size == 1 << 30
-
-
 def test_no_damaged_file_overwrites_an_earlier_one_and_ten_are_kept(path, caplog):
     for turn in range(12):
         path.write_text(f"damaged {turn}")
@@ -76,10 +64,8 @@ def test_no_damaged_file_overwrites_an_earlier_one_and_ten_are_kept(path, caplog
     assert "10 such files are there; nothing is saved until" in caplog.text
 
 
-@pytest.mark.parametrize("begin", [None, b""], ids=["missing", "empty"])
-def test_a_first_start_is_no_error(path, caplog, begin):
-    if begin is not None:
-        path.write_bytes(begin)
+def test_a_first_start_with_an_empty_file_is_no_error(path, caplog):
+    path.touch()
     driver = StateDriver().restart(path)
     driver.save()
     assert driver.storage.successful
@@ -182,15 +168,7 @@ def test_only_what_sqlite_calls_corrupt_is_damage(path, edit, cause):
 
 # -- what is restored of it ------------------------------------------------------------------
 
-WRONG = {
-    "level": 7,
-    "before_stale": "ERROR",
-    "since": "yesterday",
-    "identity": ["Motor"],
-    "message": "x" * 5000,
-    "hardware_id": None,
-    "listed": [],
-}
+WRONG = {"level": 7, "since": "yesterday", "identity": ["Motor"], "message": "x" * 5000}
 
 
 @pytest.mark.parametrize("field", WRONG)

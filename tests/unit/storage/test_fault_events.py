@@ -7,7 +7,6 @@ from contextlib import closing
 from pathlib import Path
 
 from ros_diagnostics_exporter.events import Event, Wanted
-from ros_diagnostics_exporter.storage import database
 from ros_diagnostics_exporter.storage.database import Changes, Database, find_events, first_event
 
 EVENTS = [
@@ -51,8 +50,3 @@ def test_a_database_of_an_earlier_exporter_gets_the_index_and_keeps_its_events(t
 def test_an_empty_database_has_no_first_event(tmp_path):
     Database(tmp_path / "db").close()
     assert first_event(tmp_path / "db") is None
-
-
-def test_the_kinds_with_an_index_are_those_of_faults():
-    assert {"fault_began", "fault_ended", "notified", "acknowledged"} <= database.OF_FAULTS
-    assert "level" not in database.OF_FAULTS

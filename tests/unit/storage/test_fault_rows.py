@@ -72,12 +72,9 @@ def test_a_fault_that_ended_is_written_without_it(path):
     [
         lambda row: row.__setitem__(2, None),
         lambda row: row.__setitem__(0, "rocket"),
-        lambda row: row[2].pop("verdict"),
-        lambda row: row[2].update(since="yesterday"),
         lambda row: row[2].update(clock=1e300),
-        lambda row: row[2]["fault"].update(labels=["a"]),
     ],
-    ids=["empty", "kind", "missing", "no time", "beyond", "labels"],
+    ids=["empty", "kind", "beyond"],
 )
 def test_a_damaged_row_is_named_and_harms_no_other(path, caplog, damage):
     before = saved(path, HOT, LASER)
@@ -101,18 +98,9 @@ def test_a_damaged_row_is_named_and_harms_no_other(path, caplog, damage):
     assert names(after.state.faults()) == {"Laser", "Motor"}
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda rows: rows.__setitem__(slice(None), [row for row in rows if row[0] != "robot"]),
-        lambda rows: rows.append(["robot", [], rows[0][2]]),
-        lambda rows: rows.append(["problem", "key", 7]),
-    ],
-    ids=["no robot", "no key", "text"],
-)
-def test_rows_that_do_not_belong_together_stop_nothing(path, caplog, damage):
+def test_rows_that_do_not_belong_together_stop_nothing(path, caplog):
     before = saved(path, HOT)
-    edited(before, path, damage)
+    edited(before, path, lambda rows: rows.remove(next(r for r in rows if r[0] == "robot")))
     with caplog.at_level(logging.ERROR):
         after = before.restart(path)
         after.save()

@@ -20,8 +20,6 @@ from typing import Any
 
 import pytest
 
-from support.state_driver import StateDriver
-
 COMPONENTS = 20
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
 
@@ -161,38 +159,3 @@ def test_killed_at_any_moment_nothing_older_than_a_second_is_lost(path, rounds):
             child = following
     assert compared > rounds // 3
     assert len(fault) == 1
-
-
-WRITER = """
-import sys
-from pathlib import Path
-from support.state_driver import ERROR, OK, StateDriver
-from ros_diagnostics_exporter.model import Status
-from ros_diagnostics_exporter.storage.storage import Storage
-
-driver = StateDriver()
-driver.storage = Storage(Path(sys.argv[1]))
-for turn in range(1_000_000):
-    driver.raw(*(Status((ERROR, OK)[turn % 2], f"c{n}", "x" * (turn % 50)) for n in range(50)))
-    driver.save(at_once=True)
-    if turn == 3:
-        print("writing", flush=True)
-"""
-
-
-def test_killed_at_any_moment_the_file_is_whole(path, caplog):
-    for turn in range(4):
-        writer = subprocess.Popen(
-            [sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, env=ENVIRONMENT
-        )
-        with writer:
-            assert writer.stdout.readline() == b"writing\n"
-            # Any moment will do: each turn lets another part of a write go by.
-            until = time.monotonic() + turn * 0.0061
-            while time.monotonic() < until:
-                pass
-            writer.kill()
-        fresh = StateDriver().restart(path)
-        fresh.close()
-        assert len(fresh.robot.components) == 50
-    assert not caplog.text

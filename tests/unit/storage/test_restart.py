@@ -64,26 +64,9 @@ def test_a_restart_is_no_change_of_level(path, last, times, first, found):
     assert (*of_motor, changes) == found
 
 
-def stale_is_ok() -> StateDriver:
-    rule = ComponentRule(re.compile(""), levels={STALE: OK})
-    return StateDriver(components=(rule,), stale_after=5.0)
-
-
-def test_a_restart_is_no_problem_where_stale_counts_as_ok(path):
-    before = stale_is_ok()
-    before.raw(COOL)
-    after = before.again(path)
-
-    assert motor(after)[::2] == (OK, None)
-    assert after.component("Motor").before_stale is None
-    after.at(100)
-    after.now = Instant(101.0, WALL + 106)
-    after.raw(HOT)
-    assert motor(after)[::2] == (ERROR, WALL + 106)
-
-
 def test_a_restart_ends_no_problem_where_stale_counts_as_ok(path):
-    before = stale_is_ok()
+    rule = ComponentRule(re.compile(""), levels={STALE: OK})
+    before = StateDriver(components=(rule,), stale_after=5.0)
     before.raw(HOT)
     again = before.again(path)
     assert again.problem_since("Motor") is None  # it is OK, as the config has it
@@ -147,35 +130,19 @@ def test_a_discovered_robot_that_is_away_is_known_again_if_discovery_still_wants
     assert not before.restart(path, fleet=Fleet("f")).state.robots
 
 
-def healthy(driver: StateDriver, path, topic: str, array: Array) -> None:
-    """An array every five minutes for 55 hours, always the same, saved as the exporter does."""
-    driver.storage = Storage(path)
-    for turn in range(55 * 12 + 1):
-        driver.now = Instant(turn * 300.0, WALL + turn * 300.0)
-        driver.state.receive(Topic(0, topic), array, driver.now)
-        driver.save()
-    assert driver.storage.successful
-
-
 def test_what_was_fine_for_days_is_not_forgotten_by_a_restart(path):
     before = StateDriver()
-    healthy(before, path, "/r/diagnostics", Array(0.0, (COOL, LASER), 100))
+    before.storage = Storage(path)
+    for turn in range(55 * 12 + 1):  # every five minutes
+        before.now = Instant(turn * 300.0, WALL + turn * 300.0)
+        before.raw(COOL, LASER)
+        before.save()
     after = before.restart(path)
     after.at(5)
 
     assert {each.name for each in after.robot.components} == {"Motor", "Laser"}
     seen = after.sample("robot_last_message_timestamp_seconds")
     assert before.now.wall - 30 <= seen <= before.now.wall
-
-
-def test_a_discovered_robot_that_falls_silent_in_a_restart_stays_known(path):
-    before = discovered(AGG)
-    healthy(before, path, AGG, Array(0.0, tree(Motor=[COOL]), 100))
-    after = before.restart(path)
-    after.at(5)
-
-    assert after.sample("robot_up") == 0
-    assert after.component("Motor").level == STALE
 
 
 # -- what is written -------------------------------------------------------------------------
@@ -189,15 +156,6 @@ def fleet_of(*names: str) -> Fleet:
 def receive(driver: StateDriver, robot: str, *statuses: Status) -> None:
     array = Array(0.0, statuses, 100)
     driver.state.receive(Topic(0, f"/{robot}/diagnostics"), array, driver.now)
-
-
-def test_the_last_write_has_what_was_seen_last(path):
-    before = StateDriver()
-    before.raw(COOL)
-    before.keep(path)
-    before.at(7)
-    before.raw(COOL)
-    assert before.again(path).sample("robot_last_message_timestamp_seconds") == WALL + 7
 
 
 def test_the_file_is_written_at_most_once_a_second_and_only_for_a_change(path, content):

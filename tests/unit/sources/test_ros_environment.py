@@ -1,4 +1,4 @@
-"""What ROS gets by the environment: profiles of Fast DDS, and a folder for logs."""
+"""What ROS gets: its arguments, profiles of Fast DDS, and a folder for logs."""
 
 from __future__ import annotations
 
@@ -7,9 +7,25 @@ from pathlib import Path
 
 import pytest
 
-from ros_diagnostics_exporter.sources.ros_environment import use_log_folder, use_profiles
+from ros_diagnostics_exporter.sources.ros_environment import (
+    split_arguments,
+    use_log_folder,
+    use_profiles,
+)
 
 VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+
+
+@pytest.mark.parametrize(
+    ("own", "for_ros", "more_own"),
+    [
+        (["--config.file", "f"], [], []),
+        (["--config.file", "f"], ["--ros-args", "-e", "/monitor"], []),
+        ([], ["--ros-args", "-e", "/monitor", "--"], ["--version"]),
+    ],
+)
+def test_the_arguments_are_parted_at_ros_args(own, for_ros, more_own):
+    assert split_arguments(own + for_ros + more_own) == (own + more_own, tuple(for_ros))
 
 
 def test_the_file_that_is_installed_is_used(tmp_path):
