@@ -1,7 +1,4 @@
-"""The tables of docs/configuration.md, from the models.
-
-They are between `<!-- keys of Robot -->` and `<!-- end -->`; the rest is written by hand.
-"""
+"""docs/reference/configuration.md: every key of fleet.yml, from the models."""
 
 from __future__ import annotations
 
@@ -13,35 +10,28 @@ from typing import Any
 from config_schema import schema
 from ros_diagnostics_exporter.config.fleet import Fleet
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "configuration.md"
-_BLOCK = re.compile(r"(<!-- keys of (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference" / "configuration.md"
+_HEAD = """# Keys of fleet.yml
+
+Every key of [fleet.yml](../configuration.md), by its part of the file. What a duration, a name or
+words are: [kinds of values](../configuration.md#kinds-of-values). `./run generate` writes this
+page.
+"""
 SHORT = 12  # words of a meaning that is said again
 _TYPES = {"boolean": "`true` or `false`", "integer": "whole number", "number": "number"}
 
 
 def files() -> dict[Path, str]:
-    """The page with up-to-date tables."""
-    return {PAGE: updated(PAGE.read_text(encoding="utf-8"))}
-
-
-def updated(document: str) -> str:
-    """The document with up-to-date tables.
-
-    Raises:
-        ValueError: A part of fleet.yml has no table, or a table no part.
-    """
-    tables = _tables()
-    named = [match[2] for match in _BLOCK.finditer(document)]
-    if sorted(named) != sorted(tables):
-        raise ValueError(f"the document has tables for {sorted(named)}, not for {sorted(tables)}")
-    return _BLOCK.sub(lambda match: match[1] + tables[match[2]] + match[3], document)
-
-
-def _tables() -> dict[str, str]:
+    """The page."""
     whole = schema(Fleet)
-    parts = [whole, *whole["definitions"].values()]
     said: dict[tuple[str, str], str] = {}
-    return {part["title"]: _table(part, said) for part in parts}
+    parts = [_section(part, said) for part in (whole, *whole["definitions"].values())]
+    return {PAGE: "\n".join([_HEAD, *parts])}
+
+
+def _section(part: dict[str, Any], said: dict[tuple[str, str], str]) -> str:
+    links = re.sub(r"\]\((?=\w)(?!https?:)", "](../", _table(part, said))  # are of docs/
+    return f"## {part['title']}\n\n{part['description']}\n\n{links}"
 
 
 def _table(part: dict[str, Any], said: dict[tuple[str, str], str]) -> str:

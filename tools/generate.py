@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import api_reference
+import commands_reference
 import config_reference
 import config_schema
 import mail_pictures
@@ -31,13 +32,14 @@ def dashboards() -> Files:
 
 GENERATORS: dict[str, Callable[[], Files]] = {
     "schemas of fleet.yml": config_schema.files,
-    "tables of docs/configuration.md": config_reference.files,
-    "tables of docs/metrics.md": metrics_reference.files,
+    "reference of fleet.yml": config_reference.files,
+    "reference of metrics": metrics_reference.files,
+    "reference of commands": commands_reference.files,
     "paths of the port": api_reference.files,
     "rules for Kubernetes": prometheus_operator.files,
     "dashboards": dashboards,
     "tables of docs/scaling.md": scaling.files,
-    "table of docs/silent-faults.md": silent_report.files,
+    "reference of silent faults": silent_report.files,
     "versions": versions.files,
 }
 

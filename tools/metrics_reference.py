@@ -1,11 +1,7 @@
-"""The tables of docs/metrics.md, from metrics/families.py.
-
-They are between `<!-- families of robots -->` and `<!-- end -->`; the rest is written by hand.
-"""
+"""docs/reference/metrics.md: every family, from metrics/families.py and self_metrics.py."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -19,33 +15,30 @@ from ros_diagnostics_exporter.metrics.families import (
 )
 from ros_diagnostics_exporter.metrics.self_metrics import EXPORTER_FAMILIES
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "metrics.md"
-_BLOCK = re.compile(r"(<!-- families of (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference" / "metrics.md"
+_HEAD = """# Families of metrics
+
+Every family that `/metrics` serves. What components, reasons and kinds of faults are:
+[Metrics](../metrics.md). `./run generate` writes this page.
+"""
 
 
 def files() -> dict[Path, str]:
-    """The page with up-to-date tables."""
-    return {PAGE: updated(PAGE.read_text(encoding="utf-8"))}
-
-
-def updated(document: str) -> str:
-    """The document with up-to-date tables.
-
-    Raises:
-        ValueError: A table is missing, or there is one too many.
-    """
+    """The page."""
     components = tuple(each for each in FLEET_FAMILIES if _starts(each, COMPONENT))
     robots = tuple(each for each in FLEET_FAMILIES if each not in components)
-    tables = {
-        "robots": _table(robots, ROBOT),
-        "components": _table(components, COMPONENT),
-        "faults": _table(FAULT_FAMILIES, EXPORTER),
-        "exporter": _table(EXPORTER_FAMILIES, EXPORTER),
-    }
-    named = [match[2] for match in _BLOCK.finditer(document)]
-    if sorted(named) != sorted(tables):
-        raise ValueError(f"the document has tables for {sorted(named)}, not for {sorted(tables)}")
-    return _BLOCK.sub(lambda match: match[1] + tables[match[2]] + match[3], document)
+    tables = (
+        _section("Robots", robots, ROBOT),
+        _section("Components", components, COMPONENT),
+        _section("Faults", FAULT_FAMILIES, EXPORTER),
+        _section("The exporter itself", EXPORTER_FAMILIES, EXPORTER),
+    )
+    return {PAGE: "\n".join((_HEAD, *tables))}
+
+
+def _section(title: str, families: Sequence[Family], common: Sequence[str]) -> str:
+    labels = ", ".join(f"`{label}`" for label in common)
+    return f"## {title}\n\nLabels of every family: {labels}.\n\n{_table(families, common)}"
 
 
 def _starts(family: Family, labels: tuple[str, ...]) -> bool:

@@ -1,8 +1,9 @@
 """Mappings of a YAML file as frozen dataclasses, in which each key is described once.
 
 A field that is `described` is a key of the file; any other is made of those. The description is the
-documentation: docs/configuration.md and the JSON Schema are generated from it. `validated` checks
-what a file has; the constructors of the classes, which programs and tests use, check nothing.
+documentation: docs/reference/configuration.md and the JSON Schema are generated from it.
+`validated` checks what a file has; the constructors of the classes, which programs and tests use,
+check nothing.
 """
 
 from __future__ import annotations

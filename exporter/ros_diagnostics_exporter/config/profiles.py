@@ -89,10 +89,9 @@ class ComponentRule(Conditional, Entry, title="Component"):
         default=False,
     )
     behind: Words = described(
-        "Words, case ignored, one of which the name of what they depend on contains: another "
-        "component of the robot, such as a computer or its power. While that is ERROR or flaps, or "
-        "STALE as they are, no trouble of theirs begins to be a fault "
-        "([behind](queries.md#behind)).",
+        "Words, case ignored, of the name of another component of the robot that they depend on. "
+        "While that is ERROR or flaps, or STALE as they are, no trouble of theirs begins to be a "
+        "fault ([behind](queries.md#behind)).",
         example="Power",
         default=(),
     )
@@ -282,9 +281,7 @@ class Profile(Entry):
 
     name: str = DEFAULT
     extends: Name = described(
-        "The profile to start from. Checks and capabilities are added to its own (one of the same "
-        "name replaces it, null removes it); its components and values are searched after this "
-        "profile's own.",
+        "The profile to start from ([what is added, what replaced](configuration.md#profile)).",
         example="wheeled",
         default=DEFAULT,
     )

@@ -58,11 +58,9 @@ AnySource = Annotated[Source, Written(Literal["agg", "raw", "both", "auto"], Sou
 SourceOfOne = Annotated[Source, Written(Literal["agg", "raw", "both", "auto", "queries"], Source)]
 
 _SOURCE = (
-    "Where the components are read from: `agg`, the tree of the robot's "
-    "diagnostic_aggregator; `raw`, what the drivers publish; `both`, the tree from the aggregate "
-    "and changes from raw, because an aggregator hides what is shorter than its period; `auto`, "
-    "the aggregate if one comes within 5 s of the first raw message, else raw, decided once for a "
-    "robot."
+    "Where the components are read from. `agg`: the aggregator's tree. `raw`: what the drivers "
+    "publish. `both`: the tree, with changes from raw. `auto`: the tree if one comes within 5 s of "
+    "the first raw message, else raw, decided once."
 )
 # Keys of several entries, each described once.
 _profile = partial(described, default_factory=Profile, written=DEFAULT)
@@ -78,9 +76,8 @@ _labels = partial(
 
 def _zenoh(instead_of: str, whose: str, *, example: str) -> Any:
     return described(
-        f"In place of `{instead_of}`, for what comes by [zenoh](#zenoh): the beginning of {whose} "
-        "keys, which the topic follows; `/` where there is none. A bridge's `namespace` is one, "
-        "and with rmw_zenoh the number of the ROS domain.",
+        f"In place of `{instead_of}`, for what comes by [zenoh](#zenoh): what is before the topic "
+        f"in {whose} keys: a bridge's `namespace`, the number of rmw_zenoh's domain, or `/`.",
         example=example,
         default=None,
     )
@@ -108,8 +105,8 @@ class Robot(Entry):
     topic_agg: str | None = None  # absolute name, of namespace or topic
     topic_raw: str | None = None
     source: SourceOfOne = described(
-        f"{_SOURCE} And `queries` for what has no ROS, such as a server or a dock: it has the "
-        "components of [queries](#query) alone, and is never silent.",
+        f"{_SOURCE} `queries`: what has no ROS has the components of [queries](#query) alone, and "
+        "is never silent.",
         example="raw",
         default=Source.AUTO,
     )
@@ -121,9 +118,9 @@ class Robot(Entry):
     )
     labels: Labels = _labels()
     topic: Topic | None = described(
-        "The topic in full, in place of `namespace`. With source `auto` or `both`, a name that "
-        "ends in `_agg` is the aggregate's, any other is raw, and the other topic is named after "
-        "it. If it is one of `shared`, this is one of the robots there.",
+        "The topic in full, in place of `namespace`. With source `auto` or `both` it is the "
+        "aggregate's if it ends in `_agg`, else raw, and the other is named after it. If it is one "
+        "of `shared`, this is one of the robots there.",
         example="/robot_1/health/diagnostics_agg",
         default=None,
     )
@@ -179,10 +176,9 @@ class Discovery(Entry):
         written=[0],
     )
     type: Literal["diagnostic_msgs/msg/DiagnosticArray"] | None = described(
-        "In place of `topic`: every topic of this message type in a namespace is a robot's, "
-        "whatever its name; the robot's name is the last part of the namespace "
-        "(`/hall/r1/health` -> `r1`). With source `agg` only topics that end in `_agg`, with `raw` "
-        "only the others.",
+        "In place of `topic`: every topic of this type in a namespace is a robot's, named after "
+        "the last part of the namespace (`/hall/r1/health` -> `r1`). With source `agg` only topics "
+        "that end in `_agg`, with `raw` only the others.",
         example=MESSAGE_TYPE,
         default=None,
     )
@@ -258,9 +254,8 @@ class Shared(Entry):
     )
     pattern: Split | None = described(
         "How to find the robot's name there: text with `{robot}` and, for names, `{component}`; "
-        'or {regex: "..."} with groups of these names, `(?P<robot>...)`. Statuses that do not '
-        "match are counted as rejected. Needed with by: name; without it the whole hardware_id is "
-        "the robot's name.",
+        'or {regex: "..."} with such groups, `(?P<robot>...)`. What does not match is rejected. '
+        "Without it the whole hardware_id is the robot's name; `by: name` needs it.",
         example="{robot}/{component}",
         default=None,
     )

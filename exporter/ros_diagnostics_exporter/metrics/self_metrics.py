@@ -1,6 +1,6 @@
 """The exporter's own metrics (exporter_*, process_*), rendered by prometheus_client.
 
-A new one is a row of ``TABLE``: the exposition, docs/metrics.md and the tests read it.
+A new one is a row of ``TABLE``: the exposition, docs/reference/metrics.md and the tests read it.
 """
 
 from __future__ import annotations
