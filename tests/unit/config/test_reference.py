@@ -7,6 +7,7 @@ from ros_diagnostics_exporter.robots.rules import SEARCHED
 
 DOCUMENT = REFERENCE.parents[1] / "configuration.md"
 
+
 def test_prose_names_the_limits_and_reserved_labels():
     text = " ".join(DOCUMENT.read_text(encoding="utf-8").split())
     assert f"a file may have {yaml_file.MAX_BYTES // 2**20} mib" in text.lower()
