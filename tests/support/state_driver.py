@@ -17,6 +17,9 @@ from ros_diagnostics_exporter.storage.storage import Storage
 
 OK, WARN, ERROR, STALE = range(4)
 WALL = 1_700_000_000.0
+SETTLED = 40.0  # seconds after which restart_grace is over
+MOTOR, HOT = Status(OK, "Motor 1", "OK", "mc-01"), Status(ERROR, "Motor 1", "Hot", "mc-01")
+LASER = Status(OK, "Laser 1", "OK")
 
 
 def tree(**groups: dict[str, Status]) -> tuple[Status, ...]:
@@ -139,6 +142,15 @@ class StateDriver:
         while self.now.mono < until:
             self.agg(*statuses)
             self.at(min(until, self.now.mono + period))
+
+    def stand(self, seconds: float, *statuses: Status) -> None:
+        """Send the same statuses once a second for some seconds."""
+        self.raw_every(1, self.now.mono + seconds, *statuses)
+
+    def fault_names(self) -> set[tuple[str, ...]]:
+        """Scope, state and what it is about of each fault."""
+        found = (each.identity for each in self.state.faults())
+        return {(each.scope.value, each.state.value, *filter(None, each[2:])) for each in found}
 
     def component(self, name: str):
         (found,) = (each for each in self.robot.components if each.name == name)

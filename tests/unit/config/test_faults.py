@@ -20,21 +20,16 @@ def test_without_the_section_the_defaults_apply(fleet_of):
 
 
 def test_every_key_of_the_section_is_applied(fleet_of):
-    fleet = fleet_of(
-        MINIMAL
-        + "faults:\n"
-        + "  restart_grace: 1m\n"
-        + "  pending_after: 1h\n"
-        + "  confirm_after: 20s\n"
-        + "  flapping: {start: 0.5, stop: 0.3}\n"
-        + "  intermittent: {changes: 6, within: 20m}\n"
-        + "  falling: {ahead: 1h, over: 5m}\n"
-        + "  value_hysteresis: 0.05\n"
-        + "  many: {components: 3, share: 0.4, absolute: 9}\n"
-        + "  site: {robots: 24, share: 0.6}\n"
-        + "  common: {robots: 6, share: 0.2, absolute: 30}\n"
-        + "  warning_hours: {weekly: [Mon-Fri 06:00-18:00], time_zone: Europe/Berlin}\n"
-    )
+    fleet = fleet_of("""
+        fleet: x
+        robots: [{name: r1}]
+        faults:
+          {restart_grace: 1m, pending_after: 1h, confirm_after: 20s, value_hysteresis: 0.05,
+           flapping: {start: 0.5, stop: 0.3}, intermittent: {changes: 6, within: 20m},
+           falling: {ahead: 1h, over: 5m}, many: {components: 3, share: 0.4, absolute: 9},
+           site: {robots: 24, share: 0.6}, common: {robots: 6, share: 0.2, absolute: 30},
+           warning_hours: {weekly: [Mon-Fri 06:00-18:00], time_zone: Europe/Berlin}}
+    """)
     assert fleet.faults == FaultSettings(
         confirm_after=20.0,
         restart_grace=60.0,

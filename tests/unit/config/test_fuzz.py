@@ -6,27 +6,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from config_schema import schema
 from ros_diagnostics_exporter.config.errors import ConfigError
-from ros_diagnostics_exporter.config.fleet import (
-    Check,
-    ComponentRule,
-    Discovery,
-    Fleet,
-    Limits,
-    Maintenance,
-    Profile,
-    Robot,
-    Shared,
-    Thresholds,
-    ValueRule,
-)
+from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.load import load
 
-ENTRIES = (
-    *(Fleet, Limits, Maintenance, Discovery, Robot, Shared),
-    *(Check, ComponentRule, Profile, Thresholds, ValueRule),
-)
-KEYS = sorted({key for entry in ENTRIES for key in entry.keys} | {"regex", "default"})
+FLEET = schema(Fleet)
+ENTRIES = (FLEET, *FLEET["definitions"].values())
+KEYS = sorted({key for entry in ENTRIES for key in entry["properties"]} | {"regex", "default"})
 WORDS = ["/{robot}/diagnostics_agg", "/r", "5s", "Mon 22:00-06:00", "2026-03-01", "UTC", "a*", "r"]
 
 LEAVES = st.one_of(

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import Check, Profile, Robot, Source
+from ros_diagnostics_exporter.config.fleet import Check, Profile
 
 
 @pytest.mark.parametrize(
@@ -23,11 +23,6 @@ def test_what_is_made_of_keys_is_no_key(errors_of, entry, error):
 def test_a_profiles_key_at_the_top_names_its_place(errors_of):
     errors = errors_of("fleet: x\nvalues: [{key: Level}]\n")
     assert errors == ["fleet.yml:2: values: is a key of profiles; write it in profiles.default"]
-
-
-def test_constructors_check_nothing_and_make_nothing_of_other_keys():
-    robot = Robot("r", 300, topic_agg="not/absolute", source=Source.AGG)
-    assert (robot.domain_id, robot.topic_agg, robot.topic_raw) == (300, "not/absolute", None)
 
 
 def test_key_without_a_value_is_as_if_it_were_not_given(fleet_of):

@@ -2,14 +2,13 @@
 
 import os
 import socket
-import tempfile
 from pathlib import Path
 
 import pytest
 
 from ros_diagnostics_exporter.config.errors import ConfigError
-from ros_diagnostics_exporter.config.fleet import Source
 from ros_diagnostics_exporter.config.load import load, sources
+from ros_diagnostics_exporter.config.queries import component_name
 
 MIXED = Path(__file__).parents[3] / "docs" / "examples" / "mixed-fleet" / "fleet.yml"
 DEMO = """
@@ -67,14 +66,6 @@ def test_topics_follow_from_namespace_topic_and_source(fleet_of, keys, agg, raw,
     assert (robot.topic_agg, robot.topic_raw, robot.namespace) == (agg, raw, namespace)
 
 
-def test_discovery_matches_topics_and_names_the_robot(fleet_of):
-    discovery = fleet_of(DEMO).discoveries[0]
-    assert discovery.pattern.fullmatch("/robot_9/diagnostics_agg")["robot"] == "robot_9"
-    assert not discovery.pattern.fullmatch("/hall/robot_9/diagnostics_agg")
-    assert not discovery.pattern.fullmatch("/diagnostics_agg")
-    assert (discovery.domain_ids, discovery.source) == ((7,), Source.AUTO)
-
-
 def test_domains_of_all_entries_are_collected(fleet_of):
     fleet = fleet_of("""
         fleet: demo
@@ -90,14 +81,10 @@ def test_a_query_may_be_one_character(fleet_of):
     assert query.expr == "1"
 
 
-def test_key_without_a_value_counts_as_not_given(fleet_of):
-    fleet = fleet_of("""
-        fleet: demo
-        robots:
-        profiles: {default: }
-        limits:
-    """)
-    assert (fleet.robots, fleet.limits.components) == ((), 500)
+def test_the_name_of_a_component_is_made_of_the_labels_of_its_element():
+    labels = {"device": "sda", "mountpoint": "/"}
+    names = {"disk {mountpoint}": "disk /", "disk {no} {device}": "disk sda", "{no}": "{no}"}
+    assert {template: component_name(template, labels) for template in names} == names
 
 
 def test_two_loads_of_one_file_are_equal():
@@ -116,36 +103,18 @@ def test_robots_of_another_profile_stay_equal_when_one_changes(fleet_of):
     assert before.robots[1] == after.robots[1]
 
 
-def test_missing_file_is_an_error(tmp_path):
-    with pytest.raises(ConfigError) as caught:
-        load(tmp_path / "fleet.yml")
-    assert str(caught.value) == (
-        f"{tmp_path}/fleet.yml: cannot be read (No such file or directory); "
-        "name a file that exists and that this user may read"
-    )
-
-
-def test_folder_in_place_of_the_file_is_an_error(tmp_path):
-    with pytest.raises(ConfigError, match=r"cannot be read \(Is a directory\)"):
-        load(tmp_path)
-
-
-@pytest.fixture
-def unreadable(tmp_path):
-    """For a while, a user who may not read fleet.yml."""
+def test_unreadable_file_is_an_error(tmp_path):
     path = tmp_path / "fleet.yml"
     path.write_text("fleet: demo")
     path.chmod(0)
     user = os.geteuid()
-    if user == 0:
-        os.seteuid(65_534)
-    yield path
-    os.seteuid(user)
-
-
-def test_unreadable_file_is_an_error(unreadable):
-    with pytest.raises(ConfigError, match=r"cannot be read \(Permission denied\)"):
-        load(unreadable)
+    try:
+        if user == 0:
+            os.seteuid(65_534)
+        with pytest.raises(ConfigError, match=r"cannot be read \(Permission denied\)"):
+            load(path)
+    finally:
+        os.seteuid(user)
 
 
 def test_huge_file_is_rejected_before_it_is_parsed(tmp_path):
@@ -155,7 +124,7 @@ def test_huge_file_is_rejected_before_it_is_parsed(tmp_path):
         load(path)
 
 
-@pytest.mark.parametrize("kind", ["fifo", "socket", "device"])
+@pytest.mark.parametrize("kind", ["fifo", "socket", "device", "folder"])
 def test_what_is_not_a_regular_file_is_an_error_and_does_not_block(fleet_of, tmp_path, kind):
     """A FIFO that nobody writes to would be opened, and a terminal read, for ever."""
     (tmp_path / "robots.d").mkdir()
@@ -164,6 +133,8 @@ def test_what_is_not_a_regular_file_is_an_error_and_does_not_block(fleet_of, tmp
         os.mkfifo(odd)
     elif kind == "device":
         odd.symlink_to("/dev/zero")
+    elif kind == "folder":
+        odd.mkdir()
     else:
         with socket.socket(socket.AF_UNIX) as listening:
             listening.bind(str(odd))
@@ -172,17 +143,20 @@ def test_what_is_not_a_regular_file_is_an_error_and_does_not_block(fleet_of, tmp
     assert len(caught.value.problems) == 1
 
 
-MANY = 60_000
-
-
-def test_a_list_of_many_problems_is_cut():
-    keys = "".join(f"key_{number}: 1\n" for number in range(MANY))
-    assert_bounded("fleet: demo\n" + keys, "and at least 980 more problems")
-
-
-def test_a_list_of_many_wrong_entries_is_cut():
-    entries = "".join(f"  - {{nam: r{number}}}\n" for number in range(2_000))
-    assert_bounded("fleet: demo\nrobots:\n" + entries, "and at least 9")
+@pytest.mark.parametrize(
+    ("problem", "number", "more"),
+    [("key_{}: 1\n", 60_000, "and at least 980 more"), ("- nam: {}\n", 2_000, "and at least 9")],
+)
+def test_a_list_of_many_problems_is_cut(fleet_of, problem, number, more):
+    problems = "".join(map(problem.format, range(number)))
+    with pytest.raises(ConfigError) as caught:
+        fleet_of("fleet: demo\n" + ("robots:\n" if problem[0] == "-" else "") + problems)
+    *lines, last = str(caught.value).splitlines()
+    assert len(lines) == 20
+    assert last.startswith(more)
+    assert last.endswith("more problems, listed once these are fixed")
+    assert len(str(caught.value)) < 20_000
+    assert len(caught.value.text(3).splitlines()) == 4
 
 
 def test_a_long_key_is_shortened(fleet_of):
@@ -191,20 +165,6 @@ def test_a_long_key_is_shortened(fleet_of):
     (line,) = str(caught.value).splitlines()
     assert "kkk...: is not a key; use one of" in line
     assert len(line) < 1000
-
-
-def assert_bounded(text, more):
-    with tempfile.NamedTemporaryFile("w", suffix=".yml") as file:
-        file.write(text)
-        file.flush()
-        with pytest.raises(ConfigError) as caught:
-            load(Path(file.name))
-    lines = str(caught.value).splitlines()
-    assert len(lines) == 21
-    assert lines[-1].startswith(more)
-    assert lines[-1].endswith("more problems, listed once these are fixed")
-    assert len(str(caught.value)) < 20_000
-    assert len(caught.value.text(3).splitlines()) == 4
 
 
 def test_a_list_of_many_warnings_is_cut(fleet_of):

@@ -100,10 +100,6 @@ def test_first_component_rule_applies_and_own_rules_come_before_inherited_ones(
     )
 
 
-def test_component_without_a_rule_has_none(fleet_of):
-    assert component_rule(fleet_of(FAMILY).profiles["turtlebot4"], "webcam: stream") is None
-
-
 def test_levels_are_mapped_by_the_rule(fleet_of):
     rule = (
         fleet_of("""

@@ -144,6 +144,39 @@ def test_a_bug_is_logged_and_the_next_reload_works(site, monkeypatch, caplog):
     assert site.reloader.successful
 
 
+@pytest.mark.parametrize("change", ["write", "replace", "add to folder", "remove"])
+def test_a_change_of_a_file_or_folder_is_told_once_and_after_it_came_to_rest(tmp_path, change):
+    file, folder = tmp_path / "fleet.yml", tmp_path / "robots.d"
+    file.write_text("a")
+    folder.mkdir()
+    watch = FileWatcher((file, folder))
+    assert not watch.changed()
+
+    if change == "write":
+        file.write_text("longer")
+    elif change == "replace":
+        (tmp_path / "new").write_text("b")
+        (tmp_path / "new").replace(file)
+    elif change == "add to folder":
+        (folder / "r.yml").write_text("name: r")
+    else:
+        file.unlink()
+
+    assert [watch.changed() for _ in range(4)] == [False, True, False, False]
+
+
+def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path):
+    file, other = tmp_path / "fleet.yml", tmp_path / "robots.yml"
+    for path in (file, other):
+        path.write_text("a")
+    watch = FileWatcher((file,))
+    watch.mark()
+    file.write_text("longer, and written after the exporter has read it")
+    watch.watch((file, other))
+
+    assert [watch.changed() for _ in range(3)] == [True, False, False]
+
+
 def test_a_file_that_never_stops_changing_does_not_hide_other_changes(tmp_path):
     unstable, other = tmp_path / "a.yml", tmp_path / "b.yml"
     for path in (unstable, other):

@@ -19,80 +19,61 @@ FLEET = schema(Fleet)
 VALIDATOR = Draft7Validator(FLEET)
 
 # The required keys of each kind of entry, and its place in fleet.yml.
+DOWNTIME = {"name": "x", "comment": "x", "selector": {"robot": "*"}}
 PROFILE = {"default": {}, "turtlebot4": {}, "wheeled": {}, "arm": {}}
-LEVEL = {"level": "OK"}
 LIFTING = {"default": {"capabilities": {"lifting": ["Lift"]}}}
+
+
+def default(**keys):
+    return {"profiles": {"default": keys}}
+
+
+def needed(entry, needs, *keys):
+    """What an entry needs that has none of these keys."""
+    return {} if {*keys} & {*entry} else needs
+
+
+def condition(entry):
+    limits = {"equals", "below", "above"} & {*entry}
+    return {
+        **needed(entry, {"component": "x"}, "key"),
+        **({"key": "x"} if limits else {}),
+        **({"equals": "x"} if "key" in entry else {}),
+        **needed(entry, {"level": "OK"}, "key", "equals", "below", "above"),
+        **entry,
+    }
+
+
 WHOLE = {
     "Fleet": lambda entry: entry,
     "Robot": lambda entry: {"robots": [{"name": "r", **entry}]},
     "Discovery": lambda entry: {"discovery": [entry]},
     "Shared": lambda entry: {"shared": [{"topic": "/diagnostics", **entry}]},
     "Profile": lambda entry: {"profiles": {**PROFILE, "x": entry}},
-    "Check": lambda entry: {"profiles": {"default": {"checks": {"x": entry}}}},
-    "ComponentRule": lambda entry: {
-        "profiles": {
-            "default": {
-                "components": [
-                    {
-                        "match": "x",
-                        **({"reports": "on_change"} if "ends_after" in entry else {}),
-                        **entry,
-                    }
-                ]
-            }
+    "Check": lambda entry: default(checks={"x": entry}),
+    "ComponentRule": lambda entry: default(
+        components=[
+            {"match": "x", **({"reports": "on_change"} if "ends_after" in entry else {}), **entry}
+        ]
+    ),
+    "Condition": lambda entry: default(components=[{"match": "x", "unless": condition(entry)}]),
+    "ValueRule": lambda entry: default(
+        values=[{**({"thresholds": {}} if {"when", "unless"} & {*entry} else {}), **entry}]
+    ),
+    "Capability": lambda entry: default(
+        capabilities={
+            "front view": ["Camera"],
+            "x": {**needed(entry, {"all": "Motor"}, "all", "any", "at_least"), **entry},
         }
-    },
-    "Condition": lambda entry: {
-        "profiles": {
-            "default": {
-                "components": [
-                    {
-                        "match": "x",
-                        "unless": {
-                            **({} if "key" in entry else {"component": "x"}),
-                            **({"key": "x"} if {"equals", "below", "above"} & {*entry} else {}),
-                            **({"equals": "x"} if "key" in entry else {}),
-                            **({} if {"key", "equals", "below", "above"} & {*entry} else LEVEL),
-                            **entry,
-                        },
-                    }
-                ]
-            }
-        }
-    },
-    "ValueRule": lambda entry: {
-        "profiles": {
-            "default": {
-                "values": [
-                    {**({"thresholds": {}} if {"when", "unless"} & {*entry} else {}), **entry}
-                ]
-            }
-        }
-    },
-    "Capability": lambda entry: {
-        "profiles": {
-            "default": {
-                "capabilities": {
-                    "front view": ["Camera"],
-                    "x": {
-                        **({} if {"all", "any", "at_least"} & {*entry} else {"all": "Motor"}),
-                        **entry,
-                    },
-                }
-            }
-        }
-    },
+    ),
     "FleetCapability": lambda entry: {
         "profiles": LIFTING,
         "capabilities": {
-            "x": {
-                **({} if {"all", "any", "at_least"} & {*entry} else {"all": [{"can": "lifting"}]}),
-                **entry,
-            }
+            "x": {**needed(entry, {"all": [{"can": "lifting"}]}, "all", "any", "at_least"), **entry}
         },
     },
-    "Thresholds": lambda entry: {"profiles": {"default": {"values": [{"thresholds": entry}]}}},
-    "Bound": lambda entry: {"profiles": {"default": {"values": [{"thresholds": {"low": entry}}]}}},
+    "Thresholds": lambda entry: default(values=[{"thresholds": entry}]),
+    "Bound": lambda entry: default(values=[{"thresholds": {"low": entry}}]),
     "FaultSettings": lambda entry: {"faults": entry},
     "Flapping": lambda entry: {"faults": {"flapping": entry}},
     "Intermittent": lambda entry: {"faults": {"intermittent": entry}},
@@ -104,8 +85,8 @@ WHOLE = {
     "WarningHours": lambda entry: {
         "faults": {"warning_hours": {"weekly": ["daily 06:00-18:00"], **entry}}
     },
-    "Graph": lambda entry: {"profiles": {"default": {"graph": entry}}},
-    "Watched": lambda entry: {"profiles": {"default": {"graph": {"watch": entry}}}},
+    "Graph": lambda entry: default(graph=entry),
+    "Watched": lambda entry: default(graph={"watch": entry}),
     "Limits": lambda entry: {"limits": entry},
     "Query": lambda entry: {"queries": [{"expr": "up", "component": "c", **entry}]},
     "Zenoh": lambda entry: {
@@ -119,15 +100,7 @@ WHOLE = {
         }
     },
     "Maintenance": lambda entry: {
-        "maintenance": [
-            {
-                "name": "x",
-                "comment": "x",
-                "selector": {"robot": "*"},
-                **({} if "end" in entry else {"start": "2026-01-01"}),
-                **entry,
-            }
-        ]
+        "maintenance": [{**DOWNTIME, **needed(entry, {"start": "2026-01-01"}, "end"), **entry}]
     },
 }
 DEFINITIONS = {"Fleet": FLEET, **FLEET["definitions"]}

@@ -87,14 +87,10 @@ def test_window_over_a_change_of_the_clock_ends_by_the_local_clock(during):
     assert not during(times, unix("2026-10-24T22:00") + 9 * 3600)
 
 
-def test_time_that_is_skipped_is_as_long_after_the_change(during):
+def test_time_that_is_skipped_is_as_long_after_the_change_and_of_two_it_is_the_first(during):
     times = "weekly: [Sun 02:30-02:45], time_zone: Europe/Berlin"
     assert during(times, unix("2026-03-29T03:40"))
     assert not during(times, unix("2026-03-29T03:20"))
-
-
-def test_time_that_happens_twice_is_the_first(during):
-    times = "weekly: [Sun 02:30-02:45], time_zone: Europe/Berlin"
     assert during(times, unix("2026-10-25T02:40"))
     assert not during(times, unix("2026-10-25T02:40", fold=1))
 
@@ -126,10 +122,6 @@ def test_selector_picks_robots_by_all_of_its_labels(fleet_of, selector, selected
     assert bool(lasting(fleet, labels, unix("2026-03-01T00:00"))) is selected
 
 
-def test_without_downtimes_nothing_is_in_maintenance(fleet_of):
-    assert not lasting(fleet_of("fleet: demo"), {"robot": "r"}, 0.0)
-
-
 @pytest.mark.parametrize(
     ("times", "at", "end"),
     [
@@ -156,19 +148,6 @@ def test_the_end_of_a_downtime(fleet_of, times, at, end):
     assert not lasting(fleet, labels, unix(end))
 
 
-def test_downtimes_that_follow_one_another_end_with_the_last(fleet_of):
-    fleet = fleet_of("""
-        fleet: demo
-        maintenance:
-          - {name: a, comment: y, selector: {robot: "*"}, end: 2026-03-02T12:00:00+01:00}
-          - {name: b, comment: y, selector: {robot: "*"}, start: 2026-03-02T11:00:00+01:00,
-             end: 2026-03-02T13:00:00+01:00}
-          - {name: c, comment: y, selector: {robot: "other"}, end: 2026-03-02T14:00:00+01:00}
-    """)
-    ends = maintenance_until(fleet, {"robot": "r", "fleet": "demo"}, unix("2026-03-01T00:00"))
-    assert ends == unix("2026-03-02T13:00")
-
-
 def test_a_downtime_that_a_person_planned_for_a_component_is_none_of_the_robot(fleet_of):
     fleet, labels = fleet_of("fleet: demo"), {"robot": "r", "fleet": "demo"}
     robot = Downtime("r", "", 0.0, 60.0, "ann", "new gears")
@@ -177,15 +156,3 @@ def test_a_downtime_that_a_person_planned_for_a_component_is_none_of_the_robot(f
     assert not lasting(fleet, labels, 30.0, (motor,))
     assert maintenance_until(fleet, labels, 30.0, (motor,)) == 30.0
     assert maintenance_until(fleet, labels, 30.0, (robot, motor)) == 60.0
-
-
-@pytest.mark.parametrize(
-    "times", ["start: 2026-03-01T00:00:00+01:00", "weekly: [daily 00:00-24:00]"]
-)
-def test_a_downtime_without_an_end_in_sight(fleet_of, times):
-    fleet = fleet_of(f"""
-        fleet: demo
-        maintenance: [{{name: x, comment: y, selector: {{robot: "*"}}, {times}}}]
-    """)
-    labels = {"robot": "r", "fleet": "demo"}
-    assert maintenance_until(fleet, labels, unix("2026-03-02T12:00")) is None

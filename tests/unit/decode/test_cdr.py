@@ -67,12 +67,6 @@ def test_the_other_order_of_bytes_is_read():
     assert (found.stamp, found.statuses) == (3.0, ())
 
 
-def test_text_that_is_no_utf8_is_replaced():
-    data = encode_array([SentStatus(0, "aXb", "", "", ())], 0.0).replace(b"aXb", b"a\xffb")
-
-    assert decode(data).statuses[0].name == "a\ufffdb"
-
-
 def encoded(sent: list[Status], stamp: float = 12.5) -> bytes:
     return bytes(encode_array([SentStatus(*each) for each in sent], stamp))
 

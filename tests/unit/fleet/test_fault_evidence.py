@@ -24,13 +24,12 @@ from ros_diagnostics_exporter.config.fleet import (
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.faults.model import Row
 from ros_diagnostics_exporter.model import Array, Status, Topic
-from support.state_driver import ERROR, OK, WALL, WARN, StateDriver
+from support.state_driver import ERROR, OK, SETTLED, WALL, WARN, StateDriver
 
 MOTOR, LASER = Status(OK, "Motor"), Status(OK, "Laser")
 HOT = Status(
     ERROR, "Motor", "Hot", "m-1", (("Temperature", "91 C"), ("State", "on"), ("Load", "inf"))
 )
-SETTLED = 40.0  # restart_grace is over
 
 
 def after(seconds: float, *statuses: Status, before=(MOTOR, LASER), **profile) -> StateDriver:
@@ -39,6 +38,11 @@ def after(seconds: float, *statuses: Status, before=(MOTOR, LASER), **profile) -
     driver.raw_every(1, SETTLED, *before)
     driver.raw_every(1, driver.now.mono + seconds, *statuses)
     return driver
+
+
+def evidence(driver: StateDriver) -> list[str]:
+    """The first part of it as text, of each fault."""
+    return [each.evidence.partition(";")[0] for each in driver.state.faults()]
 
 
 def details(driver: StateDriver):
@@ -94,7 +98,10 @@ def test_of_a_component_that_is_silent_that_its_message_is_old():
 def test_of_a_value_the_number_its_unit_and_the_threshold(threshold, beyond):
     rule = ValueRule(key=re.compile("Temperature"), thresholds=(threshold,))
     cool = HOT._replace(level=OK, values=(("Temperature", "91 C"),))
-    (fields,) = details(after(12, cool, values=(rule,))).values()
+    driver = after(12, cool, values=(rule,))
+    side = "below" if beyond == "low" else "above"
+    assert evidence(driver) == [f"91 degC, {side} the threshold of {threshold.value:g} degC"]
+    (fields,) = details(driver).values()
     assert fields["value"] == {
         "key": "Temperature",
         "text": "91",
@@ -110,16 +117,18 @@ def test_of_a_value_that_falls_the_threshold_that_it_falls_to():
     driver = StateDriver(values=(rule,))
     for minute in range(26):
         status = MOTOR._replace(values=(("Charge", f"{60 - minute} %"),))
-        driver.raw_every(1, driver.now.mono + 60, status)
+        driver.raw_every(5, driver.now.mono + 60, status)
+    assert driver.fault_names() == {("value", "falling", "r", "Motor", "Charge", "low")}
+    assert evidence(driver) == ["37 %, falling to the threshold of 10 %"]
     (fields,) = details(driver).values()
     assert (fields["value"]["beyond"], fields["value"]["threshold"]) == ("falling", 10.0)
 
 
 def test_of_a_check_how_many_were_found():
     motors = Check("motors", (re.compile("Motor"),), expect=2)
-    assert details(after(12, MOTOR, checks=(motors,))) == {
-        ("critical", ""): {"found": 1, "expected": 2}
-    }
+    driver = after(12, MOTOR, checks=(motors,))
+    assert details(driver) == {("critical", ""): {"found": 1, "expected": 2}}
+    assert evidence(driver) == ["1 of 2 components report"]
 
 
 def test_of_many_components_which_and_how_many_more():
@@ -136,16 +145,16 @@ def test_of_a_silent_robot_why_and_when_it_was_last_received():
     driver = after(1, MOTOR)
     last = driver.state.robots["r"].last_wall
     driver.at(driver.now.mono + 60)
-    assert details(driver)["silent", ""] == {
-        "silent_reason": "publisher_gone",
-        "last_message": last,
-    }
+    found = {"silent_reason": "publisher_gone", "last_message": last}
+    assert details(driver) == {("silent", ""): found}
+    assert evidence(driver) == ["nobody publishes on its topics"]
 
 
 def test_of_a_site_its_robots():
+    sites = {"q": "yard", **{f"r{number}": "hall" for number in range(6)}}
     robots = tuple(
-        Robot(f"r{n}", topic_raw=f"/r{n}/d", source=Source.RAW, labels={"site": "hall"})
-        for n in range(6)
+        Robot(name, topic_raw=f"/{name}/d", source=Source.RAW, labels={"site": site})
+        for name, site in sites.items()
     )
     driver = StateDriver(fleet=Fleet("f", robots))
     for second in range(int(SETTLED)):
@@ -153,18 +162,24 @@ def test_of_a_site_its_robots():
         for robot in robots:
             driver.state.receive(Topic(0, robot.topic_raw), Array(0.0, (MOTOR,), 100), driver.now)
     driver.at(SETTLED + 30)
-    assert details(driver)["silent", ""] == {
-        "robots": ["r0", "r1", "r2", "r3", "r4"],
-        "more_robots": 1,
-    }
+    assert driver.fault_names() == {("site", "silent", "hall"), ("robot", "silent", "q")}
+    (fault,) = (each for each in driver.state.faults() if each.identity.site)
+    assert fault.details == {"robots": ["r0", "r1", "r2", "r3", "r4"], "more_robots": 1}
+    assert fault.evidence == "robots: r0, r1, r2, r3, r4 and 1 more"
 
 
 def test_of_a_clock_by_how_much_it_differs():
-    driver = after(1, MOTOR)
+    driver = after(1, MOTOR, before=(MOTOR,))
     for _ in range(65):
         driver.at(driver.now.mono + 1)
         driver.raw(MOTOR, stamp=driver.now.wall - 90)
+    assert driver.fault_names() == {("robot", "clock", "r")}
     assert details(driver)["clock", ""] == {"clock_offset": 90.0}
+    assert evidence(driver) == ["its clock is 90 s behind the exporter's"]
+    for _ in range(3):
+        driver.at(driver.now.mono + 1)
+        driver.raw(MOTOR, stamp=driver.now.wall)
+    assert driver.fault_names() == set()
 
 
 def test_of_a_capability_the_parts_that_it_lacks(tmp_path):
@@ -206,3 +221,5 @@ def test_the_fields_are_bounded_whatever_a_robot_sends():
     assert len(text) < 15_000
     assert fault.details["more_values"] == 95
     assert "\\u001b" not in text
+    assert len(fault.evidence) <= 512
+    assert all(each.isprintable() for each in fault.evidence.split("\n"))

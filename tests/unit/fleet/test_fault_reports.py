@@ -30,19 +30,10 @@ from ros_diagnostics_exporter.events import Event
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import Reason, Row
 from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Status, Topic
-from support.state_driver import ERROR, OK, STALE, WALL, WARN, StateDriver, tree
+from support.state_driver import ERROR, OK, SETTLED, STALE, WALL, WARN, StateDriver, tree
 
 MOTOR, LASER = Status(OK, "Motor"), Status(OK, "Laser")
 HOT, WARM = Status(ERROR, "Motor", "Hot"), Status(WARN, "Motor", "Warm")
-SETTLED = 40.0  # restart_grace is over
-
-
-def faults(driver: StateDriver) -> set[tuple[str, ...]]:
-    """Scope, state and what it is about of each fault."""
-    return {
-        (each.identity.scope.value, each.identity.state.value, *filter(None, each.identity[2:]))
-        for each in driver.state.faults()
-    }
 
 
 def settled(*statuses: Status, **profile) -> StateDriver:
@@ -50,11 +41,6 @@ def settled(*statuses: Status, **profile) -> StateDriver:
     driver = StateDriver(**profile)
     driver.raw_every(1, SETTLED, *statuses)
     return driver
-
-
-def stand(driver: StateDriver, seconds: float, *statuses: Status) -> None:
-    """Send these once a second for some seconds."""
-    driver.raw_every(1, driver.now.mono + seconds, *statuses)
 
 
 def reloaded(driver: StateDriver, **profile) -> None:
@@ -77,74 +63,34 @@ def restarted(driver: StateDriver, rows: list[Row]) -> StateDriver:
 # -- components ----------------------------------------------------------------------------------
 
 
-def test_an_error_is_a_fault_after_confirm_after_and_ends_with_ok():
-    driver = settled(MOTOR)
-    began = driver.now.wall
-    stand(driver, 9, HOT)
-    assert faults(driver) == set()
-    stand(driver, 3, HOT)
-    assert faults(driver) == {("component", "critical", "r", "Motor")}
-    (fault,) = driver.state.faults()
-    assert (fault.since, fault.confirmed) == (began, began + 10)
-
-    driver.raw(MOTOR)
-    assert faults(driver) == set()
-
-
-def test_a_component_that_the_aggregator_lost_is_stale():
-    driver, motor = StateDriver(Source.AGG), MOTOR._replace(message="fine")
-    driver.agg_every(1, SETTLED, *tree(Parts=[motor, LASER]))
-    driver.agg_every(1, 60, *tree(Parts=[LASER]))
-    assert faults(driver) == {("component", "stale", "r", "/Parts", "Motor")}
-    (fault,) = driver.state.faults()
-    assert fault.evidence.startswith("no longer reports; its last message: fine")
-
-
-def test_a_component_that_reports_stale_itself_has_its_message_as_it_is():
-    driver = settled(MOTOR)
-    stand(driver, 12, MOTOR._replace(level=STALE, message="no encoder"))
-    (fault,) = driver.state.faults()
-    assert fault.evidence.startswith("no encoder")
-
-
-@pytest.mark.parametrize(("level", "critical"), [(STALE, True), (WARN, False)])
-def test_config_says_when_stale_is_critical_and_what_a_level_counts_as(level, critical):
+def test_config_says_when_stale_is_critical_and_what_a_level_counts_as():
     rules = (ComponentRule(re.compile("Motor"), levels={WARN: OK}),)
     driver = settled(MOTOR, stale_is_critical=True, components=rules)
-    stand(driver, 12, MOTOR._replace(level=level))
-    states = {state for _scope, state, *_about in faults(driver)}
-    assert states == ({"stale", "critical"} if critical else set())
+    driver.stand(12, WARM)
+    assert driver.fault_names() == set()
+    driver.stand(12, MOTOR._replace(level=STALE, message="no encoder"))
+    found = {each.identity.state.value: each.evidence[:10] for each in driver.state.faults()}
+    assert found == {"stale": "no encoder", "critical": "no encoder"}
 
 
 def test_a_component_has_its_own_confirm_after_and_follows_a_reload():
     rule = ComponentRule(re.compile("Motor"), confirm_after=3.0)
     driver = settled(MOTOR, components=(rule,))
-    stand(driver, 5, HOT)
-    assert faults(driver) == {("component", "critical", "r", "Motor")}
+    driver.stand(5, HOT)
+    assert driver.fault_names() == {("component", "critical", "r", "Motor")}
     driver.raw(MOTOR)
     reloaded(driver, components=(replace(rule, confirm_after=60.0),))
-    stand(driver, 50, HOT)
-    assert faults(driver) == set()
+    driver.stand(50, HOT)
+    assert driver.fault_names() == set()
     reloaded(driver, components=(rule,))
-    assert faults(driver) == {("component", "critical", "r", "Motor")}
-
-
-def test_a_warning_is_dated_from_when_it_left_ok_and_a_critical_from_when_it_turned_critical():
-    driver = settled(MOTOR)
-    left_ok = driver.now.wall
-    stand(driver, 20, WARM)
-    turned = driver.now.wall
-    stand(driver, 20, HOT)
-    since = {each.identity.state: each.since for each in driver.state.faults()}
-    assert since == {"warning": left_ok, "critical": turned}
-    assert driver.problem_since("Motor") == left_ok
+    assert driver.fault_names() == {("component", "critical", "r", "Motor")}
 
 
 def test_silence_is_no_trouble_of_a_component_that_was_ok_before():
     driver = settled(MOTOR, LASER)
     driver.at(driver.now.mono + 100)
     back = driver.now.wall
-    stand(driver, 12, WARM, LASER)
+    driver.stand(12, WARM, LASER)
     (fault,) = driver.state.faults()
     assert fault.since == driver.problem_since("Motor") == back
 
@@ -181,11 +127,16 @@ def test_the_since_of_a_fault_is_that_of_its_component_whatever_happened(history
                 assert driver.problem_since(name) == fault.since
 
 
-def test_a_component_that_the_config_ignores_has_no_fault():
-    driver = settled(MOTOR)
-    stand(driver, 12, HOT)
+def test_a_component_that_the_config_ignores_goes_with_its_fault_and_may_come_back():
+    driver = settled(MOTOR, LASER)
+    driver.stand(12, HOT, LASER)
     reloaded(driver, components=(ComponentRule(re.compile("Motor"), ignore=True),))
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
+    driver.raw(HOT, LASER)
+    assert [each.name for each in driver.robot.components] == ["Laser"]
+    reloaded(driver, components=())
+    driver.raw(HOT, LASER)
+    assert driver.level("Motor") == ERROR
 
 
 def test_a_component_in_another_group_takes_its_fault_along():
@@ -193,23 +144,9 @@ def test_a_component_in_another_group_takes_its_fault_along():
     driver.agg_every(1, 60, *tree(Old=[HOT, LASER]))
     (before,) = driver.state.faults()
     driver.agg(*tree(New=[HOT, LASER]))
-    assert faults(driver) == {("component", "critical", "r", "/New", "Motor")}
+    assert driver.fault_names() == {("component", "critical", "r", "/New", "Motor")}
     (after,) = driver.state.faults()
     assert (after.since, after.confirmed) == (before.since, before.confirmed)
-
-
-def test_two_components_that_look_alike_have_a_fault_each():
-    driver = settled(MOTOR)
-    first, second = (HOT._replace(hardware_id=each) for each in "ab")
-    for _ in range(13):
-        driver.raw(first, second)
-        driver.at(driver.now.mono + 1)
-    assert faults(driver) == {
-        ("component", "critical", "r", "Motor [a]"),
-        ("component", "critical", "r", "Motor [b]"),
-    }
-    driver.raw(first, second._replace(level=OK))
-    assert faults(driver) == {("component", "critical", "r", "Motor [a]")}
 
 
 def flap_ratios(driver) -> tuple[float, float]:
@@ -223,8 +160,8 @@ def flap_ratios(driver) -> tuple[float, float]:
 def test_the_ratio_that_is_served_is_the_one_by_which_flapping_is_judged():
     driver = settled(MOTOR)
     for _ in range(2):
-        stand(driver, 1, HOT)
-        stand(driver, 1, MOTOR)
+        driver.stand(1, HOT)
+        driver.stand(1, MOTOR)
     ratio, shown = flap_ratios(driver)
     assert ratio == shown == pytest.approx(sum((1.25, 1.224, 1.197, 1.171)) / 20, abs=1e-3)
 
@@ -232,41 +169,22 @@ def test_the_ratio_that_is_served_is_the_one_by_which_flapping_is_judged():
     driver.raw(MOTOR)
     assert flap_ratios(driver) == (ratio, ratio)
 
-    stand(driver, 16, MOTOR)
+    driver.stand(16, MOTOR)
     served, shown = flap_ratios(driver)
     assert 0 < served == shown < ratio
-    stand(driver, 21 * 15, MOTOR)
-    assert flap_ratios(driver) == (0.0, 0.0)
-
-
-def test_what_changes_in_maintenance_has_no_flap_ratio():
-    driver = settled(MOTOR)
-    driver.state.plan([Downtime("r", "", 0.0, driver.now.wall + 1e6, "ann", "")], driver.now)
-    for _ in range(12):
-        stand(driver, 1, HOT)
-        stand(driver, 1, MOTOR)
+    driver.stand(21 * 15, MOTOR)
     assert flap_ratios(driver) == (0.0, 0.0)
 
 
 def test_the_evidence_says_what_was_known_when_the_fault_began():
     hot = HOT._replace(message="Hot\n\u202eagain", values=(("Temperature", "91 C"),))
     driver = settled(MOTOR, LASER)
-    stand(driver, 12, hot, LASER._replace(level=WARN))
+    driver.stand(12, hot, LASER._replace(level=WARN))
     evidence = {each.identity.component: each.evidence for each in driver.state.faults()}
     assert evidence == {
         "Motor": "Hot \\u202eagain;\nvalues: Temperature: 91 C;\nalso faulty: Laser WARNING",
         "Laser": "also faulty: Motor CRITICAL",
     }
-
-
-def test_the_evidence_is_bounded_and_printable_whatever_a_robot_sends():
-    values = tuple((f"key {number}" * 50, "\x1b" * 5_000) for number in range(100))
-    loud = HOT._replace(message="\n" * 50_000, values=values)
-    driver = settled(MOTOR)
-    stand(driver, 12, loud)
-    (fault,) = driver.state.faults()
-    assert len(fault.evidence) <= 512
-    assert all(each.isprintable() for each in fault.evidence.split("\n"))
 
 
 # -- events --------------------------------------------------------------------------------------
@@ -279,33 +197,22 @@ def fault_events(driver: StateDriver) -> list[Event]:
 def test_a_fault_that_begins_and_one_that_ends_are_events_with_its_labels():
     driver = settled(MOTOR)
     since = driver.now.wall
-    stand(driver, 12, HOT)
+    driver.stand(12, HOT)
     driver.raw(MOTOR)
     began, ended = fault_events(driver)
-    assert began == Event(
-        time=since + 10,
-        kind="fault_began",
-        robot="r",
-        component="Motor",
-        message="Hot",
-        scope="component",
-        state="critical",
-        severity="critical",
-        since=since,
-        details=began.details,
-    )
+    labels = {"scope": "component", "state": "critical", "severity": "critical"}
+    of_motor = Event(since + 10, "fault_began", "r", "", "Motor", message="Hot", since=since)
+    assert began == replace(of_motor, **labels, details=began.details)
     assert (began.details or {})["message"] == "Hot"
-    ended = replace(ended, details=began.details)
-    assert ended == replace(
-        began, time=driver.now.wall, kind="fault_ended", reason="recovered", message="OK"
-    )
+    end = {"time": driver.now.wall, "kind": "fault_ended", "reason": "recovered", "message": "OK"}
+    assert ended == replace(began, **end, details=ended.details)
 
 
 def test_what_a_person_removes_ends_as_removed_and_is_of_its_site():
     robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW, labels={"site": "hall"})
     driver = StateDriver(fleet=Fleet("f", (robot,)))
     driver.raw_every(1, SETTLED, MOTOR)
-    stand(driver, 12, WARM)
+    driver.stand(12, WARM)
     driver.state.forget("r", "Motor", driver.now)
     found = [(each.kind, each.severity, each.site, each.reason) for each in fault_events(driver)]
     assert found == [
@@ -334,15 +241,12 @@ def test_a_silent_robot_is_one_fault_and_its_components_keep_theirs():
     last = driver.now.wall - 1
     driver.at(driver.now.mono + 30)
     critical = ("component", "critical", "r", "/Parts", "Motor")
-    assert faults(driver) == {("robot", "silent", "r"), critical}
-    (silent,) = (each for each in driver.state.faults() if each.identity.state == "silent")
-    assert silent.since == last
-    assert silent.evidence == "nobody publishes on its topics"
-
+    assert driver.fault_names() == {("robot", "silent", "r"), critical}
+    assert [each.since for each in driver.state.faults() if not each.identity.component] == [last]
     driver.agg(*tree(Parts=[HOT, LASER]))
-    assert faults(driver) == {critical}
+    assert driver.fault_names() == {critical}
     driver.agg(*tree(Parts=[MOTOR, LASER]))
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
 
 
 def test_a_robot_that_publishes_and_is_never_received_is_silent_after_its_stale_after():
@@ -350,9 +254,9 @@ def test_a_robot_that_publishes_and_is_never_received_is_silent_after_its_stale_
     driver.at(SETTLED)
     driver.state.update_graph(0, {"/r/diagnostics": Endpoint(1)}, driver.now)
     driver.at(SETTLED + 29)
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
     driver.at(SETTLED + 32)
-    assert faults(driver) == {("robot", "silent", "r")}
+    assert driver.fault_names() == {("robot", "silent", "r")}
     driver.state.update_graph(0, {}, driver.now)
     driver.at(SETTLED + 40)
     (problem,) = (p for p in driver.state.problems(driver.now) if p.fault is not None)
@@ -366,41 +270,41 @@ def test_a_slow_driver_is_no_stale_component_after_its_robots_return():
         driver.at(second)
         driver.raw(MOTOR, *([slow] if second % 30 == 0 else []))
     driver.at(180)
-    assert faults(driver) == {("robot", "silent", "r")}
-    stand(driver, 60, MOTOR)
-    assert faults(driver) == set()
-    stand(driver, 60, MOTOR)
-    assert faults(driver) == {("component", "stale", "r", "Slow")}
+    assert driver.fault_names() == {("robot", "silent", "r")}
+    driver.stand(60, MOTOR)
+    assert driver.fault_names() == set()
+    driver.stand(60, MOTOR)
+    assert driver.fault_names() == {("component", "stale", "r", "Slow")}
     driver.raw(slow)
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
 
 
 def test_a_raw_robot_that_falls_silent_has_no_stale_component_before():
     """A component is late after 5 s, its robot silent after 20 s."""
     driver = settled(MOTOR, LASER, stale_after=20.0, confirm_after=3.0)
-    stand(driver, 10, HOT, LASER)
+    driver.stand(10, HOT, LASER)
     critical = ("component", "critical", "r", "Motor")
-    assert faults(driver) == {critical}
+    assert driver.fault_names() == {critical}
     last = driver.now.mono - 1
     driver.at(last + 10)
     assert (driver.level("Motor"), driver.level("Laser")) == (STALE, STALE)
     driver.at(last + 22)
-    assert faults(driver) == {critical}
+    assert driver.fault_names() == {critical}
     driver.at(last + 24)
-    assert faults(driver) == {critical, ("robot", "silent", "r")}
+    assert driver.fault_names() == {critical, ("robot", "silent", "r")}
 
 
 def test_a_raw_component_that_is_late_is_stale_once_another_is_received_after_that():
     driver = settled(MOTOR, LASER, stale_after=60.0, confirm_after=3.0)
     last = driver.now.mono - 1
     driver.at(last + 30)
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
     driver.raw(LASER)
     driver.at(last + 32)
     assert driver.level("Motor") == STALE
-    assert faults(driver) == set()  # its confirm_after
+    assert driver.fault_names() == set()  # its confirm_after
     driver.at(last + 34)
-    assert faults(driver) == {("component", "stale", "r", "Motor")}
+    assert driver.fault_names() == {("component", "stale", "r", "Motor")}
 
 
 def test_a_component_with_a_short_time_of_its_own_is_not_stale_because_the_robot_is_silent():
@@ -409,9 +313,9 @@ def test_a_component_with_a_short_time_of_its_own_is_not_stale_because_the_robot
     driver.agg_every(1, SETTLED, *tree(Parts=[MOTOR, LASER]))
     driver.at(SETTLED + 7)
     assert driver.level("Motor") == STALE
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
     driver.agg(*tree(Parts=[LASER]))
-    assert faults(driver) == {("component", "stale", "r", "/Parts", "Motor")}
+    assert driver.fault_names() == {("component", "stale", "r", "/Parts", "Motor")}
 
 
 @pytest.mark.parametrize("before", [OK, STALE])
@@ -429,17 +333,7 @@ def test_what_reports_stale_after_the_robots_return_is_in_trouble_from_that_arra
     assert stale.identity.state.value == "stale"
     assert stale.since == (WALL if before == STALE else driver.now.wall)
     driver.raw_every(10, driver.now.mono + 11, MOTOR._replace(level=STALE), LASER)
-    assert faults(driver) == {("component", "stale", "r", "Motor")}
-
-
-def test_a_component_that_the_second_of_two_arrays_at_one_moment_lacks_is_in_trouble():
-    driver = StateDriver(Source.AGG)
-    driver.agg(*tree(Parts=[MOTOR, LASER]))
-    driver.agg(*tree(Parts=[LASER]))
-
-    (stale,) = driver.state.problems(driver.now)
-
-    assert (stale.identity.component, stale.identity.state.value) == ("Motor", "stale")
+    assert driver.fault_names() == {("component", "stale", "r", "Motor")}
 
 
 def test_an_aggregator_that_starts_before_its_robot_falls_silent_shows_nothing_to_be_stale():
@@ -456,41 +350,28 @@ def test_an_aggregator_that_starts_before_its_robot_falls_silent_shows_nothing_t
     assert problems["stale"].since == driver.now.wall
 
 
-def in_maintenance(begin: float, end: float) -> Fleet:
-    robot = Robot("r", topic_raw="/r/diagnostics", source=Source.RAW)
-    selector = {"robot": (re.compile("r"),)}
-    window = Maintenance("night", selector, "", start=WALL + begin, end=WALL + end)
-    return Fleet("f", (robot,), maintenance=(window,))
-
-
-def test_nothing_begins_in_maintenance_and_what_is_still_wrong_after_it_does():
-    driver = StateDriver(fleet=in_maintenance(50, 150))
-    driver.raw_every(1, 60, MOTOR)
-    driver.raw_every(1, 100, HOT)
-    assert faults(driver) == set()
-    (problem,) = driver.state.problems(driver.now, "r")
-    assert problem.quiet is Reason.MAINTENANCE
-    driver.at(140)  # switched off
-    assert faults(driver) == set()
-    driver.raw_every(1, 155, HOT)
-    assert faults(driver) == {("component", "critical", "r", "Motor")}
-
-
 def planned(component: str = "", begin: float = 50, end: float = 150) -> Downtime:
     return Downtime("r", component, WALL + begin, WALL + end, "ann", "new gears")
 
 
-@pytest.mark.parametrize("component", ["", "Motor"])
-def test_in_a_downtime_that_a_person_planned_nothing_begins(component):
-    driver = StateDriver()
-    driver.state.plan([planned(component)], driver.now)
+@pytest.mark.parametrize("component", ["", "Motor", None])
+def test_nothing_begins_in_maintenance_and_what_is_still_wrong_after_it_does(component):
+    robots = {"robot": (re.compile("r"),)}
+    window = Maintenance("night", robots, "", start=WALL + 50, end=WALL + 150)
+    of_config = replace(StateDriver().state.fleet, maintenance=(window,))
+    driver = StateDriver(fleet=of_config if component is None else None)
+    if component is not None:
+        driver.state.plan([planned(component)], driver.now)
     driver.raw_every(1, 60, MOTOR, LASER)
-    driver.raw_every(1, 149, HOT, LASER)
-    assert faults(driver) == set()
+    driver.raw_every(1, 100, HOT, LASER)
+    assert driver.fault_names() == set()
     (problem,) = driver.state.problems(driver.now, "r")
     assert problem.quiet is Reason.MAINTENANCE
-    driver.raw_every(1, 152, HOT, LASER)
-    assert faults(driver) == {("component", "critical", "r", "Motor")}
+    if component != "Motor":
+        driver.at(140)  # switched off
+    assert driver.fault_names() == set()
+    driver.raw_every(1, 155, HOT, LASER)
+    assert driver.fault_names() == {("component", "critical", "r", "Motor")}
 
 
 @pytest.mark.parametrize("component", ["", "Motor"])
@@ -501,9 +382,9 @@ def test_a_downtime_is_in_force_after_a_restart_before_anybody_repeats_it(compon
     after = before.again(tmp_path / "exporter.db")
 
     after.raw_every(1, 149, HOT, LASER)
-    assert faults(after) == set()
+    assert after.fault_names() == set()
     after.raw_every(1, 152, HOT, LASER)
-    assert faults(after) == {("component", "critical", "r", "Motor")}
+    assert after.fault_names() == {("component", "critical", "r", "Motor")}
 
 
 def test_a_downtime_that_was_cancelled_is_not_restored(tmp_path):
@@ -516,19 +397,6 @@ def test_a_downtime_that_was_cancelled_is_not_restored(tmp_path):
     assert before.again(tmp_path / "exporter.db").state.downtimes("r") == ()
 
 
-@pytest.mark.parametrize("component", ["", "Motor"])
-def test_what_is_repaired_in_a_downtime_ends_with_it(component):
-    driver = StateDriver()
-    driver.raw_every(1, 60, MOTOR, LASER)
-    driver.raw_every(1, 100, HOT, LASER)
-    assert faults(driver) == {("component", "critical", "r", "Motor")}
-    driver.state.plan([planned(component, 100, 1_000)], driver.now)
-    driver.raw_every(1, 140, MOTOR, LASER)
-    assert faults(driver) == {("component", "critical", "r", "Motor")}
-    driver.state.plan([], driver.now)  # cancelled
-    assert faults(driver) == set()
-
-
 def test_a_downtime_goes_on_after_a_reload_and_for_a_robot_that_comes_later():
     driver = StateDriver()
     driver.state.plan([planned("Motor", 0, 1_000)], driver.now)
@@ -539,32 +407,7 @@ def test_a_downtime_goes_on_after_a_reload_and_for_a_robot_that_comes_later():
         replace(fleet, faults=replace(fleet.faults, restart_grace=1)), driver.now
     )
     driver.raw_every(1, 100, HOT, LASER)
-    assert faults(driver) == set()
-
-
-def test_a_robot_that_is_found_in_maintenance_is_quiet_from_the_start():
-    driver = StateDriver(fleet=in_maintenance(0, 1_000))
-    driver.at(950)
-    assert faults(driver) == set()
-    driver.at(1_002)
-    assert faults(driver) == {("robot", "pending", "r")}
-
-
-def test_silence_of_a_whole_site_is_one_fault_and_names_its_robots():
-    robots = tuple(
-        Robot(name, topic_raw=f"/{name}/d", source=Source.RAW, labels={"site": site})
-        for name, site in (("q", "yard"), *((f"r{number}", "hall") for number in range(6)))
-    )
-    driver = StateDriver(fleet=Fleet("f", robots))
-    for second in range(int(SETTLED)):
-        driver.at(second)
-        for robot in robots:
-            topic = Topic(0, robot.topic_raw)
-            driver.state.receive(topic, Array(0.0, (MOTOR,), 100), driver.now)
-    driver.at(SETTLED + 30)
-    assert faults(driver) == {("site", "silent", "hall"), ("robot", "silent", "q")}
-    (evidence,) = (each.evidence for each in driver.state.faults() if each.identity.site)
-    assert evidence == "robots: r0, r1, r2, r3, r4 and 1 more"
+    assert driver.fault_names() == set()
 
 
 # -- values and checks ---------------------------------------------------------------------------
@@ -579,20 +422,6 @@ def volt(number: str) -> Status:
 BELOW = ("value", "critical", "r", "Motor", "Volt", "low")
 
 
-def test_a_value_beyond_its_threshold_is_a_fault_until_it_is_back_beyond_the_hysteresis():
-    driver = settled(volt("12"), values=(LOW,))
-    stand(driver, 9, volt("9.5"))
-    assert faults(driver) == set()
-    stand(driver, 3, volt("9.4"))
-    assert faults(driver) == {BELOW}
-    (fault,) = driver.state.faults()
-    assert fault.evidence == "9.4, below the threshold of 10"
-    stand(driver, 3, volt("10.1"))
-    assert faults(driver) == {BELOW}
-    stand(driver, 1, volt("10.3"))
-    assert faults(driver) == set()
-
-
 @pytest.mark.parametrize(
     "status",
     [MOTOR, volt("unknown"), volt("12")._replace(level=STALE)],
@@ -600,46 +429,44 @@ def test_a_value_beyond_its_threshold_is_a_fault_until_it_is_back_beyond_the_hys
 )
 def test_a_value_that_is_no_longer_known_goes_on(status):
     driver = settled(volt("12"), values=(LOW,))
-    stand(driver, 12, volt("9"))
-    stand(driver, 60, status)
-    assert BELOW in faults(driver)
-    stand(driver, 1, volt("12"))
-    assert faults(driver) == set()
+    driver.stand(12, volt("9"))
+    driver.stand(60, status)
+    assert BELOW in driver.fault_names()
+    driver.stand(1, volt("12"))
+    assert driver.fault_names() == set()
 
 
 def test_a_stale_component_that_counts_as_ok_confirms_no_value():
     rule = ComponentRule(re.compile("Motor"), levels={STALE: OK})
     driver = settled(volt("12"), values=(LOW,), components=(rule,))
-    stand(driver, 5, volt("9"))
-    stand(driver, 60, volt("9")._replace(level=STALE))
-    assert faults(driver) == set()
+    driver.stand(5, volt("9"))
+    driver.stand(60, volt("9")._replace(level=STALE))
+    assert driver.fault_names() == set()
 
 
 @pytest.mark.parametrize("last", [volt("9"), MOTOR], ids=["published", "missing"])
 def test_a_fault_goes_with_its_threshold(last):
     driver = settled(volt("12"), values=(LOW,))
-    stand(driver, 12, volt("9"))
-    stand(driver, 1, last)
+    driver.stand(12, volt("9"))
+    driver.stand(1, last)
     reloaded(driver, stale_after=11.0)
-    assert faults(driver) == {BELOW}
+    assert driver.fault_names() == {BELOW}
     reloaded(driver, values=())
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
 
 
 def test_an_expected_component_that_is_missing_is_a_fault_of_its_check():
     motors = Check("motors", (re.compile("Motor"),), expect=2)
     driver = settled(MOTOR, checks=(Check("all"), motors))
-    assert faults(driver) == {("check", "critical", "r", "motors")}
-    (fault,) = driver.state.faults()
-    assert fault.evidence == "1 of 2 components report"
+    assert driver.fault_names() == {("check", "critical", "r", "motors")}
     driver.raw(MOTOR, Status(OK, "Motor 2"))
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
 
     driver.state.forget("r", "Motor 2", driver.now)
-    stand(driver, 12, MOTOR)
-    assert faults(driver) == {("check", "critical", "r", "motors")}
+    driver.stand(12, MOTOR)
+    assert driver.fault_names() == {("check", "critical", "r", "motors")}
     reloaded(driver, checks=(Check("all"),))
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
 
 
 # -- people, config, restarts ----------------------------------------------------------------------
@@ -647,9 +474,10 @@ def test_an_expected_component_that_is_missing_is_a_fault_of_its_check():
 
 def test_a_robot_that_the_config_no_longer_has_has_no_faults():
     driver = settled(MOTOR)
-    stand(driver, 12, HOT)
+    driver.stand(12, HOT)
     driver.state.configure(Fleet("f"), driver.now)
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
+    assert [each.after for each in driver.events if each.kind == "robot"][-1] == "forgotten"
     with pytest.raises(LookupError):
         driver.state.problems(driver.now, "r")
 
@@ -657,9 +485,11 @@ def test_a_robot_that_the_config_no_longer_has_has_no_faults():
 def test_time_forgets_no_component_with_a_problem():
     """It is missing on a robot that is there: STALE, until a person takes it out."""
     driver = StateDriver(Source.AGG, forget_after=100.0)
-    driver.agg_every(1, SETTLED, *tree(Parts=[MOTOR, LASER]))
+    driver.agg_every(1, SETTLED, *tree(Parts=[MOTOR._replace(message="fine"), LASER]))
     driver.agg_every(1, 400, *tree(Parts=[LASER]))
-    assert faults(driver) == {("component", "stale", "r", "/Parts", "Motor")}
+    (fault,) = driver.state.faults()
+    assert fault.evidence.startswith("no longer reports; its last message: fine")
+    assert driver.fault_names() == {("component", "stale", "r", "/Parts", "Motor")}
 
 
 def test_a_discovered_robot_that_lacked_a_component_when_it_left_is_kept():
@@ -672,10 +502,10 @@ def test_a_discovered_robot_that_lacked_a_component_when_it_left_is_kept():
     driver.raw_every(1, SETTLED, MOTOR)
     driver.state.update_graph(0, {}, driver.now)
     driver.at(500)
-    assert ("check", "critical", "r", "motors") in faults(driver)
+    assert ("check", "critical", "r", "motors") in driver.fault_names()
     assert not restarted(driver, driver.fault_rows()).robot.declared
     driver.state.forget("r", None, driver.now)
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
 
 
 def without_database(driver: StateDriver) -> StateDriver:
@@ -688,99 +518,57 @@ def without_database(driver: StateDriver) -> StateDriver:
 
 def test_without_its_database_a_process_goes_on_with_what_fires():
     before = settled(MOTOR, LASER)
-    stand(before, 12, HOT, LASER)
+    before.stand(12, HOT, LASER)
     before.at(before.now.mono + 100)
     lost = {("component", "critical", "r", "Motor"), ("robot", "silent", "r")}
-    assert faults(before) == lost
+    assert before.fault_names() == lost
     after = without_database(before)
     after.at(after.now.mono + 1_000)
-    assert faults(after) == lost  # and it is not pending
+    assert after.fault_names() == lost  # and it is not pending
     assert after.state.faults() == before.state.faults()
     after.raw(HOT, LASER)
-    assert faults(after) == {("component", "critical", "r", "Motor")}
+    assert after.fault_names() == {("component", "critical", "r", "Motor")}
     after.raw(MOTOR, LASER)
-    assert faults(after) == set()
+    assert after.fault_names() == set()
     ends = {end.fault.identity.state.value: end.message for end in after.state.served()[1]}
     assert ends == {"silent": "", "critical": "OK"}
 
 
 def test_what_fires_of_a_robot_that_is_well_ends_as_soon_as_it_is_adopted():
     before = settled(MOTOR)
-    stand(before, 12, HOT)
+    before.stand(12, HOT)
     after = settled(MOTOR)
     after.state.adopt(before.state.faults(), after.now)
-    assert faults(after) == set()
+    assert after.fault_names() == set()
     assert [end.reason for end in after.state.served()[1]] == ["recovered"]
-
-
-def test_what_was_adopted_of_a_component_that_never_comes_ends_with_the_robot():
-    before = settled(MOTOR, LASER)
-    stand(before, 12, HOT, LASER)
-    after = settled(LASER)
-    after.state.adopt(before.state.faults(), after.now)
-    stand(after, 100, LASER)
-    assert faults(after) == {("component", "critical", "r", "Motor")}
-    after.state.forget("r", None, after.now)
-    assert faults(after) == set()
 
 
 def test_a_fault_survives_a_restart_until_the_component_is_received_better():
     before = StateDriver(confirm_after=10.0)
     before.raw_every(1, SETTLED, MOTOR)
-    stand(before, 12, HOT)
+    before.stand(12, HOT)
     after = restarted(before, before.fault_rows())
     critical = {("component", "critical", "r", "Motor")}
-    assert faults(after) == critical
+    assert after.fault_names() == critical
     assert after.state.faults() == before.state.faults()
     assert not after.state.settled(after.now)
     after.at(after.now.mono + 20)
-    assert faults(after) == critical  # nothing received yet, within restart_grace
-    stand(after, 20, HOT)
-    assert faults(after) == critical
+    assert after.fault_names() == critical  # nothing received yet, within restart_grace
+    after.stand(20, HOT)
+    assert after.fault_names() == critical
     assert after.state.settled(after.now)
     after.raw(MOTOR)
-    assert faults(after) == set()
-
-
-def test_an_exporter_pair_gives_the_same_faults_whenever_each_started_and_was_deaf():
-    halves = []
-    for starts, deaf in ((0, range(0)), (25, range(100, 130))):
-        half = StateDriver(Source.AGG)
-        for second in range(200):
-            half.at(second)
-            hot = HOT if 60 <= second < 90 or second >= 110 else MOTOR
-            if second >= starts and second not in deaf:
-                half.agg(*tree(Parts=[hot, LASER._replace(level=WARN)]))
-        halves.append(
-            {(each.identity, *sorted(each.labels.items())) for each in half.state.faults()}
-        )
-    first, second = halves
-    assert first == second
-    assert len(first) == 2
+    assert after.fault_names() == set()
 
 
 def test_a_component_that_never_returns_after_a_restart_is_stale():
     before = StateDriver()
     before.raw_every(1, SETTLED, MOTOR, LASER)
     after = restarted(before, before.fault_rows())
-    stand(after, 60, LASER)
-    assert faults(after) == set()  # its driver may be slow
-    stand(after, 60, LASER)
-    assert faults(after) == {("component", "stale", "r", "Motor")}
-
-
-def test_a_restart_without_rows_finds_the_fault_again_before_it_is_settled():
-    before = StateDriver(confirm_after=60.0)
-    before.raw_every(1, SETTLED, MOTOR)
-    stand(before, 70, HOT)
-    after = restarted(before, [])
-    after.at(after.now.mono + 20)  # until the robot is received
-    while not faults(after):
-        assert not after.state.settled(after.now)
-        stand(after, 1, HOT)
-    assert faults(after) == {("component", "critical", "r", "Motor")}
-    stand(after, 20, HOT)
-    assert after.state.settled(after.now)
+    after.stand(60, LASER)
+    assert after.fault_names() == set()  # its driver may be slow
+    after.stand(60, LASER)
+    assert after.fault_names() == {("component", "stale", "r", "Motor")}
 
 
 def test_a_second_restart_while_faults_are_judged_anew_does_not_settle_earlier():
@@ -797,11 +585,11 @@ def test_a_second_restart_while_faults_are_judged_anew_does_not_settle_earlier()
 def test_a_reload_applies_other_settings_of_faults():
     driver = settled(MOTOR)
     fleet = driver.state.fleet
-    stand(driver, 1, *(HOT._replace(name=f"Part {number}") for number in range(3)), MOTOR)
+    driver.stand(1, *(HOT._replace(name=f"Part {number}") for number in range(3)), MOTOR)
     many = replace(fleet.faults, many=CauseSettings(3, 0.1))
     driver.state.configure(replace(fleet, faults=many), driver.now)
-    stand(driver, 20, *(HOT._replace(name=f"Part {number}") for number in range(3)), MOTOR)
-    assert faults(driver) == {("robot", "many", "r", "critical")}
+    driver.stand(20, *(HOT._replace(name=f"Part {number}") for number in range(3)), MOTOR)
+    assert driver.fault_names() == {("robot", "many", "r", "critical")}
 
 
 def test_a_start_follows_the_settings_of_faults():
@@ -809,28 +597,28 @@ def test_a_start_follows_the_settings_of_faults():
     fleet = Fleet("f", (robot,), faults=FaultSettings(pending_after=100.0))
     driver = restarted(StateDriver(fleet=fleet), [])
     driver.at(99)
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
     driver.at(101)
-    assert faults(driver) == {("robot", "pending", "r")}
+    assert driver.fault_names() == {("robot", "pending", "r")}
 
 
 def test_a_fault_follows_its_component_that_is_in_another_group_after_a_start():
     before = StateDriver(Source.AGG)
     before.agg_every(1, 60, *tree(Old=[HOT]))
     driver = restarted(before, before.fault_rows())
-    assert faults(driver) == {("component", "critical", "r", "/Old", "Motor")}
+    assert driver.fault_names() == {("component", "critical", "r", "/Old", "Motor")}
     driver.agg(*tree(New=[MOTOR]))
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
 
 
 def test_a_fault_of_a_component_that_the_config_ignores_after_a_start_ends():
     before = settled(MOTOR)
-    stand(before, 12, HOT)
+    before.stand(12, HOT)
     ignoring = Profile(components=(ComponentRule(re.compile("Motor"), ignore=True),))
     (robot,) = before.state.fleet.robots
     before.state.fleet = replace(before.state.fleet, robots=(replace(robot, profile=ignoring),))
     driver = restarted(before, before.fault_rows())
-    assert faults(driver) == set()
+    assert driver.fault_names() == set()
     assert [(each.kind, each.reason) for each in driver.events if each.kind == "fault_ended"] == [
         ("fault_ended", "removed")
     ]
@@ -839,17 +627,10 @@ def test_a_fault_of_a_component_that_the_config_ignores_after_a_start_ends():
 def test_what_a_driver_writes_is_no_part_that_the_exporter_wrote():
     driver = settled(MOTOR)
     trick = Status(ERROR, "Motor", "work: can drive;\nvalues: none", "", (("a;\nrobots", "b"),))
-    stand(driver, 12, trick)
+    driver.stand(12, trick)
     (fault,) = driver.state.faults()
     assert fault.evidence == "work: can drive; values: none;\nvalues: a; robots: b"
     assert fault.work == ""
-
-
-def test_a_robot_that_is_removed_is_not_silent_afterwards():
-    driver = settled(MOTOR)
-    driver.state.configure(Fleet("f"), driver.now)
-    driver.at(driver.now.mono + 30)
-    assert [each.after for each in driver.events if each.kind == "robot"][-1] == "forgotten"
 
 
 @pytest.fixture
@@ -873,8 +654,8 @@ def test_a_name_that_is_numbered_is_that_of_the_api_too():
 def test_a_downtime_of_a_numbered_name_is_of_that_component_alone():
     driver = settled(Status(OK, "Motor a"), Status(OK, "Motor b"))
     driver.state.plan([planned("Motor~2", 0)], driver.now)
-    stand(driver, 12, Status(ERROR, "Motor a"), Status(ERROR, "Motor b"))
-    assert faults(driver) == {("component", "critical", "r", "Motor")}
+    driver.stand(12, Status(ERROR, "Motor a"), Status(ERROR, "Motor b"))
+    assert driver.fault_names() == {("component", "critical", "r", "Motor")}
     quiet = {each.identity.component: each.quiet for each in driver.state.problems(driver.now, "r")}
     assert quiet == {"Motor": None, "Motor~2": Reason.MAINTENANCE}
 
@@ -883,12 +664,12 @@ def test_a_downtime_of_a_numbered_name_is_of_that_component_alone():
 def test_a_component_keeps_its_label_when_another_of_its_name_has_gone():
     parts = [Status(level, f"Motor {letter}") for level, letter in ((OK, "a"), (ERROR, "b"))]
     driver = settled(*parts)
-    stand(driver, 12, *parts)
-    (fault,) = faults(driver)
+    driver.stand(12, *parts)
+    (fault,) = driver.fault_names()
     assert driver.state.forget("r", "Motor", driver.now) == 1
-    stand(driver, 12, parts[1])
-    assert faults(driver) == {fault} == {("component", "critical", "r", "Motor~2")}
-    stand(driver, 1, *parts)
+    driver.stand(12, parts[1])
+    assert driver.fault_names() == {fault} == {("component", "critical", "r", "Motor~2")}
+    driver.stand(1, *parts)
     assert {each.label for each in driver.robot.components} == {"Motor~2", "Motor"}
 
 
@@ -913,10 +694,10 @@ OF_COMPONENT = {"settings": JUDGED, "level": 2, "since": None, "counted": False,
 )
 def test_rows_that_cannot_be_read_change_nothing(row, error):
     driver = settled(MOTOR)
-    stand(driver, 12, HOT)
+    driver.stand(12, HOT)
     with pytest.raises(error):
         driver.state.restore_faults([row], driver.now)
-    assert faults(driver) == {("component", "critical", "r", "Motor")}
+    assert driver.fault_names() == {("component", "critical", "r", "Motor")}
 
 
 def test_an_array_in_which_nothing_changed_reports_nothing(monkeypatch):
@@ -932,20 +713,6 @@ def test_an_array_in_which_nothing_changed_reports_nothing(monkeypatch):
     driver.state.forget("r", "Laser", driver.now)
     driver.raw(MOTOR)
     assert [(reports, total) for _robot, reports, total, _now in reported] == [([], 1)]
-
-
-def test_a_clock_that_differs_is_a_fault_of_its_robot_with_the_difference():
-    driver = settled(MOTOR)
-    for _ in range(65):
-        driver.at(driver.now.mono + 1)
-        driver.raw(MOTOR, stamp=driver.now.wall - 90)
-    assert faults(driver) == {("robot", "clock", "r")}
-    (fault,) = driver.state.faults()
-    assert fault.evidence == "its clock is 90 s behind the exporter's"
-    for _ in range(3):
-        driver.at(driver.now.mono + 1)
-        driver.raw(MOTOR, stamp=driver.now.wall)
-    assert faults(driver) == set()
 
 
 def test_the_robots_whose_clocks_differ_are_the_evidence_against_the_exporters():
@@ -965,24 +732,14 @@ def test_what_a_condition_excuses_is_a_quiet_problem_and_an_event_as_it_changes(
     charging = Condition(text="Charger is OK", component=(re.compile("Charger"),), levels=(OK,))
     driver = settled(MOTOR, components=(ComponentRule(re.compile("Motor"), unless=(charging,)),))
     charger = Status(OK, "Charger")
-    stand(driver, 12, HOT, charger)
+    driver.stand(12, HOT, charger)
     assert driver.component("Motor").quiet_because == "unless Charger is OK"
     (problem,) = driver.state.problems(driver.now)
     assert (problem.quiet, problem.because) == (Reason.CONDITION, "unless Charger is OK")
-    stand(driver, 2, HOT, charger._replace(level=WARN))
+    driver.stand(2, HOT, charger._replace(level=WARN))
     assert driver.component("Motor").quiet_because == ""
     events = [each for each in driver.events if each.kind == "condition"]
     assert [(each.after, each.message) for each in events] == [
         ("quiet", "unless Charger is OK"),
         ("judged", ""),
     ]
-
-
-def test_a_value_that_falls_is_a_fault_with_the_threshold_that_it_falls_to():
-    low = ValueRule(key=re.compile("Charge"), thresholds=(Threshold("low", "critical", 10.0),))
-    driver = settled(MOTOR, values=(low,))
-    for minute in range(26):
-        stand(driver, 60, MOTOR._replace(values=(("Charge", f"{60 - minute} %"),)))
-    assert faults(driver) == {("value", "falling", "r", "Motor", "Charge", "low")}
-    (fault,) = driver.state.faults()
-    assert fault.evidence.partition(";")[0] == "37 %, falling to the threshold of 10 %"

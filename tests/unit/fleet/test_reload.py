@@ -12,14 +12,12 @@ from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
     Discovery,
     Fleet,
-    Limits,
     Profile,
     Robot,
     Shared,
     Source,
     ValueRule,
 )
-from ros_diagnostics_exporter.files import FileWatcher
 from ros_diagnostics_exporter.fleet.state import PASS_ON
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status, Topic
 from support.state_driver import ERROR, OK, STALE, WARN, StateDriver, tree
@@ -76,18 +74,6 @@ def test_a_changed_profile_is_followed_without_a_reset():
     assert b"ros_voltage_volts{" in driver.exposition.render()
 
 
-def test_a_component_that_is_ignored_now_goes_and_may_come_back():
-    driver = faulty()
-    ignoring = Profile(components=(ComponentRule(re.compile("Motor"), ignore=True),))
-    driver.state.configure(Fleet("f", (raw_robot("r", profile=ignoring),)), driver.now)
-    driver.raw(HOT)
-    assert [each.name for each in driver.robot.components] == ["Laser"]
-
-    driver.state.configure(Fleet("f", (raw_robot("r"),)), driver.now)
-    driver.raw(HOT)
-    assert driver.level("Motor") == ERROR
-
-
 def test_a_fleet_that_is_renamed_is_renamed_in_every_sample():
     driver = faulty()
     before = driver.samples()
@@ -97,14 +83,6 @@ def test_a_fleet_that_is_renamed_is_renamed_in_every_sample():
     assert before.keys() == after.keys()
     for name, series in after.items():
         assert {dict(labels)["fleet"] for labels in series} == {"renamed"}, name
-
-
-def test_labels_change_without_touching_anything_else():
-    driver = faulty()
-    driver.state.configure(Fleet("f", (raw_robot("r", labels={"site": "yard"}),)), driver.now)
-
-    assert driver.sample("robot_info", site="yard") == 1
-    assert driver.component("Motor").changes == 0
 
 
 def test_a_robot_keeps_its_history_when_it_moves_to_another_topic():
@@ -259,14 +237,6 @@ def test_robots_on_one_topic_are_told_apart_by_hardware_id():
     assert driver.state.topics_of("r1") == (Topic(0, "/diagnostics"),)
 
 
-def test_robots_on_one_topic_are_told_apart_by_a_pattern_in_the_name():
-    pattern = re.compile(r"(?P<robot>[^/]+)/(?P<component>.*)")
-    driver = shared(by="name", pattern=pattern)
-    receive(driver, Status(OK, "r1/motor: left"), Status(WARN, "r2/motor: left"))
-
-    assert driver.sample("component_level", robot="r2", component="motor: left") == WARN
-
-
 def test_a_robot_on_a_shared_topic_falls_silent_alone():
     driver = shared(profile=Profile(stale_after=5.0))
     r1, r2 = Status(OK, "Motor", hardware_id="r1"), Status(OK, "Motor", hardware_id="r2")
@@ -316,52 +286,7 @@ def test_a_robot_of_a_shared_topic_takes_nothing_from_another_topic():
     assert driver.state.rejected["duplicate_robot"] == 1
 
 
-def test_names_invented_without_end_meet_the_limit_of_robots():
-    driver = StateDriver(
-        fleet=Fleet("f", shared=(Shared("/diagnostics", raw=True),), limits=Limits(robots=3))
-    )
-    receive(driver, *(Status(OK, "Motor", hardware_id=f"r{n}") for n in range(10)))
-    receive(driver, Status(ERROR, "Motor", hardware_id="r1"))
-
-    assert len(driver.state.robots) == 3
-    assert driver.state.rejected["robot_limit"] == 7
-    assert driver.sample("component_level", robot="r1") == ERROR
-
-
 # -- watching ----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("change", ["write", "replace", "add to folder", "remove"])
-def test_a_change_of_a_file_or_folder_is_told_once_and_after_it_came_to_rest(tmp_path, change):
-    file, folder = tmp_path / "fleet.yml", tmp_path / "robots.d"
-    file.write_text("a")
-    folder.mkdir()
-    watch = FileWatcher((file, folder))
-    assert not watch.changed()
-
-    if change == "write":
-        file.write_text("longer")
-    elif change == "replace":
-        (tmp_path / "new").write_text("b")
-        (tmp_path / "new").replace(file)
-    elif change == "add to folder":
-        (folder / "r.yml").write_text("name: r")
-    else:
-        file.unlink()
-
-    assert [watch.changed() for _ in range(4)] == [False, True, False, False]
-
-
-def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path):
-    file, other = tmp_path / "fleet.yml", tmp_path / "robots.yml"
-    for path in (file, other):
-        path.write_text("a")
-    watch = FileWatcher((file,))
-    watch.mark()
-    file.write_text("longer, and written after the exporter has read it")
-    watch.watch((file, other))
-
-    assert [watch.changed() for _ in range(3)] == [True, False, False]
 
 
 class BetweenHolds:

@@ -16,11 +16,9 @@ from ros_diagnostics_exporter.config.fleet import (
     Source,
 )
 from ros_diagnostics_exporter.fleet.registry import TIME_TO_PUBLISH
-from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Status, Stream, Topic
-from support.state_driver import ERROR, OK, WALL, StateDriver, tree
+from ros_diagnostics_exporter.model import Array, Downtime, Endpoint, Stream, Topic
+from support.state_driver import HOT, MOTOR, WALL, StateDriver, tree
 
-MOTOR, HOT = Status(OK, "Motor 1", "OK", "mc-01"), Status(ERROR, "Motor 1", "Hot", "mc-01")
-LASER = Status(OK, "Laser 1", "OK")
 RAW = "/r/diagnostics"
 BY_TOPIC = Discovery(
     re.compile(r"/(?P<robot>[^/]+)/diagnostics"), "/{robot}/diagnostics", source=Source.RAW
@@ -209,7 +207,7 @@ def test_a_robot_that_published_never_gives_way():
     driver = crowded(1)
     look(driver, "r")
     driver.raw(MOTOR)
-    driver.at(100_000)
+    driver.now = driver.now._replace(mono=100_000.0)
     look(driver, "r", "new")
     assert set(driver.state.robots) == {"r"}
 

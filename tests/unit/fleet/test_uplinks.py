@@ -87,8 +87,12 @@ def fail(driver: Driver, *uplinks: str) -> None:
     driver.failing |= {*uplinks, *ALL}
 
 
-def heal(driver: Driver) -> None:
+def heal(driver: Driver, *, all_of_them: bool = False) -> None:
+    """The uplinks work again, and all robots are received where ``all_of_them``."""
     driver.failing -= {"ap", "router"}
+    if all_of_them:
+        driver.failing.clear()
+        driver.received |= {*ALL, WIRED}
 
 
 def test_an_uplink_that_fails_is_one_fault_and_its_robots_and_their_site_are_none(driver):
@@ -102,8 +106,7 @@ def test_an_uplink_that_fails_is_one_fault_and_its_robots_and_their_site_are_non
     heal(driver)
     driver.pass_to(620)
     assert driver.ended == ["ap ping"]
-    driver.received |= set(ALL)
-    driver.failing.clear()
+    heal(driver, all_of_them=True)
     driver.pass_to(900)
     assert (driver.began, driver.ended) == (["ap ping"], ["ap ping"])
 
@@ -140,8 +143,7 @@ def test_a_site_that_was_a_fault_before_ends_only_with_its_robots_return(driver)
     driver.failing.add("ap")
     driver.pass_to(300)
     assert driver.ended == []
-    heal(driver)
-    driver.received |= {*ALL, WIRED}
+    heal(driver, all_of_them=True)
     driver.pass_to(600)
     assert sorted(driver.ended) == sorted(driver.began)
 
@@ -151,9 +153,7 @@ def test_behind_an_uplink_that_is_behind_another_the_outermost_is_the_fault(driv
     driver.pass_to(600)
     assert driver.began == ["router ping"]
     assert driver.quiet("ap") == {"ping": "unreachable"}
-    heal(driver)
-    driver.received |= set(ALL)
-    driver.failing.clear()
+    heal(driver, all_of_them=True)
     driver.pass_to(900)
     assert (driver.began, driver.ended) == (["router ping"], ["router ping"])
 
@@ -164,9 +164,7 @@ def test_a_silence_that_began_before_goes_on_and_ends_with_the_robots_return(dri
     assert driver.began == ["r silent"]
     fail(driver, "ap")
     driver.pass_to(600)
-    heal(driver)
-    driver.received |= set(ALL)
-    driver.failing.clear()
+    heal(driver, all_of_them=True)
     driver.pass_to(900)
     assert driver.began == ["r silent", "ap ping"]
     assert sorted(driver.ended) == ["ap ping", "r silent"]
@@ -196,9 +194,7 @@ def test_without_prometheus_an_uplink_that_failed_still_does_and_nothing_begins_
     driver.pass_to(1000)
     assert (driver.began, driver.ended) == (["ap ping"], [])
     driver.asked = True
-    heal(driver)
-    driver.received |= set(ALL)
-    driver.failing.clear()
+    heal(driver, all_of_them=True)
     driver.pass_to(1300)
     assert (driver.began, driver.ended) == (["ap ping"], ["ap ping"])
 

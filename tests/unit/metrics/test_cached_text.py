@@ -371,6 +371,11 @@ def of(exposition: Exposition, parts: frozenset[Part]) -> list[str]:
     ]
 
 
+def is_reported(state: FleetState) -> bool:
+    """Whether anything has come, or a second has passed, since the faults were restored."""
+    return all(each._presence is not None for each in state._faults._robots.values())
+
+
 Name = tuple[str, str, str]  # robot, group, component
 
 
@@ -389,8 +394,6 @@ def check_problems(text: list[str], state: FleetState, now: Instant) -> None:
 def check_reported(state: FleetState, now: Instant) -> None:
     """To report all of every robot again is to report nothing new."""
     reports, known = state._faults, reported(state)
-    if any(each._presence is None for each in reports._robots.values()):
-        return  # nothing has come since the restore
     for robot in state.robots.values():
         reports._robots[robot.settings.name]._everything = True
         reports._record(reports._robots[robot.settings.name].update(reports.engine, now))
@@ -457,7 +460,7 @@ def check(history: list[tuple[tuple[object, ...], str]]) -> None:
         for (what, *how), scrape in history:
             played.do(str(what), *how)
             anew = played.compare(SCRAPES[scrape])
-            if scrape == "all":
+            if scrape == "all" and is_reported(played.state):
                 check_problems(anew, played.state, played.now)
                 check_reported(played.state, played.now)
             if scrape == "none":
@@ -537,6 +540,7 @@ def report(feed: Feed, statuses: tuple[Status, ...], *, lossy: bool = False) -> 
 @example(  # a problem that is scraped before, and after, the faults of before are restored
     [(("again", ("level", OK)), "all"), (("restart", ERROR), "all")]
 )
+@example([(("restart", ERROR), "all")])
 @example(  # a fault of before the start, whose component has a shorter label since
     [
         (("raw", "/r1/d", (Status(ERROR, "Arm: left"),)), "all"),

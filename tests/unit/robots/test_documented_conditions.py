@@ -8,10 +8,9 @@ from textwrap import indent
 
 from ros_diagnostics_exporter.config.load import load
 from ros_diagnostics_exporter.model import Level, Status
-from support.state_driver import StateDriver
+from support.state_driver import SETTLED, StateDriver
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "configuration.md"
-SETTLED = 40.0
 
 
 def example(folder: Path, number: int, sentence: str) -> StateDriver:

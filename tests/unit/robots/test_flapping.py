@@ -47,12 +47,3 @@ def test_the_slots_are_every_change_and_the_rests_between(changes):
         last, level = mono, new
 
     assert [*flaps.slots] == slots[-SLOTS:]
-
-
-def test_a_component_at_rest_is_calm_after_21_intervals():
-    flaps = FlapHistory([0] * SLOTS, 0.0)
-    flaps.change(2, 10.0, 15.0)
-    assert flaps.ratio > 0
-
-    assert flaps.decay(10.0 + 21 * 15.0, 15.0)
-    assert flaps.ratio == 0.0

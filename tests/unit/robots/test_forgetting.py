@@ -16,11 +16,8 @@ from ros_diagnostics_exporter.config.fleet import (
     ValueRule,
 )
 from ros_diagnostics_exporter.faults.model import State
-from ros_diagnostics_exporter.model import Endpoint, Status
-from support.state_driver import ERROR, OK, STALE, StateDriver, tree
-
-MOTOR, HOT = Status(OK, "Motor 1", "OK", "mc-01"), Status(ERROR, "Motor 1", "Hot", "mc-01")
-LASER = Status(OK, "Laser 1", "OK")
+from ros_diagnostics_exporter.model import Endpoint
+from support.state_driver import ERROR, HOT, LASER, MOTOR, OK, STALE, StateDriver, tree
 
 
 def test_absence_never_ends_a_fault_but_what_was_ok_is_forgotten():

@@ -39,7 +39,7 @@ from ros_diagnostics_exporter.robots.values import _MAX_CACHED_KEY, _describe, p
 from support.state_driver import ERROR, OK, StateDriver, tree
 
 EXPORTER = Path(ros_diagnostics_exporter.__file__).parent
-RUNBOOKS = Path(__file__).parents[3] / "docs" / "alerts"
+RUNBOOK = Path(__file__).parents[3] / "docs/alerts/RosDiagnosticsLimitHit.md"
 LONG = "x" * 1_000_000
 SLASHES = "/" * 1_000_000
 AGG = Topic(0, "/r/diagnostics_agg")
@@ -128,15 +128,6 @@ def test_a_long_key_is_read_and_not_remembered():
     assert _describe.cache_info().currsize == before
 
 
-def test_ten_thousand_components_are_as_many_as_the_limits_allow(caplog):
-    for topic in (AGG, RAW):
-        driver = bounded_story()
-        for _ in range(3):
-            send(driver, topic, *(Status(OK, f"Part {n}") for n in range(10_000)))
-        assert len(driver.robot.components) == Limits().components
-    assert caplog.text.count("components or groups beyond limits.components") == 2
-
-
 def test_groups_are_as_many_as_the_limits_allow():
     driver = bounded_story(components=10)
     rows = [row for n in range(100) for row in tree(**{f"Group {n}": [Status(OK, "Part")]})]
@@ -219,9 +210,8 @@ def test_dropped_messages_are_counted_for_the_robot_or_on_a_shared_topic_for_nob
     assert driver.samples()["robot_rejected_total"]
 
 
-@pytest.mark.parametrize("page", ["LimitHit"])
-def test_the_runbooks_find_in_the_log_what_is_said_there(page):
-    runbook = (RUNBOOKS / f"RosDiagnostics{page}.md").read_text()
+def test_the_runbook_finds_in_the_log_what_is_said_there():
+    runbook = RUNBOOK.read_text()
     (words,) = re.findall(r'grep (?:-E )?"([^"]+)"', runbook)
     source = "\n".join(
         path.read_text()
@@ -280,6 +270,12 @@ def components_of_one_label(size: int) -> Callable[[], object]:
     return driver.exposition.render
 
 
+def one_part_in_many_groups(size: int) -> Callable[[], object]:
+    driver = without_end()
+    rows = tree(**{f"Group {n}": [Status(OK, "Part")] for n in range(size)})
+    return lambda: send(driver, AGG, *rows)
+
+
 def robots_of_a_shared_topic(size: int) -> Callable[[], object]:
     topic = Topic(0, "/diagnostics")
     driver = StateDriver(fleet=Fleet("f", shared=(Shared(topic.name, raw=True),)))
@@ -290,18 +286,14 @@ def robots_of_a_shared_topic(size: int) -> Callable[[], object]:
 
 @pytest.mark.parametrize(
     "attack",
-    [equal_keys, keys_in_the_way_of_numbers, components_of_one_label, robots_of_a_shared_topic],
+    [
+        *(equal_keys, keys_in_the_way_of_numbers, components_of_one_label),
+        *(one_part_in_many_groups, robots_of_a_shared_topic),
+    ],
 )
 def test_twice_as_much_costs_twice_as_much(attack):
     once, twice = steps(attack(150)), steps(attack(300))
     assert twice < 2.2 * once
-
-
-def test_one_component_in_many_groups_does_not_cost_the_square_of_them():
-    driver = without_end()
-    rows = tree(**{f"Group {n}": [Status(OK, "Part")] for n in range(150_000)})
-    send(driver, AGG, *rows)
-    assert driver.component("Part").level == OK
 
 
 def test_a_key_of_blanks_does_not_cost_the_square_of_them():
@@ -315,20 +307,20 @@ def test_a_key_of_blanks_does_not_cost_the_square_of_them():
 
 
 def repeated(components: int, values: int, turn: int = 0) -> list[Status]:
-    """What was once enough to take all robots down: 200 equal keys in each of 500 components."""
+    """As it once took all robots down: equal keys in each of many components."""
     pairs = tuple(("Error", str(n + turn)) for n in range(values))
     return [Status(OK, f"Part {n}", values=pairs) for n in range(components)]
 
 
 def test_one_robot_has_no_more_than_its_share_of_series(caplog):
-    driver = bounded_story()
+    most = 2_000
+    driver = bounded_story(robot_series=most)
     for turn in range(2):
-        send(driver, RAW, *repeated(500, 200, turn))
+        send(driver, RAW, *repeated(50, 200, turn))
 
-    most = Limits().robot_series
     shown = driver.samples()
     assert len(shown["component_value"]) == most
-    assert len(shown["component_level"]) == 500  # levels are not crowded out by values
+    assert len(shown["component_level"]) == 50  # levels are not crowded out by values
     assert sum(len(each.last.values) for each in driver.robot.components) == most
     assert driver.robot.rejected["robot_series_limit"] > 0
     assert caplog.text.count("beyond limits.robot_series are rejected") == 1

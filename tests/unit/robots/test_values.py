@@ -6,10 +6,7 @@ sick, mavros, rplidar, diagnostic_common_diagnostics, Autoware, husarion, velody
 
 from __future__ import annotations
 
-import json
 import math
-import os
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -22,33 +19,22 @@ NUMBERS = [
     # key, text -> unit, number
     ("Voltage (V)", "15.6", "V", 15.6),
     ("Percent", "87.5", "%", 87.5),
-    ("Charge (Ah)", "2.1", "Ah", 2.1),
-    ("Left", "14", "", 14.0),
-    ("Battery Percentage", "0.18", "", 0.18),
     ("Wheel Status", "True", "", 1.0),
     ("Motor drivers energized", "false", "", 0.0),
     ("Emergency", "NO", "", 0.0),
-    ("Actual frequency (Hz)", "8.999991", "Hz", 8.999991),
-    ("Events since startup", "120", "", 120.0),
-    ("Asic Temperature", "56.0", "", 56.0),
-    ("periodicity.average", "99.998123", "", 99.998123),
     ("Rx speed", "inf", "", math.inf),
     ("Rx speed", "-inf", "", -math.inf),
     ("Delay", "nan", "", math.nan),
     ("Delay", "-nan", "", math.nan),  # as C++ streams write it
     ("Remote [3]", "255.190", "", 255.19),
-    ("EPH (m)", "99.99", "m", 99.99),
     ("Received packets:", "3093", "", 3093.0),
-    ("CPU Load Average", "37.12", "", 37.12),
     ("Total (Go)", "468123", "GB", 468123.0),
-    ("Available (%)", "4.3", "%", 4.3),
     ("HDD 0: temperature", "37.0 DegC", "degC", 37.0),
     ("HDD 0: size", "264G", "G", 264.0),
     ("use", "69%", "%", 69.0),
     ("%CPU", "37.5", "%", 37.5),
     ("CPU temperature (°C)", "55", "degC", 55.0),
     ("Temperature", "75.123 °C", "degC", 75.123),
-    ("Load", "100.02 %", "%", 100.02),
     ("rtc.transport.current_round_trip_time_ms", "12", "ms", 12.0),
     ("Supply", "12300 mV", "mV", 12300.0),
     ("Speed [m/s]", "-0.5", "m/s", -0.5),
@@ -63,26 +49,17 @@ NUMBERS = [
 
 REFUSED = [
     ("Source", "None"),
-    ("Charging State", "Trickle Charging"),
-    ("Left", "Reading: 2143  Cliff: NO"),
     ("Hazard Detection", "['BUMP', 'CLIFF']"),
     ("jtc.execution_time", "Avg: 12.34 [3.10 - 88.00] us, StdDev: 4.21"),
-    ("Latest timestamp delay", "No data"),
-    ("EPH (m)", "Unknown"),
     ("Offset (us)", "N/A"),
-    ("Device Info", "S/N: A8E4 | FW: 1.2 | HW: 18 | Type: RPLIDAR C1"),
     ("TIME+", "23:57.49"),
-    ("COMMAND", "/usr/lib/firefox/firefox"),
-    ("Name", "/home/u"),
     ("Distance", "12,000"),  # twelve or twelve thousand?
-    ("Distance", "1,5"),
     ("Count", "1_000"),  # Python's float() would take it
     ("Count", "\u0663"),  # and this Arabic three
     ("Count", "1 000"),
     ("Date", "2024-01-01"),
     ("Peer", "192.168.1.1"),
     ("Release", "v2.5.0"),
-    ("Release", "2.5.0"),
     ("Stamp", "1783459823475982374"),  # nineteen digits: a time stamp, beyond a double
     ("Code", "007"),
     ("Code", "00.5"),
@@ -135,32 +112,6 @@ def test_the_elements_of_a_list_take_the_keys_unit():
 )
 def test_a_name_that_only_looks_like_a_unit_is_none(name):
     assert unit_in_name(name) == ""
-
-
-if "DIAGNOSTICS_DUMPS" in os.environ:  # a folder with dumps of real robots, which are not published
-
-    def test_every_key_value_of_recorded_robots_is_read_or_refused_without_an_error():
-        pairs = [
-            pair
-            for path in sorted(Path(os.environ["DIAGNOSTICS_DUMPS"]).glob("dump_*.json"))
-            for pair in _pairs(json.loads(path.read_text()))
-        ]
-
-        assert pairs
-        for key, text in pairs:
-            for reading in parse_numbers(key, text):
-                assert math.isinf(reading.value) == ("inf" in text.lower())
-
-
-def _pairs(node):
-    if isinstance(node, dict):
-        if isinstance(node.get("key"), str) and isinstance(node.get("value"), str):
-            yield node["key"], node["value"]
-        for value in node.values():
-            yield from _pairs(value)
-    elif isinstance(node, list):
-        for value in node:
-            yield from _pairs(value)
 
 
 @given(st.from_regex(r"[+-]?[0-9]{0,17}(\.[0-9]{0,19})?(e[0-9])?\s?", fullmatch=True))
