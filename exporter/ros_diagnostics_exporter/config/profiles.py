@@ -73,7 +73,8 @@ class ComponentRule(Conditional, Entry, title="Component"):
     reports: Literal["always", "on_change"] = described(
         "`on_change`: they are published only when something changes, as rosserial does. They are "
         "not STALE for want of an update as long as their robot is received, and keep the level "
-        "that was published last.",
+        "that was published last; but for those that an aggregator's array no longer has, as after "
+        "its restart.",
         example="on_change",
         default="always",
     )
