@@ -1,4 +1,4 @@
-"""The tables of what `experiments.silent` measured: silent.md, and docs/reference/silent-faults.md."""
+"""The tables of what `experiments.silent` measured, and docs/reference/silent-faults.md."""
 
 from __future__ import annotations
 

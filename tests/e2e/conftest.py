@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from support import sns
 from testbed.polling import until
 from testbed.site import Site
 from testbed.stack import Plan, running
@@ -36,12 +35,12 @@ def stack(tmp_path: Path) -> Iterator[Site]:
 
 
 @pytest.fixture
-def wait_for_mails(stack: Site) -> Callable[[int], list[str]]:
+def wait_for_mails(stack: Site) -> Callable[..., list[str]]:
     """A function: waits until so many mails have come, returns all subjects."""
 
-    def wait(number: int) -> list[str]:
+    def wait(number: int, within: float = 60) -> list[str]:
         subjects = stack.inbox.subjects
-        until(lambda: len(subjects()) >= number, lambda: f"{number} mails: {subjects()}", 60)
+        until(lambda: len(subjects()) >= number, lambda: f"{number} mails: {subjects()}", within)
         return subjects()
 
     return wait
@@ -64,9 +63,3 @@ def wait_for_scrapes(stack: Site) -> Callable[[int], None]:
         until(lambda: scrapes() >= before + number, f"{number} scrapes of the exporter", 120)
 
     return wait
-
-
-@pytest.fixture
-def sns_server(site: Site) -> str:
-    """The address of moto's server, which receives text messages as Amazon SNS does."""
-    return sns.start_server(site)

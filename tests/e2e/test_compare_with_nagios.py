@@ -108,6 +108,10 @@ class Site:
 
         until(all_checked, self.nagios.describe, 120, every=0.5)
 
+    def performance(self, robot: str, service: str) -> str:
+        """The performance data that Nagios has read."""
+        return nagios_program.service(self._folder, robot, service)["performance_data"]
+
     def log(self) -> str:
         return self._log.read_text()
 
@@ -169,6 +173,7 @@ def test_what_only_nagios_or_only_this_project_notified_is_found(site, capsys):
 
     until(lambda: site.compare(capsys)[0] == 0, lambda: f"both agree: {site.compare(capsys)}", 30)
     assert site.compare(capsys)[1]["same"] == 4
+    assert site.performance("robot_1", "Motor").startswith("critical=0;;;0 stale=0;;;0 warning=0")
 
     site.passive("robot_2", "Motor", 2)
     site.wait_for_nagios("SERVICE NOTIFICATION: ops;robot_2;Motor;CRITICAL;")

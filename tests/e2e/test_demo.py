@@ -18,11 +18,6 @@ from testbed.processes import Process
 READY = "smtp://"  # the last of the addresses, printed when all servers are ready
 PROGRAMS = ("virtual-robots", "ros-diagnostics-exporter", "prometheus", "alertmanager")
 INSTALLED = len(PROGRAMS) + (grafana.command() is not None)
-SCENARIO = """\
-duration: 2
-robots: [{kind: thesis, count: 2}]
-events: [{at: 1, robot: robot_1, component: Motor 2, what: error}]
-"""
 
 
 @pytest.fixture
@@ -117,21 +112,6 @@ def test_nothing_is_left_running_however_it_ends(start_demo, number):
         "the end of all programs",
     )
     assert demo.exit_code == (-signal.SIGKILL if number == signal.SIGKILL else 0)
-
-
-@pytest.mark.slow
-def test_after_a_short_scenario_the_robots_run_until_the_seconds_are_over(start_demo, tmp_path):
-    scenario = tmp_path / "scenario.yaml"
-    scenario.write_text(SCENARIO)
-    demo = start_demo("--scenario", str(scenario), "--seconds", "12")
-
-    until(lambda: not demo.alive, "the end of the demo", 60)
-
-    assert demo.exit_code == 0, demo.output()
-    assert "virtual-robots ended" not in demo.output()
-    last_table = demo.output().rpartition("robot_1 ")[2]
-    assert "Motor 2: ERROR" in last_table
-    assert "SILENT" not in last_table
 
 
 @pytest.mark.slow

@@ -71,22 +71,6 @@ def alertmanager(site: Site) -> str:
     return address
 
 
-def broken(robot: str) -> dict[str, Any]:
-    of = {"fleet": "hall", "robot": robot, "scope": "component", "state": "critical"}
-    return alert("RosDiagnosticsComponentCritical", "critical", **of, component="Motor 1")
-
-
-def test_every_fault_is_a_mail_of_its_own_at_once(alertmanager: str, mails: Mails):
-    """The group's second mail would come after group_interval, 5 minutes: later than waited for."""
-    post_alerts(alertmanager, broken("r1"))
-    mails.until_robots("** PROBLEM ** hall/r1 Motor 1 is CRITICAL")
-    post_alerts(alertmanager, broken("r2"))
-    mails.until_robots(
-        "** PROBLEM ** hall/r1 Motor 1 is CRITICAL", "** PROBLEM ** hall/r2 Motor 1 is CRITICAL"
-    )
-    assert not mails.to("pager@example.org")
-
-
 def test_what_others_have_goes_on(alertmanager: str, mails: Mails):
     post_alerts(
         alertmanager,

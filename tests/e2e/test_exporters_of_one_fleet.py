@@ -16,7 +16,7 @@ exporter: {name}
 profiles: {{default: {{stale_after: 4s, confirm_after: 2s}}}}
 faults: {{restart_grace: 8s}}
 robots:
-  - {{name: {first}, namespace: /robot_1, domain_id: {domain}}}
+  - {{name: {name}_1, namespace: /robot_1, domain_id: {domain}}}
   - {{name: {name}_2, namespace: /robot_2, domain_id: {domain}}}
 """
 Alert = tuple[str, ...]  # name, exporter, robot
@@ -27,18 +27,12 @@ class Subnet:
 
     def __init__(self, site: Site, name: str) -> None:
         self.name = name
-        self._config = site.folder / f"{name}.yml"
-        self._domain = site.lease()
-        self.write(first=f"{name}_1")
-        site.start_robots(2, domain_id=self._domain, name=f"{name}-robots")
-        self._server = site.start_exporter(self._config, name=name, domain_id=self._domain)
+        domain = site.lease()
+        config = site.write(f"{name}.yml", FLEET.format(name=name, domain=domain))
+        site.start_robots(2, domain_id=domain, name=f"{name}-robots")
+        self._server = site.start_exporter(config, name=name, domain_id=domain)
         self.exporter = self._server.process
-        self.orders = site.use(Orders(self._domain))
-
-    def write(self, *, first: str) -> None:
-        """Write fleet.yml; ``first`` is the name of its first robot."""
-        text = FLEET.format(name=self.name, first=first, domain=self._domain)
-        self._config.write_text(text)
+        self.orders = site.use(Orders(domain))
 
     def receives_both(self) -> bool:
         return len(self._server.receives()) == 2
@@ -110,16 +104,4 @@ def test_each_exporter_judges_its_robots_and_holds_their_faults_alone(subnets: S
     subnets.north.exporter.start()
     subnets.becomes(NORTH, keeps=NORTH)
     subnets.north.motor("ok")
-    subnets.becomes()
-
-
-def test_a_robot_that_two_exporters_serve_unasked_fires(subnets: Subnets):
-    subnets.south.exporter.stop()
-    subnets.south.write(first="north_1")
-    subnets.south.exporter.start()
-    subnets.becomes(("RobotServedTwice", "", "north_1"))
-
-    subnets.south.exporter.stop()
-    subnets.south.write(first="south_1")
-    subnets.south.exporter.start()
     subnets.becomes()

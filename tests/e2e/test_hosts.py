@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from support import host_checks
@@ -22,32 +20,22 @@ robots:
 """
 
 
-def jobs(exporter: str, node: str, blackbox: str, module: str) -> list[dict[str, Any]]:
-    """Those for computers, robots and uplinks; ``module`` tcp_connect as the comment says."""
-    port = node.rpartition(":")[2]
-    replaced = {
-        "/sd/node": f"/sd/node?port={port}",
-        "localhost:9877": exporter,
-        "localhost:9115": blackbox,
-    }
-    if module == "tcp_connect":
-        at_port = {"/sd/ping": f"/sd/tcp?port={port}", "/sd/uplink": f"/sd/uplink?port={port}"}
-        replaced |= {"[icmp]": "[tcp_connect]", **at_port}
-    services = [f"ros-diagnostics-{name}" for name in ("ssh", "http", "tcp")]
-    return host_checks.jobs(replaced, services)
-
-
-@pytest.fixture(params=["icmp", "tcp_connect"])
-def ping_error(request: pytest.FixtureRequest, site: Site) -> str:
-    """A site whose hosts are probed with either module: blackbox_exporter's error, if any."""
+@pytest.fixture
+def ping_error(site: Site) -> str:
+    """A site whose hosts are probed: blackbox_exporter's error where it may not send pings."""
     node, blackbox = host_checks.start(site)
     site.start_exporter(site.write("fleet.yml", FLEET.format(domain=site.domain_id)))
     site.wait_until_ready()
     site.start_alertmanager()
-    probes = jobs(site.exporter.address, node, blackbox, request.param)
-    site.start_prometheus(interval=1, probes=probes)
+    replaced = {
+        "/sd/node": f"/sd/node?port={node.rpartition(':')[2]}",
+        "localhost:9877": site.exporter.address,
+        "localhost:9115": blackbox,
+    }
+    services = [f"ros-diagnostics-{name}" for name in ("ssh", "http", "tcp")]
+    site.start_prometheus(interval=1, probes=host_checks.jobs(replaced, services))
     site.wait_until_ready()
-    return host_checks.ping_error(blackbox) if request.param == "icmp" else ""
+    return host_checks.ping_error(blackbox)
 
 
 def test_robots_and_uplinks_are_probed(site: Site, ping_error: str):

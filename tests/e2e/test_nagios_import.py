@@ -93,13 +93,17 @@ def name_of(kind: str, value) -> tuple[str, ...]:
     return kind, value(f"{kind}_name")
 
 
-def test_hosts_and_services_are_resolved_as_nagios_does(main):
+def site_of(main: Path) -> Site:
+    """The objects as the import resolves them."""
     ledger = ImportLedger()
-    found = read([main])
     things: dict[str, list] = {}
-    for thing in Templates(found.definitions, ledger).things():
+    for thing in Templates(read([main]).definitions, ledger).things():
         things.setdefault(thing.kind, []).append(thing)
-    site = Site(ledger, {}, things)
+    return Site(ledger, {}, things)
+
+
+def test_hosts_and_services_are_resolved_as_nagios_does(main):
+    site = site_of(main)
     site.index_services()
     theirs = precached(main)
 
@@ -134,11 +138,7 @@ def listed(value) -> tuple[set[str], ...]:
 
 
 def test_groups_have_the_members_that_nagios_finds(main):
-    ledger = ImportLedger()
-    things: dict[str, list] = {}
-    for thing in Templates(read([main]).definitions, ledger).things():
-        things.setdefault(thing.kind, []).append(thing)
-    site = Site(ledger, {}, things)
+    site = site_of(main)
     theirs = {
         key[1]: set(filter(None, each.value("members").split(",")))
         for key, each in precached(main).items()

@@ -53,13 +53,8 @@ def test_a_fault_of_the_past_is_found_by_a_query(prometheus: Engine):
     assert confirmed <= values[0][0] <= confirmed + 2 * STEP
     # Without a scrape that lacks the series, Prometheus looks back five minutes.
     assert ended <= values[-1][0] <= ended + 300 + STEP
-
-
-def test_levels_and_values_are_there_with_the_labels_of_a_scrape(prometheus: Engine):
-    query = 'max_over_time(ros_diagnostics_component_level{job="ros-diagnostics"}[20m])'
-
-    found = prometheus.query(query, BEGIN + 1200)
-
+    levels = 'max_over_time(ros_diagnostics_component_level{job="ros-diagnostics"}[20m])'
+    found = prometheus.query(levels, BEGIN + 1200)
     assert {each.labels["component"]: each.value for each in found} == {"motor": 2, "laser": 0}
     assert prometheus.query('up{instance="backtest"}', BEGIN + 600)
 

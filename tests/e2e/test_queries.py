@@ -6,10 +6,8 @@ node_exporter reads a folder in place of /proc, so that the test says what the l
 from __future__ import annotations
 
 import os
-import time
 from contextlib import closing
 from http.server import BaseHTTPRequestHandler
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +60,6 @@ class Host:
         (self.folder / "proc" / "1" / "mounts").write_text(mounts)
         page = site.use(answering(Page))
         self.prometheus = site.use(closing(Link(site.addresses.prometheus)))  # of the exporter
-        self.uplink = site.use(closing(Link(page)))  # as it is probed
         site.start_mail_server()
         site.start_robots()
         site.write("queries.d/hosts.yml", yaml.safe_dump(queries(self.folder)))
@@ -104,7 +101,7 @@ class Host:
                 "?port=11311": f"?port={page}",
                 # What may not send pings finds every host down (test_hosts.py).
                 "[icmp]": "[tcp_connect]",
-                "/sd/uplink": f"/sd/uplink?port={_port(self.uplink.address)}",
+                "/sd/uplink": f"/sd/uplink?port={page}",
             },
             ["ros-diagnostics-ping", "ros-diagnostics-ssh"],  # nobody serves SSH
         )
@@ -273,54 +270,3 @@ def test_while_prometheus_is_killed_no_fault_begins_or_ends_and_none_is_repeated
     of_robots = {each for each in host.subjects() if "hall/" in each}
     assert of_robots == {*problems, recovery}
     assert len(set(host.subjects())) == len(host.subjects())
-
-
-def test_an_uplink_that_is_gone_is_one_mail_and_its_robot_none(host: Host):
-    until(lambda: host.robot()["up"] and host.level("http") == "OK", "the robot is well", 90)
-    host.uplink.cut()
-    host.site.robots.process.stop()
-    problem = "** PROBLEM ** hall/ap_1 uplink is CRITICAL"
-    until(lambda: problem in host.subjects(), lambda: str(host.subjects()), 90)
-
-    def silence() -> dict[str, Any]:
-        found = (each for each in host.robot()["problems"] if each["state"] == "silent")
-        return next(found, {"due": inf, "quiet": ""})
-
-    # All that could have made it a fault is over.
-    until(lambda: time.time() > silence()["due"], lambda: str(silence()), 90)
-    assert silence()["quiet"] == "unreachable"
-    assert host.robot()["silent_reason"] == "uplink_down"
-
-    host.uplink.heal()
-    host.site.robots.process.start()
-    recovery = "** RECOVERY ** hall/ap_1 uplink is no longer CRITICAL"
-    until(lambda: recovery in host.subjects(), lambda: str(host.subjects()), 90)
-    until(lambda: host.robot()["up"], "the robot is back", 90)
-    disk = "** PROBLEM ** hall/robot_1 disk"
-    assert [each for each in host.subjects() if not each.startswith(disk)] == [problem, recovery]
-
-
-def test_in_maintenance_a_hosts_fault_is_quiet_and_one_that_outlives_it_a_mail_at_its_end(
-    host: Host,
-):
-    until(lambda: host.robot()["up"] and host.level("load 1m") == "OK", "the load", 120)
-    folder = host.site.folder / "maintenance.d"
-    folder.mkdir()
-    window = folder / "robot_1.yml"
-    weekly = ["daily 00:00-24:00"]
-    of = {"name": "computer", "comment": "new one", "selector": {"robot": "robot_1"}}
-    window.write_text(yaml.safe_dump({**of, "weekly": weekly}))
-    until(lambda: host.robot()["maintenance"], "the maintenance", 60)
-    host.load(11)
-
-    def problem() -> dict[str, Any]:
-        found = (each for each in host.robot()["problems"] if each["component"] == "load 1m")
-        return next(found, {"due": inf, "quiet": ""})
-
-    until(lambda: time.time() > problem()["due"], lambda: str(problem()), 90)
-    assert problem()["quiet"] == "maintenance"
-    subject = "** PROBLEM ** hall/robot_1 load 1m is CRITICAL"
-    assert subject not in host.subjects()
-    window.unlink()
-    until(lambda: subject in host.subjects(), lambda: str(host.subjects()), 120)
-    assert host.subjects().count(subject) == 1

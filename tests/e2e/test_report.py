@@ -6,7 +6,6 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from datetime import datetime, timezone
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -23,7 +22,6 @@ from testbed.engine import Engine
 from testbed.site import Site
 
 __all__ = ["serve"]  # a fixture
-CHECKOUT = Path(__file__).parents[2]
 SLOT = 300
 DAY = 86_400
 END = int(time.time()) // SLOT * SLOT
@@ -122,15 +120,8 @@ def exporter(serve):
 
 def panel(title: str) -> str:
     """The query of a panel of the shipped dashboard, over seven days."""
-    dashboard = (CHECKOUT / "grafana/dashboards/ros-diagnostics-alerts.json").read_text()
-    todo = json.loads(dashboard)["panels"]
-    while todo:
-        each = todo.pop()
-        todo += each.get("panels", [])
-        if each.get("title") == title:
-            expr = str(each["targets"][0]["expr"])
-            return expr.replace("$__range", "7d").replace('=~"$fleet"', '="hall"')
-    raise LookupError(title)
+    exprs = (each.expr for each in queries() if each.place == title and each.ref == "A")
+    return filled(next(exprs), {"fleet": "hall", "__range": "7d"})
 
 
 def test_the_report_has_the_numbers_of_the_dashboards_and_is_mailed(

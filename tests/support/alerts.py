@@ -9,6 +9,13 @@ from typing import Any
 LONG_AGO = "2026-01-01T00:00:00Z"
 
 
+def fault(component: str, state: str = "critical", **more: str) -> dict[str, Any]:
+    """The alert of a component of the robot r1, as the rules make it, with more labels."""
+    name = f"RosDiagnosticsComponent{state.title()}"
+    of = {"fleet": "f", "robot": "r1", "component": component, "scope": "component"}
+    return {"labels": {"alertname": name, **of, "state": state, "severity": state, **more}}
+
+
 def post_alerts(address: str, *alerts: dict[str, Any], resolved: bool = False) -> None:
     """Send the alerts, firing or resolved."""
     end = {"endsAt": LONG_AGO} if resolved else {}

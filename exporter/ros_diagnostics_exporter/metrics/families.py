@@ -1,7 +1,7 @@
 """THE table of every family that the exporter serves: name, type, help, labels.
 
-The exposition renders from it, docs/reference/metrics.md is generated from it, and the tests compare rules
-and dashboards with it. Naming follows https://prometheus.io/docs/practices/naming/.
+The exposition renders from it, docs/reference/metrics.md is generated from it, and the tests
+compare rules and dashboards with it. Naming follows https://prometheus.io/docs/practices/naming/.
 """
 
 from __future__ import annotations

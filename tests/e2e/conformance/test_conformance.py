@@ -11,9 +11,9 @@ from dataclasses import replace
 import pytest
 
 from conformance.compare import Outcome, run, shrunk
-from conformance.exporter import TICK, play
+from conformance.exporter import TICK
 from conformance.histories import WRITTEN, drawn
-from conformance.history import History, Notification
+from conformance.history import Notification
 from conformance.table import PAGE, ROWS, rows, summary
 from support.planted import planted
 
@@ -91,16 +91,3 @@ def with_mistake(written: Sequence[Outcome], environment: dict[str, str]) -> lis
         for outcome, ours in zip(written, played, strict=True)
         if not outcome.history.of_people
     ]
-
-
-def play_early(history: History) -> list[Notification]:
-    """As `play`, but faults are confirmed one result early."""
-    return play(replace(history, attempts=max(1, history.attempts - 1)))
-
-
-def test_what_differs_is_made_small(tmp_path):
-    history = History("long", {"r/m": "oowowccoooccoocccwwo", "r/l": "ooccoowwwo"}, attempts=3)
-
-    smallest = shrunk(tmp_path / "shrunk", history, play_early).history
-
-    assert sum(map(len, smallest.services.values())) <= 3

@@ -152,14 +152,6 @@ def test_problems_are_listed_with_state_message_and_acknowledgement(page: browse
     )
 
 
-def test_a_flapping_component_is_one_row_that_stays(page: browser.Page):
-    page.open(FLEET, state="== 1")
-    page.wait_for("Problems", "flapping: Loose")
-
-    rows = [row for row in page.rows("Problems") if (row[1], row[3]) == ("flapping", "Sensor 1")]
-    assert len(rows) == 1
-
-
 @pytest.mark.parametrize(
     ("rank", "state"),
     [(4, "UNKNOWN"), (3, "CRITICAL"), (2, "STALE"), (1, "WARNING"), (-1, "PENDING")],
@@ -212,15 +204,6 @@ def near(one: tuple[int, int, int], other: tuple[int, int, int]) -> bool:
     return all(abs(a - b) <= 4 for a, b in zip(one, other, strict=True))
 
 
-def test_a_click_on_a_component_compares_it_across_the_fleet(page: browser.Page):
-    page.open(FLEET)
-    page.wait_for("Problems", "Motor 1")
-    page.panel("Problems").get_by_role("link", name="Motor 1").first.click()
-
-    page.wait_for("State on each robot", "broken")
-    page.wait_for("Robots by state of the component", "CRITICAL")
-
-
 def test_the_menu_leads_from_a_component_to_a_robot(page: browser.Page):
     """It passes all variables: "All" robots of one page are no robot of the other."""
     page.open(COMPONENT, component="Motor 1", robots="$__all")
@@ -230,21 +213,6 @@ def test_the_menu_leads_from_a_component_to_a_robot(page: browser.Page):
     page.follow(target)
 
     page.wait_for("All components", "Battery")
-
-
-def test_a_value_with_a_metric_of_its_own_is_shown(page: browser.Page):
-    page.open(ROBOT, fleet="annex", robot="well")
-
-    page.wait_for("Batteries", "Battery: Level in %")
-    page.wait_for("Values with a metric of their own", "ros_battery_charge_ratio")
-    page.wait_for("Problems", "No problems")
-
-
-def test_a_component_is_useful_without_a_choice(page: browser.Page):
-    page.open(COMPONENT)
-
-    page.wait_for("Robots by state of the component", "CRITICAL")
-    page.wait_for("Outliers", "hall")
 
 
 def test_on_a_phone_the_first_screen_has_problems(chromium: Any, grafana: str):

@@ -71,32 +71,3 @@ def test_shares_of_availability_sum_to_one(watched: WatchedFleet):
 
         assert sums
         assert sums == pytest.approx(dict.fromkeys(sums, 1.0))
-
-
-@pytest.mark.parametrize(
-    ("expected", "value", "matches"),
-    [
-        ("3", 3.0, True),
-        ("3", 3.1, False),
-        ("0|1", 1.0, True),
-        ("0|1", 2.0, False),
-        ("1..2", 1.5, True),
-        ("1..2", 2.5, False),
-        ("ago 5..15", 990.0, True),
-        ("ago 5..15", 1010.0, False),
-        ("ms ago 5..15", 990_000.0, True),
-        ("nan", float("nan"), True),
-        ("nan", 0.0, False),
-    ],
-)
-def test_notations_of_expected_values(expected: str, value: float, matches: bool):
-    found = {(("robot", "a b, c"),): value}
-
-    assert (differences([f"{{robot=a b, c}} {expected}"], found, now=1000.0) == []) is matches
-
-
-def test_missing_and_unexpected_cells_are_differences():
-    found = {(("robot", "one"),): 1.0}
-
-    assert len(differences(["{robot=two} 1"], found, now=0.0)) == 2
-    assert len(differences(["? {robot=two} 1"], found, now=0.0)) == 1

@@ -1,4 +1,4 @@
-"""Writes docs/reference/a-day.md: the events of the day, and when each mail and text message arrived."""
+"""Writes docs/reference/a-day.md: events, and when each mail and text message arrived."""
 
 from __future__ import annotations
 

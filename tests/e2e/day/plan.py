@@ -1,8 +1,8 @@
 """The day of six robots: its events, and every mail and text message that they cause.
 
 From this one list come the scenario of the virtual robots, what the test does to the servers, the
-expected messages and docs/reference/a-day.md. The day lasts some minutes: fleet.yml and the rules have
-short durations.
+expected messages and docs/reference/a-day.md. The day lasts some minutes: fleet.yml and the rules
+have short durations.
 """
 
 from __future__ import annotations

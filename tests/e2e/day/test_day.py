@@ -19,7 +19,7 @@ from e2e.day.plan import DAY, EXPECTED, LATE
 from e2e.day.record import of_message
 from e2e.day.stack import Day, RejectingInbox
 from support.shipped_rules import ROOT
-from support.sns import Phone
+from support.sns import Phone, start_server
 from testbed.polling import until
 from testbed.site import Site
 
@@ -27,10 +27,11 @@ TOO_MANY = 15  # seconds after the last expected message, in which one too many 
 
 
 @pytest.fixture
-def day(tmp_path: Path, sns_server: str) -> Iterator[Day]:
+def day(tmp_path: Path) -> Iterator[Day]:
     inbox = RejectingInbox()
-    phone = Phone(sns_server)
     with Site(tmp_path, inbox) as site:
+        sns_server = start_server(site)
+        phone = Phone(sns_server)
         phone.start()
         yield Day(site, inbox, sns_server, phone)
     phone.stop()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import signal
 from pathlib import Path
-
-import yaml
+from typing import Any
 
 from support.alerts import reload
+from testbed import short_clocks
 
 CAPABILITY = "  default: {capabilities: {view: {any: [Motor 1, Motor 2]}},"
 SUBJECT = "demo/robot_2 view is"
@@ -26,7 +26,9 @@ def test_each_change_of_a_capability_is_one_mail_and_its_end_one_recovery(
     assert "  default: {" in text
     fleet.write_text(text.replace("  default: {", CAPABILITY + " ", 1))
     stack.exporter.process.signal(signal.SIGHUP)
-    _add_receiver_of_what_is_critical(tmp_path, stack)
+    alertmanager = tmp_path / "alertmanager" / "alertmanager.yml"
+    short_clocks.edit(alertmanager, _add_receiver_of_what_is_critical)
+    reload(stack.addresses.alertmanager)
 
     stack.fault("robot_2", "Motor 1", "error", "winding at 131 C")
     assert wait_for_mails(1) == [NO_RESERVE]
@@ -46,13 +48,9 @@ def test_each_change_of_a_capability_is_one_mail_and_its_end_one_recovery(
     assert [mail.subject for mail in stack.inbox.mails()][5:] == [WELL]
 
 
-def _add_receiver_of_what_is_critical(folder: Path, stack) -> None:
-    path = folder / "alertmanager" / "alertmanager.yml"
-    config = yaml.safe_load(path.read_text())
+def _add_receiver_of_what_is_critical(config: dict[str, Any]) -> None:
     route = {"matchers": ["severity = critical"], "receiver": "critical", "continue": True}
     config["route"]["routes"].insert(0, route)
     [email] = [each for each in config["receivers"] if each["name"] == "email"]
     to = {**email["email_configs"][0], "to": "critical@example.org"}
     config["receivers"].append({"name": "critical", "email_configs": [to]})
-    path.write_text(yaml.safe_dump(config))
-    reload(stack.addresses.alertmanager)

@@ -10,7 +10,6 @@ import pytest
 from ros_diagnostics_tools.main import main
 from testbed import http
 from testbed.configuration import Clocks
-from testbed.mail import Inbox
 from testbed.polling import until
 from testbed.site import Site
 from testbed.stack import Plan, running
@@ -22,13 +21,8 @@ REASON = "(ann: new gears)"
 
 
 @pytest.fixture
-def inbox() -> Inbox:
-    return Inbox()
-
-
-@pytest.fixture
-def stack(tmp_path: Path, inbox: Inbox) -> Iterator[Site]:
-    with running(tmp_path, Plan(robots=1, clocks=Clocks(confirm_after=2)), inbox) as stack:
+def stack(tmp_path: Path) -> Iterator[Site]:
+    with running(tmp_path, Plan(robots=1, clocks=Clocks(confirm_after=2))) as stack:
         yield stack
 
 
@@ -48,16 +42,10 @@ def standings(stack: Site) -> dict[str, tuple[bool, str | None]]:
     }
 
 
-def subjects(inbox: Inbox) -> list[str]:
-    return [mail.subject for mail in inbox.mails()]
-
-
 def test_a_component_in_a_downtime_is_quiet_and_everybody_can_see_why(
-    stack: Site,
-    inbox: Inbox,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    stack: Site, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
+    subjects = stack.inbox.subjects
     monkeypatch.setenv("COLUMNS", "200")
     plan = ("robot_1", "Motor 1", "1h", "--comment", "new gears")
     assert run(stack, *plan) == 0, capsys.readouterr().err
@@ -65,7 +53,7 @@ def test_a_component_in_a_downtime_is_quiet_and_everybody_can_see_why(
         stack.fault("robot_1", motor, "error")
 
     other = "** PROBLEM ** demo/robot_1 Motor 2 is CRITICAL"
-    until(lambda: subjects(inbox) == [other], lambda: str(subjects(inbox)), 60)
+    until(lambda: subjects() == [other], lambda: str(subjects()), 60)
     assert standings(stack) == {"Motor 1": (False, "maintenance"), "Motor 2": (True, None)}
 
     url = f"http://{stack.addresses.exporter}"
@@ -82,4 +70,4 @@ def test_a_component_in_a_downtime_is_quiet_and_everybody_can_see_why(
 
     assert run(stack, "--cancel", "robot_1", "Motor 1") == 0
     its = "** PROBLEM ** demo/robot_1 Motor 1 is CRITICAL"
-    until(lambda: subjects(inbox) == [other, its], lambda: str(subjects(inbox)), 60)
+    until(lambda: subjects() == [other, its], lambda: str(subjects()), 60)

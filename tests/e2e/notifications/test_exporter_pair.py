@@ -1,12 +1,9 @@
-"""A pair of exporters that is killed, loses its state or its DDS; a suspended Prometheus.
+"""A pair of exporters that is killed, loses its state or its DDS; a Prometheus that restarts.
 
 With the shipped rules and their clocks: no mail about a robot is lost, none is sent twice.
 """
 
 from __future__ import annotations
-
-import signal
-import time
 
 import pytest
 import yaml
@@ -150,24 +147,3 @@ def test_a_lost_database_and_a_restart_of_prometheus(watched: Watched):
         orders.give([("robot_2", "resume")])
         expected += [BACK]
         watched.mailed(expected)
-
-
-def test_prometheus_is_suspended_in_a_fault(watched: Watched):
-    """Less than the four minutes after which Alertmanager resolves what it no longer receives."""
-    stack = watched.stack
-    stack.fault("robot_2", "Motor 2", "error", "winding at 131 C")
-    expected = [PROBLEM.format(2)]
-    watched.mailed(expected)
-
-    stack.prometheus.process.signal(signal.SIGSTOP)
-    stack.fault("robot_3", "Motor 2", "error")
-    suspended = time.monotonic() + 45
-    until(lambda: time.monotonic() >= suspended, "a suspension that misses many evaluations", 60)
-    assert watched.subjects() == expected
-    stack.prometheus.process.signal(signal.SIGCONT)
-    expected += [PROBLEM.format(3)]
-    watched.mailed(expected)
-
-    stack.fault("robot_2", "Motor 2", "ok")
-    expected += [RECOVERY.format(2)]
-    watched.mailed(expected)

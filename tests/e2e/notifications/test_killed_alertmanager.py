@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
-from support.alerts import post_alerts
+from support.alerts import fault, post_alerts
 from testbed.polling import until
 from testbed.site import Site
 
-
-def fault(component: str) -> dict[str, Any]:
-    names = {"fleet": "f", "robot": "r1", "component": component, "scope": "component"}
-    labels = {**names, "state": "critical", "severity": "critical"}
-    name = {"alertname": "RosDiagnosticsComponentCritical"}
-    return {"labels": name | labels, "annotations": {}, "startsAt": "2025-12-31T23:00:00Z"}
+ARM = {**fault("Arm"), "startsAt": "2025-12-31T23:00:00Z"}
 
 
 @pytest.mark.parametrize(("interval", "recoveries"), [("15m", 0), ("1s", 1)])
@@ -29,7 +22,7 @@ def test_a_recovery_after_a_kill_is_sent_where_the_problem_was_written(
         edit=lambda it: it["route"].update(group_interval="1s"),
     )
     site.wait_until_ready()
-    post_alerts(server.address, fault("Arm"))
+    post_alerts(server.address, ARM)
     until(lambda: len(subjects()) == 1, "the problem", 60)
     written = site.folder / "nflog" / "nflog"
     if recoveries:
@@ -37,7 +30,7 @@ def test_a_recovery_after_a_kill_is_sent_where_the_problem_was_written(
     server.process.kill()
     server.process.start()
     server.wait_until_ready()
-    post_alerts(server.address, fault("Arm"), resolved=True)
+    post_alerts(server.address, ARM, resolved=True)
     if recoveries:
         until(lambda: len(subjects()) == 2, "the recovery", 60)
     post_alerts(server.address, fault("Wheel"))

@@ -7,10 +7,10 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-import yaml
 
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from support.alerts import reload
+from testbed import short_clocks
 
 
 @pytest.mark.slow
@@ -24,9 +24,8 @@ def test_a_mail_about_a_fault_carries_its_capsule_and_its_recovery_none(
     relay = start_process("relay", [program, "mail-relay", *addresses, "--url", url])
     relay.wait_for_output("listening on")
     path = tmp_path / "alertmanager" / "alertmanager.yml"
-    config = yaml.safe_load(path.read_text())
-    config["global"]["smtp_smarthost"] = f"127.0.0.1:{port}"
-    path.write_text(yaml.safe_dump(config))
+    to_relay = {"smtp_smarthost": f"127.0.0.1:{port}"}
+    short_clocks.edit(path, lambda config: config["global"].update(to_relay))
     reload(stack.addresses.alertmanager)
 
     stack.fault("robot_2", "Motor 2", "error", "winding at 131 C")

@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from support.alertmanager_cluster import PEER_TIMEOUT, clustered, sees_two
-from support.alerts import post_alerts
+from support.alerts import fault, post_alerts
 from support.mailbox import settled
 from testbed import configuration
 from testbed.configuration import CHECKOUT
@@ -43,12 +43,9 @@ class Pair:
         until(lambda: all(sees_two(each.address) for each in self.halves), "the pair", 60)
 
     def post(self, *, resolved: bool = False) -> None:
-        labels = {"alertname": "RosDiagnosticsComponentCritical", "fleet": "f", "robot": "r1"}
-        labels |= {"scope": "component", "state": "critical", "severity": "critical"}
-        alert = {"labels": {**labels, "component": "Motor 1"}}
         for each in self.halves:
             if each.process.alive:
-                post_alerts(each.address, alert, resolved=resolved)
+                post_alerts(each.address, fault("Motor 1"), resolved=resolved)
 
     def settled(self, number: int) -> list[str]:
         """All subjects, once so many mails have arrived and each half had time for one too many."""

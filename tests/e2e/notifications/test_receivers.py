@@ -8,7 +8,7 @@ from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from typing import Any
 
-from support.alerts import post_alerts
+from support.alerts import fault, post_alerts
 from support.loopback import answering
 from support.receivers_page import documented, written
 from testbed import servers
@@ -24,16 +24,7 @@ ADDRESSES = {
     "own": "url",
 }
 FAULT = {
-    "labels": {
-        "alertname": "RosDiagnosticsComponentCritical",
-        "fleet": "f",
-        "robot": "r1",
-        "component": "Motor 1",
-        "scope": "component",
-        "state": "critical",
-        "severity": "critical",
-        "fault": "a",
-    },
+    **fault("Motor 1", fault="a"),
     "annotations": {"summary": "Motor 1 of r1 is CRITICAL.", "evidence": "over current"},
 }
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shlex
 import shutil
 import subprocess
 import sys
-import urllib.request
 import venv
 from pathlib import Path
 from typing import Any
@@ -18,7 +16,7 @@ import pytest
 import yaml
 
 from ros_diagnostics_exporter import __version__
-from testbed import domains, ports
+from testbed import domains, http, ports
 from testbed.polling import until
 from testbed.processes import Process
 
@@ -74,7 +72,7 @@ def test_what_is_built_serves_a_fleet_from_an_empty_environment(tmp_path, kind):
             for each in running:
                 each.start()
             until(lambda: served(address) == {"robot_1", "robot_2"}, running[1].describe)
-            assert "openapi" in fetch(address, "/api/v1/openapi.json")
+            assert "openapi" in http.get_json(address, "/api/v1/openapi.json")
             status = run(bin_ / "ros-diagnostics", "status", "--url", f"http://{address}")
             assert "2 OK" in status
             check = [bin_ / "check_ros_diagnostics", "-H", "robot_1", "--url", f"http://{address}"]
@@ -84,15 +82,10 @@ def test_what_is_built_serves_a_fleet_from_an_empty_environment(tmp_path, kind):
                 each.stop()
 
 
-def fetch(address: str, path: str) -> Any:
-    with urllib.request.urlopen(f"http://{address}{path}", timeout=20) as answer:
-        return json.load(answer)
-
-
 def served(address: str) -> set[str]:
     try:
-        robots = fetch(address, "/api/v1/fleet")["robots"]
-    except OSError:
+        robots = http.get_json(address, "/api/v1/fleet")["robots"]
+    except http.Unanswered:
         return set()
     return {robot["robot"] for robot in robots if robot["up"]}
 

@@ -121,22 +121,3 @@ def two_neighbouring_domains() -> Iterator[int]:
                 if {first, first + 1} <= taken:
                     yield first
                     return
-
-
-@pytest.mark.slow
-def test_a_thousand_robots_of_one_process_are_received_without_a_gap(
-    virtual_robots: Callable[..., Process], listener: Any
-) -> None:
-    """`./run bench sim` measures what they cost."""
-    topics = [f"/robot_{n}/diagnostics" for n in range(1, 1001, 50)]
-    for topic in topics:
-        listener.listen(topic)
-    virtual_robots("--robots", "1000")
-    listener.until(lambda: all(len(listener.of(t)) >= 10 for t in topics), "ten of each", 60)
-    for topic in topics:
-        numbers = [number_of(message) for message in listener.of(topic)]
-        assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
-
-
-def number_of(message: Any) -> int:
-    return max(int(v.value) for s in message.status for v in s.values if v.key == "Sequence")

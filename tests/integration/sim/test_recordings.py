@@ -97,21 +97,6 @@ def test_a_replayed_bag_recorded_again_equals_the_first(
     assert contents(second) == contents(a_recording)
 
 
-def test_only_the_asked_topics_are_recorded(
-    virtual_robots: Callable[..., Process],
-    record: Callable[..., Callable[[], None]],
-    listener: Any,
-    tmp_path: Path,
-) -> None:
-    virtual_robots("--robots", "2")
-    bag, topic = tmp_path / "bag", "/robot_2/diagnostics_agg"
-    listener.listen(topic)
-    end = record(bag, {topic}, "--topic", "/robot_2/*_agg")
-    listener.until(sent_from_now_on(listener, topic, 2.0), "messages of robot_2")
-    end()
-    assert set(contents(bag)) == {topic}
-
-
 def test_a_json_recording_is_received_below_a_namespace(
     command: Callable[..., Any], listener: Any
 ) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import pytest
+from std_msgs.msg import String
 
 from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Zenoh
 from ros_diagnostics_exporter.config.keys import validated
@@ -33,6 +34,7 @@ class Way:
 
     robots: Publisher | Bridge
     domain: dict[str, object]  # of a robot in fleet.yml
+    text: object  # the type of a text
     zenoh: Zenoh | None = None
 
     def robot(self, name: str, profile: Profile = QUICK, source: str = "raw") -> Robot:
@@ -46,12 +48,12 @@ class Way:
 @pytest.fixture
 def by_dds(ros_domain) -> Iterator[Way]:
     with publisher(ros_domain) as robots:
-        yield Way(robots, {"domain_id": ros_domain})
+        yield Way(robots, {"domain_id": ros_domain}, String)
 
 
 @pytest.fixture
 def by_zenoh(router, bridge) -> Way:
-    return Way(bridge, {"zenoh": "/"}, Zenoh((router.locator,)))
+    return Way(bridge, {"zenoh": "/"}, "std_msgs/msg/String", Zenoh((router.locator,)))
 
 
 @pytest.fixture(params=["by_dds", "by_zenoh"])
@@ -81,10 +83,14 @@ def test_what_was_sent_last_counts_and_the_same_twice_is_received_twice(way, run
 
 
 def test_silence_has_its_reason_and_a_restart_of_the_publisher_ends_it(way, run_exporter):
-    running = run_exporter(way.fleet(way.robot("r")))
+    running = run_exporter(way.fleet(*map(way.robot, ("r", "never", "typed"))))
     offer(way, "r")
+    way.robots.offer("/typed/diagnostics", kind=way.text)
     way.robots.send("/r/diagnostics", HOT)
     running.wait_for("robot_up", 1, robot="r")
+    running.wait_for("robot_silent_reason", 1, robot="never", reason="never_seen")
+    running.wait_for("robot_silent_reason", 1, robot="typed", reason="wrong_type")
+    way.robots.withdraw("/typed/diagnostics")
 
     running.wait_for("robot_silent_reason", 1, robot="r", reason="mute")
     way.robots.withdraw("/r/diagnostics")

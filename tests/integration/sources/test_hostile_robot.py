@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import math
-
 import pytest
-from rclpy.serialization import serialize_message
 from rich.console import Console
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
@@ -15,7 +11,6 @@ from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.web.pages import landing
 from ros_diagnostics_tools.commands.status import view
-from support.ros_publisher import message
 
 pytestmark = pytest.mark.integration
 
@@ -37,51 +32,6 @@ def running(ros_domain, robots, run_exporter):
         robots.offer(robot.topic_raw)
     robots.wait_for_listeners()
     return started
-
-
-def test_names_of_any_characters_are_one_component_each(running, robots):
-    names = [
-        'say "hi"',
-        "two\nlines",
-        "back\\slash",
-        "{}=,",
-        "\x1b[31m",
-        "",
-        " ",
-        "Ä\u2028\U0001f916",
-    ]
-    robots.send(EVIL, *(Status(2, name, f"it is {name}", name) for name in names))
-
-    running.wait_for("component_level", 2, robot="bad", component='say "hi"')
-    shown = {dict(labels)["component"] for labels in running.samples("component_level")}
-    assert shown == {name or "(unnamed)" for name in names}
-
-
-def test_bytes_that_are_no_utf_8_are_replaced(running, robots):
-    data = serialize_message(message([Status(1, "Motor ??", "says ??")]))
-    robots.send_bytes(EVIL, data.replace(b"??", b"\xff\xfe"))
-
-    running.wait_for("component_level", 1, robot="bad", component="Motor \ufffd\ufffd")
-
-
-def test_numbers_that_are_none_and_keys_that_repeat_are_served(running, robots):
-    pairs = (("A", "nan"), ("A", "-inf"), ("A", "1e400"), ("A", "3"), ("A", "1,5"), ("", "7"))
-    robots.send(EVIL, Status(0, "Motor", "", "", pairs), Status(1, "Motor", "", "", pairs))
-
-    running.wait_for("component_level", 1, robot="bad", component="Motor")
-    values = {dict(labels)["key"]: v for labels, v in running.samples("component_value").items()}
-    assert math.isnan(values.pop("A"))
-    assert values == {"A#2": -math.inf, "A#3": 3.0, "": 7.0}
-    json.dumps(fleet_snapshot(running.service.state, read_clocks()), allow_nan=False)
-
-
-def test_a_level_that_there_is_not_counts_as_error_and_is_said_once(running, robots, caplog):
-    for level in (4, 77, 255):
-        robots.send(EVIL, Status(level, "Motor"))
-
-    running.wait_for("robot_rejected_total", 3, robot="bad", reason="bad_level")
-    assert running.sample("component_level", robot="bad", component="Motor") == 2
-    assert caplog.text.count("a level above 3 counts as ERROR, for example 'Motor'") == 1
 
 
 def test_ten_thousand_components_and_texts_without_end_are_bounded(running, robots, caplog):

@@ -18,7 +18,6 @@ from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Status
 from ros_diagnostics_exporter.sources import dds as ros
 from ros_diagnostics_exporter.sources.listener import Listener
-from ros_diagnostics_exporter.sources.reception import MAX_MESSAGE
 from support.ros_publisher import publisher
 from testbed import domains
 from testbed.polling import until
@@ -200,20 +199,6 @@ def test_large_messages_wait_in_a_shallower_queue(ros_domain, robots, run_export
     running.wait_for("component_level", 2, robot="r", component="Motor")
     # Some of those sent before arrive late, and some are taken before the thread stands still.
     assert arrived() - before < 80
-
-
-def test_a_message_that_is_too_long_is_counted_undecoded(ros_domain, robots, run_exporter, caplog):
-    running = run_exporter(Fleet("f", (robot("r", ros_domain),)))
-    robots.offer("/r/diagnostics")
-    robots.wait_for_listeners()
-
-    for _ in range(2):
-        robots.send("/r/diagnostics", COOL._replace(message="m" * MAX_MESSAGE))
-    running.wait_for("robot_rejected_total", 2, robot="r", reason="undecodable")
-    assert running.sample("robot_silent_reason", robot="r", reason="undecodable") == 1
-    assert caplog.text.count("bytes, more than 4194304 are not decoded") == 1
-    robots.send("/r/diagnostics", COOL)
-    running.wait_for("robot_up", 1, robot="r")
 
 
 def test_seconds_counted_by_several_threads_are_all_counted():

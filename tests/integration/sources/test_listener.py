@@ -7,7 +7,7 @@ import re
 import pytest
 from std_msgs.msg import String
 
-from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Profile, Robot, Source
+from ros_diagnostics_exporter.config.fleet import Discovery, Fleet, Robot, Source
 from ros_diagnostics_exporter.model import Status
 from support.ros_publisher import publisher
 from testbed import domains
@@ -16,7 +16,6 @@ from testbed.polling import until
 pytestmark = pytest.mark.integration
 
 MOTOR, HOT = Status(0, "Motor", "OK"), Status(2, "Motor", "Hot")
-QUICK = Profile(stale_after=1.0)
 
 
 def raw_robot(name: str, domain_id: int, **more) -> Robot:
@@ -35,50 +34,6 @@ def test_publishers_of_every_quality_are_heard(ros_domain, robots, run_exporter,
         return running.sample("component_level", component="Motor") == 2
 
     until(received, "the motor is received")
-
-
-def test_bytes_that_are_no_message_are_counted_and_the_rest_goes_on(
-    ros_domain, robots, run_exporter, caplog
-):
-    fleet = Fleet("f", (raw_robot("bad", ros_domain), raw_robot("good", ros_domain)))
-    running = run_exporter(fleet)
-    for name in ("bad", "good"):
-        robots.offer(f"/{name}/diagnostics")
-    robots.wait_for_listeners()
-
-    for _ in range(3):
-        robots.send_bytes("/bad/diagnostics", b"\x00\x01\x00\x00" + b"\xff" * 24)
-    robots.send("/good/diagnostics", HOT)
-
-    running.wait_for("robot_rejected_total", 3, robot="bad", reason="undecodable")
-    running.wait_for("component_level", 2, robot="good")
-    assert running.sample("robot_silent_reason", robot="bad", reason="undecodable") == 1
-    assert caplog.text.count("undecodable message dropped") == 1
-
-    robots.send("/bad/diagnostics", MOTOR)
-    running.wait_for("robot_up", 1, robot="bad")
-
-
-def test_the_reasons_of_silence_are_told_apart(ros_domain, robots, run_exporter):
-    names = ("never", "mute", "gone", "typed")
-    fleet = Fleet("f", tuple(raw_robot(name, ros_domain, profile=QUICK) for name in names))
-    running = run_exporter(fleet)
-    robots.offer("/mute/diagnostics")
-    robots.offer("/gone/diagnostics")
-    robots.wait_for_listeners()
-    robots.offer("/typed/diagnostics", kind=String)
-    robots.send("/gone/diagnostics", MOTOR)
-    running.wait_for("robot_up", 1, robot="gone")
-    robots.withdraw("/gone/diagnostics")
-
-    for name, reason in (
-        ("never", "never_seen"),
-        ("mute", "mute"),
-        ("gone", "publisher_gone"),
-        ("typed", "wrong_type"),
-    ):
-        running.wait_for("robot_silent_reason", 1, robot=name, reason=reason)
-        assert running.sample("robot_up", robot=name) == 0
 
 
 def test_a_topic_of_another_type_that_discovery_wants_is_reported(
@@ -125,25 +80,6 @@ def test_robots_in_two_domains_one_raw_one_aggregated_and_one_found(
         assert running.sample("robot_info", robot="found", domain_id=str(other_domain)) == 1
         for domain_id in (ros_domain, other_domain):
             assert running.sample("exporter_domain_up", domain_id=str(domain_id)) == 1
-
-
-def test_a_burst_of_a_whole_fleet_in_one_moment_is_received_without_loss(
-    ros_domain, robots, run_exporter
-):
-    fleet = Fleet("f", tuple(raw_robot(f"r{n}", ros_domain) for n in range(50)))
-    running = run_exporter(fleet)
-    for robot in fleet.robots:
-        robots.offer(robot.topic_raw)
-    robots.wait_for_listeners()
-
-    for _ in range(20):
-        for robot in fleet.robots:
-            robots.send(robot.topic_raw, MOTOR)
-
-    until(
-        lambda: set(running.samples("robot_messages_total").values()) == {20.0},
-        "every robot's 20 messages",
-    )
 
 
 @pytest.mark.slow

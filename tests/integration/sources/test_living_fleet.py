@@ -1,4 +1,4 @@
-"""Robots that appear, leave, move and share a topic, on real DDS; domains that cannot be joined."""
+"""Robots that leave and move, on real DDS."""
 
 from __future__ import annotations
 
@@ -9,10 +9,8 @@ import pytest
 from ros_diagnostics_exporter.config.fleet import (
     Discovery,
     Fleet,
-    Limits,
     Profile,
     Robot,
-    Shared,
     Source,
 )
 from ros_diagnostics_exporter.loops import read_clocks
@@ -26,10 +24,10 @@ HOT, COOL = Status(2, "Motor", "Hot"), Status(0, "Motor", "OK")
 PATTERN = re.compile(r"/(?P<robot>[^/]+)/diagnostics_agg")
 
 
-def discovering(domain_id: int, **more) -> Fleet:
+def discovering(domain_id: int) -> Fleet:
     profile = Profile(stale_after=2.0, forget_after=3.0)
     found = Discovery(PATTERN, "/{robot}/diagnostics_agg", (domain_id,), profile=profile)
-    return Fleet("f", discoveries=(found,), **more)
+    return Fleet("f", discoveries=(found,))
 
 
 def test_a_robot_that_leaves_is_silent_until_a_person_forgets_it(ros_domain, robots, run_exporter):
@@ -75,49 +73,3 @@ def test_a_robot_that_returns_under_another_topic_goes_on_with_its_fault(
 
     assert running.sample("component_problem_since_timestamp_seconds", robot="r") == began
     until(lambda: not robots.listeners("/old/diagnostics"), "the old topic is left")
-
-
-def test_two_robots_on_one_topic_are_two(ros_domain, robots, run_exporter):
-    running = run_exporter(Fleet("f", shared=(Shared("/diagnostics", True, ros_domain),)))
-    robots.offer("/diagnostics")
-    robots.wait_for_listeners()
-    robots.send("/diagnostics", HOT._replace(hardware_id="r1"), COOL._replace(hardware_id="r2"))
-
-    running.wait_for("component_level", 2, robot="r1", component="Motor")
-    running.wait_for("component_level", 0, robot="r2", component="Motor")
-
-
-def test_a_robot_that_the_limits_keep_out_is_told(ros_domain, robots, run_exporter):
-    running = run_exporter(discovering(ros_domain, limits=Limits(robots=1)))
-    for name in ("one", "two"):
-        robots.offer(f"/{name}/diagnostics_agg")
-    until(
-        lambda: sum(running.samples("robot_silent_reason").values()) == 2,
-        lambda: f"one mute, one kept out: {running.samples('robot_silent_reason')}",
-    )
-
-    reasons = {dict(labels)["reason"] for labels in running.samples("robot_silent_reason")}
-    assert reasons == {"mute", "limit"}
-    assert running.sample("exporter_rejected_total", reason="robot_limit") == 1
-
-
-def test_a_domain_that_cannot_be_joined_is_told_and_joined_later(
-    ros_domain, robots, run_exporter, monkeypatch
-):
-    """SROS 2 that enforces security without a keystore lets nobody in."""
-    fleet = Fleet("f", (Robot("r", ros_domain, topic_raw="/r/diagnostics", source=Source.RAW),))
-    robots.offer("/r/diagnostics")
-    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
-    monkeypatch.setenv("ROS_SECURITY_STRATEGY", "Enforce")
-    monkeypatch.setenv("ROS_SECURITY_KEYSTORE", "/nonexistent")
-    running = run_exporter(fleet)
-
-    running.wait_for("robot_silent_reason", 1, robot="r", reason="domain_unreachable")
-    assert running.sample("exporter_domain_up", domain_id=str(ros_domain)) == 0
-
-    monkeypatch.setenv("ROS_SECURITY_ENABLE", "false")
-    running.service.join()
-    robots.wait_for_listeners()
-    robots.send("/r/diagnostics", COOL)
-    running.wait_for("robot_up", 1, robot="r")
-    assert running.sample("exporter_domain_up", domain_id=str(ros_domain)) == 1

@@ -12,9 +12,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from prometheus_client.parser import text_string_to_metric_families
 
 from support import subnets
+from support.exposition import parsed
 from testbed import domains
 from testbed.polling import until
 
@@ -70,14 +70,10 @@ class Site:
 
     def sample(self, name: str) -> float | None:
         try:
-            text = self.hosts.fetch("office", f"{URL}/metrics")
+            found = parsed(self.hosts.fetch("office", f"{URL}/metrics"), name)
         except OSError:
             return None
-        for family in text_string_to_metric_families(text):
-            for sample in family.samples:
-                if sample.name == f"ros_diagnostics_{name}":
-                    return sample.value
-        return None
+        return found[0].value if found else None
 
     def watch(self, mode: str) -> None:
         """Have the exporter look at the graph or not, by a reload."""

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from support import subnets
+from support.exposition import parsed
 from testbed import domains
 from testbed.polling import until
 from testbed.processes import Process
@@ -58,19 +59,19 @@ class Exporter:
         """The robots that are received."""
         return {robot for robot, why in self.robots().items() if not why}
 
+    def value(self, name: str, **labels: str) -> float:
+        """The value of the only such sample of its metrics."""
+        text = self._network.subnets.fetch("office", f"{self._url}/metrics")
+        (found,) = parsed(text, name, **labels)
+        return found.value
+
     def arrays(self, robot: str) -> float:
         """How many arrays of a robot were received."""
-        text = self._network.subnets.fetch("office", f"{self._url}/metrics")
-        name = "ros_diagnostics_robot_messages_total{"
-        lines = (each for each in text.splitlines() if each.startswith(name))
-        return sum(float(each.split()[-1]) for each in lines if f'robot="{robot}"' in each)
+        return self.value("robot_messages_total", robot=robot)
 
     def looks(self) -> float:
         """When it has looked at the ROS graph last, in Unix time."""
-        text = self._network.subnets.fetch("office", f"{self._url}/metrics")
-        name = "ros_diagnostics_exporter_discovery_last_run_timestamp_seconds{"
-        (line,) = (each for each in text.splitlines() if each.startswith(name))
-        return float(line.split()[-1])
+        return self.value("exporter_discovery_last_run_timestamp_seconds")
 
     def wait_for(self, *robots: str) -> None:
         def text() -> str:

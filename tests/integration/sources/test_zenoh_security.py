@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -17,8 +16,8 @@ from ros_diagnostics_exporter.config.fleet import Fleet, Profile, Robot, Zenoh
 from ros_diagnostics_exporter.config.keys import validated
 from ros_diagnostics_exporter.model import Status
 from support.zenoh_robots import Bridge, Router, session
+from testbed import programs
 from testbed.polling import until
-from testbed.processes import Process
 
 pytestmark = pytest.mark.integration
 
@@ -207,7 +206,9 @@ def test_a_file_that_is_missing_is_named(make_site, run_exporter, tmp_path):
     assert "absent.pem" in running.service.not_ready_reason()
 
 
-def test_zenoh_logs_why_there_is_no_connection_where_it_is_asked_to(make_site, tmp_path, free_port):
+def test_zenoh_logs_why_there_is_no_connection_where_it_is_asked_to(
+    make_site, tmp_path, free_port, start_process
+):
     site = make_site(mutual=False)
     foreign = site.write("other.pem", trustme.CA().cert_pem)
     config = tmp_path / "fleet.yml"
@@ -215,17 +216,6 @@ def test_zenoh_logs_why_there_is_no_connection_where_it_is_asked_to(make_site, t
         f"fleet: f\nzenoh: {{routers: [{site.router.locator}], ca_file: {foreign}}}\n"
         "robots: [{name: r, zenoh: /, namespace: /r}]\n"
     )
-    command = Path(sys.executable).with_name("ros-diagnostics-exporter")
-    flags = ["--config.file", str(config), "--storage.path", "none"]
-    address = f"127.0.0.1:{free_port()}"
-    process = Process(
-        "exporter",
-        [str(command), *flags, "--web.listen-address", address],
-        os.environ | {"RUST_LOG": "warn"},
-        tmp_path / "exporter.log",
-    )
-    process.start()
-    try:
-        process.wait_for_output("invalid peer certificate")
-    finally:
-        process.stop()
+    argv = programs.exporter(config, f"127.0.0.1:{free_port()}", tmp_path / "exporter.db")
+    exporter = start_process("exporter", argv, os.environ | {"RUST_LOG": "warn"})
+    exporter.wait_for_output("invalid peer certificate")

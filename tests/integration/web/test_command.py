@@ -29,14 +29,6 @@ def test_an_invalid_web_config_is_an_error_at_the_start(site, tmp_path):
         assert f"{web}:1: basic_auth_users.alice: is not a bcrypt hash" in ended.stderr
 
 
-def test_a_port_in_use_is_named(site):
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        address = f"127.0.0.1:{taken.getsockname()[1]}"
-        ended = site.run("--web.listen-address", address)
-    assert ended.returncode == 1
-    assert f"cannot listen on {address}: Address already in use" in ended.stderr
-
-
 def test_the_database_of_another_exporter_is_not_used(site):
     exporter = site.serve()
     ended = site.run("--web.listen-address", f"127.0.0.1:{ports.free_port()}")
@@ -52,12 +44,6 @@ def test_a_folder_that_is_missing_is_no_reason_not_to_start(site, tmp_path):
     exporter.wait_for_output("exporter.db cannot be written: .* No such file or directory")
     assert site.ask("/api/v1/fleet")["robots"] == []
     assert exporter.stop() == 0
-
-
-def test_config_check_prints_a_summary(site):
-    ended = site.run("--config.check")
-    assert ended.returncode == 0
-    assert "/{robot}/diagnostics_agg" in ended.stdout
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""A fault on /metrics of the real program: confirmed, with its evidence, and gone with OK."""
+"""A fault of the real program: its capsule, and its page after a restart."""
 
 from __future__ import annotations
 
@@ -6,50 +6,17 @@ import subprocess
 import sys
 import urllib.request
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from urllib.error import HTTPError
 
 import pytest
-from prometheus_client.samples import Sample
 
 from ros_diagnostics_tools.backtest.recordings import Recordings, RecordingSource
 from support import exposition
 from testbed.polling import until
 
 pytestmark = pytest.mark.integration
-
-MOTOR = {"scope": "component", "robot": "robot_1", "component": "Motor 2"}
-
-
-def samples(site, name: str, **labels: str) -> list[Sample]:
-    return exposition.samples(site.address, name, **labels)
-
-
-def test_a_motor_that_fails_is_a_fault_after_confirm_after_until_it_is_ok(site):
-    exporter = site.serve()
-    site.start_robots(2)
-    until(lambda: site.up() == 2, exporter.describe, 60)
-    until(lambda: samples(site, "component_level", component="Motor 2"), exporter.describe)
-
-    site.fault("robot_1", "Motor 2", "error")
-
-    start = "fault_start_timestamp_seconds"
-    until(lambda: samples(site, start, **MOTOR, state="critical"), "the fault is confirmed", 60)
-    [fault] = samples(site, start, **MOTOR, state="critical")
-    [level] = samples(
-        site, "component_since_timestamp_seconds", robot="robot_1", component="Motor 2"
-    )
-    assert fault.value == level.value
-    [info] = samples(site, "fault_info", **MOTOR, state="critical")
-    assert info.labels["evidence"]
-    assert not samples(site, start, robot="robot_2")
-    assert samples(site, "component_problem_level", component="Motor 2")[0].value == 2
-
-    site.fault("robot_1", "Motor 2", "ok")
-
-    until(lambda: not samples(site, start, robot="robot_1"), "the fault is over", 60)
-    assert not samples(site, "fault_info", robot="robot_1")
-
 
 TOPIC = "/robot_1/diagnostics_agg"
 
@@ -119,7 +86,8 @@ def page(site, fault: str) -> tuple[int, str]:
 def test_the_page_of_a_fault_knows_its_end_after_a_restart_and_says_what_is_forgotten(site):
     exporter = site.serve()
     site.start_robots(1)
-    until(lambda: samples(site, "component_level", component="Motor 2"), exporter.describe, 60)
+    level = partial(exposition.samples, site.address, "component_level", component="Motor 2")
+    until(level, exporter.describe, 60)
     site.fault("robot_1", "Motor 2", "error")
     until(lambda: site.ask("/api/v1/faults")["faults"], "the fault is confirmed", 60)
     [lasting] = site.ask("/api/v1/faults")["faults"]

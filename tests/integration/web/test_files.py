@@ -1,11 +1,10 @@
-"""No file harms the exporter: special, hanging, ever-changing and damaged files."""
+"""No file harms the exporter: special, hanging and damaged files."""
 
 from __future__ import annotations
 
 import os
 import sqlite3
 import sys
-import threading
 import urllib.error
 from contextlib import closing
 
@@ -81,47 +80,6 @@ def test_a_hanging_file_blocks_neither_ingest_nor_scrapes_nor_sigterm(site):
     assert exporter.stop(30) == 0
 
 
-def test_an_ever_changing_file_does_not_prevent_reloads(site):
-    exporter = site.serve()
-    stop = threading.Event()
-
-    def touch() -> None:
-        while not stop.wait(0.1):
-            os.utime(site.fleet_file)
-
-    toucher = threading.Thread(target=touch)
-    toucher.start()
-    try:
-        folder = site.folder / "robots.d"
-        folder.mkdir()
-        (folder / "new.yml").write_text(f"{{name: new, domain_id: {site.domain_id}}}")
-        until(
-            lambda: [robot["robot"] for robot in site.ask("/api/v1/fleet")["robots"]] == ["new"],
-            exporter.describe,
-            60,
-        )
-    finally:
-        stop.set()
-        toucher.join()
-    assert exporter.stop() == 0
-
-
-def test_the_number_of_logged_problems_is_limited(site):
-    exporter = site.serve()
-    before = len(exporter.output())
-    with site.fleet_file.open("a") as file:
-        file.writelines(f"key_{number}: 1\n" for number in range(60_000))
-    until(lambda: "more problems, listed once these" in exporter.output(), exporter.describe, 120)
-    (event,) = site.ask("/api/v1/events?kind=config&limit=1")["events"]
-    assert event["after"] == "rejected"
-    assert len(event["message"]) < 2_000
-    assert len(exporter.output()) - before < 20_000
-
-    ended = site.run("--config.check")
-    assert ended.returncode == 2
-    assert len(ended.stderr.splitlines()) == 21
-
-
 @pytest.fixture
 def database(site):
     """The database of an exporter with two robots, one of them with a fault."""
@@ -169,27 +127,6 @@ def test_damaged_databases_are_renamed_and_the_exporter_starts(site, database):
         assert exporter.stop() == 0
     with closing(sqlite3.connect(database)) as connection:
         assert list(connection.execute("SELECT name FROM robots")) == [("robot_1",)]
-
-
-def test_an_unreadable_database_is_not_overwritten(site, database):
-    target = database.rename(site.folder / "elsewhere.db")
-    whole = target.read_bytes()
-    database.symlink_to(target)
-    exporter = site.serve()
-    assert metric(site, "storage_last_write_successful") == 0
-    assert "cannot be read (Too many levels of symbolic links)" in exporter.output()
-    assert exporter.stop() == 0
-    assert database.is_symlink()
-    assert target.read_bytes() == whole
-
-
-def test_state_faults_and_events_are_there_after_a_restart(site, database):
-    exporter = site.serve()
-    robots = {robot["robot"]: robot for robot in site.ask("/api/v1/fleet")["robots"]}
-    assert robots.keys() == {"robot_1", "robot_2"}
-    found = site.ask("/api/v1/events?robot=robot_1&level=ERROR")["events"]
-    assert [each["component"] for each in found] == ["Motor 2"]
-    assert exporter.stop() == 0
 
 
 # The exporter on a machine whose disk no longer answers once it has written.

@@ -146,15 +146,3 @@ def test_a_low_limit_of_open_files_is_logged_and_survived(site, attack):
         assert b'exporter_domain_up{domain_id="' in scrape(site.port)
     assert len(exporter.output().splitlines()) < 100
     assert "Traceback" not in exporter.output()
-
-
-def test_connections_leave_files_for_the_domains(site, attack):
-    exporter = site.process()
-    exporter.argv = ["prlimit", "--nofile=128:1024", *exporter.argv]
-    site.serve(process=exporter)
-    attack(CLIENTS, "127.0.0.2", "/metrics")
-    files = Path(f"/proc/{exporter.pid}/fd")
-    # The soft limit was raised.
-    until(lambda: 500 < len(list(files.iterdir())) < 600, exporter.describe)
-    assert scrape(site.port)
-    assert "files may be open" not in exporter.output()

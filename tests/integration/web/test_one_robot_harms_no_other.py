@@ -1,11 +1,10 @@
-"""A robot that sends too much, robots that send nothing, and a renamed fleet.
+"""A robot that sends too much, and robots that send nothing.
 
 Each against the real exporter, over real DDS and HTTP.
 """
 
 from __future__ import annotations
 
-import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
@@ -133,21 +132,3 @@ def test_robots_that_never_publish_are_forgotten_and_not_persisted(site):
                 lambda: values(site, "robot_up", "robot").keys() == {"real"},
                 "the newcomer never published and is forgotten",
             )
-
-
-def test_a_reload_renames_the_fleet_in_every_sample(site):
-    with publisher(site.domain_id) as robots:
-        robots.offer(topic("r1"))
-        with running(site, "--web.enable-lifecycle"), sending(robots, "r1"):
-            until(lambda: values(site, "robot_up", "robot") == {"r1": 1}, "r1 is up")
-            text = site.fleet_file.read_text().replace("fleet: hall", "fleet: renamed")
-            site.fleet_file.write_text(text)
-            request = urllib.request.Request(
-                f"http://127.0.0.1:{site.port}/-/reload", method="POST"
-            )
-            with urllib.request.urlopen(request, timeout=20) as answer:
-                assert answer.status == 200
-
-            samples = [each for each in scrape(site) if each.name.startswith("ros_diagnostics_")]
-            assert {each.labels["fleet"] for each in samples} == {"renamed"}
-            assert values(site, "component_level", "component", robot="r1") == {"Motor": 0}

@@ -6,6 +6,7 @@ import base64
 import json
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import bcrypt
@@ -105,26 +106,34 @@ def test_every_page_is_accessible_and_fits_the_screen(serve, window, scheme, wid
     assert found == {path: [] for path in PAGES}
 
 
-@pytest.mark.parametrize("width", [390, 1366])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_form_is_accessible_and_a_browser_may_send_it(serve, window, tmp_path, scheme, width):
-    done: list[Any] = []
-    users = tmp_path / "web.yml"
+ANN = {"username": "ann", "password": "secret"}
+
+
+def serve_with_forms(serve, folder: Path, done: list[Any]) -> Any:
+    """A server at which ann may acknowledge; what she did goes into the list."""
+    users = folder / "web.yml"
     hashed = bcrypt.hashpw(b"secret", bcrypt.gensalt(rounds=4)).decode()
     users.write_text(f"basic_auth_users: {{ann: {hashed}}}")
-    server = serve(
+    return serve(
         fleet_snapshot=lambda: fleet(*ROBOTS),
         fault_history=history,
         acknowledge=lambda *given: done.append(given),
         web_config=users,
         actions=True,
     )
+
+
+@pytest.mark.parametrize("width", [390, 1366])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_form_is_accessible_and_a_browser_may_send_it(serve, window, tmp_path, scheme, width):
+    done: list[Any] = []
+    server = serve_with_forms(serve, tmp_path, done)
     address = f"http://{server.addresses[0]}"
     context = window.new_context(
         bypass_csp=True,
         color_scheme=scheme,
         viewport={"width": width, "height": 900},
-        http_credentials={"username": "ann", "password": "secret"},
+        http_credentials=ANN,
     )
     page = context.new_page()
     for path in ("/robots/broken?done=downtime", f"/faults/{FAULT}?done=acknowledged"):
@@ -143,20 +152,12 @@ def test_a_form_is_accessible_and_a_browser_may_send_it(serve, window, tmp_path,
 
 def test_a_page_of_another_site_cannot_send_a_form(serve, window, tmp_path):
     done: list[Any] = []
-    users = tmp_path / "web.yml"
-    hashed = bcrypt.hashpw(b"secret", bcrypt.gensalt(rounds=4)).decode()
-    users.write_text(f"basic_auth_users: {{ann: {hashed}}}")
-    server = serve(
-        fleet_snapshot=lambda: fleet(*ROBOTS),
-        acknowledge=lambda *given: done.append(given),
-        web_config=users,
-        actions=True,
-    )
+    server = serve_with_forms(serve, tmp_path, done)
     address = f"http://{server.addresses[0]}"
     login = "Basic " + base64.b64encode(b"ann:secret").decode()
     shown = ask(server, f"/faults/{FAULT}", Authorization=login).text
     token = re.findall('name=token value="([0-9a-f]+)"', shown)[0]
-    context = window.new_context(http_credentials={"username": "ann", "password": "secret"})
+    context = window.new_context(http_credentials=ANN)
     page = context.new_page()
     page.goto(f"{address}/faults/{FAULT}")  # now the browser knows the login
     page.goto("about:blank")

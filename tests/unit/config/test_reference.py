@@ -1,25 +1,11 @@
 """docs/configuration.md and its reference agree with the models."""
 
-import re
-
 from config_reference import PAGE as REFERENCE
-from config_reference import files
 from ros_diagnostics_exporter.config import patterns, scalars, yaml_file
-from ros_diagnostics_exporter.config.fleet import Fleet
 from ros_diagnostics_exporter.config.scalars import RESERVED_LABEL_PREFIXES, RESERVED_LABELS
 from ros_diagnostics_exporter.robots.rules import SEARCHED
 
 DOCUMENT = REFERENCE.parents[1] / "configuration.md"
-
-
-def test_every_part_and_key_has_its_place():
-    text = files()[REFERENCE]
-    titles = re.findall(r"^## (\w+)$", text, re.MULTILINE)
-    assert titles[0] == "FleetFile"
-    assert {name.lower() for name in re.findall(r"\]\(#(\w+)\)", text)} <= {
-        each.lower() for each in titles
-    }
-    assert all(f"| `{key}` |" in text for key in Fleet.keys)
 
 
 def test_prose_names_the_limits_and_reserved_labels():

@@ -6,10 +6,7 @@ sick, mavros, rplidar, diagnostic_common_diagnostics, Autoware, husarion, velody
 
 from __future__ import annotations
 
-import json
 import math
-import os
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -115,32 +112,6 @@ def test_the_elements_of_a_list_take_the_keys_unit():
 )
 def test_a_name_that_only_looks_like_a_unit_is_none(name):
     assert unit_in_name(name) == ""
-
-
-if "DIAGNOSTICS_DUMPS" in os.environ:  # a folder with dumps of real robots, which are not published
-
-    def test_every_key_value_of_recorded_robots_is_read_or_refused_without_an_error():
-        pairs = [
-            pair
-            for path in sorted(Path(os.environ["DIAGNOSTICS_DUMPS"]).glob("dump_*.json"))
-            for pair in _pairs(json.loads(path.read_text()))
-        ]
-
-        assert pairs
-        for key, text in pairs:
-            for reading in parse_numbers(key, text):
-                assert math.isinf(reading.value) == ("inf" in text.lower())
-
-
-def _pairs(node):
-    if isinstance(node, dict):
-        if isinstance(node.get("key"), str) and isinstance(node.get("value"), str):
-            yield node["key"], node["value"]
-        for value in node.values():
-            yield from _pairs(value)
-    elif isinstance(node, list):
-        for value in node:
-            yield from _pairs(value)
 
 
 @given(st.from_regex(r"[+-]?[0-9]{0,17}(\.[0-9]{0,19})?(e[0-9])?\s?", fullmatch=True))
