@@ -74,11 +74,10 @@ def test_critical_that_gets_better_and_worse_again_is_another_fault():
 
     since = {each.identity.state.value: each.since - WALL for each in last.faults.faults()}
     assert since == {"warning": 0, "critical": 40}
-    names = ("motor", "arm")
-    assert [last.faults.in_trouble("r1", ComponentName("", each)) for each in names] == [
-        True,
-        False,
-    ]
+    parts = None, ComponentName("", "motor"), ComponentName("", "arm")
+    assert [last.faults.in_trouble("r1", part) for part in parts] == [True, True, False]
+    last.go(50, level("motor", OK))
+    assert not last.faults.in_trouble("r1")
 
 
 def test_stale_is_a_state_of_its_own_and_ends_with_a_fresh_status():

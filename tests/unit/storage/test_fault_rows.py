@@ -98,9 +98,18 @@ def test_a_damaged_row_is_named_and_harms_no_other(path, caplog, damage):
     assert names(after.state.faults()) == {"Laser", "Motor"}
 
 
-def test_rows_that_do_not_belong_together_stop_nothing(path, caplog):
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda rows: rows.remove(next(row for row in rows if row[0] == "robot")),
+        lambda rows: rows.append(["robot", [], rows[0][2]]),
+        lambda rows: rows.append(["problem", "key", 7]),
+    ],
+    ids=["no robot", "no key", "text"],
+)
+def test_rows_that_do_not_belong_together_stop_nothing(path, caplog, damage):
     before = saved(path, HOT)
-    edited(before, path, lambda rows: rows.remove(next(r for r in rows if r[0] == "robot")))
+    edited(before, path, damage)
     with caplog.at_level(logging.ERROR):
         after = before.restart(path)
         after.save()

@@ -158,6 +158,15 @@ def receive(driver: StateDriver, robot: str, *statuses: Status) -> None:
     driver.state.receive(Topic(0, f"/{robot}/diagnostics"), array, driver.now)
 
 
+def test_the_last_write_has_what_was_seen_last(path):
+    before = StateDriver()
+    before.raw(COOL)
+    before.keep(path)
+    before.at(7)
+    before.raw(COOL)
+    assert before.again(path).sample("robot_last_message_timestamp_seconds") == WALL + 7
+
+
 def test_the_file_is_written_at_most_once_a_second_and_only_for_a_change(path, content):
     driver = StateDriver()
     driver.raw(COOL)
