@@ -54,9 +54,9 @@ def _sooner(story: Story, error: BrokenError) -> tuple[Story, BrokenError]:
 
 def as_test(story: Story) -> str:
     """The story as Python, to be put into tests/unit/simulation."""
-    events = "".join(f"        {_written(event)},\n" for event in story.events)
-    of = f"{story.seed}, {story.robots}, {story.ticks}"
-    return f"Story(\n    {of},\n    (\n{events}    ),\n    able={story.able},\n)"
+    events = "".join(f"    {_written(event)},\n" for event in story.events)
+    of = f"{story.seed}, {story.robots}, {story.ticks}, (), able={story.able}"
+    return f"(\n    Story({of}),\n{events})"
 
 
 def _written(event: Event) -> str:

@@ -18,6 +18,9 @@ from email import message_from_bytes, policy
 from email.message import EmailMessage
 from pathlib import Path
 
+import pytest
+
+from support import subnets
 from testbed.configuration import CHECKOUT
 from testbed.polling import until
 from testbed.processes import Process
@@ -199,6 +202,8 @@ _SMTP = 'import socket; print(socket.create_connection(("localhost", 25), 5).rec
 @contextmanager
 def newcomer(folder: Path) -> Iterator[Newcomer]:
     """A machine in ``folder`` that ends with the context."""
+    if why := subnets.missing():
+        pytest.skip(why)
     with ExitStack() as ending:
         found = Newcomer(folder, ending)
         found.start()

@@ -1,4 +1,4 @@
-"""The samples of docs/notifications.md, between `<!-- samples -->` and `<!-- end -->`."""
+"""The samples of docs/reference/mails.md, between `<!-- samples -->` and `<!-- end -->`."""
 
 from __future__ import annotations
 

@@ -273,12 +273,6 @@ def test_the_help_of_a_verb_installs_nothing(machine, verb):
     assert machine.calls() == []
 
 
-def test_lint_installs_shellcheck_where_it_is_missing(machine):
-    machine.run("lint")
-
-    assert machine.installed() == ["shellcheck"]
-
-
 def with_bridge(machine: Machine, *, built: bool) -> None:
     folder = machine.checkout / "sim" / "zenoh_bridge"
     folder.mkdir(parents=True)

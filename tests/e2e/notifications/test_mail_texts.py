@@ -1,6 +1,6 @@
 """Every kind of alert through a real Alertmanager: the mail, its HTML, and the text message.
 
-docs/notifications.md shows some of them: `pytest --update` on this file rewrites them there, and
+docs/reference/mails.md shows some of them: `pytest --update` on this file rewrites them there, and
 the HTML of which tools/mail_pictures.py makes pictures.
 """
 
@@ -27,7 +27,7 @@ from testbed.programs import alertmanager
 from testbed.site import Site
 
 PICTURED = CHECKOUT / "tests" / "data" / "mails"
-DOCUMENT = CHECKOUT / "docs" / "notifications.md"
+DOCUMENT = CHECKOUT / "docs" / "reference" / "mails.md"
 # Words of configuration files, of Prometheus and of the exporter that an operator need not know.
 JARGON = re.compile(r"RosDiagnostics|confirm_after|scope|evidence|publisher_gone|mute|\$labels")
 NUMBER = "+49000000"  # and that of the alert

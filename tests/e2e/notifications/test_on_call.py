@@ -194,7 +194,7 @@ def test_after_the_end_of_what_was_built_everybody_is_notified(
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(460)
 def test_who_is_back_after_minutes_gets_a_fault_that_ended_meanwhile_and_begins_again(
     on_call: OnCall,
 ):
@@ -203,7 +203,7 @@ def test_who_is_back_after_minutes_gets_a_fault_that_ended_meanwhile_and_begins_
     teams = "teams:" + team("plain", 'robot = "r1"', now() - 8 * DAY, "anna")
     override = (
         f"\noverrides:\n  - {{person: ben, start: '{first.isoformat()}', "
-        f"end: '{(first + 2 * MINUTE).isoformat()}'}}\n"
+        f"end: '{(first + 3 * MINUTE).isoformat()}'}}\n"
     )
     on_call.start(teams + override)
     post_alerts(on_call.address, fault("Motor"))
@@ -215,7 +215,7 @@ def test_who_is_back_after_minutes_gets_a_fault_that_ended_meanwhile_and_begins_
     on_call.wait_for("ben", problem("Motor"), recovery("Motor"))
     assert on_call.subjects("anna") == [problem("Motor")]
 
-    wait_until(first + 3 * MINUTE + timedelta(seconds=2))  # and neither is ben
+    wait_until(first + 4 * MINUTE + timedelta(seconds=2))  # and neither is ben
     post_alerts(on_call.address, fault("Motor"))
 
     on_call.wait_for("anna", problem("Motor"), problem("Motor"))

@@ -182,7 +182,7 @@ def test_the_image_serves_a_fleet_keeps_its_state_and_stops(host: Host):
     assert IMAGE not in host.does("podman images --format '{{.Repository}}:{{.Tag}}'")
 
 
-@pytest.mark.skipif(not COMPOSE.exists(), reason="not installed: podman-compose")
+@pytest.mark.skipif(not ABSENT and not COMPOSE.exists(), reason="not installed: podman-compose")
 def test_compose_starts_the_exporter_and_its_robots(host: Host):
     services = yaml.safe_load((CHECKOUT / "compose.yaml").read_text())["services"]
     compose = f"{COMPOSE} --in-pod=false"

@@ -65,8 +65,3 @@ def test_a_later_run_adds_rows_or_begins_anew(tmp_path):
     assert run(2, append=True) == ["1", "2"]
     assert result.rows()[0]["only_2"] == ""
     assert run(5, append=False) == ["5"]
-
-
-def test_without_anything_measured_a_report_says_so(tmp_path):
-    with pytest.raises(SystemExit, match="nothing measured yet"):
-        results.run(Results(tmp_path, "some"), options(tmp_path, report=True), [], None, render)

@@ -117,12 +117,6 @@ def test_a_background_is_of_that_colour_in_both_themes():
     assert len(cells) > 10
 
 
-def test_red_and_green_are_similar_in_the_simulation_of_deuteranopia():
-    assert difference("#D65F5F", "#8A8A3A", "normal") > 2 * difference(
-        "#D65F5F", "#8A8A3A", "deuteranopia"
-    )
-
-
 def test_the_exporters_page_and_status_command_have_the_same_colours():
     assert {state.word: state.colour for state in palette.STATES} == {
         state: colour for state, (colour, _text) in COLOURS.items()
@@ -131,16 +125,8 @@ def test_the_exporters_page_and_status_command_have_the_same_colours():
 
 @pytest.mark.parametrize("state", COLOURS)
 def test_a_text_on_a_colour_has_the_contrast_that_wcag_wants(state: str):
-    red, green, blue = 0.2126, 0.7152, 0.0722
-    bright, dark = sorted(
-        (red * rgb[0] + green * rgb[1] + blue * rgb[2] for rgb in map(linear, COLOURS[state])),
-        reverse=True,
-    )
+    dark, bright = sorted(map(luminance, COLOURS[state]))
     assert (bright + 0.05) / (dark + 0.05) >= 4.5
-
-
-def test_ranks_are_those_of_the_recorded_states():
-    assert [state.rank for state in palette.STATES] == [-1, 0, 1, 2, 3, 4]
 
 
 def test_every_unit_of_the_palette_is_one_of_the_exporter():

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import get_args
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.metrics_core import CounterMetricFamily, GaugeMetricFamily
@@ -112,7 +112,6 @@ def assert_both_parsers_agree(driver: StateDriver) -> None:
     assert ours == comparable(openmetrics_parser.text_string_to_metric_families(openmetrics))
 
 
-@settings(max_examples=150)
 @given(st.lists(STATUS, max_size=6))
 def test_whatever_a_driver_says_both_parsers_read_what_generate_latest_would_write(statuses):
     driver = StateDriver()

@@ -15,24 +15,15 @@ from virtual_robots.aggregator import Aggregator, load_parameters
 LAUNCH_FILE = Path(__file__).parents[3] / "sim" / "ros_launch" / "real_aggregator.launch.py"
 
 
-# The keywords that the launch file may use, as launch and launch_ros of Jazzy document them:
+# The keywords that the launch file uses, as launch and launch_ros of Jazzy document them:
 # a fake that accepts any keyword would not find one that the real class rejects.
 KEYWORDS = {
     "LaunchDescription": set(),
     "LaunchConfiguration": {"default"},
     "DeclareLaunchArgument": {"default_value", "description", "choices"},
     "OpaqueFunction": {"function", "args", "kwargs"},
-    "ExecuteProcess": {"cmd", "name", "cwd", "env", "additional_env", "output", "on_exit"},
-    "Node": {
-        "package",
-        "executable",
-        "name",
-        "namespace",
-        "parameters",
-        "remappings",
-        "arguments",
-        "output",
-    },
+    "ExecuteProcess": {"cmd", "name", "output", "on_exit"},
+    "Node": {"package", "executable", "name", "namespace", "parameters", "remappings", "output"},
 }
 
 

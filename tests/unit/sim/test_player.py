@@ -24,12 +24,6 @@ def test_all_that_is_due_is_taken_and_the_end_is_kept() -> None:
     assert taken == expected
 
 
-def test_a_stop_ends_it_at_once() -> None:
-    stop = threading.Event()
-    stop.set()
-    Player(fleet_of(), pytest.fail, pytest.fail).play(stop)
-
-
 def test_an_order_becomes_a_fault() -> None:
     fleet = fleet_of()
     player = Player(fleet, lambda *_: None, pytest.fail)

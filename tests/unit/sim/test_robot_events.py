@@ -8,10 +8,8 @@ import pytest
 
 from support.simulated_fleet import fleet_of, number_of, of
 from virtual_robots.simulation.fleet import Fleet
-from virtual_robots.simulation.kinds import kind_path
 from virtual_robots.simulation.outputs import Output, Presence, Topic
 from virtual_robots.simulation.robot_events import LEASE, RobotEvent, trigger
-from virtual_robots.simulation.robots import RobotSpec
 
 
 def outputs_of(fleet: Fleet, before: float, wanted: RobotEvent, after: float) -> list[Output]:
@@ -35,15 +33,6 @@ def test_a_robot_that_leaves_says_goodbye_and_is_silent() -> None:
     outputs = outputs_of(fleet_of(), 10.0, RobotEvent("leave"), 60.0)
     assert presences(outputs) == [(10.0, False)]
     assert of(outputs, Topic.RAW) == of(outputs, Topic.AGGREGATED) == []
-
-
-def test_a_robot_that_is_absent_is_there_when_it_joins() -> None:
-    fleet = Fleet([RobotSpec("robot_1", kind_path("thesis"), absent=True)])
-    assert list(fleet.advance(10.0)) == []
-    list(trigger(fleet, "robot_1", RobotEvent("join")))
-    outputs = list(fleet.advance(20.0))
-    assert presences(outputs) == [(10.0, True)]
-    assert of(outputs, Topic.RAW)[0].statuses[0].message == "Node starting up"
 
 
 def test_a_crash_says_no_goodbye_until_the_lease_is_over() -> None:
@@ -121,18 +110,6 @@ def test_a_robot_that_already_runs_cannot_be_doubled() -> None:
     assert len(of(outputs, Topic.RAW)) == 10
 
 
-def test_a_robot_that_is_stopped_before_it_is_back_stays_away() -> None:
-    fleet = fleet_of()
-    outputs_of(fleet, 10.0, RobotEvent("crash", length=20.0), 5.0)
-    outputs = outputs_of(fleet, 15.0, RobotEvent("leave"), 60.0)
-    assert of(outputs, Topic.RAW) == []
-
-
-def test_the_other_robots_go_on() -> None:
-    outputs = outputs_of(fleet_of(robots=2), 10.0, RobotEvent("crash"), 20.0)
-    assert len(of(outputs, Topic.RAW, "robot_2")) == 20
-
-
 @pytest.mark.parametrize(
     ("first", "second", "silent"),
     [
@@ -141,6 +118,7 @@ def test_the_other_robots_go_on() -> None:
         (RobotEvent("flap", length=10.0, period=2.0), RobotEvent("network_back"), False),
         (RobotEvent("hang", length=10.0), RobotEvent("hang"), True),
         (RobotEvent("leave", length=10.0), RobotEvent("leave"), True),
+        (RobotEvent("crash", length=20.0), RobotEvent("leave"), True),
         (RobotEvent("network_loss", length=10.0), RobotEvent("network_loss", length=4.0), False),
     ],
 )

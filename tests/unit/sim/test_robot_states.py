@@ -109,14 +109,6 @@ def test_a_robot_that_hangs_before_its_first_message_goes_on_whole(between: floa
     assert of(outputs, Topic.AGGREGATED)
 
 
-@pytest.mark.parametrize("command", ["leave", "crash"])
-def test_a_robot_that_ends_before_its_first_message_leaves_the_graph(command: str) -> None:
-    fleet = fleet_of()
-    graph = Graph(fleet)
-    list(graph.checked(trigger(fleet, "robot_1", RobotEvent(command))))
-    assert outcome(fleet, graph) == "gone"
-
-
 def test_a_crashed_robot_that_is_back_and_hangs_stays_in_the_graph() -> None:
     fleet = fleet_of()
     graph = Graph(fleet)
@@ -139,7 +131,7 @@ HISTORIES = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(HISTORIES, st.booleans())
 def test_no_sequence_of_events_raises_or_publishes_outside_the_graph(history, absent):
     fleet = Fleet([RobotSpec("robot_1", kind_path("thesis"), absent=absent)])

@@ -133,6 +133,10 @@ def test_a_component_of_which_the_name_is_damaged_does_not_stop_the_start(whole,
     use(tmp_path)
 
 
+# Of SQLite's header the version and the program: a database of another is refused, not repaired.
+WHOSE = {*range(60, 64), *range(68, 72)}
+
+
 @given(data=st.data())
 @settings(max_examples=60)
 def test_any_bytes_in_the_file_neither_stop_the_start_nor_break_what_is_shown(whole, data):
@@ -143,7 +147,9 @@ def test_any_bytes_in_the_file_neither_stop_the_start_nor_break_what_is_shown(wh
         path = Path(folder, "state-wal" if name == "log-wal" else "state")
         raw = bytearray(path.read_bytes())
         for _ in range(data.draw(st.integers(1, 5))):
-            raw[data.draw(st.integers(0, len(raw) - 1))] = data.draw(st.integers(0, 255))
+            place = data.draw(st.integers(0, len(raw) - 1))
+            if place not in WHOSE:
+                raw[place] = data.draw(st.integers(0, 255))
         path.write_bytes(bytes(raw))
         use(Path(folder))
 

@@ -35,15 +35,6 @@ def test_no_link_leads_to_a_grafana_that_is_not_there(tmp_path):
     assert '{{ define "site.dashboard.html" }}{{ end }}' in site
 
 
-def test_a_shipped_configuration_that_lacks_what_is_edited_is_an_error(tmp_path, monkeypatch):
-    checkout = tmp_path / "checkout"
-    (checkout / "prometheus" / "rules").mkdir(parents=True)
-    monkeypatch.setattr(configuration, "CHECKOUT", checkout)
-
-    with pytest.raises(LookupError, match=r"targets/ros-diagnostics\.yml is no longer shipped"):
-        configuration.write(tmp_path, 42, ADDRESSES, configuration.Clocks())
-
-
 @pytest.mark.parametrize(("zenoh", "domains"), [("", (42,)), ("tcp/127.0.0.1:7447", ("zenoh",))])
 def test_robots_are_received_from_their_domain_or_through_a_router(tmp_path, zenoh, domains):
     clocks = configuration.Clocks()

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from testbed import domains, ports
+from testbed import domains
 
 HOLD_A_LEASE = (
     "import sys; from testbed import domains; lease = domains.lease();"
@@ -40,12 +40,3 @@ def test_a_domain_with_a_participant_without_a_lease_is_skipped(monkeypatch):
 
         with pytest.raises(RuntimeError, match="in use"), domains.lease():
             pass
-
-
-def test_a_port_that_is_in_use_is_skipped(monkeypatch):
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port = server.getsockname()[1]
-        monkeypatch.setattr(ports, "PORTS", range(port, port + 1))
-
-        with pytest.raises(RuntimeError, match="in use"):
-            ports.free_port()

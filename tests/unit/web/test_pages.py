@@ -458,17 +458,17 @@ def test_a_silent_robots_earlier_fault_is_still_shown():
 def test_the_size_of_the_pages_is_limited():
     values = [{"key": "&" * 1_000, "value": "&" * 1_000, "number": None, "unit": ""}] * 100
     many = [
-        component(f"Motor {n}", "ERROR", message="&" * 100_000, values=values) for n in range(1_000)
+        component(f"Motor {n}", "ERROR", message="&" * 100_000, values=values) for n in range(600)
     ]
-    bad = [broken(f"Motor {n}", evidence="&" * 4_000) for n in range(1_000)]
+    bad = [broken(f"Motor {n}", evidence="&" * 4_000) for n in range(30)]
     given = fleet(*(robot(f"robot_{n}", *many, problems=bad) for n in range(300)))
     page = landing(given, "/metrics")
     assert "and 100 more robots with problems" in page
-    assert "and 990 more problems" in page
+    assert "and 20 more problems" in page
     assert len(page) < 6_000_000
     one = robot_page(given, "robot_1", [])
     assert one is not None
-    assert "and 500 more components" in one
+    assert "and 100 more components" in one
     assert len(one) < 5_000_000
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.load import load
@@ -45,7 +45,6 @@ EDIT = st.one_of(
 )
 
 
-@settings(max_examples=200, deadline=None)
 @given(found=st.lists(UNIT, max_size=5), edits=st.lists(EDIT, max_size=2))
 def test_every_unit_has_a_row_and_the_fleet_is_valid(tmp_path_factory, found, edits):
     folder: Path = tmp_path_factory.mktemp("g")

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.api.snapshot import fleet_snapshot
@@ -166,7 +165,6 @@ def check(
     return {path for path, row in rows.items() if row.is_whole}
 
 
-@settings(max_examples=150, deadline=None)
 @given(units=graphs(), first=LEVELS, then=LEVELS, never=NEVER)
 def test_capabilities_have_the_levels_of_autowares_units(
     tmp_path_factory, units, first, then, never
@@ -176,7 +174,6 @@ def test_capabilities_have_the_levels_of_autowares_units(
     assert whole >= Published(units, set()).levels(first).keys()
 
 
-@settings(max_examples=100, deadline=None)
 @given(data=st.data(), units=graphs(("ok", "warn", "error")), first=LEVELS, then=LEVELS)
 def test_what_cannot_be_said_is_in_the_report_and_the_rest_has_autowares_levels(
     tmp_path_factory, data, units, first, then
@@ -185,13 +182,3 @@ def test_what_cannot_be_said_is_in_the_report_and_the_rest_has_autowares_levels(
     links = {each["path"] for each in units if each["type"] == "link"}  # no edit removes one
     removed = data.draw(st.sets(st.sampled_from(paths), max_size=2)) - links
     check(tmp_path_factory.mktemp("g"), units, removed, [first, then])
-
-
-@pytest.mark.parametrize("kind", ["and", "or", "warn-to-ok", "warn-to-error"])
-@pytest.mark.parametrize("one", [OK, WARN, ERROR, STALE])
-@pytest.mark.parametrize("other", [OK, WARN, ERROR, STALE])
-def test_each_logic_with_each_level(tmp_path, kind, one, other):
-    inputs = [{"type": "diag", "node": "test", "name": str(each)} for each in range(2)]
-    of = {"item": inputs[0]} if kind.startswith("warn") else {"list": inputs}
-    levels = {"test: 0": one, "test: 1": other}
-    check(tmp_path, [{"path": "output", "type": kind, **of}], set(), [levels])

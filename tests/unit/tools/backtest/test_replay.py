@@ -27,15 +27,6 @@ def test_a_bag_gives_its_faults_with_begin_and_end(tmp_path, storage):
     assert (result.begin, result.end) == (BEGIN, BEGIN + 199)
 
 
-def test_the_json_form_gives_the_same_as_a_bag(tmp_path):
-    rows = every_second(range(120), {"motor": range(40, 90)})
-
-    result = judged(fleet(), write_json(tmp_path / "recording.json", rows))
-
-    assert texts(result) == texts(judged(fleet(), write_bag(tmp_path / "bag", rows)))
-    assert texts(result) == ["40 50 90 motor critical"]
-
-
 def test_what_is_over_before_it_is_confirmed_is_a_short_outage(tmp_path):
     bag = write_bag(tmp_path / "bag", every_second(range(100), {"motor": [40, 41, 42]}))
 

@@ -290,15 +290,7 @@ def test_no_log_is_one_clear_error(content, error, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "content",
-    [
-        "",
-        "[]",
-        '{"events": 5}',
-        '{"events": [5]}',
-        '{"events": [{"kind": "notified"}]}',
-        "[" * 9999,
-    ],
+    "content", ["", "[]", '{"events": [5]}', '{"events": [{"kind": "notified"}]}', "[" * 9999]
 )
 def test_no_events_are_one_clear_error(content, tmp_path, capsys):
     log, events = tmp_path / "nagios.log", tmp_path / "events.json"

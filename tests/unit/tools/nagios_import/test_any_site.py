@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ros_diagnostics_exporter.config.load import load
@@ -63,7 +63,6 @@ def text(objects) -> str:
     return "".join(made)
 
 
-@settings(max_examples=200, deadline=None)
 @given(objects=OBJECTS)
 def test_every_line_is_translated_or_reported_and_the_fleet_is_valid(tmp_path_factory, objects):
     folder: Path = tmp_path_factory.mktemp("site")

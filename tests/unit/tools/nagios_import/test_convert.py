@@ -70,11 +70,10 @@ def test_services_are_checks_with_the_times_of_nagios(fleet):
     assert every.confirm_after == 240
     (laser,) = cart.components
     assert (laser.confirm_after, laser.stale_after) == (0, 315)  # check_interval + latency
-
-
-def test_flapping_has_the_thresholds_of_services(fleet):
-    assert fleet.faults.flapping.start == 0.2
-    assert fleet.faults.flapping.stop == 0.05
+    (motors,) = (each for each in arm.checks if each.name == "motors")
+    assert motors.expect == 1  # without a sensor it is critical, as in Nagios
+    flapping = fleet.faults.flapping
+    assert (flapping.start, flapping.stop) == (0.2, 0.05)  # the thresholds of services
 
 
 def test_outside_of_its_check_period_a_robot_is_in_maintenance(fleet):
@@ -204,11 +203,6 @@ def test_the_exporter_records_what_the_receivers_get(made):
     url = "http://localhost:9877/api/v1/notifications"
     assert found.pop("nagios-nobody") == []
     assert found == {name: [(url, not name.endswith("-problems"))] for name in found}
-
-
-def test_a_check_that_finds_no_sensor_is_critical_as_in_nagios(fleet):
-    (motors,) = (each for each in fleet.profiles["arm"].checks if each.name == "motors")
-    assert motors.expect == 1
 
 
 def test_dependencies_inhibit(made):

@@ -42,87 +42,46 @@ def errors(run: Callable[..., Any]) -> Callable[..., list[str]]:
     return errors
 
 
-def test_the_file_that_the_others_are_made_of_is_right(run: Callable[..., Any]):
-    assert run(BASE, "build", now=NOW)[0] == 0
+TURN = "since: 2027-01-04T09:00}\n      second"
+SHIFT = "13: teams[robots].levels.first.shifts[0]"
+SECOND = "teams[robots].levels.second"
 
 
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
+        ("Europe/Berlin", "Europe/Berlln", '2: time_zone: "Europe/Berlln" is not a time zone'),
+        ("[anna, ben]", "[anna, bne]", f'{SHIFT}.people[1]: "bne" is unknown; did you mean ben?'),
+        ("anna@example.org", "anna", '4: people.anna.email: "anna" is not an address'),
+        ('"+4915112345602"', "015112345602", "5: people.ben.phone: 15112345602 is not a telephone"),
+        ("{email: anna@example.org}", "{}", "4: people.anna: cannot be reached"),
+        (TURN, TURN.replace("09:00", "09:00Z"), f"{SHIFT}: since 2027-01-04T09:00:00+00:00 has an"),
         (
-            "time_zone: Europe/Berlin",
-            "time_zone: Europe/Berlln",
-            ('oncall.yml:2: time_zone: "Europe/Berlln" is not a time zone known here; use a name '
-            "from the IANA list, such as Europe/Berlin (install tzdata if it is missing)"),
+            TURN,
+            TURN.replace("}", ", evry: day}"),
+            f"{SHIFT}.evry: is not a key; did you mean every",
         ),
-        (
-            "[anna, ben]",
-            "[anna, bne]",
-            ("oncall.yml:13: teams[robots].levels.first.shifts[0].people[1]: "
-            '"bne" is unknown; did you mean ben?'),
-        ),
-        (
-            "{email: anna@example.org}",
-            "{email: anna}",
-            ('oncall.yml:4: people.anna.email: "anna" is not an address; '
-            "write it like anna@example.org"),
-        ),
-        (
-            '"+4915112345602"',
-            "015112345602",
-            ("oncall.yml:5: people.ben.phone: 15112345602 is not a telephone number; "
-            'write it with its country, in quotes: "+4915112345678"'),
-        ),
-        (
-            "{email: anna@example.org}",
-            "{}",
-            "oncall.yml:4: people.anna: cannot be reached; add email or phone",
-        ),
-        (
-            "since: 2027-01-04T09:00}\n      second",
-            "since: 2027-01-04T09:00Z}\n      second",
-            ("oncall.yml:13: teams[robots].levels.first.shifts[0]: since 2027-01-04T09:00:00+00:00 "
-            "has an offset, which clocks change; write the time of day of every handover, "
-            "in time_zone"),
-        ),
-        (
-            "since: 2027-01-04T09:00}\n      second",
-            "since: 2027-01-04T09:00, evry: day}\n      second",
-            ("oncall.yml:13: teams[robots].levels.first.shifts[0].evry: is not a key; "
-            "did you mean every?"),
-        ),
-        (
-            "receiver: escalation-1",
-            "receiver: nobody",
-            ('oncall.yml:14: teams[robots].levels.second: alertmanager.yml has no receiver '
-            '"nobody"; name receivers to copy in like, such as like: [email]'),
-        ),
-        (
-            "receiver: escalation-1",
-            "receiver: sms",
-            ("oncall.yml:15: teams[robots].levels.second.receiver: "
-            'no route of alertmanager.yml has the receiver "sms"; add one, such as '
-            "{matchers: [severity = critical], receiver: sms, continue: true}"),
-        ),
+        ("escalation-1", "nobody", f'14: {SECOND}: alertmanager.yml has no receiver "nobody"'),
+        ("escalation-1", "sms", f"15: {SECOND}.receiver: no route of alertmanager.yml has the"),
         (
             "people: [anna], since",
             "people: [ben], since",
-            ('oncall.yml:5: people.ben: "ben" cannot be reached by email_configs of robots/second; '
-            "add the person's email or phone"),
+            '5: people.ben: "ben" cannot be reached by email_configs of robots/second',
         ),
         (
             "people: [anna], since: 2027-01-04T09:00",
             "people: [anna], since: 2027-03-24T09:00",
-            ("oncall.yml:14: teams[robots].levels.second: from 2027-03-22 Mon 13:00 "
-            "CET until 2027-03-24 Wed 09:00 CET nobody is on call; "
-            "add a shift, hours or an override"),
+            f"14: {SECOND}: from 2027-03-22 Mon 13:00 CET until 2027-03-24 Wed 09:00 CET nobody is",
         ),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_value(errors: Callable[..., list[str]], old: str, new: str, expected: str):
     assert old in BASE
 
-    assert expected in errors(BASE.replace(old, new))
+    (found,) = (line for line in errors(BASE.replace(old, new)) if f":{expected}" in line)
+
+    assert found.startswith("oncall.yml:")
+    assert ";" in found  # then the way out
 
 
 def test_gaps_and_overlaps_have_their_hours(errors: Callable[..., list[str]]):
@@ -170,33 +129,28 @@ def test_zones_that_change_their_clocks_on_different_days_leave_a_gap(errors):
     )
 
 
+DAY = "person: ben, start: 2027-03-24T09:00, end: 2027-03-25T09:00"
+
+
 @pytest.mark.parametrize(
     ("override", "expected"),
     [
         (
-            "{person: ben, start: 2027-03-24T09:00, end: 2027-03-24T08:00, level: first}",
-            ('overrides[0].end: "2027-03-24 08:00:00" is not after "2027-03-24 09:00:00"; '
-            "let it end after its start"),
+            DAY.replace("-25T09", "-24T08") + ", level: first",
+            '.end: "2027-03-24 08:00:00" is not after "2027-03-24 09:00:00"; let it end after its',
         ),
+        (DAY, ": puts ben on call for robots/first, robots/second at once; add instead_of, or"),
+        (f"{DAY}, level: frist", '.level: "frist" is unknown; did you mean first?'),
         (
-            "{person: ben, start: 2027-03-24T09:00, end: 2027-03-25T09:00}",
-            ("overrides[0]: puts ben on call for robots/first, robots/second at once; "
-            "add instead_of, or team and level"),
-        ),
-        (
-            "{person: ben, start: 2027-03-24T09:00, end: 2027-03-25T09:00, level: frist}",
-            'overrides[0].level: "frist" is unknown; did you mean first?',
-        ),
-        (
-            "{person: ben, start: 2027-03-24T09:00:30, end: 2027-03-25T09:00, level: first}",
-            'overrides[0]: "2027-03-24 09:00:30" has seconds; use a full minute',
+            DAY.replace("09:00,", "09:00:30,") + ", level: first",
+            ': "2027-03-24 09:00:30" has seconds; use a full minute',
         ),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_override(errors: Callable[..., list[str]], override: str, expected: str):
-    found = errors(f"{BASE}overrides:\n  - {override}\n")
+    (found,) = errors(f"{BASE}overrides:\n  - {{{override}}}\n")
 
-    assert found == [f"oncall.yml:19: {expected}"]
+    assert found.startswith(f"oncall.yml:19: overrides[0]{expected}")
 
 
 def test_overrides_of_two_people_at_once_have_their_hours(errors: Callable[..., list[str]]):

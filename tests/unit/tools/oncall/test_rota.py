@@ -71,16 +71,6 @@ def at(found: list[Stretch], when: datetime) -> frozenset[str]:
     return hits[0]
 
 
-@pytest.mark.parametrize("direction", [0, 1], ids=["forward", "back"])
-@pytest.mark.parametrize("zone", CHANGES, ids=lambda zone: zone.key)
-def test_the_changes_are_where_these_tests_assume_them(zone: ZoneInfo, direction: int):
-    change = utc(CHANGES[zone][direction])
-    before, after = (
-        each.astimezone(zone).utcoffset() for each in (change - timedelta(minutes=1), change)
-    )
-    assert (after > before) is (direction == 0)
-
-
 moments = st.integers(0, 7 * 96 - 1).map(lambda steps: steps * STEP)
 
 
@@ -219,19 +209,3 @@ def test_nobody_is_on_call_before_the_first_turn():
 )
 def test_instant(zone: ZoneInfo, text: str, expected: str):
     assert instant(local(text), zone) == utc(expected)
-
-
-@pytest.mark.parametrize(
-    ("direction", "length"), [(0, timedelta(hours=11)), (1, timedelta(hours=13))]
-)
-def test_a_night_shift_over_a_clock_change_is_one_hour_shorter_or_longer(direction, length):
-    everyday = range(7)
-    since = local("2027-02-01T08:00")
-    day = Shift(("day",), since, WEEK, BERLIN, tuple((d, 480, 1200) for d in everyday))
-    night = Shift(("night",), since, WEEK, BERLIN, tuple((d, 1200, 1920) for d in everyday))
-    change = utc(CHANGES[BERLIN][direction])
-
-    found = stretches([day, night], [], change - DAY, change + DAY)
-
-    nights = [each for each in found if each.start <= change < each.end]
-    assert [(each.end - each.start, each.people) for each in nights] == [(length, {"night"})]
