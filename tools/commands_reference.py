@@ -33,4 +33,5 @@ def _sections(shown: click.Command, context: click.Context) -> Iterator[str]:
 
 
 def _context(shown: click.Command, name: str, parent: click.Context | None = None) -> click.Context:
-    return click.Context(shown, parent, name, terminal_width=WIDTH, max_content_width=WIDTH)
+    settings = {**shown.context_settings, "terminal_width": WIDTH, "max_content_width": WIDTH}
+    return click.Context(shown, parent, name, **settings)

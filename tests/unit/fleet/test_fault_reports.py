@@ -374,6 +374,15 @@ def test_nothing_begins_in_maintenance_and_what_is_still_wrong_after_it_does(com
     assert driver.fault_names() == {("component", "critical", "r", "Motor")}
 
 
+def test_a_robot_that_is_awaited_in_maintenance_is_pending_after_it():
+    driver = StateDriver()
+    driver.state.plan([planned("", 0, 1_000)], driver.now)
+    driver.at(950)
+    assert driver.fault_names() == set()
+    driver.at(1_002)
+    assert driver.fault_names() == {("robot", "pending", "r")}
+
+
 @pytest.mark.parametrize("component", ["", "Motor"])
 def test_a_downtime_is_in_force_after_a_restart_before_anybody_repeats_it(component, tmp_path):
     before = StateDriver()
@@ -569,6 +578,20 @@ def test_a_component_that_never_returns_after_a_restart_is_stale():
     assert after.fault_names() == set()  # its driver may be slow
     after.stand(60, LASER)
     assert after.fault_names() == {("component", "stale", "r", "Motor")}
+
+
+def test_a_restart_without_rows_finds_the_fault_again_before_it_is_settled():
+    before = StateDriver(confirm_after=60.0)
+    before.raw_every(1, SETTLED, MOTOR)
+    before.stand(70, HOT)
+    after = restarted(before, [])
+    after.at(after.now.mono + 20)  # until the robot is received
+    while not after.fault_names():
+        assert not after.state.settled(after.now)
+        after.stand(1, HOT)
+    assert after.fault_names() == {("component", "critical", "r", "Motor")}
+    after.stand(20, HOT)
+    assert after.state.settled(after.now)
 
 
 def test_a_second_restart_while_faults_are_judged_anew_does_not_settle_earlier():
