@@ -16,6 +16,7 @@ MISTAKES = yaml.load(
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)  # a pytest of its own, beside whatever the machine does
 @pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: mistake["what"])
 def test_a_planted_mistake_is_found(mistake, tmp_path):
     copy = tmp_path / "checkout"

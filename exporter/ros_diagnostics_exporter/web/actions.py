@@ -185,6 +185,8 @@ async def _fields(request: Request) -> dict[str, str]:
         body += chunk
         if len(body) > MAX_FORM:
             raise _RejectedError(413, f"The form has more than {MAX_FORM} bytes.")
+    if not body:
+        return {}
     try:
         pairs = parse_qsl(
             body.decode("ascii"), keep_blank_values=True, strict_parsing=True, errors="strict",
