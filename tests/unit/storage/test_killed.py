@@ -146,8 +146,9 @@ def test_killed_at_any_moment_nothing_older_than_a_second_is_lost(path, rounds):
     fault: list[Any] = []
     with ExitStack() as children:
         child = children.enter_context(started(path))
-        for number in range(5 * rounds):
-            if number >= rounds and fault:  # of which a busy disk may have written nothing yet
+        for number in range(10 * rounds):
+            # Of a busy machine's first rounds little may have to be there.
+            if number >= rounds and fault and compared > rounds // 3:
                 break
             following = children.enter_context(started(path))
             restored, *changes = killed(child, turn, moments.uniform(0.01, 2.2))
