@@ -181,7 +181,7 @@ class Fleet(Entry, title="FleetFile"):
     """The file fleet.yml."""
 
     name: Name = described(
-        "The fleet's name: the label `fleet` of every series but `process_` and `python_`.",
+        "The fleet's name: the label `fleet` of every series but `process_*` and `python_*`.",
         example="plant1",
         key="fleet",
     )
