@@ -48,7 +48,7 @@ ROBOT_INFO = _family(
 ROBOT_UP = _family(
     "robot_up",
     "gauge",
-    "1 while messages arrive, 0 while silent or never seen.",
+    "1 while messages arrive (of queries alone: from the first on), 0 while silent or never seen.",
     (*ROBOT, "exporter"),
     part=Part.FAULTS,
 )
@@ -92,7 +92,7 @@ ROBOT_MESSAGE_BYTES = _family(
     "robot_message_bytes_total", "counter", "Serialized bytes of the arrays received.", ROBOT
 )
 ROBOT_PUBLISHERS = _family(
-    "robot_publishers", "gauge", "DDS publishers now matched on the robot's topics.", ROBOT
+    "robot_publishers", "gauge", "Publishers now on the robot's topics.", ROBOT
 )
 ROBOT_CLOCK_OFFSET = _family(
     "robot_clock_offset_seconds",
@@ -191,7 +191,10 @@ COMPONENT_PROBLEM_SINCE = _family(
     COMPONENT,
 )
 COMPONENT_CHANGES = _family(
-    "component_changes_total", "counter", "Changes of level, counted per message.", COMPONENT
+    "component_changes_total",
+    "counter",
+    "Changes of level, also those between two scrapes.",
+    COMPONENT,
 )
 COMPONENT_FLAP_RATIO = _family(
     "component_flap_ratio",
@@ -202,7 +205,7 @@ COMPONENT_FLAP_RATIO = _family(
 COMPONENT_STALE_AFTER = _family(
     "component_stale_after_seconds",
     "gauge",
-    "The component's own staleness threshold, only where it differs from the robot's.",
+    "The component's `stale_after` of fleet.yml, only where it differs from the robot's.",
     COMPONENT,
 )
 COMPONENT_PLANNED_STALE = _family(
@@ -238,13 +241,14 @@ COMPONENT_INFO = _family(
 COMPONENT_VALUE = _family(
     "component_value",
     "gauge",
-    "A key-value that is a number, in the unit the driver gave; absent while STALE.",
+    "A key-value that is a number, in the unit of the driver or of fleet.yml; absent while STALE, "
+    "and where it has a `metric` and no threshold.",
     (*COMPONENT, "key", "unit"),
 )
 COMPONENT_MONITORED_VALUE = _family(
     "component_monitored_value",
     "gauge",
-    "component_value of the values with thresholds: rules read these few instead of all values.",
+    "component_value of the values with thresholds: a few instead of all values.",
     (*COMPONENT, "key", "unit"),
 )
 COMPONENT_VALUE_THRESHOLD = _family(
@@ -335,7 +339,8 @@ FAULT = (
 FAULT_START = _family(
     "fault_start_timestamp_seconds",
     "gauge",
-    "When the trouble of a fault began (Unix time); present from its confirmation to its end.",
+    "When the trouble of a fault began (Unix time); present from its confirmation to its end, after "
+    "a restart from when it is confirmed anew.",
     FAULT,
     open=True,
     part=Part.FAULTS,

@@ -89,7 +89,7 @@ ROWS: tuple[tuple[Family, Callable[[Week], Samples]], ...] = (
         _family(
             "notifications",
             "Notifications of faults, recoveries apart, that were sent in the last seven days; "
-            "only where Alertmanager posts them to /api/v1/notifications.",
+            "0 unless Alertmanager posts them to /api/v1/notifications.",
         ),
         lambda week: [((), week.notifications)],
     ),

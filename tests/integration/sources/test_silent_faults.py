@@ -1,11 +1,10 @@
-"""Silent faults of real nodes, found from outside; `./run experiment silent` has more."""
+"""Silent faults of real nodes: gone, there twice, or without a match, found from outside."""
 
 from __future__ import annotations
 
 import signal
 import sys
 from dataclasses import replace
-from functools import partial
 
 import pytest
 
@@ -23,9 +22,21 @@ SEEN = 100.0  # seconds in which all of this is found: a lease of 20 s, three ro
 NODE = """
 import sys
 import rclpy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
 
+name, *wants = sys.argv[1:]
 rclpy.init()
-node = rclpy.create_node(sys.argv[1], namespace="/r")
+node = rclpy.create_node(name, namespace="/r")
+made = []
+if "publish" in wants:
+    made.append(node.create_publisher(String, "chat", QoSProfile(depth=1)))
+if "best_effort" in wants:
+    profile = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    made.append(node.create_publisher(String, "unsafe", profile))
+if "subscribe" in wants:
+    for topic in ("chat", "unsafe"):
+        made.append(node.create_subscription(String, topic, print, QoSProfile(depth=1)))
 print("ready", flush=True)
 rclpy.spin(node)
 """
@@ -53,10 +64,10 @@ rclpy.spin(node)
 
 @pytest.fixture
 def start_node(start_process, dds_environment):
-    """A function (name): a process with a node of the robot."""
+    """A function (name, wants...): a process with a node of the robot."""
 
-    def start(name: str):
-        process = start_process(name, [sys.executable, "-c", NODE, name], dds_environment)
+    def start(name: str, *wants: str):
+        process = start_process(name, [sys.executable, "-c", NODE, name, *wants], dds_environment)
         process.wait_for_output("ready", 60)
         return process
 
@@ -75,6 +86,15 @@ def running(ros_domain, robots, run_exporter):
         yield made
 
 
+def learn(running, count: int) -> None:
+    """Wait until so many nodes were there for long enough."""
+    until(
+        lambda: running.sample("robot_expected_nodes", robot="r") == count,
+        f"{count} nodes are expected",
+        SEEN,
+    )
+
+
 def faults(running) -> dict[str, str]:
     return {
         each.identity.component: each.evidence.partition("\n")[0].rstrip(";")
@@ -82,11 +102,32 @@ def faults(running) -> dict[str, str]:
     }
 
 
+def test_a_killed_a_stopped_and_a_doubled_node_are_faults_until_all_is_as_usual(
+    running, start_node
+):
+    driver, amcl = start_node("driver", "publish"), start_node("amcl")
+    other = start_node("other", "subscribe")
+    learn(running, 3)
+    assert faults(running) == {}
+
+    driver.kill()
+    amcl.stop()
+    twin = start_node("other", "subscribe")
+    gone = "the node is gone"
+    expected = {"node driver": gone, "node amcl": gone, "node other": "2 nodes have this name"}
+    until(lambda: faults(running) == expected, lambda: f"{faults(running)}", SEEN)
+
+    start_node("driver", "publish")
+    start_node("amcl")
+    twin.stop()
+    until(lambda: faults(running) == {}, lambda: f"{faults(running)}", SEEN)
+    assert other.alive
+
+
 def test_a_node_that_was_not_received_for_a_lease_is_well_once_it_is_again(running, start_node):
-    driver = start_node("driver")
-    start_node("other")
-    expected = partial(running.sample, "robot_expected_nodes", robot="r")
-    until(lambda: expected() == 2, lambda: f"2 nodes are expected, not {expected()}", SEEN)
+    driver = start_node("driver", "publish")
+    start_node("other", "subscribe")
+    learn(running, 2)
     driver.signal(signal.SIGSTOP)
     gone = {"node driver": "the node is gone"}
     until(lambda: faults(running) == gone, lambda: f"{faults(running)}", SEEN)
@@ -94,6 +135,17 @@ def test_a_node_that_was_not_received_for_a_lease_is_well_once_it_is_again(runni
     until(lambda: faults(running) == {}, lambda: f"{faults(running)}", SEEN)
     driver.kill()
     until(lambda: faults(running) == gone, lambda: f"{faults(running)}", SEEN)
+
+
+def test_a_publisher_that_cannot_match_its_subscriber_is_a_fault_until_it_does(running, start_node):
+    start_node("other", "subscribe")
+    wrong = start_node("driver", "best_effort")
+    text = "Best effort publisher and reliable subscription"
+    expected = {"topic unsafe": f"/r/other receives nothing from /r/driver: {text}"}
+    until(lambda: faults(running) == expected, lambda: f"{faults(running)}", SEEN)
+    wrong.stop()
+    start_node("driver", "publish")
+    until(lambda: faults(running) == {}, lambda: f"{faults(running)}", SEEN)
 
 
 def test_a_publisher_that_the_exporter_itself_cannot_match_is_named(
@@ -116,3 +168,13 @@ def test_a_publisher_that_the_exporter_itself_cannot_match_is_named(
     why = "a policy that ROS has no name for, as ownership or data representation"
     text = f"this exporter receives nothing from /r/driver: by {why}"
     until(lambda: shown() == {"topic diagnostics": text}, lambda: f"{shown()}", SEEN)
+
+
+def test_how_messages_arrive_is_measured(running):
+    until(
+        lambda: running.sample("robot_link_lost_ratio", robot="r") == 0,
+        "the link is measured",
+        SEEN,
+    )
+    assert 0 < running.sample("robot_link_delay_seconds", robot="r") < SEEN
+    assert 0 < running.sample("robot_link_jitter_seconds", robot="r") < SEEN
