@@ -178,8 +178,8 @@ class FaultSettings(Entry, title="Faults"):
         default=Many().completed({}),
     )
     site: Annotated[CauseSettings, Written(Site, as_it_is)] = described(
-        "When robots of one site (their label `site`; those without it are one) that fall silent at "
-        "once are one fault.",
+        "When robots of one site (their label `site`; those without it are one) that fall silent "
+        "at once are one fault.",
         example={"robots": 3, "share": 0.3},
         default=Site().completed({}),
     )
