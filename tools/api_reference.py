@@ -12,7 +12,8 @@ INTRODUCTION = """\
 # What the port serves
 
 `./run generate` writes this page; `/api/v1/openapi.json` has it for programs, with all answers. The
-exporter's own pages use some more paths ([deployment](../deployment.md#what-the-port-serves)).
+exporter's own pages and `ros-diagnostics` use some more paths
+([deployment](../deployment.md#what-the-port-serves)).
 
 | path | what | parameters |
 |---|---|---|

@@ -18,8 +18,9 @@ from ros_diagnostics_exporter.metrics.self_metrics import EXPORTER_FAMILIES
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference" / "metrics.md"
 _HEAD = """# Families of metrics
 
-Every family that `/metrics` serves, but `process_*`, `python_*` and each `metric` of fleet.yml. What components, reasons and kinds of faults are:
-[Metrics](../metrics.md). `./run generate` writes this page.
+Every family that `/metrics` serves, but `process_*`, `python_*` and each `metric` of fleet.yml.
+What components, reasons and kinds of faults are: [Metrics](../metrics.md).
+`./run generate` writes this page.
 """
 
 

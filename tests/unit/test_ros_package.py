@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from configparser import ConfigParser
 
 import ros_diagnostics_exporter
 from testbed.configuration import CHECKOUT
@@ -16,6 +17,12 @@ def test_name_version_and_licence_are_the_same():
     assert PACKAGE.findtext("name") == ros_diagnostics_exporter.__name__
     assert PACKAGE.findtext("version") == ros_diagnostics_exporter.__version__
     assert f'license = "{PACKAGE.findtext("license")}"' in PROJECT
+
+
+def test_commands_run_by_the_python_of_an_active_environment():
+    settings = ConfigParser()
+    settings.read(CHECKOUT / "exporter" / "setup.cfg")
+    assert settings["build_scripts"]["executable"] == "/usr/bin/env python3"
 
 
 def test_the_commands_are_the_same():

@@ -141,7 +141,8 @@ class FaultSettings(Entry, title="Faults"):
         default=30.0,
     )
     pending_after: Duration = described(
-        "Time after which a declared robot that was never received is a fault.",
+        "Time after which a declared robot that was never received, nor a publisher of it seen, is "
+        "a fault.",
         example="1h",
         default=900.0,
     )
@@ -177,7 +178,8 @@ class FaultSettings(Entry, title="Faults"):
         default=Many().completed({}),
     )
     site: Annotated[CauseSettings, Written(Site, as_it_is)] = described(
-        "When robots of one site (their label `site`) that fall silent at once are one fault.",
+        "When robots of one site (their label `site`; those without it are one) that fall silent "
+        "at once are one fault.",
         example={"robots": 3, "share": 0.3},
         default=Site().completed({}),
     )

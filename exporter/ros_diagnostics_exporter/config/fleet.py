@@ -113,9 +113,11 @@ class Limits(Entry):
     components: Count = described("Components of one robot.", example=200, default=500)
     values: Count = described("Key-values of one component.", example=50, default=200)
     label_length: Annotated[int, Field(ge=16, le=4096)] = described(
-        "Characters of a label's value.", example=128, default=256
+        "Characters of the name of a component, group or key in labels.", example=128, default=256
     )
-    series: Count = described("Series of the whole exporter.", example=200_000, default=1_000_000)
+    series: Count = described(
+        "Series of all robots, components and values.", example=200_000, default=1_000_000
+    )
     robot_series: Count = described(
         "Series of one robot's values (with their thresholds); also the limit of its key-values.",
         example=5000,
@@ -179,7 +181,9 @@ class Fleet(Entry, title="FleetFile"):
     """The file fleet.yml."""
 
     name: Name = described(
-        "The fleet's name: the label `fleet` of every series.", example="plant1", key="fleet"
+        "The fleet's name: the label `fleet` of every series but `process_` and `python_`.",
+        example="plant1",
+        key="fleet",
     )
     robots: Annotated[tuple[Robot, ...], Written(list[Robot], tuple)] = described(
         "Robots known by name.",

@@ -112,7 +112,8 @@ class Graph(Entry):
     )
     max_loss: Loss = described(
         "The share of a robot's messages above which the link is faulty if they are lost, until it "
-        "is below half of that; meanwhile no STALE component of the robot begins or ends a fault.",
+        "is below half of that; meanwhile, but for a shadow, no STALE component that the robot "
+        "publishes begins or ends a fault.",
         example=0.3,
         default=0.2,
     )

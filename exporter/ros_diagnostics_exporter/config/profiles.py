@@ -49,8 +49,8 @@ class ComponentRule(Conditional, Entry, title="Component"):
     )
     ignore: bool = described("Ignore these components.", example=True, default=False)
     stale_after: PositiveDuration | None = described(
-        "Time without an update after which they are STALE, in place of the profile's. What an "
-        "aggregator publishes it makes STALE itself, after its own timeout.",
+        "Time without an update after which they are STALE. What an aggregator publishes it makes "
+        "STALE itself, after its own timeout.",
         example="90s",
         default=None,
     )
@@ -97,8 +97,8 @@ class ComponentRule(Conditional, Entry, title="Component"):
         default=(),
     )
     when: ConditionList = described(
-        "Only where this condition holds, or all of a list, is their trouble a fault; while it is "
-        "not known, no fault begins and none ends.",
+        "Only where this condition holds, or all of a list, is their trouble a fault ([while it is "
+        "not known](configuration.md#condition)).",
         example={"component": "Mode", "key": "mode", "equals": "auto"},
         default=(),
     )
@@ -293,8 +293,8 @@ class Profile(Entry):
         "Time after which a problem is confirmed.", example="30s", default=10.0
     )
     forget_after: PositiveDuration = described(
-        "Time without an update after which a component of a silent robot is forgotten if it was "
-        "OK, and a discovered robot that never published.",
+        "Time without an update after which a component of a silent robot, or of planned STALE, is "
+        "forgotten if it was OK, and a discovered robot that never published.",
         example="24h",
         default=86_400.0,
     )

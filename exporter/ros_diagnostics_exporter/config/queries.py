@@ -111,7 +111,7 @@ class Query(Entry):
     unit: Unit | None = described("The unit of the result.", example="%", default=None)
     thresholds: Annotated[tuple[Threshold, ...], Written(Thresholds, tuple)] = described(
         "The level of a component: WARN beyond `warning`, ERROR beyond `critical`. It ends beyond "
-        "`value_hysteresis`. Without thresholds it is always OK.",
+        "`value_hysteresis`. Without thresholds it is OK, or STALE.",
         example={"low": {"warning": 20, "critical": 10}},
         default=(),
     )

@@ -66,9 +66,9 @@ _SOURCE = (
 _profile = partial(described, default_factory=Profile, written=DEFAULT)
 _labels = partial(
     described,
-    "Labels of `robot_info`. The rules that are shipped put `site`, `robot_group`, `team`, `kind` "
-    "and `uplink` on alerts, for routing; any other is for queries of your own. Reserved names are "
-    "rejected.",
+    "Labels of `robot_info` and, for routing, of the alerts of the robot's faults. The rules that "
+    "are shipped know `site`, `robot_group`, `team`, `kind` and `uplink`; any other is for your "
+    "own. Reserved names are rejected.",
     example={"site": "hall"},
     default_factory=nothing,
 )

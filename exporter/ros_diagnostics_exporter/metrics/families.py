@@ -339,8 +339,8 @@ FAULT = (
 FAULT_START = _family(
     "fault_start_timestamp_seconds",
     "gauge",
-    "When the trouble of a fault began (Unix time); present from its confirmation to its end, after "
-    "a restart from when it is confirmed anew.",
+    "When the trouble of a fault began (Unix time); present from its confirmation to its end, "
+    "after a restart from when it is confirmed anew.",
     FAULT,
     open=True,
     part=Part.FAULTS,

@@ -198,7 +198,7 @@ class Messages:
 
     def _judge_states(self, now: Instant) -> Iterator[tuple[str, tuple[int, str]]]:
         for node, (at, each) in self._states.items():
-            if each.goal.endswith("ing") and now.mono - at >= STUCK:
+            if _is_between(each) and now.mono - at >= STUCK:
                 yield f"lifecycle {node}", (int(Level.ERROR), f"stuck in {each.goal}")
             elif _fell(each):
                 text = f"fell to {each.goal} after an error"
@@ -206,7 +206,7 @@ class Messages:
 
     def due(self, now: Instant) -> float:
         """When time makes a problem of what was received, or ends a recent message; monotonic."""
-        stuck = (at + STUCK for at, each in self._states.values() if each.goal.endswith("ing"))
+        stuck = (at + STUCK for at, each in self._states.values() if _is_between(each))
         recent = (at + RECENT for at, _text in self._logs)
         return min((each for each in (*stuck, *recent) if each > now.mono), default=inf)
 
@@ -242,7 +242,7 @@ class Messages:
             {
                 node: (wall + at, *each)
                 for node, (at, each) in self._states.items()
-                if each.goal.endswith("ing") or _fell(each)
+                if _is_between(each) or _fell(each)
             },
             sorted(self._batteries),
         )
@@ -258,6 +258,10 @@ class Messages:
             node: (mono(at), Transition(*each)) for node, (at, *each) in learned.states.items()
         }
         self._batteries = dict.fromkeys(learned.batteries, (-inf, None))
+
+
+def _is_between(state: Transition) -> bool:
+    return state.goal.endswith(("ing", "cleaningup", "shuttingdown"))  # as rcl_lifecycle names them
 
 
 def _fell(state: Transition) -> bool:

@@ -180,7 +180,7 @@ def _named(what: str, found: list[Notification]) -> list[str]:
         for each in found[:SHOWN]
     ]
     if len(found) > SHOWN:
-        names.append(f"  and {len(found) - SHOWN} more: --format json has all")
+        names.append(f"  and {len(found) - SHOWN} more: --output json has all")
     return [f"{words.count(len(found), 'fault')} {what}:", *names]
 
 

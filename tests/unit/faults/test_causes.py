@@ -169,3 +169,15 @@ def test_robots_in_maintenance_are_no_part_of_what_a_share_is_of():
 
 def test_a_restart_is_no_outage_of_a_site():
     play((0, sites(*SIX, site="hall")), (10, restart()), (35, on_robots(SIX, back)), (500, None))
+
+
+def test_a_common_cause_lasts_until_fewer_than_half_of_its_threshold_are_left():
+    play(
+        (0, on_robots(SIX, level, "camera", ERROR)),
+        (10, None, "began common/critical camera"),
+        (20, on_robots(SIX[3:], level, "camera", OK)),
+        (30, level("camera", OK), "recovered common/critical camera"),
+        (35, together()),
+        (40, None, *(f"began component/critical {robot} camera" for robot in SIX[1:3])),
+        robots=TEN,
+    )

@@ -11,6 +11,7 @@ from support.fault_histories import (
     forget,
     instant,
     level,
+    maintenance,
     play,
     player,
     restart,
@@ -129,4 +130,21 @@ def test_a_check_that_finds_too_few_components_is_a_fault_until_it_finds_them():
         (30, None, "began robot/silent r1"),
         (40, back("r1", check(1, 2)), "recovered robot/silent r1"),
         (60, check(2, 2), "recovered check/critical r1 motors"),
+    )
+
+
+def test_what_was_well_in_a_window_and_is_silent_at_its_end_ends_when_it_is_received():
+    play(
+        (0, level("motor", ERROR)),
+        (10, None, "began component/critical r1 motor"),
+        (20, maintenance(planned=True)),
+        (30, level("motor", OK)),
+        (40, silent()),
+        (80, maintenance(planned=False), "began robot/silent r1"),
+        (
+            90,
+            back("r1", level("motor", OK)),
+            "recovered robot/silent r1",
+            "recovered component/critical r1 motor",
+        ),
     )

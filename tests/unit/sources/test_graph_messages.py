@@ -138,6 +138,13 @@ def test_a_node_that_is_stuck_or_fell_is_a_problem_until_it_is_in_a_state_again(
     assert site.problems == {}
 
 
+@pytest.mark.parametrize("goal", ["configuring", "cleaningup", "shuttingdown", "errorprocessing"])
+def test_a_node_can_be_stuck_between_any_two_states(site, goal):
+    site.send(LIFE, Transition("inactive", goal))
+    site.go_on(STUCK + 5)
+    assert site.problems == {"lifecycle amcl": f"stuck in {goal}"}
+
+
 def test_a_parameter_that_is_set_is_an_event(site):
     changed = (("max_range", "10.0"), ("old", None))
     site.send("/parameter_events", Parameters("/r/amcl", changed))
