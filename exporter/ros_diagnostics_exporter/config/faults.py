@@ -62,7 +62,7 @@ class Site(CauseSettings):
 
 
 class Common(CauseSettings):
-    """When one component that is CRITICAL on many robots is one fault."""
+    """When one component that is ERROR on many robots is one fault."""
 
     number: Count = described("At least so many robots.", example=3, default=5, key="robots")
     share: Share = described("At least this share of the fleet, too.", example=0.2, default=0.25)
@@ -184,7 +184,7 @@ class FaultSettings(Entry, title="Faults"):
         default=Site().completed({}),
     )
     common: Annotated[CauseSettings, Written(Common, as_it_is)] = described(
-        "When one component that is CRITICAL on many robots is one fault.",
+        "When one component that is ERROR on many robots is one fault.",
         example={"robots": 10, "absolute": 50},
         default=Common().completed({}),
     )
