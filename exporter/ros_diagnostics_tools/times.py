@@ -85,7 +85,7 @@ def moment(
             then = localize(datetime.fromisoformat(f"{now.date()} {text}"))
             days = int(then < now) if ahead else -int(then > now)
             return then + timedelta(days=days)
-        then = datetime.fromisoformat(re.sub("Z$", "+00:00", text))  # Python 3.10 reads no Z
+        then = datetime.fromisoformat(text.replace("Z", "+00:00"))  # Python 3.10 reads no Z
         return then if then.tzinfo else localize(then)
     except (ValueError, OverflowError, OSError) as error:
         raise ValueError(

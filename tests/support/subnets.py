@@ -79,7 +79,7 @@ def missing() -> str:
         "mount -t tmpfs tmpfs /run && ip netns add any && ip link add one type veth peer name other"
     )
     done = subprocess.run([*probe, script], capture_output=True, text=True, check=False)
-    return f"network namespaces cannot be made here: {done.stderr}" if done.returncode else ""
+    return "no network namespaces: unshare --user --net fails" if done.returncode else ""
 
 
 class Subnets:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import sys
+
 import pytest
 
 import call_traces
+
+MORE = sys.version_info < (3, 11)  # with Python 3.10 a restart has one call more
 
 # Calls and files at most: as it is today. Lower them with the code; raise them with a reason only.
 LIMITS = {
     "unchanged": (20, 8),
     "breaking": (117, 18),
     "scrape": (286, 24),  # why a component is quiet depends on others: asked at each scrape
-    "restart": (645, 63),  # what an object has first is a call for each attribute that is marked
+    # What an object has first is a call for each attribute that is marked.
+    "restart": (644 + MORE, 63),
 }
 
 

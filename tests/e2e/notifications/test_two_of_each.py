@@ -187,7 +187,5 @@ def test_after_the_mail_server_was_down_nothing_is_lost_and_nothing_comes_more_t
     recovery = RECOVERY.format(3)
     # Since the outage both no longer send at the same moments, so that an attempt of the second may
     # have begun before the end and send after the first has sent the recovery, or send it, too.
-    found = Counter(after := pairs.settled(number + 1)[number:])
-    assert after[-1] == recovery
-    assert set(found) <= {recovery, PROBLEM.format(3)}
-    assert max(found.values()) <= 2, after
+    once, again = [recovery], [recovery, PROBLEM.format(3), recovery]
+    assert pairs.settled(number + 1)[number:] in (once, again, [recovery, recovery])

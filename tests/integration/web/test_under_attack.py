@@ -36,8 +36,8 @@ def test_ingest_and_scrapes_continue(site):
                 sock.sendall(piece)
             return sock
 
-        # More than the exporter accepts at once, fewer than an ordinary user's 1,024 open files.
-        # A worker keeps some hundred, by which no other takes the ports of its tests.
+        # Together more than the exporter accepts at once, and fewer than an ordinary user's 1,024
+        # open files, of which a worker keeps some hundred: by them no other takes its ports.
         for _ in range(300):
             connect()
         slow = [connect(GET) for _ in range(120)]

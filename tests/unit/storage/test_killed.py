@@ -139,7 +139,7 @@ def check(restored: dict[str, Any], kept: int) -> None:
     assert len(set(turns)) == len(turns)
 
 
-@pytest.mark.parametrize("rounds", [4, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rounds", [6, pytest.param(100, marks=pytest.mark.slow)])
 def test_killed_at_any_moment_nothing_older_than_a_second_is_lost(path, rounds):
     moments = random.Random(rounds)
     turn = kept = compared = 0
