@@ -13,6 +13,8 @@ from cosmic_ray.ast import ast_nodes, get_ast
 from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator
 
+from mutation.left_out import is_left_out
+
 # Mistakes that a person makes. cosmic-ray has more: each operator in place of each other.
 _BINARY = ("Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "FloorDiv_Div", "BitAnd_BitOr")
 _COMPARISON = (
@@ -77,9 +79,10 @@ def _places(package: Path, seed: int) -> Iterator[_Place]:
             for occurrence, (node, start) in enumerate(places):
                 if node.parent is not None and node.parent.type == "parameters":
                     continue  # a star between parameters is no product
-                if lines[start[0] - 1].strip() == "@overload":
-                    continue  # is for the type checker alone
-                key = seed, path.name, name, lines[start[0] - 1], start[1]
+                line, column = lines[start[0] - 1], start[1]
+                if is_left_out(name, line, column):
+                    continue
+                key = seed, path.name, name, line, column
                 rank = hashlib.sha256(repr(key).encode()).hexdigest()
                 yield _Place(rank, path, name, occurrence, start)
 
