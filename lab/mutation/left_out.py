@@ -10,12 +10,16 @@ _KINDS = (
     ("NumberReplacer", r"\bround\([^()]*, $", r"\d+\)"),
     # What a key of fleet.yml is shown with is chosen.
     ("NumberReplacer", r"\bexample=[^=]*$", ""),
+    # How much a cache keeps is chosen.
+    ("NumberReplacer", r"\blru_cache\(maxsize=$", ""),
+    # What is joined is equally long where the code is right: strict is there to say so.
+    ("ReplaceTrueWithFalse", r"\bzip\(.*, strict=$", ""),
     # Who assigns to a field of a frozen dataclass learns it from mypy.
     ("ReplaceTrueWithFalse", r"^@dataclass\([^()]*\bfrozen=$", ""),
     # Up to the mark that was read last, everything is read: reading it again gives the same.
     ("ReplaceComparisonOperator_Gt_GtE", "", r"> (self\.|reports\.)?_?read\b(?!\[)"),
-    # Is for the type checker alone.
-    ("RemoveDecorator", "", "@overload$"),
+    # These are for the type checker alone.
+    ("RemoveDecorator", "", "@(overload|override)$"),
 )
 
 

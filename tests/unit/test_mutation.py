@@ -29,6 +29,10 @@ def test_a_mutant_that_does_not_count_is_of_a_line_that_is_there(survivor):
         ("NumberReplacer", "    return max(round(a), 3)", "3", False),
         ("NumberReplacer", '    "Factor.", example=0.01, default=1.0', "0.01", True),
         ("NumberReplacer", '    "Factor.", example=0.01, default=1.0', "1.0", False),
+        ("NumberReplacer", "@lru_cache(maxsize=4096)", "4096", True),
+        ("NumberReplacer", "    deque(maxlen=4096)", "4096", False),
+        ("ReplaceTrueWithFalse", "    rows = zip(names, texts, strict=True)", "True", True),
+        ("ReplaceTrueWithFalse", "    expected = parse(text, strict=True)", "True", False),
         ("ReplaceTrueWithFalse", "@dataclass(frozen=True)", "True", True),
         ("RemoveDecorator", "@dataclass(frozen=True)", "@", False),
         ("ReplaceTrueWithFalse", "@dataclass(frozen=True, order=True)", "True)", False),
@@ -37,6 +41,8 @@ def test_a_mutant_that_does_not_count_is_of_a_line_that_is_there(survivor):
         ("ReplaceComparisonOperator_Gt_GtE", 'if each["id"] > self._read[kind]:', ">", False),
         ("ReplaceComparisonOperator_Gt_GtE", "if at > already:", ">", False),
         ("RemoveDecorator", "    @overload", "@", True),
+        ("RemoveDecorator", "    @override", "@", True),
+        ("RemoveDecorator", "    @property", "@", False),
     ],
 )
 def test_a_kind_of_mutants_that_no_test_has_to_find_is_not_made(operator, line, at, expected):
