@@ -14,6 +14,7 @@ from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator
 
 from mutation import handlers
+from mutation.left_out import is_left_out
 
 # Mistakes that a person makes. cosmic-ray has more: each operator in place of each other.
 _BINARY = ("Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "FloorDiv_Div", "BitAnd_BitOr")
@@ -76,10 +77,8 @@ def _places(package: Path, seed: int) -> Iterator[_Place]:
         lines = text.splitlines()
         for name, occurrence, start in _positions(text):
             line = lines[start[0] - 1]
-            if line.strip() == "@overload":
-                continue  # is for the type checker alone
-            if line[: start[1]].endswith("frozen="):
-                continue  # shows only where one is changed
+            if is_left_out(name, line, start[1]):
+                continue
             rank = hashlib.sha256(repr((seed, path.name, name, line, start[1])).encode())
             yield _Place(rank.hexdigest(), path, name, occurrence, start)
 
