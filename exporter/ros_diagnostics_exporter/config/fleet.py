@@ -210,8 +210,8 @@ class Fleet(Entry, title="FleetFile"):
         default_factory=nothing,
     )
     robots_folder: Folder = described(
-        "A folder, beside this file, of more robots: each `*.yml` or `*.yaml` in it has one robot or "
-        "a list. Add a file to add a robot.",
+        "A folder, beside this file, of more robots: each `*.yml` or `*.yaml` in it has one robot "
+        "or a list. Add a file to add a robot.",
         example="fleet/robots",
         default="robots.d",
     )

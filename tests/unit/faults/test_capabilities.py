@@ -176,6 +176,33 @@ def test_a_redundant_part_that_fails_for_a_moment_loses_nothing_at_once():
     )
 
 
+def test_what_is_lost_again_soon_explains_its_parts_again():
+    history(
+        can,
+        (0, level(MOTOR, ERROR)),
+        (10, None, f"began {LOST} drive"),
+        (20, level(MOTOR, OK), f"recovered {LOST} drive"),
+        (25, level(MOTOR, ERROR)),
+        (35, None, f"began {LOST} drive"),
+        (300, None),
+    )
+
+
+def test_what_is_not_needed_any_more_explains_no_other():
+    park = WantedCapability("park", AtLeast(None, (part(MOTOR),)))
+    play(
+        (0, Can(VIEW, park, DRIVE)(level(MOTOR, ERROR))),
+        (10, None, f"began {LOST} park"),
+        (
+            20,
+            Can(VIEW, park._replace(applies=False), DRIVE)(),
+            f"began {LOST} drive",
+            f"recovered {LOST} park",
+        ),
+        (300, None),
+    )
+
+
 def test_the_parts_own_confirm_after_holds():
     history(
         can,
