@@ -50,6 +50,7 @@ def received(driver: StateDriver, seconds: float) -> list[dict[str, str]]:
     for at in range(int(driver.now.mono) + 30, int(seconds) + 1, 30):
         driver.at(at)
         driver.raw(MOTOR)
+        driver.state.find_unmatched(driver.now)  # while the motor is OK: before, it was STALE
         driver.state.tick(driver.now)
     return list(fleet_snapshot(driver.state, driver.now)["unmatched"])
 

@@ -196,7 +196,8 @@ def test_every_family_of_faults_has_the_robots_labels_and_its_own():
         [Acknowledgement(named, 1.0, "ann", "mine", 5.0, 100.0)],
         notified={key_of(as_texts(identity, {})): {"sms": 5.0}},
     )
-    shared = {*"fleet exporter fault scope state severity robot component team".split()}
+    shared = {"fleet", "exporter", "fault", "scope", "state", "severity"}
+    shared |= {"robot", "component", "team"}
     for family, own in (
         (metrics.FAULT_START, set()),
         (metrics.FAULT_INFO, {"evidence", "work"}),
