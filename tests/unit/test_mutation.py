@@ -1,10 +1,11 @@
-"""What `./run mutate` leaves out: kinds of mutants, and those of lab/mutation/survivors.yml."""
+"""lab/mutation: mutants of `except` clauses, and what `./run mutate` leaves out."""
 
 from __future__ import annotations
 
 import pytest
 import yaml
 
+from mutation import handlers
 from mutation.left_out import is_left_out
 from testbed.configuration import CHECKOUT
 
@@ -19,6 +20,16 @@ def test_a_mutant_that_does_not_count_is_of_a_line_that_is_there(survivor):
     assert survivor["was"] in lines
     assert survivor["now"] not in lines
     assert survivor["why"]
+
+
+def test_each_class_that_is_caught_is_replaced_alone():
+    text = "try: go()\nexcept (OSError, sqlite3.Error) as error: pass\nexcept a.B: pass\n"
+    found = [handlers.replaced(text, each) for each in range(len(handlers.positions(text)))]
+    assert found == [
+        text.replace(caught, "CosmicRayTestingException")
+        for caught in ("OSError", "sqlite3.Error", "a.B")
+    ]
+    assert handlers.positions("try: go()\nexcept: pass\n") == []
 
 
 @pytest.mark.parametrize(
