@@ -18,6 +18,7 @@ from ros_diagnostics_exporter.faults.model import (
     ComponentName,
     ComponentReport,
     ComponentSettings,
+    Followed,
     Identity,
     Reason,
     RobotSettings,
@@ -166,6 +167,7 @@ class Player:
         self.writes = True
         self._each_second = each_second
         self.second = READY - 100
+        self.shown: dict[str, dict[ComponentName, Followed]] = {}  # what a scrape has, by robot
         self._boots = cycle(BOOTS)
         self._boot = next(self._boots)
 
@@ -192,6 +194,7 @@ class Player:
         self.second = second - set_back
         self.faults = Faults(self.settings)
         self.faults.restore(list(self.rows.values()), self.at(self.second))
+        self.shown = {robot: self.faults.followed(robot) for robot in self.faults._book.robots}
 
     def go(self, second: float, *events: Event) -> list[Change]:
         """Advance the time, apply the events; return all changes."""
@@ -254,6 +257,16 @@ def assert_views_agree(player: Player) -> None:
         for robot in faults._book.robots
         for name, reason in faults.explained(robot, now).items()
     }
+    robots = faults._book.robots
+    player.shown |= {
+        each: faults.followed(each) for each in faults.take_followed() if each in robots
+    }
+    for robot in robots:
+        shown, followed = (
+            {name: each for name, each in found_of.items() if any(each)}
+            for found_of in (player.shown.get(robot, {}), faults.followed(robot))
+        )
+        assert shown == followed, robot
     assert explained.keys() == found.keys()
     assert all(reason in found[of] for of, reason in explained.items())
 
