@@ -258,6 +258,15 @@ def assert_views_agree(player: Player) -> None:
         for name, reason in faults.explained(robot, now).items()
     }
     robots = faults._book.robots
+    for robot in robots:
+        problems = sorted(each.identity for each in faults.problems(now, robot))
+        views = (view.identity for view in faults.problems(now))
+        assert sorted(each for each in views if each.robot == robot) == problems
+        assert sorted(faults.identities(robot)) == problems
+        assert faults.in_trouble(robot) is bool(problems)
+        parts = {ComponentName(each.group, each.component) for each in problems}
+        for name in faults.component_names(robot):
+            assert faults.in_trouble(robot, name) is (name in parts)
     player.shown |= {
         each: faults.followed(each) for each in faults.take_followed() if each in robots
     }
