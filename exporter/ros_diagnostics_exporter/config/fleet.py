@@ -107,7 +107,7 @@ UnixTime = Annotated[float, Written(Moment, as_it_is)]  # of a time zone: `Maint
 
 
 class Limits(Entry):
-    """Limits of what is held in memory and served; what is beyond is rejected and counted."""
+    """Limits of what is held in memory and served; what is beyond is rejected or cut."""
 
     robots: Count = described("Robots.", example=500, default=2000)
     components: Count = described("Components of one robot.", example=200, default=500)
