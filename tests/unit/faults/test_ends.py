@@ -209,6 +209,10 @@ def test_what_is_known_here_is_not_adopted():
     assert adopt(last, 61, MOTOR, unknown) == []  # ended here; no such robot
     last.faults.forget("r1", last.at(62))
     assert adopt(last, 63, SILENT) == []
+    for since, expected in ((62.0, []), (62.5, ["began robot/silent r1"])):
+        later = Fault(SILENT, WALL + since, WALL + since, {})
+        changes = last.go(64, lambda faults, now, later=later: faults.adopt(later, now))
+        assert texts(changes)[:1] == expected
     last.go(100, level("motor", ERROR))
     last.go(110)
     assert adopt(last, 111, MOTOR) == []  # lasts

@@ -110,6 +110,17 @@ def test_a_restarted_exporter_has_restart_grace_to_receive_its_robots():
     )
 
 
+def test_a_wall_clock_that_was_set_back_over_a_restart_confirms_nothing_earlier():
+    last = player(["r1"], FaultSettings())
+    last.go(20, level("camera", ERROR))
+    last.go(35, level("motor", ERROR))
+    last.reborn(40, set_back=30)
+    assert [each.since - WALL for each in last.faults.faults()] == [20]
+    assert texts(last.go(19)) == []
+    assert texts(last.go(20)) == ["began component/critical r1 motor"]
+    assert [each.since - WALL for each in last.faults.faults()] == [20, 10]
+
+
 def test_settled_once_restart_grace_is_over():
     last = player(["r1"], FaultSettings())
     last.go(0, restart())
