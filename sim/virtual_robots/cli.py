@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import re
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -26,11 +27,15 @@ COMMANDS = """commands:
   virtual-robots record OUTPUT     record the diagnostics of a domain into a bag (rosbag2)
   virtual-robots COMMAND --help    options of a command
 """
+EXTRAS = {
+    "ros": ("ros-jazzy-common-interfaces>=5.3,<6", "ros-jazzy-rclpy[fastrtps]>=7.1.5,<7.2"),
+    "bags": ("rosbags>=0.10,<0.12",),
+}
 NO_ROS = """virtual-robots: ROS 2 cannot be imported ({error}).
-Install it with this package: pip install 'ros-diagnostics-virtual-robots[ros]'
+Install it beside this package: {command}
 or source a ROS 2 installation first: source /opt/ros/jazzy/setup.bash"""
 NO_ROSBAGS = """virtual-robots: recordings need the library rosbags ({error}).
-Install it with this package: pip install 'ros-diagnostics-virtual-robots[bags]'"""
+Install it beside this package: {command}"""
 ROS_PACKAGES = ("rclpy", "diagnostic_msgs.msg", "rcl_interfaces.srv")
 
 
@@ -40,9 +45,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     command = words.pop(0) if words and words[0] in PARSERS else "run"
     options = PARSERS[command]().parse_args(words)
     recordings = command in {"replay", "record"}
-    missing = _missing(ROS_PACKAGES, NO_ROS)
+    missing = _missing(ROS_PACKAGES, NO_ROS, "ros")
     if not missing and recordings:
-        missing = _missing(("rosbags",), NO_ROSBAGS)
+        missing = _missing(("rosbags",), NO_ROSBAGS, "bags")
     if missing:
         return _fail(missing, 1)
     # Imported here, so that without ROS the errors above appear and --help works.
@@ -58,13 +63,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _missing(packages: Sequence[str], message: str) -> str:
+def _missing(packages: Sequence[str], message: str, extra: str) -> str:
     """Return an error about the first package that cannot be imported; empty if all can."""
     try:
         for package in packages:
             importlib.import_module(package)
     except ImportError as error:
-        return message.format(error=error)
+        command = shlex.join([sys.executable, "-m", "pip", "install", *EXTRAS[extra]])
+        return message.format(error=error, command=command)
     return ""
 
 

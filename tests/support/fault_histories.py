@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
+from itertools import cycle
 from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings, Threshold
@@ -30,8 +31,7 @@ READY = -100.0  # second at which the robots are first received; the engine star
 Event = Callable[[Faults, Instant], "list[Change]"]
 
 
-def instant(second: float) -> Instant:
-    return Instant(float(second), WALL + second)
+BOOTS = (20_000.0, 10_000.0)  # monotonic time at second 0, of machines that run in turns
 
 
 # -- events ------------------------------------------------------------------------------------
@@ -70,9 +70,12 @@ def together(*events: Event) -> Event:
 
 def silent(robot: str = "r1", last: float | None = None) -> Event:
     """Nothing was received from the robot for its stale_after."""
-    return lambda faults, now: faults.robot_silent(
-        robot, now if last is None else instant(last), now
-    )
+
+    def event(faults: Faults, now: Instant) -> list[Change]:
+        ago = 0.0 if last is None else now.wall - WALL - last
+        return faults.robot_silent(robot, Instant(now.mono - ago, now.wall - ago), now)
+
+    return event
 
 
 def back(robot: str = "r1", *reports: Event) -> Event:
@@ -160,10 +163,16 @@ class Player:
         self.writes = True
         self._each_second = each_second
         self.second = READY - 100
+        self._boots = cycle(BOOTS)
+        self._boot = next(self._boots)
+
+    def at(self, second: float) -> Instant:
+        """What the clocks of the engine's machine show."""
+        return Instant(self._boot + second, WALL + second)
 
     def write(self, second: float) -> None:
         """Write the changed rows, as JSON, as the database does."""
-        for row in self.faults.take_rows(instant(second)):
+        for row in self.faults.take_rows(self.at(second)):
             if row.fields is None:
                 self.rows.pop((row.kind, row.key), None)
             else:
@@ -171,26 +180,27 @@ class Player:
                 self.rows[row.kind, row.key] = row._replace(fields=fields)
 
     def reborn(self, second: float) -> None:
-        """Continue with a new engine, restored from the written rows."""
+        """Continue with a new engine on another machine, restored from the written rows."""
         self.write(second)
+        self._boot = next(self._boots)
         self.faults = Faults(self.settings)
-        self.faults.restore(list(self.rows.values()), instant(second))
+        self.faults.restore(list(self.rows.values()), self.at(second))
 
     def go(self, second: float, *events: Event) -> list[Change]:
         """Advance the time, apply the events; return all changes."""
         changes: list[Change] = []
         while self._each_second and self.second + 1 < second:
             self.second += 1
-            changes += self.faults.advance(instant(self.second))
+            changes += self.faults.advance(self.at(self.second))
             self.write(self.second)
         self.second = second
-        changes += self.faults.advance(instant(second))
+        changes += self.faults.advance(self.at(second))
         for event in events:
             if self.reborn_at_events:
                 self.reborn(second)
             if isinstance(event, FleetChange):
                 self.settings = event.settings
-            changes += event(self.faults, instant(second))
+            changes += event(self.faults, self.at(second))
             if self.writes:
                 self.write(second)
         return changes

@@ -28,7 +28,7 @@ TREES = {
 # Of each tree its packages and modules: each imports only from lines above its own.
 LAYERS: dict[str, tuple[tuple[str, ...], ...]] = {
     EXPORTER: (
-        ("model", "durations", "files", "regex", "texts", "weekly", "zstd"),
+        ("model", "durations", "extras", "files", "regex", "texts", "weekly", "zstd"),
         ("events", "http_client", "logs", "loops", "severity"),
         ("event_texts",),
         ("config",),

@@ -16,6 +16,7 @@ from typing import Any
 
 from typing_extensions import override
 
+from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import Array, Endpoint, Instant, Status
 from ros_diagnostics_exporter.sources.link import Link
@@ -76,7 +77,7 @@ def check_ros() -> None:
     if _IMPORT_ERROR is not None:
         raise RosMissingError(
             f"ROS 2 was not found ({_IMPORT_ERROR}): source it (source /opt/ros/jazzy/setup.bash), "
-            "or install it with this package: pip install 'ros-diagnostics-exporter[ros]'"
+            f"or install it beside this package: {install_command('ros')}"
         )
 
 

@@ -369,7 +369,7 @@ class GraphWatch:
             if now.mono >= until:
                 del self._given_up[key]
                 for robot in self._robots.values():
-                    robot.messages.given_up.pop(key[1], None)
+                    robot.messages.given_up.pop(key, None)
         wanted = self._wanted[domain] = {
             name: kind
             for name, kinds in types.items()
@@ -420,7 +420,7 @@ class GraphWatch:
                 self._given_up[domain, topic] = now.mono + TRY_AGAIN
                 why = f"{topic} is given up: {own[topic]:.0f} B/s of at most {most}"
                 for each in asking[topic]:
-                    self._robots[each].messages.given_up[topic] = why
+                    self._robots[each].messages.given_up[domain, topic] = why
 
     def see_links(self, readings: Mapping[str, LinkReading | None], now: Instant) -> None:
         """Take what arrived of late of some robots, by name."""

@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 from pydantic import Field
 
 from ros_diagnostics_exporter.config.graph import Watched
-from ros_diagnostics_exporter.model import Instant, Level, Status
+from ros_diagnostics_exporter.model import Domain, Instant, Level, Status
 
 LOGS, PARAMETERS = "/rosout", "/parameter_events"  # of all nodes of a domain
 TRANSITIONS = "/transition_event"  # of one node, behind its name
@@ -141,7 +141,7 @@ class Messages:
         self._states: dict[str, tuple[float, Transition]] = {}
         self._batteries: dict[str, tuple[float, Battery | None]] = {}  # topic -> when, what
         self._events: deque[str] = deque(maxlen=MOST)
-        self.given_up: dict[str, str] = {}  # topic -> why
+        self.given_up: dict[tuple[Domain, str], str] = {}  # topics -> why
 
     def note(self, node: str, message: Message, watch: Watched, now: Instant) -> bool:
         """Take a message of a node; whether it is more than a new value of what was there."""

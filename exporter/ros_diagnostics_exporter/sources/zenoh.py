@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 from typing_extensions import override
 
 from ros_diagnostics_exporter.config.fleet import Zenoh
+from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_exporter.loops import read_clocks
 from ros_diagnostics_exporter.model import ZENOH, Endpoint
 from ros_diagnostics_exporter.sources.reception import Count, Receiver, Reception
@@ -117,7 +118,7 @@ def check_zenoh() -> None:
     if _IMPORT_ERROR is not None:
         raise ZenohMissingError(
             f"fleet.yml has zenoh, and eclipse-zenoh was not found ({_IMPORT_ERROR}): install it "
-            "with this package: pip install 'ros-diagnostics-exporter[zenoh]'"
+            f"beside this package: {install_command('zenoh')}"
         )
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ros_diagnostics_exporter import zstd
+from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_tools.backtest.formats import (
     ROS1_TYPE,
     TYPE,
@@ -301,8 +302,8 @@ def _decompressed(compression: str, data: bytes, *, is_cut: bool) -> bytes:
             from lz4.frame import decompress  # noqa: PLC0415 - an extra
         except ImportError as error:
             raise RecordingError(
-                f"a chunk compressed with lz4 needs the extra [backtest] ({error}): "
-                "pip install 'ros-diagnostics-exporter[backtest]'"
+                f"a chunk compressed with lz4 needs the library lz4 ({error}): "
+                f"{install_command('backtest')}"
             ) from error
         try:
             return b"" if is_cut else bytes(decompress(data))

@@ -6,6 +6,7 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
+from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_exporter.model import Array, Status
 from ros_diagnostics_tools.backtest.formats import TYPE, RecordingError, Ros1, Row, shortened
 
@@ -64,8 +65,8 @@ class Ros1Bag:
             from rosbags.rosbag1 import Reader  # noqa: PLC0415 - an extra
         except ImportError as error:
             raise RecordingError(
-                f"{path}: reading bags of ROS 1 needs the extra [backtest] ({error}): "
-                "pip install 'ros-diagnostics-exporter[backtest]'"
+                f"{path}: reading bags of ROS 1 needs the library rosbags ({error}): "
+                f"{install_command('backtest')}"
             ) from error
         self._path = path
         try:

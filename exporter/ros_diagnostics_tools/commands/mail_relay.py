@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_tools.errors import NotDoneError
 from ros_diagnostics_tools.mail_relay import Relay, Smarthost, from_exporter
 from ros_diagnostics_tools.servers import Servers, with_servers
@@ -100,8 +101,7 @@ def command(servers: Servers, **given: Any) -> None:
     try:
         from aiosmtpd.controller import Controller  # noqa: PLC0415 - an extra
     except ImportError as error:
-        what = 'needs aiosmtpd: pip install "ros-diagnostics-exporter[mail]"'
-        raise NotDoneError(f"mail-relay {what}") from error
+        raise NotDoneError(f"mail-relay needs aiosmtpd: {install_command('mail')}") from error
     user, password_file = given["smarthost_user"], given["smarthost_password_file"]
     if (user is None) != (password_file is None):
         raise click.UsageError("--smarthost-user and --smarthost-password-file need each other")

@@ -15,6 +15,7 @@ try:
 except ImportError:
     icalendar = None
 
+from ros_diagnostics_exporter.extras import install_command
 from ros_diagnostics_tools.oncall.file import Level
 from ros_diagnostics_tools.oncall.rota import Duty
 
@@ -32,9 +33,8 @@ def calendar(duties: Mapping[Level, Sequence[Duty]], now: datetime, people: Iter
         NoCalendarError: the library is not installed.
     """
     if icalendar is None:
-        what = "the library icalendar is not installed"
-        remedy = "pip install 'ros-diagnostics-exporter[icalendar]'"
-        raise NoCalendarError(f"{what}; {remedy}")
+        remedy = install_command("icalendar")
+        raise NoCalendarError(f"the library icalendar is not installed: {remedy}")
     found, wanted = icalendar.Calendar(), set(people)
     found.add("version", "2.0")
     found.add("prodid", "-//ros-diagnostics-exporter//on call//EN")

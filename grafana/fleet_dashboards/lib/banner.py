@@ -39,7 +39,7 @@ _BROKEN = (
     ),
     (
         f"group by (instance) (up{{{_JOBS}}} == 0) unless on (instance) {_HELD}",
-        "Exporter $1 has never answered: none of its robots is monitored",
+        "Exporter $1 has never answered: its robots are monitored only where another has them",
         "instance",
     ),
     (

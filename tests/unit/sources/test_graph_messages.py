@@ -225,6 +225,25 @@ def test_what_is_beyond_the_budget_is_given_up_named_and_tried_again(site):
     assert site.problems == {}
 
 
+def test_a_topic_of_one_domain_is_tried_again_and_that_of_another_stays_given_up(site):
+    site.watch.follow(1, [Robot("t", namespace="/t", profile=site.robots[0].profile)], site.now)
+    site.watch.see_nodes(1, [("amcl", "/t")], site.now)
+    site.wanted()
+    site.watch.note_watched(0, {"/rosout": 30_000.0}, site.now)
+    site.watch.wanted(1, TYPES, site.now)
+    site.go_on(TRY_AGAIN - 1)
+    site.watch.note_watched(1, {"/rosout": 40_000.0}, site.now)
+    site.go_on(1)
+    assert "/rosout" in site.wanted()
+    assert "/rosout" not in site.watch.wanted(1, TYPES, site.now)
+    site.go_on(31)
+    (other,) = site.watch.reports(1, site.now)
+    assert site.problems == {}
+    assert {each.name: each.message for each in other.statuses if each.level} == {
+        "watch": "/rosout is given up: 40000 B/s of at most 20000"
+    }
+
+
 def test_what_all_robots_of_a_domain_ask_for_is_shared_among_them(site):
     site.robots[1] = Robot("s", namespace="/s", profile=site.robots[0].profile)
     site.go_on(1)

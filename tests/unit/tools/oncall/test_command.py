@@ -15,6 +15,7 @@ import icalendar
 import pytest
 import yaml
 
+from ros_diagnostics_exporter.extras import install_command
 from support.shipped_rules import run_tool
 
 Run = Callable[..., tuple[int, str, str]]
@@ -254,7 +255,7 @@ def test_without_the_library_all_but_the_calendar_works(run: Run, folder: Path):
     assert without("icalendar") == (
         2,
         (
-            "ros-diagnostics: the library icalendar is not installed; "
-            "pip install 'ros-diagnostics-exporter[icalendar]'\n"
+            "ros-diagnostics: the library icalendar is not installed: "
+            f"{install_command('icalendar')}\n"
         ),
     )
