@@ -112,7 +112,7 @@ VALUES = (
                 ("tender/Main Battery: hovering", "tender/Motor: cool"),
                 LOW,
                 EMPTY,
-                until='count_over_time((ros_diagnostics_component_monitored_value{robot="tender",'
+                until='count_over_time((ros_diagnostics_component_value{robot="tender",'
                 'key="Charge"} > 15 < 15.2)[12s:2s]) >= 6',
             ),
             step("tender/Main Battery: some", LOW),
