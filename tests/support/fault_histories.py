@@ -257,6 +257,7 @@ def assert_views_agree(player: Player) -> None:
         for robot in faults._book.robots
         for name, reason in faults.explained(robot, now).items()
     }
+    assert not any(cause.is_usual for cause in faults._book.causes.values())
     robots = faults._book.robots
     for robot in robots:
         problems = sorted(each.identity for each in faults.problems(now, robot))
