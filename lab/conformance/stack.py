@@ -10,7 +10,7 @@ import io
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta, timezone
@@ -65,7 +65,6 @@ OPS = "ops"
 PEOPLE = {"team": "team", "escalation-1": "second", "escalation-2": "manager"}
 START = 60.0  # seconds to start in, before the first tick
 REPEAT = 2  # ticks: notification_interval of all histories that have one
-ChangeRules = Callable[[Path], None]
 WORST = tuple(STATES.values())
 
 
@@ -101,19 +100,7 @@ class Inbox:
             )
 
 
-def play(
-    folder: Path, histories: Sequence[History], change_rules: ChangeRules = lambda _: None
-) -> list[dict[str, list[str]]]:
-    """Of each history, by what it is about, the kinds of its notifications in their order.
-
-    ``change_rules`` is called with the folder of the rules, before Prometheus reads it.
-    """
-    return [by_object(each) for each in notifications(folder, histories, change_rules)]
-
-
-def notifications(
-    folder: Path, histories: Sequence[History], change_rules: ChangeRules = lambda _: None
-) -> list[list[Notification]]:
+def notifications(folder: Path, histories: Sequence[History]) -> list[list[Notification]]:
     """The notifications of each history; those of one tick in the order of their names."""
     minute = math.ceil((time.time() + START + HOURS_CHANGE * TICK) / 60) * 60.0
     hours = datetime.fromtimestamp(minute, timezone.utc)
@@ -124,7 +111,6 @@ def notifications(
         rules = prometheus / "rules"
         after = f"{REPEAT * TICK:g}s"
         short_clocks.set_escalation(rules, {"0": after, "1": after, "2": f"{2 * REPEAT * TICK:g}s"})
-        change_rules(rules)
 
     with (
         serving(fleet.scrape) as exporter,
@@ -390,7 +376,7 @@ class _Object:
 
 
 def by_object(notifications: Sequence[Notification]) -> dict[str, list[str]]:
-    """Notifications as `play` returns them."""
+    """What was notified of, and the kinds of its notifications in their order."""
     found: dict[str, list[str]] = {}
     for each in notifications:
         found.setdefault(each.what, []).append(each.kind)

@@ -1,15 +1,18 @@
 """`./run mutate`: plant small mistakes in packages: how many do their unit tests find?
 
 cosmic-ray makes the mistakes, a few drawn from all of each package. Of the unit tests of the
-package those are run that execute the changed statement, in a copy of the checkout.
+package those are run that execute the changed statement, in a copy of the checkout. As many
+packages at a time as there are cores.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from support.planted import copied_checkout
@@ -20,26 +23,33 @@ PACKAGES = ("api", "config", "decode", "faults", "fleet", "metrics", "robots", "
 def main() -> None:
     """Print the score and the survivors of each package."""
     options = _arguments().parse_args()
-    with tempfile.TemporaryDirectory(prefix="mutate-") as folder:
-        copy = Path(folder) / "checkout"
-        environment = copied_checkout(copy)
-        for package in options.package or PACKAGES:
-            argv = [package, str(options.mutants), str(options.seed)]
-            process = subprocess.Popen(
-                [sys.executable, "-m", "mutation.score", *argv],
-                cwd=copy,
-                env=environment,
-                stdout=subprocess.PIPE,
-                text=True,
-            )
-            assert process.stdout is not None
-            for line in process.stdout:
-                print(line, end="", flush=True)
-                if options.report:
-                    with options.report.open("a") as report:
-                        report.write(line)
-            if process.wait():
-                sys.exit(process.returncode)
+    arguments = [str(options.mutants), str(options.seed)]
+    with (
+        tempfile.TemporaryDirectory(prefix="mutate-") as folder,
+        ThreadPoolExecutor(os.cpu_count()) as pool,
+    ):
+        copies = (Path(folder) / package for package in options.package or PACKAGES)
+        for found in pool.map(lambda copy: _score(copy, arguments), copies):
+            print(found, end="", flush=True)
+            if options.report:
+                with options.report.open("a") as report:
+                    report.write(found)
+
+
+def _score(copy: Path, arguments: list[str]) -> str:
+    """What `mutation.score` prints of the package that the copy to be made has the name of."""
+    environment = copied_checkout(copy)
+    done = subprocess.run(
+        [sys.executable, "-m", "mutation.score", copy.name, *arguments],
+        cwd=copy,
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise SystemExit(done.returncode)
+    return done.stdout
 
 
 def _arguments() -> argparse.ArgumentParser:

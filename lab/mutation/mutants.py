@@ -13,6 +13,9 @@ from cosmic_ray.ast import ast_nodes, get_ast
 from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator
 
+from mutation import handlers
+from mutation.left_out import is_left_out
+
 # Mistakes that a person makes. cosmic-ray has more: each operator in place of each other.
 _BINARY = ("Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "FloorDiv_Div", "BitAnd_BitOr")
 _COMPARISON = (
@@ -26,8 +29,9 @@ OPERATORS = (
     *("core/ReplaceAndWithOr", "core/ReplaceOrWithAnd"),
     *("core/ReplaceTrueWithFalse", "core/ReplaceFalseWithTrue", "core/NumberReplacer"),
     *("core/ReplaceBreakWithContinue", "core/ReplaceContinueWithBreak"),
-    *("core/ZeroIterationForLoop", "core/ExceptionReplacer", "core/RemoveDecorator"),
+    *("core/ZeroIterationForLoop", "core/RemoveDecorator"),
 )
+HANDLERS = "core/ExceptionReplacer"  # see `handlers`
 
 
 class Change(NamedTuple):
@@ -70,23 +74,34 @@ def draw(package: Path, seed: int) -> Iterator[Mutant]:
 def _places(package: Path, seed: int) -> Iterator[_Place]:
     for path in sorted(package.rglob("*.py")):
         text = path.read_text()
-        lines, nodes = text.splitlines(), list(ast_nodes(get_ast(text)))
-        for name in OPERATORS:
-            operator = get_operator(name)()
-            places = ((node, at) for node in nodes for at, _ in operator.mutation_positions(node))
-            for occurrence, (node, start) in enumerate(places):
-                if node.parent is not None and node.parent.type == "parameters":
-                    continue  # a star between parameters is no product
-                if lines[start[0] - 1].strip() == "@overload":
-                    continue  # is for the type checker alone
-                key = seed, path.name, name, lines[start[0] - 1], start[1]
-                rank = hashlib.sha256(repr(key).encode()).hexdigest()
-                yield _Place(rank, path, name, occurrence, start)
+        lines = text.splitlines()
+        for name, occurrence, start in _positions(text):
+            line = lines[start[0] - 1]
+            if is_left_out(name, line, start[1]):
+                continue
+            rank = hashlib.sha256(repr((seed, path.name, name, line, start[1])).encode())
+            yield _Place(rank.hexdigest(), path, name, occurrence, start)
+
+
+def _positions(text: str) -> Iterator[tuple[str, int, tuple[int, int]]]:
+    """Of each mutant its operator, the occurrence of that, and where it begins."""
+    nodes = list(ast_nodes(get_ast(text)))
+    for name in OPERATORS:
+        operator = get_operator(name)()
+        places = ((node, at) for node in nodes for at, _ in operator.mutation_positions(node))
+        for occurrence, (node, start) in enumerate(places):
+            if node.parent is None or node.parent.type != "parameters":  # a star there, no product
+                yield name, occurrence, start
+    for occurrence, start in enumerate(handlers.positions(text)):
+        yield HANDLERS, occurrence, start
 
 
 def _mutant(packages: Path, place: _Place) -> Mutant:
     text = place.path.read_text()
-    changed = mutate_code(text, get_operator(place.operator)(), place.occurrence)
+    if place.operator == HANDLERS:
+        changed = handlers.replaced(text, place.occurrence)
+    else:
+        changed = mutate_code(text, get_operator(place.operator)(), place.occurrence)
     compared = difflib.ndiff(text.splitlines(), changed.splitlines())
     lines = [line for line in compared if line[0] in "+-" and line[1:].strip()]
     was, now = (next((line[2:].strip() for line in lines if line[0] == sign), "") for sign in "-+")

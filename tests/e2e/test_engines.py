@@ -1,8 +1,8 @@
 """The shipped rules, unchanged but for short durations, on every engine that may evaluate them.
 
-A fault and its recovery, the death of the exporter in it, and a silent robot, on the Prometheus in
-PATH (or $PROMETHEUS), on Prometheus 3 (in the folder $PROMETHEUS_3) with concurrent evaluation, and
-on vmalert over VictoriaMetrics.
+A fault and its recovery, the death of the exporter in it, and a silent robot, on Prometheus 3 (in
+the folder $PROMETHEUS_3) with concurrent evaluation, and on vmalert over VictoriaMetrics; on the
+Prometheus in PATH the rule scenarios play them.
 """
 
 from __future__ import annotations
@@ -67,20 +67,19 @@ class Fleet:
         return http.get(self.address, "/metrics?collect[]=faults").count(b"robot_up{") == 2
 
 
-@pytest.fixture(params=["prometheus", "concurrent", "vmalert"])
+@pytest.fixture(params=["concurrent", "vmalert"])
 def fleet(request: pytest.FixtureRequest, site: Site, monkeypatch: pytest.MonkeyPatch) -> Fleet:
-    options = []
     if request.param == "concurrent":
         if "PROMETHEUS_3" not in os.environ:
             pytest.skip("no Prometheus 3: its folder in PROMETHEUS_3")
         monkeypatch.setenv("PROMETHEUS", f"{os.environ['PROMETHEUS_3']}/prometheus")
-        options = ["--enable-feature=concurrent-rule-eval"]
     site.start_robots(2)
     site.start_exporter(site.write("fleet.yml", FLEET.format(domain=site.domain_id)))
     if request.param == "vmalert":
         engine = _vmalert(site)
     else:
-        site.start_prometheus(*options, interval=SECONDS, tenth=True)
+        concurrently = "--enable-feature=concurrent-rule-eval"
+        site.start_prometheus(concurrently, interval=SECONDS, tenth=True)
         engine = site.engine
     site.wait_until_ready()
     return Fleet(site, engine)

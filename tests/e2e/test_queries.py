@@ -6,7 +6,6 @@ node_exporter reads a folder in place of /proc, so that the test says what the l
 from __future__ import annotations
 
 import os
-from contextlib import closing
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ import yaml
 
 from ros_diagnostics_tools.main import main
 from support import host_checks
-from support.link import Link
 from support.loopback import answering
 from testbed.configuration import CHECKOUT
 from testbed.http import get, get_json
@@ -59,13 +57,12 @@ class Host:
         mounts = f"/dev/disk {self.folder} ext4 rw 0 0\n"
         (self.folder / "proc" / "1" / "mounts").write_text(mounts)
         page = site.use(answering(Page))
-        self.prometheus = site.use(closing(Link(site.addresses.prometheus)))  # of the exporter
         site.start_mail_server()
         site.start_robots()
         site.write("queries.d/hosts.yml", yaml.safe_dump(queries(self.folder)))
         fleet = site.write("fleet.yml", FLEET.format(domain=site.domain_id))
         self.exporter = site.start_exporter(
-            fleet, f"--prometheus.url=http://{self.prometheus.address}"
+            fleet, f"--prometheus.url=http://{site.addresses.prometheus}"
         ).address
         node, blackbox = host_checks.start(
             site,
@@ -99,11 +96,12 @@ class Host:
                 "/sd/node": f"/sd/node?port={_port(node)}",
                 "/sd/http": f"/sd/http?port={page}",
                 "?port=11311": f"?port={page}",
-                # What may not send pings finds every host down (test_hosts.py).
+                # Where pings may not be sent, as the comment there says.
                 "[icmp]": "[tcp_connect]",
+                "/sd/ping": f"/sd/tcp?port={page}",
                 "/sd/uplink": f"/sd/uplink?port={page}",
             },
-            ["ros-diagnostics-ping", "ros-diagnostics-ssh"],  # nobody serves SSH
+            ["ros-diagnostics-ssh"],  # nobody serves SSH
         )
 
     def load(self, one: float) -> None:
@@ -114,14 +112,14 @@ class Host:
         new.write_text(f"{one:.2f} 0.10 0.10 1/100 200\n")
         new.rename(proc / "loadavg")  # never half a file
 
-    def robot(self) -> dict[str, Any]:
-        """The robot as the API has it."""
+    def robot(self, name: str = "robot_1") -> dict[str, Any]:
+        """A robot as the API has it."""
         robots = get_json(self.exporter, "/api/v1/fleet")["robots"]
-        return next(dict(each) for each in robots if each["robot"] == "robot_1")
+        return next(dict(each) for each in robots if each["robot"] == name)
 
-    def component(self, name: str) -> dict[str, Any]:
-        """A component of the robot; empty if there is none."""
-        found = (each for each in self.robot()["components"] if each["component"] == name)
+    def component(self, name: str, robot: str = "robot_1") -> dict[str, Any]:
+        """A component of a robot; empty if there is none."""
+        found = (each for each in self.robot(robot)["components"] if each["component"] == name)
         return next(found, {})
 
     def level(self, name: str) -> str:
@@ -172,7 +170,9 @@ def test_a_hosts_disk_load_and_services_are_components_with_a_mail_and_a_recover
     disk = f"disk {host.folder}"
     until(lambda: host.level(disk) == "WARN", lambda: str(host.robot()["components"]), 60)
     until(lambda: host.level("load 1m") == "OK", "the load is measured", 60)
-    until(lambda: host.level("http") == host.level("node_exporter") == "OK", "the services", 60)
+    for each in ("http", "node_exporter", "ping"):
+        until(lambda each=each: host.level(each) == "OK", f"{each} answers", 60)
+    until(lambda: host.component("uplink", "ap_1").get("level") == "OK", "the uplink answers", 60)
     assert host.component(disk)["group"] == "Host"
     text = get(host.exporter, "/metrics").decode()
     assert f'component="{disk}"' in text
@@ -188,53 +188,6 @@ def test_a_hosts_disk_load_and_services_are_components_with_a_mail_and_a_recover
     host.load(0.5)
     recovery = "** RECOVERY ** hall/robot_1 load 1m is no longer CRITICAL"
     until(lambda: recovery in host.subjects(), lambda: str(host.subjects()), 90)
-
-
-def test_without_prometheus_components_are_stale_no_fault_begins_or_ends_and_one_alert_fires(
-    host: Host,
-):
-    disk = f"disk {host.folder}"
-    until(lambda: (disk, "warning") in host.faults(), lambda: str(host.faults()), 60)
-
-    def errors() -> dict[str, str]:
-        queries = get_json(host.exporter, "/api/v1/fleet")["queries"]
-        return {each["name"]: each["error"] for each in queries if each["error"]}
-
-    def alerts() -> list[str]:
-        """What the exporter says of its queries, of each alert."""
-        found = host.site.engine.alerts()
-        own = [each for each in found if each["labels"]["alertname"].endswith("ExporterFault")]
-        fails = [each for each in own if each["labels"]["component"] == "queries"]
-        return [each["annotations"]["evidence"] for each in fails if each["state"] == "firing"]
-
-    until(lambda: not errors() and not alerts(), lambda: str(errors()), 60)
-    before = host.faults()
-
-    # The exporter no longer reaches Prometheus, which itself goes on.
-    host.prometheus.cut()
-    until(lambda: host.level(disk) == "STALE", "the disk is STALE", 60)
-    until(lambda: host.level("load 1m") == "STALE", "so is the load", 60)
-    until(alerts, "it fires that the queries fail", 120)
-    (all_queries,) = alerts()
-    number = len(queries(host.folder))
-    assert f"{number} of {number} have no answer" in all_queries
-    assert host.robot()["up"]
-    assert host.faults() == before
-    host.prometheus.heal()
-    until(lambda: host.level(disk) == "WARN", "the disk is measured again", 60)
-    until(lambda: not alerts(), "the queries are answered", 60)
-    assert host.faults() == before
-
-    wrong = [*queries(host.folder), {"expr": "no_such(", "component": "wrong"}]
-    (host.folder / "queries.d" / "hosts.yml").write_text(yaml.safe_dump(wrong))
-    until(lambda: "parse error" in errors().get("Host/wrong", ""), lambda: str(errors()), 60)
-    until(alerts, "it fires that one fails", 120)
-    assert errors().keys() == {"Host/wrong"}
-    assert f"1 of {number + 1} have no answer: Host/wrong: " in " ".join(alerts())
-    # Of the fault alone: the escalation is pending for it, as of its own group's next evaluation.
-    fault = 'alertname="RosDiagnosticsExporterFault", component="queries"'
-    fired = host.site.engine.series(f"ALERTS_FOR_STATE{{{fault}}}[1h]")
-    assert len({value for series in fired for _at, value in series["values"]}) == 2
 
 
 def test_while_prometheus_is_killed_no_fault_begins_or_ends_and_none_is_repeated_when_it_is_back(

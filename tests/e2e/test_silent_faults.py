@@ -9,11 +9,12 @@ from support import subnets
 
 pytestmark = pytest.mark.slow
 
+HARDEST = silent.CASES[2:]  # that lose most, or delay
 QUIET = 60.0  # seconds at the end; `./run experiment silent --quiet 60` has an hour
 
 
 @pytest.mark.parametrize(
-    "case", silent.CASES, ids=lambda each: f"{each.loss:.0%}-{1000 * each.delay:.0f}ms"
+    "case", HARDEST, ids=lambda each: f"{each.loss:.0%}-{1000 * each.delay:.0f}ms"
 )
 @pytest.mark.timeout(silent.LONGEST + QUIET + 60)
 def test_each_is_one_mail_that_names_it_and_nothing_else_is(case):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
+from itertools import cycle
 from typing import Any
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings, Threshold
@@ -17,21 +18,24 @@ from ros_diagnostics_exporter.faults.model import (
     ComponentName,
     ComponentReport,
     ComponentSettings,
+    Followed,
     Identity,
+    Reason,
     RobotSettings,
     Row,
+    Scope,
     ValueReport,
 )
 from ros_diagnostics_exporter.model import Instant, Level
 
 OK, WARN, ERROR, STALE = Level
+EXPLAINED = (Reason.BEHIND, Reason.CAPABILITY)
 WALL = 1_000_000.0  # Unix time at second 0
 READY = -100.0  # second at which the robots are first received; the engine starts before
 Event = Callable[[Faults, Instant], "list[Change]"]
 
 
-def instant(second: float) -> Instant:
-    return Instant(float(second), WALL + second)
+BOOTS = (20_000.0, 10_000.0)  # monotonic time at second 0, of machines that run in turns
 
 
 # -- events ------------------------------------------------------------------------------------
@@ -70,9 +74,12 @@ def together(*events: Event) -> Event:
 
 def silent(robot: str = "r1", last: float | None = None) -> Event:
     """Nothing was received from the robot for its stale_after."""
-    return lambda faults, now: faults.robot_silent(
-        robot, now if last is None else instant(last), now
-    )
+
+    def event(faults: Faults, now: Instant) -> list[Change]:
+        ago = 0.0 if last is None else now.wall - WALL - last
+        return faults.robot_silent(robot, Instant(now.mono - ago, now.wall - ago), now)
+
+    return event
 
 
 def back(robot: str = "r1", *reports: Event) -> Event:
@@ -160,37 +167,50 @@ class Player:
         self.writes = True
         self._each_second = each_second
         self.second = READY - 100
+        self.shown: dict[str, dict[ComponentName, Followed]] = {}  # what a scrape has, by robot
+        self._boots = cycle(BOOTS)
+        self._boot = next(self._boots)
+
+    def at(self, second: float) -> Instant:
+        """What the clocks of the engine's machine show."""
+        return Instant(self._boot + second, WALL + second)
 
     def write(self, second: float) -> None:
         """Write the changed rows, as JSON, as the database does."""
-        for row in self.faults.take_rows(instant(second)):
+        for row in self.faults.take_rows(self.at(second)):
             if row.fields is None:
                 self.rows.pop((row.kind, row.key), None)
             else:
                 fields = json.loads(json.dumps(row.fields))
                 self.rows[row.kind, row.key] = row._replace(fields=fields)
 
-    def reborn(self, second: float) -> None:
-        """Continue with a new engine, restored from the written rows."""
+    def reborn(self, second: float, set_back: float = 0.0) -> None:
+        """Continue with a new engine on another machine, restored from the written rows.
+
+        Its wall clock is set back by so many seconds: from now on, ``second`` is by that.
+        """
         self.write(second)
+        self._boot = next(self._boots) + set_back
+        self.second = second - set_back
         self.faults = Faults(self.settings)
-        self.faults.restore(list(self.rows.values()), instant(second))
+        self.faults.restore(list(self.rows.values()), self.at(self.second))
+        self.shown = {robot: self.faults.followed(robot) for robot in self.faults._book.robots}
 
     def go(self, second: float, *events: Event) -> list[Change]:
         """Advance the time, apply the events; return all changes."""
         changes: list[Change] = []
         while self._each_second and self.second + 1 < second:
             self.second += 1
-            changes += self.faults.advance(instant(self.second))
+            changes += self.faults.advance(self.at(self.second))
             self.write(self.second)
         self.second = second
-        changes += self.faults.advance(instant(second))
+        changes += self.faults.advance(self.at(second))
         for event in events:
             if self.reborn_at_events:
                 self.reborn(second)
             if isinstance(event, FleetChange):
                 self.settings = event.settings
-            changes += event(self.faults, instant(second))
+            changes += event(self.faults, self.at(second))
             if self.writes:
                 self.write(second)
         return changes
@@ -221,6 +241,36 @@ def player(
     return found
 
 
+def assert_views_agree(player: Player) -> None:
+    """What explains the trouble of components is what keeps their problems quiet."""
+    faults, now = player.faults, player.at(player.second)
+    found: dict[tuple[str, ComponentName], set[Reason]] = {}
+    for view in faults.problems(now):
+        of, due = view.identity, view.due <= now.wall
+        is_quiet = view.fault is None and not view.well and due and view.quiet in EXPLAINED
+        if is_quiet and of.scope in (Scope.COMPONENT, Scope.FLAPPING):
+            assert view.quiet is not None
+            name = ComponentName(of.group, of.component)
+            found.setdefault((of.robot, name), set()).add(view.quiet)
+    explained = {
+        (robot, name): reason
+        for robot in faults._book.robots
+        for name, reason in faults.explained(robot, now).items()
+    }
+    robots = faults._book.robots
+    player.shown |= {
+        each: faults.followed(each) for each in faults.take_followed() if each in robots
+    }
+    for robot in robots:
+        shown, followed = (
+            {name: each for name, each in found_of.items() if any(each)}
+            for found_of in (player.shown.get(robot, {}), faults.followed(robot))
+        )
+        assert shown == followed, robot
+    assert explained.keys() == found.keys()
+    assert all(reason in found[of] for of, reason in explained.items())
+
+
 def play(
     *steps: tuple[object, ...],
     robots: Iterable[str] = ("r1",),
@@ -233,6 +283,7 @@ def play(
         for second, event, *expected in steps:
             changes = last.go(second, *([] if event is None else [event]))
             found = texts(changes)
+            assert_views_agree(last)
             assert found == expected, f"at {second} s, {how}: {found}, expected {expected}"
         assert len(list(last.faults.faults())) == sum(
             1 if "began" in text else -1 for _, _, *expected in steps for text in expected

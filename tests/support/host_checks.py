@@ -9,7 +9,6 @@ from typing import Any
 import yaml
 
 from testbed.configuration import CHECKOUT
-from testbed.http import get
 from testbed.programs import distributed
 from testbed.site import Site, free_address
 
@@ -26,15 +25,6 @@ modules:
   http_2xx: {prober: http}
   ssh_banner: {prober: tcp, tcp: {query_response: [{expect: "^SSH-2.0-"}]}}
 """
-
-
-def ping_error(blackbox: str) -> str:
-    """The error of a blackbox exporter that may not send pings, from its log; empty if it may."""
-    path = "/probe?module=icmp&target=127.0.0.1&debug=true"
-    text = get(blackbox, path, seconds=30).decode()
-    if "\nprobe_success 1\n" in text:
-        return ""
-    return next(line for line in text.splitlines() if "Error listening to socket" in line)
 
 
 def jobs(replaced: Mapping[str, str], removed: Sequence[str] = ()) -> list[dict[str, Any]]:

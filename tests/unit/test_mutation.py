@@ -1,10 +1,12 @@
-"""lab/mutation/survivors.yml: what `./run mutate` leaves out is still in the code."""
+"""lab/mutation: mutants of `except` clauses, and what `./run mutate` leaves out."""
 
 from __future__ import annotations
 
 import pytest
 import yaml
 
+from mutation import handlers
+from mutation.left_out import is_left_out
 from testbed.configuration import CHECKOUT
 
 PACKAGES = CHECKOUT / "exporter" / "ros_diagnostics_exporter"
@@ -18,3 +20,43 @@ def test_a_mutant_that_does_not_count_is_of_a_line_that_is_there(survivor):
     assert survivor["was"] in lines
     assert survivor["now"] not in lines
     assert survivor["why"]
+
+
+def test_each_class_that_is_caught_is_replaced_alone():
+    text = "try: go()\nexcept (OSError, sqlite3.Error) as error: pass\nexcept a.B: pass\n"
+    found = [handlers.replaced(text, each) for each in range(len(handlers.positions(text)))]
+    assert found == [
+        text.replace(caught, "CosmicRayTestingException")
+        for caught in ("OSError", "sqlite3.Error", "a.B")
+    ]
+    assert handlers.positions("try: go()\nexcept: pass\n") == []
+
+
+@pytest.mark.parametrize(
+    ("operator", "line", "at", "expected"),
+    [
+        ("NumberReplacer", "    return round(component.since, 3)", "3", True),
+        ("NumberReplacer", "    return round(max(a, b) * 3)", "3", False),
+        ("NumberReplacer", "    return max(round(a), 3)", "3", False),
+        ("NumberReplacer", '    "Factor.", example=0.01, default=1.0', "0.01", True),
+        ("NumberReplacer", '    "Factor.", example=0.01, default=1.0', "1.0", False),
+        ("ReplaceTrueWithFalse", "        example=True,", "True", True),
+        ("ReplaceFalseWithTrue", "        example=True, default=False", "False", False),
+        ("NumberReplacer", "@lru_cache(maxsize=4096)", "4096", True),
+        ("NumberReplacer", "    deque(maxlen=4096)", "4096", False),
+        ("ReplaceTrueWithFalse", "    rows = zip(names, texts, strict=True)", "True", True),
+        ("ReplaceTrueWithFalse", "    expected = parse(text, strict=True)", "True", False),
+        ("ReplaceTrueWithFalse", "@dataclass(frozen=True)", "True", True),
+        ("RemoveDecorator", "@dataclass(frozen=True)", "@", False),
+        ("ReplaceTrueWithFalse", "@dataclass(frozen=True, order=True)", "True)", False),
+        ("ReplaceComparisonOperator_Gt_GtE", "if at[Mark.NAMES] > self._read:", ">", True),
+        ("ReplaceComparisonOperator_Gt_Lt", "if at[Mark.NAMES] > self._read:", ">", False),
+        ("ReplaceComparisonOperator_Gt_GtE", 'if each["id"] > self._read[kind]:', ">", False),
+        ("ReplaceComparisonOperator_Gt_GtE", "if at > already:", ">", False),
+        ("RemoveDecorator", "    @overload", "@", True),
+        ("RemoveDecorator", "    @override", "@", True),
+        ("RemoveDecorator", "    @property", "@", False),
+    ],
+)
+def test_a_kind_of_mutants_that_no_test_has_to_find_is_not_made(operator, line, at, expected):
+    assert is_left_out(f"core/{operator}", line, line.index(at)) is expected

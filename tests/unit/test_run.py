@@ -65,6 +65,7 @@ class Machine:
         self.folder = folder
         self.policy = folder / "sbin" / "policy-rc.d"
         self.checkout = folder / "checkout"
+        self.path = str(folder / "bin")
         for each in ("bin", "sbin", "checkout/packaging/locks", "checkout/lab/bench"):
             (folder / each).mkdir(parents=True)
         for name in ("run", "pyproject.toml", "packaging/install-packages"):
@@ -93,7 +94,7 @@ class Machine:
         return subprocess.run(
             ["sh", "-c", f'echo $$ >{self.folder}/pid; exec "$@"', "sh", *argv],
             env={
-                "PATH": str(self.folder / "bin"),
+                "PATH": self.path,
                 "HOME": str(self.folder),
                 "KILL_AT": str(kill_at),
             },
@@ -237,6 +238,19 @@ def test_a_verb_installs_the_packages_that_it_needs_once(machine):
         file.write("two==2\n")
     machine.run("demo")
     assert machine.pip() == [*project, *tools, *project, *tools, *project]
+
+
+def test_in_a_shell_where_the_environment_is_active_it_is_not_made_anew(machine):
+    machine.run("demo")
+    active = machine.checkout / ".venv" / "bin"
+    (active / "python3").write_text(f"#!/bin/sh\necho taken >>{machine.folder}/calls\nexit 1\n")
+    (active / "python3").chmod(0o755)
+    before, machine.path = machine.pip(), f"{active}:{machine.path}"
+
+    done = machine.run("demo")
+
+    assert (done.returncode, machine.pip()) == (0, before), done.stderr
+    assert "taken" not in machine.calls()
 
 
 def test_what_was_not_installed_completely_is_installed_by_the_next_run(machine):

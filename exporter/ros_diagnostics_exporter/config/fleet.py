@@ -107,7 +107,7 @@ UnixTime = Annotated[float, Written(Moment, as_it_is)]  # of a time zone: `Maint
 
 
 class Limits(Entry):
-    """Limits of what is held in memory and served; what is beyond is rejected and counted."""
+    """Limits of what is held in memory and served; what is beyond is rejected or cut."""
 
     robots: Count = described("Robots.", example=500, default=2000)
     components: Count = described("Components of one robot.", example=200, default=500)
@@ -210,8 +210,8 @@ class Fleet(Entry, title="FleetFile"):
         default_factory=nothing,
     )
     robots_folder: Folder = described(
-        "A folder, beside this file, of more robots: each `*.yml` in it has one robot or a list. "
-        "Add a file to add a robot.",
+        "A folder, beside this file, of more robots: each `*.yml` or `*.yaml` in it has one robot "
+        "or a list. Add a file to add a robot.",
         example="fleet/robots",
         default="robots.d",
     )
@@ -228,8 +228,8 @@ class Fleet(Entry, title="FleetFile"):
         default=(),
     )
     maintenance_folder: Folder = described(
-        "A folder, beside this file, of more planned downtimes: each `*.yml` in it has one or a "
-        "list.",
+        "A folder, beside this file, of more planned downtimes: each `*.yml` or `*.yaml` in it has "
+        "one or a list.",
         example="fleet/maintenance",
         default="maintenance.d",
     )
@@ -264,7 +264,8 @@ class Fleet(Entry, title="FleetFile"):
         default=(),
     )
     queries_folder: Folder = described(
-        "A folder, beside this file, of more queries: each `*.yml` in it has one or a list.",
+        "A folder, beside this file, of more queries: each `*.yml` or `*.yaml` in it has one or a "
+        "list.",
         example="fleet/queries",
         default="queries.d",
     )

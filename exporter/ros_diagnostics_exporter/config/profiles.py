@@ -49,8 +49,10 @@ class ComponentRule(Conditional, Entry, title="Component"):
     )
     ignore: bool = described("Ignore these components.", example=True, default=False)
     stale_after: PositiveDuration | None = described(
-        "Time without an update after which they are STALE. What an aggregator publishes it makes "
-        "STALE itself, after its own timeout.",
+        "Time without an update after which they are STALE. By default that of the robot; of what "
+        "drivers publish themselves three times the longest of its last ten gaps, at least 5s, and "
+        "90s while these are not known. What an aggregator publishes it makes STALE itself, after "
+        "its own timeout.",
         example="90s",
         default=None,
     )

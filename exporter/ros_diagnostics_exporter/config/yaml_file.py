@@ -27,7 +27,7 @@ MAX_BYTES = 8 * 1024 * 1024
 CORE_COLLECTIONS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
 NO_TAG = "remove the tag"
 MAX_DEPTH = 32  # of nesting; fleet.yml needs eight, and each level costs stack
-MAX_VALUES = 200_000  # after expansion of aliases
+MAX_VALUES = 200_000  # and keys, after expansion of aliases
 _TAG = "tag:yaml.org,2002:"
 
 # Tag, pattern of the text, the characters that it can begin with.
@@ -328,8 +328,8 @@ class Tree:
     def _count(self, line: int) -> None:
         self._values += 1
         if self._values > MAX_VALUES:
-            what = f"has more than {MAX_VALUES} values once its aliases (*) are expanded"
-            raise UnusableError(line, what, "use fewer aliases")
+            what = f"has more than {MAX_VALUES} keys and values once its aliases (*) are expanded"
+            raise UnusableError(line, what, "use fewer aliases, or split it into a folder")
 
     def _enter(self, node: yaml.Node, line: int) -> None:
         if any(node is around for around in self._open):

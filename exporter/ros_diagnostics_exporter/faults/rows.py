@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from math import inf
+from operator import attrgetter
 from types import MappingProxyType
 from typing import Any
 
@@ -438,7 +439,7 @@ def _bound_history(history: FlapHistory | None, now: Instant) -> None:
 
 
 def _not_after(then: Instant | None, now: Instant) -> Instant | None:
-    return now if then is not None and then.wall > now.wall else then
+    return None if then is None else min(then, now, key=attrgetter("wall"))
 
 
 # -- what follows from the rows ----------------------------------------------------------------

@@ -15,10 +15,11 @@ from ros_diagnostics_exporter.faults.model import DOWNTIMES, LEARNED, Row
 from ros_diagnostics_exporter.faults.records import SLOTS
 from ros_diagnostics_exporter.sources.graph import Learned
 
-# Limits for what is read from the file: whatever passes them can be restored and served.
-Moment = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
-Seconds = Annotated[float, Field(ge=0, le=1e11, allow_inf_nan=False)]
-Interval = Annotated[float, Field(gt=0, le=1e11, allow_inf_nan=False)]
+# Limits for what is read from the file: whatever passes them can be restored and served; NaN does
+# not.
+Moment = Annotated[float, Field(ge=-1e11, le=1e11)]
+Seconds = Annotated[float, Field(ge=0, le=1e11)]
+Interval = Annotated[float, Field(gt=0, le=1e11)]
 Text = Annotated[str, Field(max_length=4096)]
 Number = Annotated[int, Field(ge=0, le=3)]
 Labels = Annotated[dict[Text, Text], Field(max_length=1000)]

@@ -136,8 +136,9 @@ def _acknowledged(
         named = by_fault.get(line.key, ())
         found = [each for each in named if each.is_of(line.fault.since)]
         if found:
-            words = {"author": found[-1].author, "comment": found[-1].comment}
-            yield _sample(metrics.FAULT_ACKNOWLEDGED, line.labels, words, found[-1].at)
+            newest = found[-1]
+            words = {"author": newest.author, "comment": newest.comment}
+            yield _sample(metrics.FAULT_ACKNOWLEDGED, line.labels, words, newest.at)
 
 
 def _notified(

@@ -205,7 +205,7 @@ COMPONENT_FLAP_RATIO = _family(
 COMPONENT_STALE_AFTER = _family(
     "component_stale_after_seconds",
     "gauge",
-    "The component's `stale_after` of fleet.yml, only where it differs from the robot's.",
+    "The `stale_after` of its entry in the profile, only where it differs from the robot's.",
     COMPONENT,
 )
 COMPONENT_PLANNED_STALE = _family(

@@ -30,7 +30,7 @@ APPLICATION = 0x524F5344  # "ROSD", for `file`
 MAGIC = b"SQLite format 3\0"
 FORMATS = (b"\1\1", b"\2\2")  # bytes 18 and 19 of the header: rollback journal, WAL
 BUSY = 5.0  # seconds that a backup tool, for example, may hold the file
-WAL_BYTES = 16 * 1024 * 1024  # to which the write-ahead log is cut after a checkpoint
+WAL_BYTES = 16 << 20  # to which the write-ahead log is cut after a checkpoint
 MAX_ID = 2**52  # of an event; above 2**53, JSON numbers are not exact
 BLOCK = 200  # events that are read at a time
 SCHEMA = (
@@ -122,7 +122,7 @@ class Retention:
     """Events are kept for ``seconds``, and while the database has at most ``size`` bytes."""
 
     seconds: float = 90 * 86_400.0
-    size: int = 256 * 1024 * 1024
+    size: int = 256 << 20
 
 
 class AgeClock:
@@ -142,15 +142,14 @@ class AgeClock:
 
     def time(self, now: Instant) -> float:
         """Unix time, never ahead of the wall clock."""
-        last = self._last or now
-        most = last.wall + self.FASTEST * max(0.0, now.mono - last.mono)
-        self._last = Instant(now.mono, max(last.wall, min(now.wall, most)))
-        return min(self._last.wall, now.wall)
+        return min(self.wall(now), now.wall)
 
-    @property
-    def wall(self) -> float:
-        """What a later process goes on from."""
-        return 0.0 if self._last is None else self._last.wall
+    def wall(self, now: Instant) -> float:
+        """What a later process goes on from; ahead of a wall clock that was set back."""
+        last = self._last or now
+        most = last.wall + self.FASTEST * (now.mono - last.mono)
+        self._last = Instant(now.mono, max(last.wall, min(now.wall, most)))
+        return self._last.wall
 
 
 class Database:
@@ -225,14 +224,12 @@ class Database:
         timer = threading.Timer(seconds, self._connection.interrupt)
         timer.start()
         try:
-            found = self._ask("PRAGMA quick_check(1)")
-        except sqlite3.OperationalError as error:
-            if is_damage(error):
-                raise
+            [found] = self._ask("PRAGMA quick_check(1)")
+        except sqlite3.OperationalError:
             return ""  # interrupted: what is read is checked as it is read
         finally:
             timer.cancel()
-        return "" if found == ["ok"] else str(found[0]).replace("\n", " ")
+        return "" if found == "ok" else str(found).replace("\n", " ")
 
     def robots(self) -> Iterator[tuple[Any, Any, Any]]:
         """Of each robot its name, its JSON and when it was last received, as they are there."""
@@ -325,8 +322,8 @@ class Database:
 
     def _delete_events(self, count: int, ages: tuple[float, float], most: int) -> None:
         """Delete up to ``count`` of the oldest events, where they are too old or too many."""
-        [pages, free, size] = (
-            self._ask(f"PRAGMA {name}")[0] for name in ("page_count", "freelist_count", "page_size")
+        [[pages], [free], [size]] = (
+            self._ask(f"PRAGMA {name}") for name in ("page_count", "freelist_count", "page_size")
         )
         if (pages - free) * size > most:
             self._connection.execute(
@@ -409,13 +406,13 @@ def first_event(path: Path) -> float | None:
         sqlite3.Error: it cannot be read.
     """
     with reading(path) as connection:
-        found = connection.execute("SELECT time FROM events ORDER BY id LIMIT 1").fetchone()
-    return None if found is None else float(found[0])
+        for (time,) in connection.execute("SELECT time FROM events ORDER BY id LIMIT 1"):
+            return float(time)
+    return None
 
 
 def _prepare(path: Path) -> tuple[int, int]:
     """Make the file if it is not there, and look at its header; its device and inode."""
-    path.parent.mkdir(mode=0o700, exist_ok=True)
     flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY
     descriptor = os.open(path, flags, 0o600)
     try:

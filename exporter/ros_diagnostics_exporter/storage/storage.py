@@ -186,9 +186,10 @@ class Storage:
         thread.join(LOADING)
         if not ended:
             return _Found(obstacle=f"no answer of the disk in {LOADING:.0f} s")
-        if isinstance(ended[0], Exception):
-            raise ended[0]
-        return ended[0]
+        [found] = ended
+        if isinstance(found, Exception):
+            raise found
+        return found
 
     def _read(self) -> _Found | InUseError | VersionError:
         try:
@@ -352,8 +353,7 @@ class Storage:
 
     def _newly_seen(self, seen: dict[str, float], now: Instant) -> list[tuple[str, float]]:
         newer = [(name, at) for name, at in seen.items() if self._seen.get(name) != at]
-        self._age.time(now)
-        return [(ITSELF, self._age.wall), *newer]
+        return [(ITSELF, self._age.wall(now)), *newer]
 
     def _take_rows(self, state: FleetState, now: Instant) -> None:
         for row in state.take_fault_rows(now):

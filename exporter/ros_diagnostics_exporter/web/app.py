@@ -222,8 +222,8 @@ def build(
     web_config: LiveWebConfig,
     telemetry_path: str,
     lifecycle: bool,
-    actions: bool = False,
-    runbooks: str = "",
+    actions: bool,
+    runbooks: str,
 ) -> Starlette:
     """The application.
 

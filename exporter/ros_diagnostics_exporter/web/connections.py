@@ -27,7 +27,7 @@ from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-MAX_HEADER_BYTES = 16 * 1024
+MAX_HEADER_BYTES = 16 << 10
 
 
 class Phase(enum.Enum):
@@ -165,7 +165,7 @@ ACCEPT_BATCH = 100  # connections accepted before others are served again
 RETRY_AFTER = 0.1  # seconds until accepting is tried again after an error
 LOG_EVERY = 10.0  # seconds
 # Bytes of a response that the kernel buffers for a client; by default it would be megabytes.
-SEND_BUFFER = 256 * 1024
+SEND_BUFFER = 256 << 10
 
 _log = logging.getLogger(__name__)
 

@@ -107,9 +107,7 @@ class Bucket:
         self._last = 0.0
 
     def take(self, interval: float, burst: int, now: float) -> bool:
-        """Whether a request is allowed at ``now`` (monotonic seconds); interval 0 allows all."""
-        if interval <= 0:
-            return True
+        """Whether a request is allowed at ``now`` (monotonic seconds)."""
         self._tokens = min(burst, self._tokens + (now - self._last) / interval)
         self._last = now
         if self._tokens < 1:
@@ -125,7 +123,7 @@ class Buckets:
         self._buckets: OrderedDict[str, Bucket] = OrderedDict()
 
     def take(self, address: str, interval: float, burst: int, now: float) -> bool:
-        """As Bucket.take, for the bucket of ``address``."""
+        """As Bucket.take, for the bucket of ``address``; interval 0 allows all."""
         if interval <= 0:
             return True
         bucket = self._buckets.setdefault(address, Bucket())
@@ -171,7 +169,7 @@ def _is_local_name(host: str) -> bool:
     return True
 
 
-MAX_TARGET_BYTES = 8 * 1024  # path and query
+MAX_TARGET_BYTES = 8 << 10  # path and query
 
 
 def _hash(text: str) -> str:

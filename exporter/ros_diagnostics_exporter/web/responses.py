@@ -48,6 +48,8 @@ class Workers:
 
     async def run(self, function: Callable[..., T], *arguments: Any) -> T:
         """What ``function`` returns or raises; BusyError when too many requests wait."""
+        if self._pending >= self._max_pending:
+            raise BusyError
         return await self._wait(self._submit(function, *arguments))
 
     async def run_shared(self, seconds: float, function: Callable[..., T], *arguments: Any) -> T:
@@ -56,6 +58,8 @@ class Workers:
         An exception is shared only with the requests that were already waiting. ``arguments`` are
         part of the cache's key, so clients must not be able to choose them.
         """
+        if self._pending >= self._max_pending:
+            raise BusyError
         key = (function, arguments)
         if key not in self._shared:
             call = self._submit(function, *arguments)
@@ -82,13 +86,9 @@ class Workers:
         self._executor.shutdown(cancel_futures=True)
 
     def _submit(self, function: Callable[..., T], *arguments: Any) -> asyncio.Future[T]:
-        if self._pending >= self._max_pending:
-            raise BusyError
         return asyncio.get_running_loop().run_in_executor(self._executor, function, *arguments)
 
     async def _wait(self, call: asyncio.Future[T]) -> T:
-        if self._pending >= self._max_pending:
-            raise BusyError
         self._pending += 1
         try:
             return await call
@@ -96,8 +96,8 @@ class Workers:
             self._pending -= 1
 
 
-MAX_BYTES = 128 * 1024 * 1024  # of responses to scrapes, and as many of all others
-CHUNK = 256 * 1024  # bytes passed to a connection at once; smaller responses are not counted
+MAX_BYTES = 128 << 20  # of responses to scrapes, and as many of all others
+CHUNK = 256 << 10  # bytes passed to a connection at once; smaller responses are not counted
 STALLED_AFTER = 0.5  # seconds without progress after which a client may lose its response
 MAX_WAIT = 10.0  # seconds that a scrape waits: Prometheus' own default timeout
 

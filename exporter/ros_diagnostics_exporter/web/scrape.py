@@ -15,7 +15,7 @@ from ros_diagnostics_exporter.web.responses import ResponseLimit, Workers, in_ch
 
 TEXT = "text/plain; version=0.0.4; charset=utf-8"
 OPENMETRICS = "application/openmetrics-text; version=1.0.0; charset=utf-8"
-FIRST_SIZE = 8 * 1024 * 1024  # bytes reserved for a response until one was rendered
+FIRST_SIZE = 8 << 20  # bytes reserved for a response until one was rendered
 GZIP_LEVEL = 1  # 20 MB: 34 ms and 0.64 MB at level 1, 100 ms and 0.47 MB at level 6
 
 

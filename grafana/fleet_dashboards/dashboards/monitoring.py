@@ -191,7 +191,8 @@ def messages() -> timeseries.Panel:
     received = f"ros_diagnostics_robot_messages_total{{{_FLEET}}}"
     return panels.graph(
         "Messages per second",
-        "How many arrays are received per second from each fleet?",
+        "How many arrays are received per second from each fleet? One of several robots counts for "
+        "each of them.",
         panels.over_time(_rate_by_fleet(received), "{{fleet}}"),
     ).min(0)
 

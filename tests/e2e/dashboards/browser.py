@@ -72,10 +72,10 @@ class Page:
         self._address = address
         self.page = page
 
-    def open(self, board: str, *, theme: str = "dark", last: str = "10m", **variables: str) -> None:
+    def open(self, board: str, *, last: str = "10m", **variables: str) -> None:
         """Open a dashboard with values of its variables and wait for its first panel."""
         values = {f"var-{name}": value for name, value in variables.items()}
-        query = urlencode({"from": f"now-{last}", "to": "now", "theme": theme, **values})
+        query = urlencode({"from": f"now-{last}", "to": "now", "theme": "dark", **values})
         self.follow(f"/d/{board}?{query}")
 
     def open_until(self, board: str, end: float) -> None:

@@ -69,10 +69,9 @@ def window(chromium: Any, address: str, size: tuple[int, int]) -> Iterator[brows
 
 
 @pytest.mark.parametrize("board", BOARDS)
-@pytest.mark.parametrize("theme", ["dark", "light"])
-def test_every_panel_shows_data_and_no_error(page: browser.Page, board: str, theme: str):
+def test_every_panel_shows_data_and_no_error(page: browser.Page, board: str):
     chosen = {"fleet": "hall", "robot": "broken"} if board == ROBOT else {}
-    page.open(board, theme=theme, last="6h", **chosen)  # recorded until half an hour ago
+    page.open(board, last="6h", **chosen)  # recorded until half an hour ago
     page.wait_for("Data as of", ":")
     titles = set(shown(board)) - NONE_OF_BROKEN - set(OF_THE_WEEK)
     without = ""

@@ -56,18 +56,3 @@ def test_every_expression_is_expected_to_return_cells_in_at_least_one_view():
 
     assert set(QUERIES) - with_cells == set()
     assert {view.board for view in VIEWS} == set(BOARDS)
-
-
-def test_shares_of_availability_sum_to_one(watched: WatchedFleet):
-    for report, by in (("robots", "robot"), ("groups", "robot_group"), ("fleets", "fleet")):
-        query = QUERIES["ros-diagnostics-alerts", f"Availability of the {report}", "A"]
-        sums: dict[str, float] = {}
-        for cell in watched.site.engine.series(
-            filled(query.expr, {"__range": "5h"}), watched.history_end
-        ):
-            if cell["metric"]["part"] not in {"available", "faults", "longest"}:
-                name = cell["metric"][by]
-                sums[name] = sums.get(name, 0.0) + float(cell["value"][1])
-
-        assert sums
-        assert sums == pytest.approx(dict.fromkeys(sums, 1.0))

@@ -1,4 +1,4 @@
-"""A Nagios operator keeps Nagios: the plug-in of docs/deployment.md, up to the mail of Nagios."""
+"""A Nagios operator keeps Nagios: the plug-in of docs/deployment.md, Nagios' mail and its log."""
 
 from __future__ import annotations
 
@@ -109,6 +109,7 @@ def test_the_first_fault_is_mailed_by_nagios(tmp_path: Path):
         has_nagios(person, objects.replace("http://exporter:9877", "http://localhost:9877"))
         status = "cat ~/nagios/status.dat"
         person.until_output(status, "plugin_output=OK - OK sensor.s. list: /Motor/Motor 1")
+        person.until_output(status, "performance_data=critical=0;;;0 stale=0;;;0 warning=0")
 
         person.does(f"{bin_}/virtual-robots fault robot_1 'Motor 1' error --message 'Over current'")
         person.until_mail("PROBLEM robot_1/Motors")
@@ -116,3 +117,6 @@ def test_the_first_fault_is_mailed_by_nagios(tmp_path: Path):
         assert "Over current" in mail.get_content()
         person.does(f"{bin_}/virtual-robots fault robot_1 'Motor 1' ok")
         person.until_mail("RECOVERY robot_1/Motors")
+        # Of its own log the comparison reads both; without an Alertmanager nobody is notified here.
+        compare = f"{bin_}/ros-diagnostics nagios compare ~/nagios/nagios.log"
+        person.until_output(compare, "0 the same, 2 only in Nagios, 0 only here")

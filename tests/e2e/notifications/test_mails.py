@@ -1,43 +1,11 @@
-"""From what is wrong with a robot or the exporter to the operator's inbox, by all real servers."""
+"""From what is wrong with the exporter to the operator's inbox, by all real servers."""
 
 from __future__ import annotations
-
-from html import unescape
 
 import pytest
 
 from ros_diagnostics_tools.main import main
 from testbed.http import get_json
-
-PROBLEM = "** PROBLEM ** demo/robot_2 Motor 2 is CRITICAL"
-RECOVERY = "** RECOVERY ** demo/robot_2 Motor 2 is no longer CRITICAL"
-
-
-@pytest.mark.slow  # the demo, which is tested too, sends one of each
-def test_each_fault_and_each_recovery_of_a_motor_is_one_mail(
-    stack, wait_for_mails, wait_for_scrapes
-):
-    for cycle in (0, 2):
-        stack.fault("robot_2", "Motor 2", "error", "winding at 131 C")
-        wait_for_mails(cycle + 1)
-        stack.fault("robot_2", "Motor 2", "ok")
-        wait_for_mails(cycle + 2)
-    wait_for_scrapes(3)  # one mail too many would arrive within these
-
-    mails = stack.inbox.mails()
-    assert [mail.subject for mail in mails] == [PROBLEM, RECOVERY, PROBLEM, RECOVERY]
-    for mail in mails:
-        assert "robot_2" in mail.text
-        assert f"{mail.text.splitlines()[0]}</h1>" in mail.html
-    assert len({mail.thread for mail in mails}) == 1
-    for problem in mails[::2]:
-        for part in (problem.text, problem.html):
-            assert "winding at 131 C" in part
-            assert "Temperature" in part
-            assert ("/d/ros-diagnostics-component?" in part) == bool(stack.addresses.grafana)
-            assert "/user/alerts/RosDiagnosticsComponentCritical.md" in part
-            assert "component%3D%22Motor%202%22" in part
-            assert " -- 'robot_2' 'Motor 2'" in unescape(part)
 
 
 @pytest.mark.slow

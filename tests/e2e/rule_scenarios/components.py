@@ -28,7 +28,6 @@ COMPONENTS = (
             step("worsens/Motor 1: ok", until=rank("worsens", 0)),
         ),
         ranks={"worsens": (0, 1, 3, 1, 0)},
-        availability={"warning": ((1, 2), (3, 4)), "critical": ((2, 3),)},
     ),
     Scenario(
         "a component that no longer reports is STALE until it does",

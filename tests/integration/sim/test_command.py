@@ -78,25 +78,6 @@ def test_a_fault_is_injected_and_repaired_by_command(
     listener.until(lambda: latest_is(0), "a repaired motor")
 
 
-def test_a_whole_robot_falls_silent_and_returns_by_command(
-    virtual_robots: Callable[..., Process], command: Command, listener: Any
-) -> None:
-    listener.listen("/robot_1/diagnostics")
-    listener.listen("/robot_2/diagnostics")
-    virtual_robots("--robots", "2")
-
-    def received(robot: str = "robot_1") -> int:
-        return len(listener.of(f"/{robot}/diagnostics"))
-
-    listener.until(received, "robot_1")
-    done = command("fault", "robot_1", "hang")
-    assert (done.returncode, done.stderr) == (0, "")
-    listener.until(lambda: received("robot_2") >= received() + 4, "robot_2 alone")
-    silent = received()
-    assert command("fault", "robot_1", "resume").returncode == 0
-    listener.until(lambda: received() > silent, "robot_1 again")
-
-
 def test_a_fault_of_an_unknown_robot_is_rejected_with_the_known_ones(
     virtual_robots: Callable[..., Process], command: Command
 ) -> None:

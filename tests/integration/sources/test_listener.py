@@ -52,36 +52,6 @@ def test_a_topic_of_another_type_that_discovery_wants_is_reported(
     assert "the topic has another type, std_msgs/msg/String" in text
 
 
-def test_robots_in_two_domains_one_raw_one_aggregated_and_one_found(
-    ros_domain, robots, run_exporter
-):
-    pattern = re.compile(r"/(?P<robot>[^/]+)/diagnostics_agg")
-    with domains.lease() as other_domain, publisher(other_domain) as others:
-        fleet = Fleet(
-            "f",
-            (raw_robot("raw", ros_domain), raw_robot("never", ros_domain)),
-            (Discovery(pattern, "/{robot}/diagnostics_agg", (other_domain,)),),
-        )
-        running = run_exporter(fleet)
-        robots.offer("/raw/diagnostics")
-        others.offer("/found/diagnostics_agg")
-        robots.wait_for_listeners()
-        others.wait_for_listeners()
-        robots.send("/raw/diagnostics", MOTOR)
-        tree = (
-            Status(2, "/Motor", "Error", "", (("Motor", "Hot"),)),
-            HOT._replace(name="/Motor/Motor"),
-        )
-        others.send("/found/diagnostics_agg", *tree)
-
-        running.wait_for("component_level", 0, robot="raw", component="Motor", group="")
-        running.wait_for("component_level", 2, robot="found", component="Motor", group="/Motor")
-        assert running.sample("robot_up", robot="never") == 0
-        assert running.sample("robot_info", robot="found", domain_id=str(other_domain)) == 1
-        for domain_id in (ros_domain, other_domain):
-            assert running.sample("exporter_domain_up", domain_id=str(domain_id)) == 1
-
-
 @pytest.mark.slow
 def test_sixty_domains_in_one_process(run_exporter):
     from contextlib import ExitStack

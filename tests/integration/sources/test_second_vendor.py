@@ -84,12 +84,16 @@ def test_its_node_and_its_qos_are_judged(ros_domain, robot, run_exporter):
         until(lambda: found() == expected, lambda: f"{found()}", SEEN)
 
 
+@pytest.mark.slow
 def test_a_policy_that_ros_cannot_set_and_we_cannot_match_is_named(ros_domain, run_exporter):
     running = run_exporter(fleet(ros_domain))
+    why = "a policy that ROS has no name for, as ownership or data representation"
+    expected = {"topic diagnostics": f"this exporter receives nothing from /r/driver: by {why}"}
     with cyclone_robot(ros_domain, "/r", "driver") as robot:
         robot.publish(TOPIC, DiagnosticArray, Policy.Ownership.Exclusive)
         running.wait_for("robot_silent_reason", 1, reason="incompatible_qos")
         assert robot.matched(TOPIC) == 0
+        until(lambda: messages(running) == expected, lambda: f"{messages(running)}", SEEN)
 
 
 def test_the_exporter_writes_nothing_but_what_names_its_node(ros_domain, robot, run_exporter):

@@ -11,7 +11,7 @@ DOCUMENT = REFERENCE.parents[1] / "configuration.md"
 def test_prose_names_the_limits_and_reserved_labels():
     text = " ".join(DOCUMENT.read_text(encoding="utf-8").split())
     assert f"a file may have {yaml_file.MAX_BYTES // 2**20} mib" in text.lower()
-    assert f"{yaml_file.MAX_VALUES:,} values" in text
+    assert f"{yaml_file.MAX_VALUES:,} keys and values" in text
     assert f"{yaml_file.MAX_DEPTH} levels" in text
     assert f"up to {patterns.MAX_PATTERN} characters" in text
     assert f"first {SEARCHED} characters" in text

@@ -90,7 +90,7 @@ components = st.sampled_from(COMPONENTS)
 any_level = st.sampled_from([OK, OK, WARN, ERROR, ERROR, STALE])
 arrays = st.dictionaries(components, any_level, min_size=1)
 whole_arrays = st.fixed_dictionaries(dict.fromkeys(COMPONENTS, any_level))
-numbers = st.sampled_from([5.0, 10.1, 15.0, 20.3, 50.0, None])
+numbers = st.sampled_from([5.0, 10.0, 10.2, 20.0, 20.3, 50.0, None])
 events = st.one_of(
     st.tuples(st.just("array"), robots, arrays),
     st.tuples(st.just("array"), robots, arrays),

@@ -10,7 +10,6 @@ from support.fault_histories import (
     Event,
     back,
     forget,
-    instant,
     level,
     levels,
     on_robots,
@@ -142,7 +141,7 @@ def test_the_same_component_behind_others_of_many_robots_is_no_common_cause():
         robots=robots,
         settings=settings,
     )
-    quiet = {each.quiet for each in last.faults.problems(instant(300)) if each.fault is None}
+    quiet = {each.quiet for each in last.faults.problems(last.at(300)) if each.fault is None}
     assert quiet == {Reason.BEHIND}
 
 

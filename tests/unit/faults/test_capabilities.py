@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings
+from ros_diagnostics_exporter.config.fleet import CauseSettings, FaultSettings, WarningHours
 from ros_diagnostics_exporter.faults.engine import Faults
 from ros_diagnostics_exporter.faults.model import Ability, Change, PartName
 from ros_diagnostics_exporter.faults.needs import MISSING, AtLeast, Other, WantedCapability
@@ -78,6 +78,19 @@ def test_two_redundant_parts_that_fail_are_one_fault_with_one_recovery():
         (60, level(UPPER, OK), f"recovered {LOST} view", f"began {SPARE} view"),
         (90, level(LOWER, OK), f"recovered {SPARE} view"),
         (300, None),
+    )
+
+
+def test_an_error_that_leaves_no_reserve_waits_for_the_hours_of_warnings():
+    hours = WarningHours(((0, 14 * 60, 15 * 60),), "UTC")  # second 0 is Monday 13:46:40
+    history(
+        Can(VIEW),
+        (0, level(UPPER, ERROR)),
+        (799, None),
+        (800, None, f"began {SPARE} view"),
+        (810, level(LOWER, ERROR)),
+        (820, None, f"began {LOST} view"),
+        settings=FaultSettings(warning_hours=hours),
     )
 
 
@@ -160,6 +173,33 @@ def test_a_redundant_part_that_fails_for_a_moment_loses_nothing_at_once():
         (600, level(LOWER, ERROR)),
         (605, level(LOWER, OK)),
         (700, level(UPPER, OK), f"recovered {SPARE} view"),
+    )
+
+
+def test_what_is_lost_again_soon_explains_its_parts_again():
+    history(
+        can,
+        (0, level(MOTOR, ERROR)),
+        (10, None, f"began {LOST} drive"),
+        (20, level(MOTOR, OK), f"recovered {LOST} drive"),
+        (25, level(MOTOR, ERROR)),
+        (35, None, f"began {LOST} drive"),
+        (300, None),
+    )
+
+
+def test_what_is_not_needed_any_more_explains_no_other():
+    park = WantedCapability("park", AtLeast(None, (part(MOTOR),)))
+    play(
+        (0, Can(VIEW, park, DRIVE)(level(MOTOR, ERROR))),
+        (10, None, f"began {LOST} park"),
+        (
+            20,
+            Can(VIEW, park._replace(applies=False), DRIVE)(),
+            f"began {LOST} drive",
+            f"recovered {LOST} park",
+        ),
+        (300, None),
     )
 
 

@@ -8,6 +8,7 @@ from support.fault_histories import (
     WALL,
     WARN,
     back,
+    forget,
     level,
     levels,
     maintenance,
@@ -42,6 +43,19 @@ def test_many_components_of_a_robot_are_one_and_those_left_over_are_reported_aft
         (130, None, f"began {two}"),
         (150, levels(PARTS[:2], OK, total=10), f"recovered {one}", f"recovered {two}"),
     )
+
+
+def test_half_of_many_are_enough_to_confirm_it_and_fewer_are_not():
+    six, few = PARTS[:6], FaultSettings(many=CauseSettings(6, 0.0))
+    for left, *began in ((3, f"began {MANY}"), (2,)):
+        own = [] if began else [f"began component/critical r1 {each}" for each in six[:2]]
+        play(
+            (0, levels(six, ERROR)),
+            (5, levels(six[left:], OK)),
+            (10, None, *began),
+            (15, None, *own),
+            settings=few,
+        )
 
 
 def test_many_are_as_severe_as_the_worst_and_the_milder_goes_on_under_it():
@@ -169,6 +183,32 @@ def test_robots_in_maintenance_are_no_part_of_what_a_share_is_of():
 
 def test_a_restart_is_no_outage_of_a_site():
     play((0, sites(*SIX, site="hall")), (10, restart()), (35, on_robots(SIX, back)), (500, None))
+
+
+def test_robots_that_a_person_takes_out_are_no_part_of_it():
+    play(
+        (0, sites(*SIX, site="hall")),
+        (20, on_robots(SIX[:3], silent)),
+        (30, None, "began site/silent hall"),
+        (40, together(*map(forget, SIX[:2])), "recovered site/silent hall"),
+        (50, None, "began robot/silent r3"),
+        settings=FaultSettings(site=CauseSettings(3, 0.5)),
+    )
+
+
+def test_components_that_a_person_takes_out_are_no_part_of_it():
+    play(
+        (0, on_robots(SIX[:3], level, "camera", ERROR)),
+        (10, None, "began common/critical camera"),
+        (
+            20,
+            together(*(forget(robot, "camera") for robot in SIX[:2])),
+            "recovered common/critical camera",
+        ),
+        (30, None, "began component/critical r3 camera"),
+        robots=SIX,
+        settings=FaultSettings(common=CauseSettings(3, 0.5)),
+    )
 
 
 def test_a_common_cause_lasts_until_fewer_than_half_of_its_threshold_are_left():

@@ -8,7 +8,6 @@ from support.fault_histories import (
     WALL,
     WARN,
     back,
-    instant,
     level,
     maintenance,
     moved,
@@ -205,9 +204,20 @@ def test_nothing_begins_while_the_robot_is_silent_and_nothing_ends():
     )
 
 
+def test_what_turns_stale_right_after_its_robots_return_is_no_change():
+    for second, ratio in ((29, 0.0), (30, 1.25 / 20)):
+        last = play(
+            (0, silent()),
+            (10, None, "began robot/silent r1"),
+            (20, back("r1", level("motor", OK)), "recovered robot/silent r1"),
+            (second, level("motor", STALE)),
+        )
+        assert [each.flap_ratio for each in last.faults.followed("r1").values()] == [ratio]
+
+
 def test_why_a_problem_is_quiet():
     last = play((0, level("motor", ERROR)), (5, maintenance(planned=True)))
 
-    view = next(last.faults.problems(instant(last.second)))
+    view = next(last.faults.problems(last.at(last.second)))
     assert (view.since - WALL, view.due - WALL, view.fault) == (0, 10, None)
     assert view.quiet == "maintenance"

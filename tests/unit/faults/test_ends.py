@@ -12,8 +12,8 @@ from support.fault_histories import (
     Player,
     back,
     forget,
-    instant,
     level,
+    on_robots,
     play,
     player,
     restart,
@@ -40,7 +40,7 @@ def served(faults: Faults) -> list[str]:
 
 def started_again(last: Player, second: float) -> None:
     last.reborn(second)
-    assert texts(last.faults.started(instant(second))) == []
+    assert texts(last.faults.started(last.at(second))) == []
 
 
 def broken_and_repaired() -> Player:
@@ -59,7 +59,7 @@ def test_the_end_of_a_fault_is_kept_for_an_hour_after_it_was_served_and_over_res
     assert ends(last.faults) == known  # nobody has asked
 
     last.reborn(50_000)
-    last.faults.note_served(instant(50_000))
+    last.faults.note_served(last.at(50_000))
     last.go(53_599)
     assert ends(last.faults) == known
     last.go(53_600)
@@ -82,7 +82,7 @@ def test_what_a_person_takes_out_is_removed():
         (30, None, "began component/critical r1 motor"),
         (60, forget(), "removed component/critical r1 motor"),
     )
-    last.faults.forget("no such", instant(61))
+    last.faults.forget("no such", last.at(61))
     assert ends(last.faults) == [
         ("component/critical r1 motor", "removed", 60.0),
         ("no such", "removed", 61.0),
@@ -93,7 +93,7 @@ def test_an_end_is_never_before_the_begin_however_the_clock_was_set():
     last = player(["r1"], FaultSettings())
     last.go(20, level("motor", ERROR))
     last.go(30)
-    early = instant(40)._replace(wall=WALL - 200_000)
+    early = last.at(40)._replace(wall=WALL - 200_000)
     level("motor", OK)(last.faults, early)
     assert ends(last.faults) == [("component/critical r1 motor", "recovered", 20.0)]
 
@@ -105,7 +105,7 @@ def test_the_number_that_is_kept_is_limited(monkeypatch):
         last.go(20 + number, level(f"m{number}", ERROR))
         last.go(40 + number)
         last.go(60 + number, level(f"m{number}", OK))
-        last.faults.forget(f"x{number}", instant(70))
+        last.faults.forget(f"x{number}", last.at(70))
     names = [name for name, *_ in ends(last.faults)]
     assert names == ["component/critical r1 m1", "component/critical r1 m2", "x1", "x2"]
 
@@ -125,6 +125,18 @@ def test_a_fault_of_an_earlier_process_is_served_once_the_first_message_confirms
     last.go(70)  # restart_grace: r2's silence confirms that nothing is better
     assert len(served(last.faults)) == 3  # and it is silent
     assert next(iter(last.faults.faults())).since == WALL + 20
+
+
+def test_a_common_cause_of_an_earlier_process_is_served_once_enough_robots_confirm_it():
+    robots = ["r1", "r2", "r3"]
+    last = player(robots, FaultSettings(common=CauseSettings(3, 0.5)))
+    last.go(20, on_robots(robots, level, "motor", ERROR))
+    last.go(30)
+    started_again(last, 40)
+    last.go(50, *(back(robot, level("motor", ERROR, robot)) for robot in robots[:1]))
+    assert served(last.faults) == []
+    last.go(51, *(back(robot, level("motor", ERROR, robot)) for robot in robots[1:]))
+    assert served(last.faults) == ["common/critical motor"]
 
 
 def test_an_old_database_is_not_served_at_all_where_the_first_message_is_well():
@@ -176,6 +188,13 @@ def test_a_component_is_judged_on_by_what_is_received():
     assert texts(last.go(61, level("motor", OK))) == ["recovered component/critical r1 motor"]
 
 
+def test_what_was_adopted_in_the_restart_grace_is_served_once_confirmed_and_later_at_once():
+    for second, expected in ((29, []), (30, ["component/critical r1 motor"])):
+        last = fresh("r1")
+        adopt(last, second, MOTOR)
+        assert served(last.faults) == expected
+
+
 def test_an_intermittent_fault_goes_on_for_its_time_once_its_component_is_received():
     last = fresh("r1")
     adopt(last, 1, Identity(Scope.FLAPPING, State.INTERMITTENT, robot="r1", component="motor"))
@@ -188,8 +207,12 @@ def test_what_is_known_here_is_not_adopted():
     last = broken_and_repaired()
     unknown = SILENT._replace(robot="r9")
     assert adopt(last, 61, MOTOR, unknown) == []  # ended here; no such robot
-    last.faults.forget("r1", instant(62))
+    last.faults.forget("r1", last.at(62))
     assert adopt(last, 63, SILENT) == []
+    for since, expected in ((62.0, []), (62.5, ["began robot/silent r1"])):
+        later = Fault(SILENT, WALL + since, WALL + since, {})
+        changes = last.go(64, lambda faults, now, later=later: faults.adopt(later, now))
+        assert texts(changes)[:1] == expected
     last.go(100, level("motor", ERROR))
     last.go(110)
     assert adopt(last, 111, MOTOR) == []  # lasts

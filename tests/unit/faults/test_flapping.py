@@ -51,9 +51,10 @@ def test_the_newest_change_weighs_most():
 def test_a_timer_after_one_interval_always_records(uptime, interval):
     history = FlapHistory([0] * SLOTS, 0.0)
     history.change(1, uptime, interval)
-    for _ in range(SLOTS):
+    for recorded in range(2, SLOTS + 1):
         due = history.last + interval
         history.decay(due, interval)
         assert history.last + interval > due
+        assert history.slots.count(1) == recorded
 
     assert history.ratio == 0.0

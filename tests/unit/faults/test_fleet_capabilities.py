@@ -58,6 +58,18 @@ def test_it_is_lost_with_more_robots_than_it_can_do_without():
     )
 
 
+def test_a_robot_in_maintenance_is_left_out_unless_it_is_a_part_of_what_is_lost():
+    play(
+        (0, hall(maintenance("r1", planned=True), level("lift", ERROR, "r1"))),
+        (20, hall(level("lift", ERROR, "r2"))),
+        (30, None, f"began {LOST}", "began capability/lost r2 lift"),
+        (40, hall(maintenance("r2", planned=True))),
+        (50, hall(level("lift", OK, "r2"))),
+        (55, None),
+        robots=ROBOTS,
+    )
+
+
 def test_silence_is_a_reserve_that_is_missing_and_no_loss_nor_recovery():
     play(
         (0, hall(silent("r1"))),

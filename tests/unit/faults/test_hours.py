@@ -6,14 +6,12 @@ import pytest
 
 from ros_diagnostics_exporter.config.fleet import FaultSettings, WarningHours
 from ros_diagnostics_exporter.faults.model import Reason
-from ros_diagnostics_exporter.model import Instant
 from support.fault_histories import (
     ERROR,
     OK,
     STALE,
     WALL,
     WARN,
-    instant,
     level,
     levels,
     play,
@@ -101,14 +99,14 @@ def test_outside_of_the_hours_flapping_hides_nothing_critical():
 
 def test_a_wall_clock_that_is_set_moves_the_hours():
     last = play((0, level("motor", WARN)), settings=SETTINGS)
-    night = last.faults.advance(Instant(100.0, WALL + 100))
+    night = last.faults.advance(last.at(100))
     assert night == []
-    (began,) = last.faults.advance(Instant(101.0, WALL + BEGIN + 101))
+    (began,) = last.faults.advance(last.at(101)._replace(wall=WALL + BEGIN + 101))
     assert (began.what, began.at) == ("began", WALL + BEGIN + 101)
 
 
 def test_why_it_is_quiet():
     last = play((0, level("motor", WARN)), settings=SETTINGS)
-    (problem,) = last.faults.problems(instant(20))
+    (problem,) = last.faults.problems(last.at(20))
     assert problem.quiet is Reason.HOURS
     assert problem.fault is None

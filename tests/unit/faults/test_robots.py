@@ -9,7 +9,6 @@ from support.fault_histories import (
     back,
     check,
     forget,
-    instant,
     level,
     maintenance,
     play,
@@ -17,6 +16,7 @@ from support.fault_histories import (
     restart,
     robot_settings,
     silent,
+    texts,
 )
 
 
@@ -74,6 +74,16 @@ def test_a_robot_that_comes_and_goes_is_flapping_once():
     )
 
 
+def test_the_return_after_a_long_silence_is_a_change_too():
+    last = play(
+        (0, silent()),
+        (10, None, "began robot/silent r1"),
+        (9_990, back(), "recovered robot/silent r1"),
+        *((10_000 + second, event) for second, event in _OUTAGES[:-1]),
+    )
+    assert texts(last.go(10_188, back())) == ["began robot/flapping r1"]
+
+
 # -- restarts ----------------------------------------------------------------------------------
 
 
@@ -100,12 +110,23 @@ def test_a_restarted_exporter_has_restart_grace_to_receive_its_robots():
     )
 
 
+def test_a_wall_clock_that_was_set_back_over_a_restart_confirms_nothing_earlier():
+    last = player(["r1"], FaultSettings())
+    last.go(20, level("camera", ERROR))
+    last.go(35, level("motor", ERROR))
+    last.reborn(40, set_back=30)
+    assert [each.since - WALL for each in last.faults.faults()] == [20]
+    assert texts(last.go(19)) == []
+    assert texts(last.go(20)) == ["began component/critical r1 motor"]
+    assert [each.since - WALL for each in last.faults.faults()] == [20, 10]
+
+
 def test_settled_once_restart_grace_is_over():
     last = player(["r1"], FaultSettings())
     last.go(0, restart())
 
-    assert not last.faults.settled(instant(29))
-    assert last.faults.settled(instant(30))
+    assert not last.faults.settled(last.at(29))
+    assert last.faults.settled(last.at(30))
 
 
 def test_both_halves_of_a_pair_give_the_same_identity_and_labels():

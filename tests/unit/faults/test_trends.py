@@ -21,7 +21,6 @@ from support.fault_histories import (
     Player,
     back,
     forget,
-    instant,
     level,
     moved,
     player,
@@ -85,7 +84,7 @@ def test_a_value_that_is_in_warning_already_does_not_fall_as_well():
     known = battery()
     follow(known, [19.0, 19.0], thresholds=BATTERY)
     assert follow(known, drain(18, 25, 0.25), 2, thresholds=BATTERY) == []
-    [_, falling] = known.faults.problems(instant(27 * MINUTE))
+    [_, falling] = known.faults.problems(known.at(27 * MINUTE))
     assert falling.quiet is Reason.FAULT
 
 
@@ -145,7 +144,7 @@ def test_a_component_that_is_gone_does_not_fall(start, event):
     follow(known, drain(start, 16))
     assert known.go(16 * MINUTE, event) == []
     assert known.go(100 * MINUTE) == []
-    assert list(known.faults.problems(instant(100 * MINUTE))) == []
+    assert list(known.faults.problems(known.at(100 * MINUTE))) == []
 
 
 def test_the_times_are_those_of_the_config():

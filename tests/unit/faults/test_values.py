@@ -42,8 +42,8 @@ def test_a_value_above_its_threshold():
     play(
         (0, value(81.0, HOT, key="degrees")),
         (10, None, f"began {hot}"),
-        (20, value(79.0, HOT, key="degrees")),
-        (30, value(78.0, HOT, key="degrees"), f"recovered {hot}"),
+        (20, value(78.5, HOT, key="degrees")),
+        (30, value(78.4, HOT, key="degrees"), f"recovered {hot}"),
     )
 
 

@@ -17,7 +17,13 @@ from prometheus_client.parser import text_string_to_metric_families
 from prometheus_client.registry import Collector
 
 from ros_diagnostics_exporter.canary import FIRST, Canary
-from ros_diagnostics_exporter.config.capabilities import Capability, ComponentsOf, Expression
+from ros_diagnostics_exporter.config.capabilities import (
+    Capability,
+    ComponentsOf,
+    Expression,
+    FleetCapability,
+    RobotsOf,
+)
 from ros_diagnostics_exporter.config.fleet import (
     ComponentRule,
     Discovery,
@@ -30,8 +36,10 @@ from ros_diagnostics_exporter.config.fleet import (
     Threshold,
     ValueRule,
 )
+from ros_diagnostics_exporter.faults.model import Ability
 from ros_diagnostics_exporter.loops import Loop
 from ros_diagnostics_exporter.metrics import families as metrics
+from ros_diagnostics_exporter.metrics.cache import STATES
 from ros_diagnostics_exporter.metrics.self_metrics import (
     EOF,
     EXPORTER_FAMILIES,
@@ -257,6 +265,41 @@ def test_robots_that_are_received_are_counted_for_each_site_and_rejected_ones_ha
     assert driver.sample("site_received_robots", site="hall") == 2
     assert driver.sample("site_received_robots", site="yard") == 0
     assert driver.sample("robot_silent_reason", robot="extra", reason="limit") == 1
+
+
+def test_what_the_fleet_can_do_and_the_downtimes_of_robots_are_counted():
+    lift = Capability("lift", Expression(None, (ComponentsOf((re.compile("Lift"),)),)))
+    robots = [
+        Robot(
+            f"r{n}",
+            topic_raw=f"/r{n}/diagnostics",
+            source=Source.RAW,
+            profile=Profile(capabilities={"lift": lift}),
+            labels={"site": "hall", "team": "red"},
+        )
+        for n in range(5)
+    ]
+    two = FleetCapability("lifting", Expression(2, (RobotsOf("lift", {}),)))
+    fleet = Fleet("f", tuple(robots), exporter="e", capabilities={"lifting": two})
+    driver = StateDriver(fleet=fleet)
+    driver.state.plan([Downtime("r4", "", 0.0, WALL + 100, "ann", "new\ntires")], driver.now)
+    for robot, level in zip(robots, (OK, WARN, ERROR, None, ERROR), strict=True):
+        if level is not None:
+            driver._receive(robot.topic_raw, (Status(level, "Lift"),), 0.0)
+    driver.at(2)
+
+    own = {"fleet": "f", "exporter": "e"}
+    samples = driver.samples()
+    assert samples["fleet_capability_state"] == {
+        tuple(sorted({**own, "capability": "lifting"}.items())): STATES[Ability.DEGRADED]
+    }
+    counted = {"ok": 1, "degraded": 1, "lost": 1, "unknown": 1, "maintenance": 1}
+    assert samples["fleet_capability_robots"] == {
+        tuple(sorted({**own, "capability": "lifting", "state": state}.items())): number
+        for state, number in counted.items()
+    }
+    labels = {"site": "hall", "team": "red", "author": "ann", "downtime": "new tires"}
+    assert samples["downtime_robots"] == {tuple(sorted({**own, **labels}.items())): 1}
 
 
 def test_a_promoted_value_with_a_threshold_is_also_where_rules_look_for_it():
@@ -526,8 +569,18 @@ def test_the_exporters_own_samples_are_what_its_parts_say():
         for sample in family.samples:
             of = [v for k, v in sorted(sample.labels.items()) if k not in {"fleet", "exporter"}]
             name = sample.name.removeprefix(metrics.PREFIX)
-            found.setdefault(name, {})[" ".join(of)] = sample.value
-    expected = {
+            if name != sample.name:
+                found.setdefault(name, {})[" ".join(of)] = sample.value
+    [(versions, build_info)] = found.pop("exporter_build_info").items()
+    assert (versions.split()[1:3], build_info) == (["rmw_fastrtps_cpp", "jazzy"], 1)
+    kinds = ("capability", "check", "component", "condition", "discovery", "maintenance", "shared")
+    times = (2.5, 5.0, 7.5, 10.0, 12.0, 15.0, 20.0, 30.0, 60.0, "+Inf")
+    assert found == {
+        "exporter_config_unmatched": dict.fromkeys((*kinds, "value"), 0),
+        "exporter_rejected_total": dict.fromkeys(get_args(FleetRejectionReason), 0),
+        "canary_notification_seconds_bucket": dict.fromkeys(map(str, times), 0),
+        "canary_notification_seconds_count": {"": 0},
+        "canary_notification_seconds_sum": {"": 0},
         "exporter_config_last_reload_successful": {"": 1},
         "exporter_config_last_reload_success_timestamp_seconds": {"": 1.5},
         "exporter_robots": {"": 1},
@@ -559,4 +612,3 @@ def test_the_exporters_own_samples_are_what_its_parts_say():
         "week_faulty_seconds": {"/Motor/Motor 1 r": 30},
         "week_faulty_times": {"/Motor/Motor 1 r": 2},
     }
-    assert {name: found[name] for name in expected} == expected

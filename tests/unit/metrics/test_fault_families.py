@@ -8,7 +8,15 @@ import pytest
 
 from ros_diagnostics_exporter.alertmanager import Acknowledgement, identity_of
 from ros_diagnostics_exporter.config.fleet import Fleet, Robot, Source
-from ros_diagnostics_exporter.faults.model import Fault, Identity, Scope, State, as_texts, fault_id
+from ros_diagnostics_exporter.faults.model import (
+    End,
+    Fault,
+    Identity,
+    Scope,
+    State,
+    as_texts,
+    fault_id,
+)
 from ros_diagnostics_exporter.metrics import exposition
 from ros_diagnostics_exporter.metrics import families as metrics
 from ros_diagnostics_exporter.metrics.exposition import FaultText
@@ -159,13 +167,45 @@ def test_a_fault_is_acknowledged_by_the_newest_acknowledgement():
     fault = Fault(identity, since=1.0, confirmed=2.0, evidence="", labels={})
     named = identity_of({"fleet": "f", **as_texts(identity, {})})
     made = [
-        Acknowledgement(named, 1.0, author, "mine", at, 100.0)
-        for author, at in (("ann", 5.0), ("bob", 7.0))
+        Acknowledgement(named, since, author, f"by {author}", at, 100.0)
+        for author, since, at in (
+            ("ann", 1.0, 5.0),
+            ("eve", 1.0, 6.0),
+            ("bob", 1.0, 7.0),
+            ("dan", 99.0, 8.0),  # of an earlier fault
+        )
     ]
     rendered = FaultText().render("f", "", [fault], acknowledgements=made)[
         metrics.FAULT_ACKNOWLEDGED.name
     ]
 
     [line] = rendered.decode().splitlines()
-    assert 'author="bob"' in line
+    assert 'author="bob",comment="by bob"' in line
     assert line.endswith(" 7.0")
+
+
+def test_every_family_of_faults_has_the_robots_labels_and_its_own():
+    identity = Identity(Scope.COMPONENT, State.CRITICAL, robot="r", component="Motor")
+    fault = Fault(identity, 1.0, 2.0, {"team": "blue"}, "hot", "driving")
+    named = identity_of({"fleet": "f", **as_texts(identity, {})})
+    texts = FaultText().render(
+        "f",
+        "e",
+        [fault],
+        [End(fault, "r", "recovered", 9.0, "well")],
+        [Acknowledgement(named, 1.0, "ann", "mine", 5.0, 100.0)],
+        notified={key_of(as_texts(identity, {})): {"sms": 5.0}},
+    )
+    shared = {"fleet", "exporter", "fault", "scope", "state", "severity"}
+    shared |= {"robot", "component", "team"}
+    for family, own in (
+        (metrics.FAULT_START, set()),
+        (metrics.FAULT_INFO, {"evidence", "work"}),
+        (metrics.FAULT_END, {"reason", "evidence"}),
+        (metrics.FAULT_ACKNOWLEDGED, {"author", "comment"}),
+        (metrics.FAULT_NOTIFIED, {"receiver"}),
+    ):
+        [sample] = texts[family.name].decode().splitlines()
+        assert set(re.findall('([a-z]+)="', sample)) == shared | own
+        assert shared | own <= {*family.labels, "team"}
+        assert family.open

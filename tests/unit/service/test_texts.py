@@ -88,6 +88,13 @@ def test_the_pages_have_only_printable_text(name, text):
         assert page.replace("\n", "").isprintable()
 
 
+def test_the_page_lists_robots_by_the_numbers_in_their_names():
+    robots = [robot(name, problems=[broken()]) for name in ("robot_10", "robot_2")]
+    page = landing(fleet_of(*robots), "/metrics")
+    assert page.index("robot_2") < page.index("robot_10")
+    assert page.rindex("robot_2") < page.rindex("robot_10")
+
+
 @given(TEXTS, TEXTS, st.booleans())
 def test_the_status_command_prints_only_printable_text(name, text, components):
     console = Console(width=10_000, force_terminal=False)

@@ -40,6 +40,7 @@ def test_a_damaged_file_is_named_kept_aside_and_survived(path, caplog, raw, what
     assert len(caplog.text) < 1000
     assert path.with_name("state.damaged-1").read_bytes() == raw
     assert driver.storage.successful
+    assert [each["id"] for each in driver.log.find(Wanted())][-1] == 1
     assert driver.restart(path).state.robots.keys() == {"r"}
 
 
@@ -67,6 +68,7 @@ def test_no_damaged_file_overwrites_an_earlier_one_and_ten_are_kept(path, caplog
 def test_a_first_start_with_an_empty_file_is_no_error(path, caplog):
     path.touch()
     driver = StateDriver().restart(path)
+    assert (driver.storage.successful, driver.storage.written_at) == (True, 0.0)
     driver.save()
     assert driver.storage.successful
     assert not caplog.text
@@ -124,14 +126,22 @@ def test_a_database_of_another_version_stays_and_stops_the_start(
     assert not path.with_name("state.damaged-1").exists()
 
 
-@pytest.mark.parametrize("statement", ["ANALYZE", "CREATE INDEX mine ON events (time)"])
-def test_what_a_person_added_to_speed_it_up_is_no_damage(path, written, edit, caplog, statement):
-    edit(statement)
+@pytest.mark.parametrize(
+    "statements",
+    [
+        ("ANALYZE",),
+        ("CREATE INDEX mine ON events (time)",),
+        ("DROP INDEX events_of_robot", "DROP INDEX events_of_faults"),
+    ],
+)
+def test_an_index_more_or_less_is_no_damage(path, written, edit, caplog, statements):
+    edit(*statements)
     after = written.restart(path)
     after.save()
 
     assert after.component("Motor").before_stale == ERROR
     assert not caplog.text
+    assert path.read_bytes()[68:72] == b"ROSD"  # by which `file` and later versions know it
 
 
 def error_of(cause: str, path) -> sqlite3.Error:
@@ -183,9 +193,24 @@ def test_robots_that_are_whole_are_restored_from_a_damaged_file(path, written, e
     assert not after.state.robots["s"].components
     assert f"robot 's': components.0.{field}" in caplog.text
     assert "2 robots of it are restored; it is kept as" in caplog.text
+    assert "more robots" not in caplog.text
     assert "fleet" in fleet_snapshot(after.state, after.now)
     assert len(list(after.log.find(Wanted(kind="level")))) == 3
     assert after.restart(path).component("Motor").before_stale == ERROR
+
+
+@pytest.mark.parametrize("name", ["''", "'two' || char(10) || 'lines'", "zeroblob(9)", "'LONG'"])
+def test_a_robot_whose_name_is_none_is_named_and_left_out(path, written, edit, caplog, name):
+    long = "x" * 1024
+    name = name.replace("LONG", f"x{long}")
+    edit(f"UPDATE robots SET name = {name} WHERE name = 's'")
+    edit(f"UPDATE robots SET name = '{long}' WHERE name = 't'")
+    after = written.restart(path, fleet=fleet_of("r", long))
+    after.save()
+
+    assert caplog.text.count("its name is not one of a robot") == 1
+    assert "2 robots of it are restored" in caplog.text
+    assert after.state.robots[long].components
 
 
 def test_of_several_damaged_robots_the_first_is_named(path, written, edit, caplog):

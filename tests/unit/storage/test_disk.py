@@ -8,7 +8,7 @@ import resource
 import sqlite3
 import tempfile
 import threading
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, WALL, StateDriver
 
 HOT, COOL = Status(ERROR, "Motor", "Hot"), Status(OK, "Motor")
+DATABASE = "ros_diagnostics_exporter.storage.database"
 STORAGE = "ros_diagnostics_exporter.storage.storage"
 NOBODY = 65534
 
@@ -100,7 +101,21 @@ def test_what_cannot_be_read_is_left_alone_and_nothing_is_saved_until_it_has_gon
 
     path.rename(path.with_name("moved"))
     assert saved_at(driver, 5)
+    assert [each["id"] for each in driver.log.find(Wanted())][-1] == 1
     assert is_restored(driver, path)
+
+
+def test_a_database_that_is_locked_is_left_alone(path, driver, edit, monkeypatch, caplog):
+    monkeypatch.setattr(f"{DATABASE}.BUSY", 0.01)
+    driver.keep(path)
+    driver.close()
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("PRAGMA locking_mode = EXCLUSIVE")
+        other.execute("BEGIN EXCLUSIVE")
+        locked = driver.restart(path)
+    assert "cannot be read (database is locked): starting without it" in caplog.text
+    assert not locked.storage.successful
+    assert is_restored(locked, path)
 
 
 def test_a_disk_that_fails_or_hangs_does_not_stop_the_start(path, monkeypatch, caplog):
@@ -110,6 +125,7 @@ def test_a_disk_that_fails_or_hangs_does_not_stop_the_start(path, monkeypatch, c
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
     def hang(*_arguments, **_more):
+        assert threading.current_thread().daemon  # else the process would not end
         hangs.wait()
         return b""
 
@@ -144,7 +160,9 @@ def test_two_exporters_do_not_share_a_database(path):
 # -- writing ---------------------------------------------------------------------------------
 
 
-def test_what_was_written_outlives_a_power_cut(path, monkeypatch):
+@pytest.fixture
+def connections(monkeypatch) -> list[sqlite3.Connection]:
+    """Those that are made from now on."""
     made = []
     connect = sqlite3.connect
 
@@ -153,10 +171,22 @@ def test_what_was_written_outlives_a_power_cut(path, monkeypatch):
         return made[-1]
 
     monkeypatch.setattr(sqlite3, "connect", watched)
+    return made
+
+
+def test_what_was_written_outlives_a_power_cut(path, connections):
     StateDriver().keep(path)
-    (connection,) = made
+    (connection,) = connections
     [(synchronous,)] = connection.execute("PRAGMA synchronous")
     assert synchronous == 2  # FULL: https://sqlite.org/pragma.html#pragma_synchronous
+
+
+def test_a_check_for_damage_that_takes_too_long_is_given_up(path, connections):
+    database = Database(path)
+    connections[0].set_progress_handler(lambda: 1, 1)  # as the timer interrupts it
+    assert database.check(60.0) == ""
+    connections[0].set_progress_handler(None, 1)
+    database.close()
 
 
 def test_a_write_that_hangs_counts_as_failed_and_the_events_in_memory_are_found(path, monkeypatch):
@@ -170,14 +200,17 @@ def test_a_write_that_hangs_counts_as_failed_and_the_events_in_memory_are_found(
         hangs.wait()
 
     monkeypatch.setattr(Database, "write", hang)
-    monkeypatch.setattr(f"{STORAGE}.HANGING", 0.0)
     driver.at(2)
     driver.raw(HOT)
     thread = threading.Thread(target=driver.save)
     thread.start()
     begun.wait()
     try:
+        assert driver.storage.successful
+        monkeypatch.setattr(f"{STORAGE}.HANGING", 0.0)
         assert not driver.storage.successful
+        assert list(driver.storage.find_events(Wanted())) == []
+        assert driver.storage.first_event() is None
         driver.log.record(Event(WALL + 3, "config", after="read"))
         assert [each["after"] for each in driver.log.find(Wanted(limit=2))] == ["read", "ERROR"]
     finally:
@@ -223,17 +256,21 @@ def test_a_database_that_is_moved_away_is_written_anew(path, driver, content):
     saved_at(driver, 2)
 
     assert content()["robots"]
+    assert content()["faults"]
     assert len(content()["events"]) == len(driver.events)
 
 
 def test_a_folder_that_cannot_be_made_is_said_once_a_minute_and_tried_again(path, driver, caplog):
     folder = path / "folder"
     driver.storage = Storage(folder / "state")
-    assert not saved_at(driver, *range(1, 11))
+    assert not saved_at(driver, *range(1, 11), 60)
     assert caplog.text.count("cannot be written") == 1
+    assert not saved_at(driver, 61)
+    assert caplog.text.count("cannot be written") == 2
+    assert "Traceback" not in caplog.text
 
     path.mkdir()
-    assert saved_at(driver, 12)
+    assert saved_at(driver, 62)
     assert is_restored(driver, folder / "state")
 
 
@@ -263,6 +300,25 @@ def test_a_disk_that_takes_no_more_leaves_what_was_written(path, driver, caplog,
     assert saved_at(driver, 4)
     assert len(driver.restart(path).robot.components) > 400
     assert not path.with_name("state.damaged-1").exists()
+
+
+def test_events_that_cannot_be_read_are_left_out_and_logged(path, driver, edit, caplog):
+    driver.keep(path)
+    edit("DROP TABLE events")
+    assert list(driver.storage.find_events(Wanted())) == []
+    assert driver.storage.first_event() is None
+    assert caplog.text.count("its events cannot be read: no such table: events") == 2
+
+
+def test_a_damaged_file_in_a_folder_that_cannot_be_written_stays(of_nobody, caplog):
+    path = of_nobody / "state"
+    path.write_text("damaged")
+    driver = StateDriver().restart(path)
+    of_nobody.chmod(0o500)
+    driver.save()
+    assert "cannot be kept aside (Permission denied); nothing is saved until" in caplog.text
+    assert path.read_text() == "damaged"
+    driver.close()
 
 
 def test_a_write_that_fails_half_way_leaves_what_was_written(path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 
 import pytest
@@ -9,7 +11,7 @@ import pytest
 from ros_diagnostics_exporter import events
 from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.model import Instant, Status
-from ros_diagnostics_exporter.storage.database import Retention
+from ros_diagnostics_exporter.storage.database import AgeClock, Changes, Database, Retention
 from ros_diagnostics_exporter.storage.storage import Storage
 from support.state_driver import ERROR, OK, WALL, StateDriver
 
@@ -85,6 +87,46 @@ def test_old_events_go_by_age_and_size(path, content):
     assert content()["events"][-1][1] == driver.now.wall
 
 
+def test_only_events_that_are_too_old_or_too_many_go(path, content):
+    database = Database(path)
+    # The wall clock was set back once.
+    old = [Event(0.0 if n == 700 else float(n), "config", message="x" * 200) for n in range(3000)]
+
+    def left_by(new: list[Event] = (), **limits: float) -> range:
+        changes = Changes(False, [], [], [], {}, enumerate(new, 1 + database.last_event()))
+        database.write(changes, **{"oldest": 0.0, "newest": 1e9, "most": 1 << 30, **limits})
+        ids = [number for number, *_ in content()["events"]]
+        assert ids == list(range(ids[0], ids[-1] + 1))
+        return range(ids[0], ids[-1] + 1)
+
+    def used() -> int:
+        with closing(sqlite3.connect(path)) as other:
+            names = "page_count", "freelist_count", "page_size"
+            [[pages], [free], [size]] = (other.execute(f"PRAGMA {n}").fetchone() for n in names)
+        assert free > 0
+        return (pages - free) * size
+
+    assert left_by(old) == range(1, 3001)
+    assert left_by(oldest=500.0) == range(501, 3001)
+    assert left_by(most=used()) == range(501, 3001)
+    left = left_by(old[:100], most=used() - 1)  # more go than come, and not all at once
+    assert 1000 < 3100 - 500 - len(left) < 1500
+    assert left[-1] == 3100
+    database.close()
+
+
+def test_the_clock_of_ages_follows_one_that_was_set_ahead_four_times_as_fast():
+    clock = AgeClock()
+    clock.set(1000.0, Instant(0.0, 5000.0))
+    assert [clock.time(Instant(second, 5000.0)) for second in (0.0, 0.0, 10.0)] == [1e3, 1e3, 1040]
+    assert clock.time(Instant(10.0, 500.0)) == 500.0  # and is set back
+    assert clock.wall(Instant(10.0, 500.0)) == 1040.0
+
+
+def test_by_default_events_are_kept_for_ninety_days():
+    assert Retention() == Retention(seconds=90 * DAY, size=256 << 20)
+
+
 def with_events(path, *days: float) -> StateDriver:
     """Written, with one event as many days before now as given, in this order; kept for 90."""
     driver = StateDriver()
@@ -141,6 +183,9 @@ def test_events_that_come_faster_than_the_disk_are_counted_and_the_newest_kept(
     monkeypatch.setattr(events, "MAX_EVENTS", 50)
     driver = StateDriver()
     driver.keep(path)
-    record(driver, 2, 80)
-    assert "30 events are lost" in caplog.text
-    assert '"message": "79 "' in content()["events"][-1][-1]
+    record(driver, 2, 1)
+    assert not caplog.text
+    record(driver, 4, 51)
+    assert "1 events are lost" in caplog.text
+    assert not caplog.records[-1].exc_info
+    assert '"message": "50 "' in content()["events"][-1][-1]

@@ -6,6 +6,8 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
+import pytest
+
 from ros_diagnostics_exporter.events import Event, Wanted
 from ros_diagnostics_exporter.storage.database import Changes, Database, find_events, first_event
 
@@ -45,6 +47,24 @@ def test_a_database_of_an_earlier_exporter_gets_the_index_and_keeps_its_events(t
         connection.execute("DROP INDEX events_of_faults")
     Database(path).close()
     assert [event.time for _n, event in find_events(path, Wanted(kind="notified"))] == [30.0]
+
+
+def test_a_damaged_event_is_left_out(tmp_path):
+    path = written(tmp_path / "db")
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("UPDATE events SET data = '{}' WHERE id = 2")
+    assert [number for number, _event in find_events(path, Wanted())] == [4, 3, 1]
+
+
+@pytest.mark.parametrize(
+    ("highest", "last"), [(-1, 0), (1, 1), (2**52, 2**52), (2**52 + 1, 0), (2**63 - 1, 0)]
+)
+def test_ids_go_on_from_the_highest_unless_no_exporter_wrote_it(tmp_path, highest, last):
+    database = Database(tmp_path / "db")
+    changes = Changes(True, [], [], [], {}, [(highest, EVENTS[0])])
+    database.write(changes, oldest=0.0, newest=100.0, most=1 << 30)
+    assert database.last_event() == last
+    database.close()
 
 
 def test_an_empty_database_has_no_first_event(tmp_path):

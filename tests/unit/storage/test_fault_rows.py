@@ -73,8 +73,9 @@ def test_a_fault_that_ended_is_written_without_it(path):
         lambda row: row.__setitem__(2, None),
         lambda row: row.__setitem__(0, "rocket"),
         lambda row: row[2].update(clock=1e300),
+        lambda row: row[2]["fault"]["details"].update(value=float("nan")),  # no JSON for the API
     ],
-    ids=["empty", "kind", "beyond"],
+    ids=["empty", "kind", "beyond", "no number"],
 )
 def test_a_damaged_row_is_named_and_harms_no_other(path, caplog, damage):
     before = saved(path, HOT, LASER)

@@ -207,9 +207,12 @@ def test_only_the_robots_that_changed_are_written(path, content, edit):
     assert json.loads(robots["r"])["components"][0]["level"] == ERROR
 
 
-def test_a_robot_that_is_forgotten_goes(path, content):
+@pytest.mark.parametrize("restarted", [False, True])
+def test_a_robot_that_is_forgotten_goes(path, content, restarted):
     driver = StateDriver(fleet=fleet_of("r", "s"))
     driver.keep(path)
+    if restarted:
+        driver = driver.restart(path, fleet=fleet_of("r"))
     driver.state.configure(fleet_of("r"), driver.now)
     driver.at(2)
     driver.save()

@@ -9,6 +9,7 @@ import pytest
 
 from ros_diagnostics_exporter.events import Event, EventLog
 from ros_diagnostics_exporter.web import api
+from ros_diagnostics_exporter.web.app import openapi
 from support.web_server import ask, broken, component, fleet, robot
 
 MOTOR = component("Motor 1", "ERROR")
@@ -33,7 +34,9 @@ def test_the_fleet_can_be_filtered_by_robot(serve):
 def test_numbers_that_json_does_not_have_are_null_and_any_string_is_encoded(serve):
     odd = component("Übermotor\n\ud800", "OK", flap_ratio=float("nan"))
     odd["values"] = [{"key": "R", "value": "inf", "number": float("inf"), "unit": None}]
-    answer = ask(serve(fleet_snapshot=lambda: fleet(robot("r", odd))), "/api/v1/fleet")
+    known = fleet(robot("r", odd), robot("é\ud800"))
+    answer = ask(serve(fleet_snapshot=lambda: known), "/api/v1/fleet")
+    assert "é?" in answer.text
     found = json.loads(answer.body)["robots"][0]["components"][0]
     assert (found["component"], found["flap_ratio"]) == ("Übermotor\n?", None)
     assert found["values"][0]["number"] is None
@@ -84,6 +87,10 @@ def test_events_are_filtered_and_newest_first(serve):
     assert times("?component=Motor%201&limit=1") == [3.0]
     assert times("?since=2&until=3") == [2.0]
     assert times("?before=3&limit=1") == [2.0]
+    for number in range(4, 150):
+        log.record(Event(float(number), "config"))
+    assert len(times("")) == 100
+    assert len(times("?limit=10000")) == 149
 
 
 def test_events_since_a_time_ago(serve):
@@ -107,7 +114,7 @@ def test_the_faults_are_the_backends(serve):
     server = serve(faults=lambda: lasting)
     assert json.loads(ask(server, "/api/v1/faults").body) == lasting
     rejected = ask(server, "/api/v1/faults?robot=a")
-    assert (rejected.status, "robot" in rejected.text) == (400, True)
+    assert (rejected.status, "'robot'; there is none" in rejected.text) == (400, True)
 
 
 def test_pages_of_events_have_a_size_limit(serve, monkeypatch):
@@ -117,22 +124,25 @@ def test_pages_of_events_have_a_size_limit(serve, monkeypatch):
         log.record(
             Event(float(number), "level", "a", message="é" * (6_000 if number == 7 else 500))
         )
-    server, before, times = serve(find_events=log.find), "", []
+    server, before, times, pages = serve(find_events=log.find), "", [], 0
     while True:
         answer = ask(server, f"/api/v1/events?limit=10000{before}")
         page = json.loads(answer.body)
         assert len(answer.body) < 10_100 or len(page["events"]) == 1
+        pages += 1
         times += [event["time"] for event in page["events"]]
         if "next" not in page:
             break
         before = f"&before={page['next']}"
     assert times == [float(number) for number in reversed(range(50))]
+    assert pages < 12
 
 
 @pytest.mark.parametrize(
     ("path", "queries"),
     [
         ("/api/v1/events", "kind=x level=warn since=now until=nan limit=0 limit=1.5 limit=1_0 x=1"),
+        ("/api/v1/events", f"limit=10001 before={2**53 + 2}"),
         ("/sd/node", "port=0 port=65536 port=ssh port=1.5 port="),
     ],
 )
@@ -155,7 +165,8 @@ def test_targets_are_the_backends_and_an_unknown_job_is_404(serve):
 
     server = serve(targets=targets)
     assert json.loads(ask(server, "/sd/node").body) == [group | {"port": None}]
-    assert json.loads(ask(server, "/sd/node?port=19100").body) == [group | {"port": 19100}]
+    assert json.loads(ask(server, "/sd/node?port=65535").body) == [group | {"port": 65535}]
+    assert "known are port" in ask(server, "/sd/node?x=1").text
     answer = ask(server, "/sd/node?port=1")
     assert (answer.status, json.loads(answer.body)) == (400, {"error": "that port is not allowed"})
     assert ask(server, "/sd/node").headers["Content-Type"] == "application/json"
@@ -189,7 +200,8 @@ def test_a_failed_reload_returns_every_error(serve):
     answer = ask(server, "/-/reload", "POST")
     assert answer.status == 400
     assert json.loads(answer.body)["error"].count("fleet.yml:") == 2
-    assert ask(serve(lifecycle=True), "/-/reload", "PUT").status == 200
+    reloaded = ask(serve(lifecycle=True), "/-/reload", "PUT")
+    assert (reloaded.status, json.loads(reloaded.body)) == (200, {"reloaded": True})
 
 
 def test_accept_takes_what_the_graph_shows_of_a_robot(serve):
@@ -227,7 +239,8 @@ def test_forget_removes_a_robot_or_a_component(serve):
     assert json.loads(answer.body) == {"forgotten": 10}
     assert ask(server, "/-/forget?robot=a", "POST").status == 200
     assert removed == [("a", "Motor 1"), ("a", None)]
-    assert json.loads(ask(server, "/-/forget?robot=x", "POST").body) == {"error": "no robot 'x'"}
+    missing = ask(server, "/-/forget?robot=x", "POST", X_Forwarded_For="192.0.2.7")
+    assert (missing.status, json.loads(missing.body)) == (404, {"error": "no robot 'x'"})
     assert ask(server, "/-/forget", "POST").status == 400
 
 
@@ -290,6 +303,7 @@ def test_a_page_of_another_site_cannot_change_anything_over_plain_http(serve, pa
         {"Host": "[fd00::1]:9877", "Referer": "http://[FD00::1]:9877/"},
         {"Host": "localhost:9877", "Origin": "http://localhost:9877"},
         {"Host": "Exporter", "Origin": "https://exporter"},  # a proxy with TLS in front
+        {"Host": "Exporter", "Origin": "http://exporter", "X_Forwarded_Proto": "https"},  # not read
         {"Host": f"{socket.gethostname()}:80", "Origin": f"http://{socket.gethostname()}:80"},
     ],
 )
@@ -325,7 +339,10 @@ def test_a_message_that_is_too_large_or_wrong_or_of_another_site_is_rejected(ser
 
     server = serve(notified=notified)
     path = "/api/v1/notifications"
+    description = openapi("/metrics")["paths"][path]["post"]["requestBody"]["description"]
+    assert f"of at most {api.MAX_BODY / (1 << 20):g} MiB" in description
     assert ask(server, path, "POST", body=b"x" * (api.MAX_BODY + 1)).status == 413
+    assert ask(server, path, "POST", body=b"x" * api.MAX_BODY).status == 400
     wrong = ask(server, path, "POST", body=b"{}")
     assert (wrong.status, json.loads(wrong.body)) == (400, {"error": "not a message"})
     assert ask(server, path, "POST", body=b"{}", Origin="http://evil.example").status == 403
@@ -336,8 +353,8 @@ def test_all_bodies_together_take_a_bounded_part_of_the_memory(serve, monkeypatc
     monkeypatch.setattr(api, "MAX_BODIES", 1_000)
     server = serve()
     for _ in range(2):  # what was rejected is no longer counted
-        assert ask(server, "/api/v1/notifications", "POST", body=b"x" * 2_000).status == 503
-        assert ask(server, "/api/v1/notifications", "POST", body=b"{}").status == 200
+        assert ask(server, "/api/v1/notifications", "POST", body=b"x" * 1_001).status == 503
+        assert ask(server, "/api/v1/notifications", "POST", body=b"x" * 1_000).status == 200
 
 
 def test_why_is_the_backends_ledger(serve):
@@ -362,14 +379,13 @@ def test_alertmanager_hanging_delays_no_other_request(serve):
     held = threading.Event()
 
     def why(robot, _component, _at, *, ask=True):
-        if ask:
-            held.wait(20)
+        assert not ask or held.wait(20)
         return {"entries": []}
 
-    server = serve(why=why)
+    server = serve(why=why, fleet_snapshot=lambda: fleet(robot("r")))
     slow = threading.Thread(target=ask, args=(server, "/api/v1/why?robot=r"))
     slow.start()
-    assert ask(server, "/api/v1/fleet").status == 200
+    assert ask(server, "/robots/r").status == 200
     assert ask(server, "/-/ready").status == 200
     held.set()
     slow.join()

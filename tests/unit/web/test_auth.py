@@ -53,6 +53,7 @@ def protected(tmp_path_factory):
         basic("alice", PASSWORD).replace("Basic", "Bearer"),
         "Basic",
         "Basic ###",
+        basic("alice", PASSWORD).replace("Basic ", "Basic #"),
         "Basic " + base64.b64encode(b"alice").decode(),
     ],
 )
@@ -85,6 +86,7 @@ def test_a_valid_login_is_computed_once(serve, web_config, monkeypatch):
 def test_an_unknown_user_costs_as_much_as_a_known_one():
     known = {"alice": bcrypt.hashpw(b"x", bcrypt.gensalt(rounds=5)).decode()}
     assert middleware._dummy_hash(known)[:7] == "$2b$05$"
+    assert len(middleware._dummy_hash({})) == len(known["alice"])
     assert bcrypt.checkpw(b"anything", middleware._dummy_hash(known).encode()) is False
 
 
@@ -99,6 +101,7 @@ def test_a_password_is_compared_up_to_72_bytes(serve, tmp_path):
     path.write_text(f"basic_auth_users: {{alice: {hashed('x' * 72)}}}")
     server = serve(web_config=path)
     assert ask(server, "/", Authorization=basic("alice", "x" * 5000)).status == 200
+    assert ask(server, "/", Authorization=basic("alice", "x" * 72)).status == 200
     assert ask(server, "/", Authorization=basic("alice", "x" * 71)).status == 401
 
 
@@ -117,6 +120,7 @@ def test_a_changed_password_applies_soon_and_an_invalid_file_changes_nothing(
     web_config.write_text("basic_auth_users: {alice: plain text}")
     assert ask(reloaded(server), "/", Authorization=new).status == 200
     assert ask(server, "/", Authorization=old).status == 401
+    reloaded(server)  # it has not changed since
     assert caplog.text.count("is not a bcrypt hash") == 1
 
     web_config.write_text("")  # as while it is being written
@@ -130,10 +134,11 @@ def test_a_changed_password_applies_soon_and_an_invalid_file_changes_nothing(
 def test_a_flood_of_invalid_logins_is_limited_and_does_not_delay_a_valid_one(
     serve, web_config, monkeypatch
 ):
-    release, entered = threading.Event(), threading.Event()
+    release, entered, checks = threading.Event(), threading.Event(), []
 
     def slow(password, _hash):
         if password == b"wrong":
+            checks.append(password)
             entered.set()
             assert release.wait(20)
             return False
@@ -155,6 +160,7 @@ def test_a_flood_of_invalid_logins_is_limited_and_does_not_delay_a_valid_one(
         each.start()
     assert entered.wait(20)
     wait_until(lambda: len(statuses) == 10)
+    assert len(checks) == 1
     assert ask(server, "/metrics", Authorization=basic("alice", PASSWORD)).status == 200
     release.set()
     for each in flood:
@@ -172,6 +178,7 @@ def test_configured_headers_replace_the_defaults(serve, tmp_path):
     assert headers["X-Frame-Options"] == "sameorigin"
     assert headers["Strict-Transport-Security"] == "max-age=1"
     assert headers["X-Content-Type-Options"] == "nosniff"
+    assert "Server" not in headers
 
 
 def test_the_rate_limit_is_per_client(serve, tmp_path):
@@ -191,6 +198,8 @@ def test_the_number_of_rate_limited_clients_is_limited():
         assert buckets.take(str(number), 3600.0, 1, 100.0)
     assert not buckets.take("900", 3600.0, 1, 100.0)
     assert len(buckets._buckets) == middleware.MAX_BUCKETS
+    assert not buckets.take("900", 1.0, 1, 100.0)
+    assert all(buckets.take("900", 0.0, 0, 100.0) for _ in range(5))
 
 
 def test_a_bucket_refills_up_to_its_burst():
@@ -198,4 +207,3 @@ def test_a_bucket_refills_up_to_its_burst():
     assert [bucket.take(1.0, 2, 100.0) for _ in range(3)] == [True, True, False]
     assert [bucket.take(1.0, 2, 101.0) for _ in range(2)] == [True, False]
     assert [bucket.take(1.0, 2, 900.0) for _ in range(3)] == [True, True, False]
-    assert all(bucket.take(0.0, 0, 900.0) for _ in range(5))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import resource
+import threading
 from base64 import b64encode
 
 import pytest
@@ -15,12 +16,15 @@ from ros_diagnostics_exporter.web.connections import (
     MAX_CONNECTIONS,
     MIN_AFTER_ERROR,
     MIN_CONNECTIONS,
+    TIMEOUTS,
     Connections,
+    Phase,
     client_address,
     connection_limit,
 )
 from ros_diagnostics_exporter.web.middleware import Logins
 from ros_diagnostics_exporter.web.responses import BusyError, ResponseLimit, Workers, in_chunks
+from testbed.configuration import CHECKOUT
 
 
 class Client:
@@ -90,6 +94,18 @@ def test_there_are_never_more_connections_than_the_limit_and_fewer_after_an_erro
     assert len(connections) == connections.limit == MIN_AFTER_ERROR
 
 
+def test_the_limits_are_those_of_the_page_about_security():
+    page = " ".join((CHECKOUT / "SECURITY.md").read_text().split())
+    to_arrive, *to_be_read = (f"{TIMEOUTS[each]:.0f} s" for each in Phase if each is not Phase.IDLE)
+    assert len(set(to_be_read)) == 1
+    for said in (
+        f"a request has {to_arrive} to arrive, an answer {to_be_read[0]} to be read",
+        f"where there are {MAX_CONNECTIONS} connections",
+        f"have {responses.MAX_BYTES / (1 << 20):g} MiB",
+    ):
+        assert said in page
+
+
 @pytest.mark.parametrize(
     ("files", "domains", "expected"),
     [(2_000, 1, MAX_CONNECTIONS), (180, 2, 80), (181, 2, 81), (60, 0, MIN_CONNECTIONS)],
@@ -109,6 +125,16 @@ def test_the_limit_of_open_files_is_raised_where_that_is_allowed(monkeypatch, ca
     monkeypatch.setattr(resource, "setrlimit", lambda _which, _limits: None)
     assert connection_limit(0) == MAX_CONNECTIONS
     assert not caplog.text
+
+
+def test_a_limit_of_open_files_that_cannot_be_raised_is_said(monkeypatch, caplog):
+    def deny(*_arguments):
+        raise ValueError("not allowed")
+
+    monkeypatch.setattr(resource, "getrlimit", lambda _which: (100, 2_000))
+    monkeypatch.setattr(resource, "setrlimit", deny)
+    assert connection_limit(0) == 40
+    assert "the limit of open files cannot be raised above 100: not allowed" in caplog.text
 
 
 def test_bytes_that_nobody_reads_are_those_of_the_client_that_has_stalled(monkeypatch):
@@ -134,6 +160,26 @@ def test_a_response_of_any_size_is_sent_alone(monkeypatch):
     ResponseLimit(Connections(10)).reserve(Client(), 1_000)
 
 
+def test_a_scrape_waits_until_another_is_read_unless_its_client_has_gone(monkeypatch):
+    monkeypatch.setattr(responses, "MAX_BYTES", 100)
+    monkeypatch.setattr(responses, "MAX_WAIT", 1_000.0)
+    monkeypatch.setattr(responses, "STALLED_AFTER", 1_000.0)
+    limit, reads, gone = ResponseLimit(Connections(10)), Client("a"), Client("b")
+    gone.closed = True
+
+    async def scrape():
+        limit.reserve(reads, 100)
+        with pytest.raises(BusyError):
+            await asyncio.wait_for(limit.reserve_or_wait(gone, 1), 20)
+        waiting = asyncio.ensure_future(limit.reserve_or_wait(Client("c"), 100))
+        await asyncio.sleep(0)
+        assert not waiting.done()
+        limit.release(reads)
+        await asyncio.wait_for(waiting, 20)
+
+    asyncio.run(scrape())
+
+
 @given(st.lists(st.binary(max_size=20)), st.integers(1, 7))
 def test_chunks_are_the_same_bytes_and_not_long(pieces, size):
     with pytest.MonkeyPatch.context() as patch:
@@ -141,6 +187,7 @@ def test_chunks_are_the_same_bytes_and_not_long(pieces, size):
         chunks = [*in_chunks(pieces)]
     assert b"".join(chunks) == b"".join(pieces)
     assert all(len(chunk) <= size for chunk in chunks)
+    assert all(chunks) or b"" in pieces
     assert sum(len(chunk) < size for chunk in chunks) <= len(pieces)
 
 
@@ -149,6 +196,23 @@ def workers():
     made = Workers("test", threads=1, max_pending=2)
     yield made
     made.close()
+
+
+def test_closing_waits_for_the_call_that_runs_and_drops_those_that_wait():
+    workers, running, calls = Workers("test", threads=1, max_pending=3), threading.Event(), []
+
+    async def close():
+        first = asyncio.ensure_future(workers.run(running.wait))
+        second = asyncio.ensure_future(workers.run(calls.append, 1))
+        await asyncio.sleep(0)
+        threading.Timer(0.05, running.set).start()
+        workers.close()
+        assert await first
+        with pytest.raises(asyncio.CancelledError):
+            await second
+
+    asyncio.run(close())
+    assert calls == []
 
 
 def test_a_result_is_shared_until_it_is_old_or_dropped(workers):

@@ -4,6 +4,7 @@ import base64
 import hashlib
 import json
 import re
+import time
 from html.parser import HTMLParser
 from urllib.parse import quote, urldefrag, urljoin
 
@@ -150,6 +151,7 @@ def test_a_row_of_a_problem_links_its_runbook_why_and_the_forms(serve):
     answer = ask(server, "/runbooks/RosDiagnosticsComponentCritical")
     wanted = f"{RUNBOOKS}RosDiagnosticsComponentCritical.md"
     assert (answer.status, answer.headers["Location"]) == (303, wanted)
+    assert "#act" not in landing(given, "/metrics")
     acting = landing(given, "/metrics", acts=True)
     assert acting.count("#act") == 2  # what is not confirmed has no page
     assert f'href="faults/{FAULT}#act"' in acting
@@ -208,6 +210,7 @@ def test_a_fault_has_a_page_and_links_what_was_received(serve):
         there = {urldefrag(urljoin(path, link)).url for link in links}
         found = {ask(server, link).status for link in there}
         assert found == {200, 303}  # the runbook is on another server
+    assert "<title>a: /Motor/Motor 1</title>" in answer.text
     assert "When confirmed: over current" in read(answer.text).text
 
 
@@ -336,6 +339,14 @@ def test_a_robot_that_there_is_not_is_404(serve, name, shown):
     assert f"There is no robot {shown}" in answer.text
 
 
+def test_a_robot_that_is_removed_just_now_has_its_page(serve):
+    def removed(*_given, **_more):
+        raise LookupError("no robot 'a'")
+
+    server = serve(fleet_snapshot=lambda: fleet(robot("a")), why=removed)
+    assert ask(server, "/robots/a").status == 200
+
+
 def test_a_silent_robot_is_unknown_and_one_never_seen_is_pending():
     ok, stale = component("x", "OK"), component("x", "STALE")
     warn, error = component("y", "WARN"), component("z", "ERROR")
@@ -368,6 +379,10 @@ def test_problems_are_listed_worst_first_and_ok_robots_only_in_the_full_list():
     assert order == sorted(order)
     assert "fine" not in problems
     assert "OK fine" in everything
+    assert "1UNKNOWN1CRITICAL1WARNING1OKRobots" in problems
+    unjudged = text_of(robot("b10", component("Motor", "WARN")), robot("b9"))
+    assert "Robots with problems: 1b10 WARNING" in unjudged
+    assert "All robots: 2OK b9WARNING b10" in unjudged
     assert (
         "CRITICAL /Motor/Motor 4 confirmed since 00:16:40 UTC, for 1 minOver temperature"
     ) in problems
@@ -429,6 +444,8 @@ def test_maintenance_and_flapping_are_marked():
     given = robot("a", component("Motor 1", "OK"), problems=[flapping])
     text = text_of(given, robot("b", maintenance=True, maintenance_until=90_000.0, problems=[MUTE]))
     assert "a OK flapping" in text
+    assert text.count("flapping") == 2
+    assert "a OK flapping" not in text_of(robot("a", problems=[flapping | {"well": True}]))
     assert "flapping: 25% of its last states were changes" in text
     assert "maintenance until 1970-01-02 01:00 UTC" in text
     given = robot(
@@ -453,6 +470,54 @@ def test_a_silent_robots_earlier_fault_is_still_shown():
     stale = component("Motor 1", "STALE", level_before_stale="ERROR", state="CRITICAL")
     given = robot("a", stale, problems=[MUTE, broken()], **SILENT)
     assert "STALE, counts as CRITICAL (was ERROR): Motor 1 reports" in text_of(given)
+
+
+def test_a_robots_page_has_its_facts_and_the_newest_of_what_happened(monkeypatch):
+    monkeypatch.setenv("TZ", "America/New_York")  # pages have UTC
+    time.tzset()
+    planned = component("Motor 1", "STALE", planned_stale=True)
+    texts = [component("a", "OK", message="x" * 300), component("b", "OK", message="y" * 301)]
+    known = robot("r", planned, *texts, **SILENT, address="10.0.0.1", last_message=1_050.0)
+    of = {"kind": "robot", "robot": "r", "after": "silent"}
+    events = [{"id": number, "time": 1_000.0 - number, **of} for number in range(60)]
+    ledger = [{"time": 1_000.0, "text": f"step {number}."} for number in range(60)]
+    page = robot_page(fleet(known), "r", events, ledger) or ""
+    monkeypatch.undo()
+    time.tzset()
+    text = read(page).text
+    for shown in (
+        "Last message10 s ago, 00:17:30 UTC; silent: its publisher sends nothing (mute)",
+        "Topic/r/diagnostics_agg in domain 7ProfiledefaultAddress10.0.0.1sitehall",
+        "STALE /Motor/Motor 1 planned STALE (was OK)",
+    ):
+        assert shown in text
+    assert ("x" * 300 + "…" in text, "y" * 300 + "…" in text) == (False, True)
+    assert (text.count("robot is silent"), "00:15:50 UTC" in text) == (50, False)
+    assert (text.count("step"), "step 10." in text, "step 9." in text) == (50, True, False)
+    never = read(robot_page(fleet(robot("r", last_message=None)), "r", []) or "").text
+    assert "Last messagenever" in never
+
+
+def test_what_the_fleet_and_a_robot_can_do_is_shown_the_worst_first():
+    def able(name: str, state: str, **robots: int) -> dict:
+        none = dict.fromkeys(("ok", "degraded", "lost", "unknown", "maintenance"), 0)
+        return {"capability": name, "state": state, "robots": none | robots}
+
+    see, drive = able("see", "ok", ok=2), able("drive", "degraded", ok=1, degraded=1, maintenance=3)
+    given = fleet(robot("a")) | {"capabilities": [see, drive, able("lift", "lost", lost=1)]}
+    assert (
+        "Can doCRITICAL lift lost  0 of 1 robots can, 1 lost"
+        "WARNING drive degraded  2 of 5 robots can, 3 in maintenance"
+        "OK see 2 of 2 robots canRobots with problems"
+    ) in read(landing(given, "/metrics")).text
+    assert "Can do" not in landing(given, "/metrics", "a")
+    motor = {"group": "/Motor", "component": "Motor 1", "check": "", "key": "", "robot": ""}
+    able_to = [
+        {"capability": "see", "state": "ok", "parts": []},
+        {"capability": "drive", "state": "lost", "parts": [motor]},
+    ]
+    text = read(robot_page(fleet(robot("a", capabilities=able_to)), "a", []) or "").text
+    assert "Can doCRITICAL drive lost  /Motor/Motor 1OK see" in text
 
 
 def test_the_size_of_the_pages_is_limited():

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import errno
 import gzip
+import logging
 import socket
 import threading
 
@@ -8,9 +10,10 @@ import pytest
 
 from ros_diagnostics_exporter.model import Part
 from ros_diagnostics_exporter.web import server as server_module
-from ros_diagnostics_exporter.web.server import ListenError, Server, parse_address
+from ros_diagnostics_exporter.web.server import ListenError, Server, bind, parse_address
 from support.web_server import FakeBackend, ask, wait_until
 
+OPENMETRICS = "application/openmetrics-text"
 PROMETHEUS = (
     "application/openmetrics-text;version=1.0.0;q=0.5,"
     "application/openmetrics-text;version=0.0.1;q=0.4,text/plain;version=0.0.4;q=0.3,*/*;q=0.2"
@@ -33,7 +36,15 @@ PROMETHEUS = (
             b"text\n",
         ),
         ("application/openmetrics-text;q=0", "text/plain; version=0.0.4; charset=utf-8", b"text\n"),
-        ("text/html;q=nonsense", "text/plain; version=0.0.4; charset=utf-8", b"text\n"),
+        (
+            "application/openmetrics-text;q=nonsense",
+            "text/plain; version=0.0.4; charset=utf-8",
+            b"text\n",
+        ),
+        *(
+            (each, "application/openmetrics-text; version=1.0.0; charset=utf-8", b"openmetrics\n")
+            for each in (f"{OPENMETRICS};q=0.5", f"{OPENMETRICS}, text/plain")
+        ),
     ],
 )
 def test_the_format_follows_the_accept_header(plain, accept, kind, body):
@@ -140,6 +151,23 @@ def test_an_unknown_host_is_named(host):
     assert "choose an address of this machine" in str(raised.value)
 
 
+def test_a_port_that_only_root_may_use_is_named_with_the_remedy(monkeypatch):
+    def deny(*_arguments, **_more):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(socket, "create_server", deny)
+    with pytest.raises(ListenError, match=":80: Permission denied; choose a port of 1024 or more"):
+        bind("127.0.0.1:80")
+
+
+def test_a_name_of_both_families_is_listened_on_by_ipv4(monkeypatch):
+    places = (socket.AF_INET6, ("::1", 0, 0, 0)), (socket.AF_INET, ("127.0.0.1", 0))
+    found = [(family, socket.SOCK_STREAM, 6, "", place) for family, place in places]
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_arguments, **_more: found)
+    with bind("localhost:0") as sock:
+        assert sock.getsockname()[0] == "127.0.0.1"
+
+
 def test_an_address_of_another_machine_is_not_a_port_in_use():
     with pytest.raises(ListenError, match="Cannot assign requested address") as raised:
         Server(FakeBackend(), listen=["192.0.2.1:0"]).start()
@@ -155,7 +183,7 @@ def test_an_address_without_a_port_is_rejected(address):
 
 def test_an_ipv6_host_needs_brackets():
     assert parse_address("[::1]:9100") == ("::1", 9100)
-    assert parse_address(":9100") == ("", 9100)
+    assert parse_address(":65535") == ("", 65535)
     with pytest.raises(ListenError, match=r"\[host\]:port"):
         parse_address("::1:9100")
 
@@ -170,6 +198,9 @@ def test_without_a_host_it_listens_on_ipv4_and_ipv6(serve):
 def test_a_server_that_fails_is_not_alive_and_logs_the_error(serve, caplog, monkeypatch):
     server = serve()
     assert server.alive
+    idle = Server(FakeBackend(), listen=[])
+    assert not idle.alive
+    idle.stop()
 
     async def broken(_counter):
         raise RuntimeError("no more time")
@@ -180,10 +211,12 @@ def test_a_server_that_fails_is_not_alive_and_logs_the_error(serve, caplog, monk
     assert "no more time" in caplog.text
 
 
-def test_a_stopped_server_releases_its_port_and_threads(serve):
+def test_a_stopped_server_releases_its_port_and_threads(serve, caplog):
     before = set(threading.enumerate())
     server = serve()
-    ask(server, "/metrics")
+    with caplog.at_level(logging.INFO):
+        ask(server, "/metrics")
+    assert "/metrics" not in caplog.text  # there is no access log
     server.stop()
     assert set(threading.enumerate()) <= before
     serve(server.addresses[0])

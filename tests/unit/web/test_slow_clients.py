@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import errno
 import http.client
 import itertools
 import socket
@@ -320,6 +321,23 @@ def test_a_client_that_reads_keeps_its_connection(serve, short):
         assert len(server.connections) <= 50
 
 
+def test_where_no_more_files_can_be_opened_it_goes_on_with_fewer_connections(
+    serve, short, monkeypatch, caplog
+):
+    server, accept, failed = serve(), socket.socket.accept, []
+
+    def accept_later(sock: socket.socket):
+        if len(failed) < 3:
+            failed.append(sock)
+            raise OSError(errno.EMFILE, "Too many open files")
+        return accept(sock)
+
+    monkeypatch.setattr(socket.socket, "accept", accept_later)
+    assert ask(server, "/metrics").status == 200
+    said = "no connection can be accepted: [Errno 24] Too many open files; the limit is now 5 "
+    assert caplog.text.count(said) == 1
+
+
 def test_an_address_with_too_many_connections_loses_its_own(serve, short):
     server = serve()
     server.connections.limit = 50
@@ -403,32 +421,44 @@ CHANGES = GET.replace(b"/metrics", b"/-/changes")
 
 def test_an_event_is_sent_when_something_has_changed_and_not_before(serve, short, monkeypatch):
     monkeypatch.setattr(changes, "LOOK", 0.01)
-    monkeypatch.setattr(changes, "PAUSE", 0.0)
-    last = [7]
-    server = serve(last_event=lambda: last[0])
+    monkeypatch.setattr(changes, "PAUSE", 1_000.0)
+    last, looks = [7], []
+
+    def last_event() -> int:
+        looks.append(last[0])
+        return last[0]
+
+    def let_it_look() -> None:
+        before = len(looks)
+        wait_until(lambda: len(looks) > before + 3)
+
+    server = serve(last_event=last_event)
     with connect(server) as sock:
         sock.sendall(CHANGES)
-        head = read_until(sock, b"retry: 2000\n\n")
-        assert b"content-type: text/event-stream" in head.lower()
-        assert b"data:" not in head
+        received = read_until(sock, b"retry: 2000\n\n")
+        assert b"content-type: text/event-stream" in received.lower()
+        let_it_look()
         last[0] = 8
-        assert b"data: 8\n\n" in read_until(sock, b"data: 8\n\n")
+        received += read_until(sock, b"data: 8\n\n")
+        last[0] = 9  # sooner than a browser asks again
+        let_it_look()
+        server.stop()
+        received += read_until(sock, b"0\r\n\r\n")
+    assert received.count(b"data: ") == 1
 
 
 def test_streams_are_a_tenth_of_all_connections_and_none_hinders_a_scrape(serve, short):
     server = serve()
-    server.connections.limit = 50
-    with contextlib.ExitStack() as crowd:
-        for sock in unread(crowd, server, 5, "127.0.0.2", b"/-/changes"):
-            read_until(sock, b"retry")
-        answer = ask(server, "/-/changes")
-        assert (answer.status, answer.headers["Retry-After"]) == (503, "1")
-        for _ in range(3):
-            assert ask(server, "/metrics").status == 200
-    wait_until(lambda: not server.connections)  # streams end with their clients
-    with connect(server) as sock:
-        sock.sendall(CHANGES)
-        assert b"200 OK" in read_until(sock, b"retry")
+    server.connections.limit = 54
+    for _ in range(2):
+        with contextlib.ExitStack() as crowd:
+            for sock in unread(crowd, server, 5, "127.0.0.2", b"/-/changes"):
+                assert b"200 OK" in read_until(sock, b"retry")
+            answer = ask(server, "/-/changes")
+            assert (answer.status, answer.headers["Retry-After"]) == (503, "1")
+            for _ in range(3):
+                assert ask(server, "/metrics").status == 200
+        wait_until(lambda: not server.connections)  # streams end with their clients
 
 
 def test_a_stream_ends_before_its_response_would_time_out():

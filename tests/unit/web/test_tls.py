@@ -115,6 +115,23 @@ def test_tls_cannot_be_switched_off_while_running(serve, web_config, ca, caplog)
 
 
 @pytest.mark.usefixtures("seldom")
+def test_tls_cannot_be_switched_on_while_running(serve, web_config, caplog):
+    path = web_config()
+    whole = path.read_text()
+    path.write_text("")
+    server = serve(web_config=path)
+    path.write_text(whole)
+    assert ask(reloaded(server), "/metrics").status == 200
+    assert "TLS cannot be switched on while the exporter runs" in caplog.text
+
+
+def test_the_server_chooses_the_cipher_suite_unless_the_client_shall(web_config):
+    for line, chooses in (((), True), (("prefer_server_cipher_suites: false",), False)):
+        context = LiveWebConfig(web_config(*line)).context
+        assert bool(context.options & ssl.OP_CIPHER_SERVER_PREFERENCE) is chooses
+
+
+@pytest.mark.usefixtures("seldom")
 def test_an_incomplete_file_does_not_weaken_authentication(serve, web_config, ca, caplog):
     path = web_config(*CLIENTS, "client_allowed_sans: [prometheus.example]")
     whole = path.read_text().splitlines(keepends=True)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from ros_diagnostics_exporter.web.webconfig import WebConfig, WebConfigError, read
+from ros_diagnostics_exporter.web.webconfig import RateLimit, WebConfig, WebConfigError, read
 
 HASH = "$2y$10$mDwo.lAisC94iLAyP81MCesa29IzH37oigHC/42V2pdJlUprsJPze"
 TLS = "tls_server_config: {cert_file: a.crt, key_file: keys/a.key"
@@ -70,6 +70,7 @@ rate_limit: {{interval: 500ms, burst: 20}}
         (TLS + ", client_auth_type: RequestClientCert}", "without verifying them"),
         (TLS + ", client_auth_type: RequireAndVerifyClientCert}", "need each other"),
         (TLS + ", client_ca_file: ca.crt}", "need each other"),
+        (TLS + ", client_ca_file: ca.crt, client_ca: PEM}", "exclude each other"),
         (TLS + ", client_allowed_sans: [a]}", "RequireAndVerifyClientCert"),
         (TLS + ", cipher_suites: [TLS_RSA_WITH_RC4_128_SHA]}", "unknown cipher suite"),
         ("basic_auth_users: {alice: hunter2}", "basic_auth_users.alice: is not a bcrypt hash"),
@@ -88,6 +89,11 @@ def test_an_error_names_file_line_and_key(web_config, text, complaint):
     assert complaint in str(error.value)
     assert "hunter2" not in str(error.value)  # a password
     assert all(line.startswith(f"{path}:") for line in str(error.value).splitlines())
+
+
+def test_a_rate_of_no_limit_or_of_one_request(web_config):
+    assert read(web_config("rate_limit: {interval: 0}")).rate_limit == RateLimit()
+    assert read(web_config("rate_limit: {interval: 1s, burst: 1}")).rate_limit.interval == 1.0
 
 
 def test_a_missing_file_is_named(tmp_path):
